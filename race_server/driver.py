@@ -1,0 +1,65 @@
+"""The seam at which drivers plug in: what they are told, what they see, what they answer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Protocol, cast
+
+from race_server.errors import DriverError
+from race_server.messages import Control
+from race_server.observe import Observation
+from race_server.params import Vehicle
+
+ENTRY_POINTS = "race_server.drivers"
+
+
+@dataclass(frozen=True)
+class Briefing:
+    """What a driver knows before the start. It holds no map."""
+
+    seat: int
+    vehicle: Vehicle
+    laps: int
+    preset: str
+    decision_s: float  # time between two observations [s]
+
+
+class Driver(Protocol):
+    """Answers each observation with a control.
+
+    `preset` names the observation that the driver wants, see `race_server.observe`.
+    """
+
+    preset: str
+
+    def reset(self, briefing: Briefing) -> None:
+        """Get ready for a new race."""
+
+    def act(self, observation: Observation) -> Control:
+        """Return what to do until the next observation."""
+
+
+DriverFactory = Callable[[], Driver]
+
+
+def driver_names() -> list[str]:
+    """Return the names of all installed drivers."""
+    return sorted({point.name for point in entry_points(group=ENTRY_POINTS)})
+
+
+def driver_named(name: str) -> Driver:
+    """Return a new driver of the class that an installed package offers under `name`.
+
+    Raises:
+        DriverError: there is none, or it cannot be imported or made.
+    """
+    points = [point for point in entry_points(group=ENTRY_POINTS) if point.name == name]
+    if not points:
+        known = ", ".join(driver_names())
+        raise DriverError(f"driver {name!r} is unknown; installed drivers are {known}")
+    try:
+        factory = cast("DriverFactory", points[0].load())
+        return factory()
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise DriverError(f"driver {name!r} from {points[0].value} cannot start: {reason}") from error

@@ -1,0 +1,37 @@
+"""What can go wrong, in one tree. A message names the thing, the value and the way out."""
+
+
+class RaceError(Exception):
+    """Anything that this project raises on purpose."""
+
+
+class TrackError(RaceError):
+    """A course file cannot be read, or describes no course."""
+
+
+class VehicleError(RaceError):
+    """A vehicle is unknown, or its figures make no vehicle."""
+
+
+class ScenarioError(RaceError):
+    """A race cannot be set up as asked."""
+
+
+class DriverError(RaceError):
+    """A driver is unknown or cannot be started."""
+
+
+class WireError(RaceError):
+    """A message from outside is damaged, oversized, foreign or out of range."""
+
+
+class SeatError(RaceError):
+    """A seat is taken, unknown or not in the state that a request needs."""
+
+
+class LinkError(RaceError):
+    """No server answers at an address, or an address cannot be listened on."""
+
+
+class RecordingError(RaceError):
+    """A recording cannot be read."""

@@ -1,0 +1,1 @@
+"""Motion, contacts, rays and sensors: numbers in, numbers out."""

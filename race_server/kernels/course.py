@@ -1,0 +1,64 @@
+"""Where a point lies on a course: nearest sample, progress, lateral offset."""
+
+from race_server.kernels.jit import kernel
+from race_server.state import Atlas, Record
+
+
+@kernel
+def nearest_sample(atlas: Atlas, course: Record, x: float, y: float, start: int) -> int:
+    """Return the sample of the centre line nearest to (x, y), going downhill from `start`."""
+    count, first = course.line_count, course.line_start
+    index = start
+    best = _square(atlas, first + index, x, y)
+    for step in (1, -1):
+        while True:
+            following = (index + step) % count
+            square = _square(atlas, first + following, x, y)
+            if square >= best:
+                break
+            index, best = following, square
+    return index
+
+
+@kernel
+def nearest_sample_anywhere(atlas: Atlas, course: Record, x: float, y: float) -> int:
+    """Return the sample of the centre line nearest to (x, y) of all."""
+    index = 0
+    best = _square(atlas, course.line_start, x, y)
+    for candidate in range(1, course.line_count):
+        square = _square(atlas, course.line_start + candidate, x, y)
+        if square < best:
+            index, best = candidate, square
+    return index
+
+
+@kernel
+def _square(atlas: Atlas, sample: int, x: float, y: float) -> float:
+    dx, dy = atlas.line[sample].x - x, atlas.line[sample].y - y
+    return dx * dx + dy * dy
+
+
+@kernel
+def progress_of(
+    atlas: Atlas, course: Record, x: float, y: float, sample: int
+) -> tuple[float, float]:
+    """Return progress and lateral offset [m] of a point, given its nearest sample.
+
+    Progress is in [0, length). Between samples the point is projected on the arc through the
+    sample; it moves on by at most half a spacing.
+    """
+    line = atlas.line[course.line_start + sample]
+    dx, dy = x - line.x, y - line.y
+    along = dx * line.cos + dy * line.sin
+    offset = dy * line.cos - dx * line.sin
+    stretch = 1.0 - offset * line.curvature
+    half = 0.5 * course.spacing
+    if stretch > 0.1:
+        along /= stretch
+    along = min(max(along, -half), half)
+    progress = sample * course.spacing + along
+    if progress < 0.0:
+        progress += course.length
+    elif progress >= course.length:
+        progress -= course.length
+    return progress, offset

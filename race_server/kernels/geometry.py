@@ -1,0 +1,72 @@
+"""Angles, boxes and segments."""
+
+import math
+
+from race_server.kernels.jit import kernel
+
+TURN = 2.0 * math.pi
+
+
+@kernel
+def wrap_angle(angle: float) -> float:
+    """Return `angle` [rad] moved by whole turns into [-pi, pi)."""
+    if -math.pi <= angle < math.pi:
+        return angle
+    return angle - TURN * math.floor((angle + math.pi) / TURN)
+
+
+@kernel
+def clip(value: float, low: float, high: float) -> float:
+    """Return `value`, but not outside [low, high]."""
+    return low if value < low else (high if value > high else value)  # noqa: RUF100 FURB136
+
+
+@kernel
+def sign(value: float) -> float:
+    """Return -1, 0 or 1."""
+    return 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+
+
+@kernel
+def ray_to_segment(
+    x: float, y: float, cos: float, sin: float, x0: float, y0: float, x1: float, y1: float
+) -> float:
+    """Return how far along a ray from (x, y) in direction (cos, sin) a segment lies, or infinity.
+
+    The ends of the segment count as hit.
+    """
+    ex, ey = x1 - x0, y1 - y0
+    along = cos * ey - sin * ex
+    if along == 0.0:
+        return math.inf
+    dx, dy = x0 - x, y0 - y
+    share = (dx * sin - dy * cos) / along
+    if share < 0.0 or share > 1.0:
+        return math.inf
+    distance = (dx * ey - dy * ex) / along
+    return distance if distance >= 0.0 else math.inf
+
+
+@kernel
+def ray_to_box(
+    x: float, y: float, cos: float, sin: float, half_length: float, half_width: float
+) -> float:
+    """Return how far along a ray a box centred on the origin lies, or infinity.
+
+    The ray is given in the frame of the box: from (x, y) in direction (cos, sin). From inside
+    the distance is 0.
+    """
+    near, far = 0.0, math.inf
+    if cos == 0.0:
+        if abs(x) > half_length:
+            return math.inf
+    else:
+        a, b = (-half_length - x) / cos, (half_length - x) / cos
+        near, far = max(near, min(a, b)), min(far, max(a, b))
+    if sin == 0.0:
+        if abs(y) > half_width:
+            return math.inf
+    else:
+        a, b = (-half_width - y) / sin, (half_width - y) / sin
+        near, far = max(near, min(a, b)), min(far, max(a, b))
+    return near if near <= far else math.inf

@@ -1,0 +1,162 @@
+"""Fans of rays: lidar and radar of one kart, against walls, karts and hazards."""
+
+import math
+
+from race_server.kernels.geometry import TURN, ray_to_box
+from race_server.kernels.jit import kernel
+from race_server.kernels.rays import cast_ray
+from race_server.kernels.rng import bits, normal_of, uniform
+from race_server.rules import codes
+from race_server.state import Atlas, Bytes, Float32s, Floats, Record
+
+# More rays than any sensor has: keeps the counters of two karts apart.
+RAYS_LIMIT = 4096
+
+
+@kernel
+def cast_fan(
+    atlas: Atlas,
+    course: Record,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    rays: Floats,
+    reach: float,
+    ranges: Float32s,
+    kinds: Bytes,
+) -> None:
+    """Fill the ranges [m] and kinds that a fan of rays sees of the walls.
+
+    (x, y) and (cos, sin): place and direction of the sensor; rays: (R, 2) cosine and sine of
+    each ray in its frame. `kinds` may be empty where nobody asks.
+    """
+    for ray in range(len(rays)):
+        c = cos * rays[ray, 0] - sin * rays[ray, 1]
+        s = sin * rays[ray, 0] + cos * rays[ray, 1]
+        distance, wall = cast_ray(atlas, course, x, y, c, s, reach)
+        ranges[ray] = distance
+        if len(kinds) > 0:
+            kinds[ray] = atlas.wall_kinds[wall] if wall >= 0 else codes.NOTHING
+
+
+@kernel
+def rays_towards(
+    along: float, across: float, radius: float, rays: int, field: float, turn: float
+) -> tuple[int, int]:
+    """Return the first and last ray of a fan that can touch a circle; first > last for none.
+
+    (along, across): the circle's middle in the frame of the sensor [m]; field: angle between
+    the outermost rays [rad]; turn: a whole number of turns added to its direction [rad].
+    """
+    square = along * along + across * across
+    if square <= radius * radius:
+        return 0, rays - 1
+    middle = math.atan2(across, along) + turn
+    half = math.asin(radius / math.sqrt(square))
+    step = field / (rays - 1)
+    first = math.ceil((middle - half + 0.5 * field) / step)
+    last = math.floor((middle + half + 0.5 * field) / step)
+    return max(first, 0), min(last, rays - 1)
+
+
+@kernel
+def see_box(
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    rays: Floats,
+    field: float,
+    reach: float,
+    box_x: float,
+    box_y: float,
+    box_cos: float,
+    box_sin: float,
+    half_length: float,
+    half_width: float,
+    kind: int,
+    ranges: Float32s,
+    kinds: Bytes,
+) -> None:
+    """Shorten the rays of a fan that an oriented box stands in; only those are looked at."""
+    dx, dy = box_x - x, box_y - y
+    radius = math.sqrt(half_length * half_length + half_width * half_width)
+    near = reach + radius
+    if dx * dx + dy * dy > near * near:
+        return
+    along, across = dx * cos + dy * sin, dy * cos - dx * sin
+    # The sensor in the frame of the box.
+    u, v = -(dx * box_cos + dy * box_sin), -(dy * box_cos - dx * box_sin)
+    c, s = cos * box_cos + sin * box_sin, sin * box_cos - cos * box_sin
+    turns = 1 if field > math.pi else 0
+    for whole in range(-turns, turns + 1):
+        first, last = rays_towards(along, across, radius, len(rays), field, whole * TURN)
+        for ray in range(first, last + 1):
+            rc, rs = rays[ray, 0], rays[ray, 1]
+            distance = ray_to_box(u, v, c * rc - s * rs, s * rc + c * rs, half_length, half_width)
+            if distance < ranges[ray]:
+                ranges[ray] = distance
+                if len(kinds) > 0:
+                    kinds[ray] = kind
+
+
+@kernel
+def see_disc(
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    rays: Floats,
+    field: float,
+    reach: float,
+    disc_x: float,
+    disc_y: float,
+    radius: float,
+    kind: int,
+    ranges: Float32s,
+    kinds: Bytes,
+) -> None:
+    """Shorten the rays of a fan that a disc lies in. From inside a disc is not seen."""
+    dx, dy = disc_x - x, disc_y - y
+    square = dx * dx + dy * dy
+    near = reach + radius
+    if square > near * near or square <= radius * radius:
+        return
+    along, across = dx * cos + dy * sin, dy * cos - dx * sin
+    turns = 1 if field > math.pi else 0
+    for whole in range(-turns, turns + 1):
+        first, last = rays_towards(along, across, radius, len(rays), field, whole * TURN)
+        for ray in range(first, last + 1):
+            rc, rs = rays[ray, 0], rays[ray, 1]
+            ahead = along * rc + across * rs
+            root = radius * radius - (square - ahead * ahead)
+            if ahead > 0.0 and root >= 0.0:
+                distance = ahead - math.sqrt(root)
+                if distance < ranges[ray]:
+                    ranges[ray] = distance
+                    if len(kinds) > 0:
+                        kinds[ray] = kind
+
+
+@kernel
+def disturb(
+    ranges: Float32s,
+    reach: float,
+    noise: float,
+    dropout: float,
+    seed: int,
+    stream: int,
+    tick: int,
+    kart: int,
+) -> None:
+    """Add noise of deviation `noise` [m] to ranges; a share `dropout` of them becomes 0."""
+    if noise <= 0.0 and dropout <= 0.0:
+        return
+    for ray in range(len(ranges)):
+        counter = kart * RAYS_LIMIT + ray
+        if dropout > 0.0 and uniform(seed, stream, tick, -1 - counter) < dropout:
+            ranges[ray] = 0.0
+        elif noise > 0.0:
+            value = ranges[ray] + noise * normal_of(bits(seed, stream, tick, counter))
+            ranges[ray] = min(max(value, 0.0), reach)

@@ -1,0 +1,120 @@
+"""Plain data that crosses borders: what a driver sends and what it is told."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum, IntFlag
+
+
+class Phase(IntEnum):
+    """The life of a race session."""
+
+    LOBBY = 0
+    COUNTDOWN = 1
+    RUNNING = 2
+    FINISHED = 3
+
+
+class Flag(IntEnum):
+    """The flag shown to every kart."""
+
+    GREEN = 0
+    YELLOW = 1
+    RED = 2
+
+
+class Status(IntEnum):
+    """What has become of one kart."""
+
+    ABSENT = 0
+    RACING = 1
+    FINISHED = 2
+    RETIRED = 3
+
+
+class Button(IntFlag):
+    """What a driver can press."""
+
+    NONE = 0
+    USE_ITEM = 1
+    ACCEPT_RESCUE = 2
+
+
+class EventKind(IntEnum):
+    """What happened in the world. `value` and `other` of an event are read as noted."""
+
+    GREEN = 1  # the lights went out
+    LAP = 2  # value: lap time [µs], other: lap number
+    SECTOR = 3  # value: sector time [µs], other: sector number from 1
+    FINISH = 4  # value: race time [µs]
+    RETIRED = 5  # other: reason, see Retirement
+    PICK_UP = 6  # other: item
+    USE = 7  # other: item
+    HIT = 8  # other: kart that caused it, -1 for nobody; value: item
+    BLOCKED_HIT = 9  # a shield or immunity took it; other: kart that caused it; value: item
+    EFFECT_END = 10  # other: item
+    CONTACT_KART = 11  # other: the other kart; value: impulse [N s] · 1000
+    CONTACT_WALL = 12  # value: impulse [N s] · 1000
+    FALSE_START = 13
+    SHORT_CUT = 14  # other: gate that was missed
+    WRONG_WAY = 15  # value: 1 begins, 0 ends
+    OFF_TRACK = 16  # value: 1 leaves, 0 returns
+    STUCK = 17  # a rescue is offered
+    RESCUED = 18
+    PENALTY = 19  # value: [µs], other: the event kind it is for
+    FLAG = 20  # other: Flag
+    PHASE = 21  # other: Phase
+    RACE_OVER = 22
+
+
+class Retirement(IntEnum):
+    """Why a kart is out."""
+
+    CRASH = 1
+    WITHDREW = 2
+    WRONG_WAY = 3
+    STOPPED = 4
+    TIME_OUT = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What a driver wants until its next decision.
+
+    steering: [-1, 1] share of the steering limit, left positive. throttle: [-1, 1], negative
+    drives in reverse. brake: [0, 1].
+    """
+
+    steering: float = 0.0
+    throttle: float = 0.0
+    brake: float = 0.0
+    buttons: Button = Button.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened in the world."""
+
+    sequence: int
+    tick: int
+    kind: EventKind
+    kart: int  # -1 where it concerns the whole race
+    other: int
+    value: int
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One row of the live standings or the results."""
+
+    seat: int
+    driver: str
+    rank: int
+    laps: int
+    status: Status
+    last_lap_us: int
+    best_lap_us: int
+    race_time_us: int  # penalties included
+    gap_us: int  # to the leader; 0 where it is not known
+    penalties: int
+    penalty_us: int
+    items_used: int
+    lap_times_us: tuple[int, ...] = field(default=())

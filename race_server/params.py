@@ -1,0 +1,150 @@
+"""Vehicles in numbers: what a kart is, and the presets with their sources."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.errors import VehicleError
+
+GRAVITY = 9.81  # [m/s²]
+KMH = 1.0 / 3.6  # [m/s] in one km/h
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One kind of kart. SI units; forces act on the whole vehicle.
+
+    The position of a kart is its centre of gravity. Its body is a box of `length` by `width`
+    whose centre lies `box_offset` ahead of that point.
+    """
+
+    name: str
+    length: float  # [m] of the body
+    width: float  # [m] of the body
+    box_offset: float  # [m] from the centre of gravity forward to the middle of the body
+    front_axle: float  # [m] from the centre of gravity forward to the front axle
+    rear_axle: float  # [m] from the centre of gravity back to the rear axle
+    mass: float  # [kg] with driver
+    yaw_inertia: float  # [kg m²] about the vertical axis
+    steering_limit: float  # [rad] at the road wheels
+    steering_rate: float  # [rad/s] at the road wheels
+    motor_force: float  # [N] at the wheels, the limit of the motor's torque
+    motor_power: float  # [W]
+    brake_force: float  # [N]
+    front_drive: float  # [-] share of the driving force on the front axle
+    front_brake: float  # [-] share of the braking force on the front axle
+    top_speed: float  # [m/s] set in the motor controller
+    reverse_speed: float  # [m/s] set in the motor controller
+    rolling: float  # [-] rolling resistance as a share of the weight
+    drag: float  # [kg/m] air drag is drag · speed²
+    grip: float  # [-] friction of tyre on dry asphalt
+    cornering: float  # [1/rad] cornering stiffness as a share of the load
+    kinematic_below: float  # [m/s] slower than this there is no slip
+    dynamic_above: float  # [m/s] faster than this the tyres alone decide
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance between the axles [m]."""
+        return self.front_axle + self.rear_axle
+
+    @property
+    def turning_radius(self) -> float:
+        """Smallest radius [m] of the rear axle's path without slip."""
+        return self.wheelbase / float(np.tan(self.steering_limit))
+
+
+_NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
+
+# One kart's vehicle as the kernels read it.
+VEHICLE = np.dtype((np.record, [(name, np.float64) for name in _NUMBERS]))
+
+
+def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
+    """Return the vehicle's numbers as an array of one VEHICLE record."""
+    record = np.zeros(1, VEHICLE)
+    for name in _NUMBERS:
+        record[name] = getattr(vehicle, name)
+    return record
+
+
+# The 1/10 car of the Paris-Saclay autonomous race, on a Tamiya TT-02 chassis.
+# Wheelbase, mass, steering, motor: Webots model TT02_2023b of the race's simulator. The final
+# drive follows from 13 800 rpm at 36 km/h with wheels of 0.04 m: 5.78, so that 0.0234 N m become
+# 3.38 N. Body: the rules allow 400-480 by 160-190 mm. Grip: 5 m/s² in a bend and 4 m/s² of
+# braking on a smooth floor, our choice. Inertia: that of a uniform box. Drag is negligible.
+TT02 = Vehicle(
+    name="tt02",
+    length=0.45,
+    width=0.19,
+    box_offset=0.0,
+    front_axle=0.1285,
+    rear_axle=0.1285,
+    mass=2.331,
+    yaw_inertia=2.331 * (0.45**2 + 0.19**2) / 12.0,
+    steering_limit=0.314,
+    steering_rate=3.2,
+    motor_force=3.38,
+    motor_power=32.0,
+    brake_force=9.3,
+    front_drive=0.5,
+    front_brake=0.5,
+    top_speed=36.0 * KMH,
+    reverse_speed=1.0,
+    rolling=0.02,
+    drag=0.004,
+    grip=5.0 / GRAVITY,
+    cornering=8.0,
+    kinematic_below=0.5,
+    dynamic_above=1.5,
+)
+
+# An electric rental kart with its driver. Size and wheelbase: the vehicle description of the
+# Japan Automotive AI Challenge kart (2024): wheelbase 1.087 m, overhangs 0.467 and 0.510 m,
+# 1.30 m wide, steering up to 0.64 rad. Mass, power and accelerations: Sodi RSX2, 186 kg and a
+# driver of 75 kg, 10.3 kW, 0-50 km/h in about 3.2 s, 0.89 g in bends, 0.75 g braking. Rear
+# drive, rear brakes as on rental karts; 60 % of the weight on the rear axle. Tyre stiffness,
+# drag and the two blending speeds are our choice.
+KART_60 = Vehicle(
+    name="kart-60",
+    length=2.06,
+    width=1.30,
+    box_offset=0.087,
+    front_axle=0.652,
+    rear_axle=0.435,
+    mass=261.0,
+    yaw_inertia=261.0 * (1.6**2 + 1.0**2) / 12.0,
+    steering_limit=0.55,
+    steering_rate=2.5,
+    motor_force=1200.0,
+    motor_power=10_300.0,
+    brake_force=0.75 * 261.0 * GRAVITY,
+    front_drive=0.0,
+    front_brake=0.3,
+    top_speed=60.0 * KMH,
+    reverse_speed=1.5,
+    rolling=0.015,
+    drag=0.35,
+    grip=0.89,
+    cornering=10.0,
+    kinematic_below=1.0,
+    dynamic_above=3.0,
+)
+
+# Rental karts are throttled by the hall: 30 km/h for learners, 13 km/h for automatic parking.
+KART_30 = replace(KART_60, name="kart-30", top_speed=30.0 * KMH)
+KART_13 = replace(KART_60, name="kart-13", top_speed=13.0 * KMH)
+
+VEHICLES = {vehicle.name: vehicle for vehicle in (TT02, KART_13, KART_30, KART_60)}
+
+
+def vehicle_named(name: str) -> Vehicle:
+    """Return the preset called `name`.
+
+    Raises:
+        VehicleError: there is none.
+    """
+    if name not in VEHICLES:
+        known = ", ".join(sorted(VEHICLES))
+        raise VehicleError(f"vehicle {name!r} is unknown; choose one of {known}")
+    return VEHICLES[name]

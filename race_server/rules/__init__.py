@@ -1,0 +1,1 @@
+"""The rule book: laps, items, effects, penalties, flags and ranking."""

@@ -1,0 +1,191 @@
+"""A scenario: everything that is fixed before the first tick, and the world it makes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from race_server.clock import ticks_of
+from race_server.errors import ScenarioError
+from race_server.kernels.course import nearest_sample_anywhere, progress_of
+from race_server.kernels.geometry import wrap_angle
+from race_server.params import TT02, Vehicle, vehicle_record
+from race_server.rules import codes
+from race_server.rules.items import item_table
+from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
+from race_server.stages.sight import look
+from race_server.stages.standings import rank
+from race_server.state import RADAR_RAYS, Record, Sight, World, empty_world
+from race_server.track.atlas import pack
+from race_server.track.course import Course
+
+MOST_KARTS = 64
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The rule book of one race. Times in seconds; zero switches a limit off."""
+
+    laps: int = 3
+    standing_start: bool = True
+    countdown_s: float = 3.0
+    wall_contact: str = "bump"  # bump or retire
+    kart_contact: str = "bump"  # bump, retire or ghost
+    restitution: float = 0.3
+    wall_friction: float = 0.3
+    items: bool = True
+    catch_up: bool = True
+    box_respawn_s: float = 5.0
+    yellow_share: float = 0.4  # of the top speed under a yellow flag
+    stuck_s: float = 3.0
+    stuck_speed: float = 0.1  # [m/s]
+    stopped_limit_s: float = 0.0  # a kart that stands longer is removed
+    wrong_way_lengths: float = 4.5  # kart lengths driven backwards before it is called so
+    false_start_penalty_s: float = 5.0
+    short_cut_penalty_s: float = 5.0
+    rescue_penalty_s: float = 5.0
+    finish_limit_s: float = 60.0  # after the winner
+    limit_s: float = 900.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One race: where, who, and by which rules."""
+
+    course: Course
+    karts: int = 8
+    vehicles: tuple[Vehicle, ...] = (TT02,)  # one for all, or one for each kart
+    rules: Rules = Rules()
+    lidar: Lidar = Lidar()
+    radar: Radar = Radar()
+    fitted: tuple[int, ...] = (codes.LIDAR | codes.RADAR,)  # sensors; one for all, or one each
+    seed: int = 0
+    grid_order: tuple[int, ...] = field(default=())  # grid place of each kart; empty: in order
+
+    def vehicle_of(self, kart: int) -> Vehicle:
+        """Return the vehicle of a kart."""
+        return self.vehicles[kart % len(self.vehicles)]
+
+
+def make_world(scenario: Scenario, seeds: Sequence[int] = ()) -> World:
+    """Return the world of a scenario, every kart on its grid place.
+
+    seeds: one world for each; without them a single world of the scenario's own seed.
+
+    Raises:
+        ScenarioError: the course has too few places, or a setting makes no race.
+    """
+    _check(scenario)
+    seeds = seeds or (scenario.seed,)
+    worlds, course = len(seeds), scenario.course
+    sight = Sight(
+        lidar=np.zeros((worlds, scenario.karts, 2, scenario.lidar.rays), np.float32),
+        radar=np.zeros((worlds, scenario.karts, RADAR_RAYS), np.float32),
+        radar_kinds=np.zeros((worlds, scenario.karts, RADAR_RAYS), np.uint8),
+        lidar_rays=fan(scenario.lidar.rays, scenario.lidar.field),
+        radar_rays=radar_fan(scenario.radar),
+    )
+    world = empty_world(
+        worlds,
+        scenario.karts,
+        len(course.spots),
+        item_table(),
+        sensor_records(scenario.lidar, scenario.radar),
+        sight,
+        pack([course]),
+    )
+    for k in range(scenario.karts):
+        world.vehicles[:, k] = vehicle_record(scenario.vehicle_of(k))
+    for w, seed in enumerate(seeds):
+        _set_rules(world.rules[w], scenario)
+        start(world, w, scenario, seed)
+    return world
+
+
+def _check(scenario: Scenario) -> None:
+    karts, course, rules = scenario.karts, scenario.course, scenario.rules
+    if not 1 <= karts <= MOST_KARTS:
+        raise ScenarioError(f"{karts} karts: choose 1 to {MOST_KARTS}")
+    if karts > len(course.grid):
+        raise ScenarioError(
+            f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
+        )
+    if rules.laps < 0:
+        raise ScenarioError(f"{rules.laps} laps: choose 1 or more, or 0 for no limit")
+    for policy in (rules.wall_contact, rules.kart_contact):
+        if policy not in codes.CONTACT_POLICIES:
+            known = ", ".join(codes.CONTACT_POLICIES)
+            raise ScenarioError(f"contact policy {policy!r} is unknown; choose one of {known}")
+
+
+def _set_rules(record: Record, scenario: Scenario) -> None:
+    rules = scenario.rules
+    vehicle = scenario.vehicle_of(0)
+    record.laps = rules.laps
+    record.course = 0
+    record.wall_contact = codes.CONTACT_POLICIES[rules.wall_contact]
+    record.kart_contact = codes.CONTACT_POLICIES[rules.kart_contact]
+    record.restitution, record.wall_friction = rules.restitution, rules.wall_friction
+    record.items, record.catch_up = int(rules.items), int(rules.catch_up)
+    record.standing_start = int(rules.standing_start)
+    record.pick_up_radius = 0.5 * vehicle.width
+    record.yellow_speed = rules.yellow_share * vehicle.top_speed
+    record.stuck_speed = rules.stuck_speed
+    record.wrong_way_limit = rules.wrong_way_lengths * vehicle.length
+    record.box_respawn_ticks = ticks_of(rules.box_respawn_s)
+    record.stuck_ticks = ticks_of(rules.stuck_s)
+    record.stopped_limit_ticks = ticks_of(rules.stopped_limit_s)
+    record.finish_limit_ticks = ticks_of(rules.finish_limit_s)
+    record.limit_ticks = ticks_of(rules.limit_s)
+    record.false_start_us = round(rules.false_start_penalty_s * 1e6)
+    record.short_cut_us = round(rules.short_cut_penalty_s * 1e6)
+    record.rescue_us = round(rules.rescue_penalty_s * 1e6)
+
+
+def start(world: World, w: int, scenario: Scenario, seed: int) -> None:
+    """Put one world back to the start of its race, under a seed."""
+    race = world.races[w]
+    world.races[w] = np.zeros((), world.races.dtype)
+    race.seed = seed
+    race.start_tick = ticks_of(scenario.rules.countdown_s)
+    world.event_counts[w] = 0
+    world.hazards[w] = np.zeros((), world.hazards.dtype)
+    world.boxes[w] = np.zeros((), world.boxes.dtype)
+    world.boxes["x"][w] = scenario.course.spots[:, 0]
+    world.boxes["y"][w] = scenario.course.spots[:, 1]
+    for k in range(scenario.karts):
+        place = scenario.grid_order[k] if scenario.grid_order else k
+        fitted = scenario.fitted[k % len(scenario.fitted)]
+        _put_on_grid(world, w, k, place, fitted)
+    rank(world, w)
+    for _ in range(2):  # the scan now and the scan before are the same at the start
+        look(world, w)
+
+
+def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
+    world.karts[w, k] = np.zeros((), world.karts.dtype)
+    kart = world.karts[w, k]
+    kart.grid_place = place
+    kart.sensors = fitted
+    kart.x, kart.y, kart.heading = world.atlas.grid[place]
+    put_at(world, w, k)
+
+
+def put_at(world: World, w: int, k: int) -> None:
+    """Make a kart race from the pose it has: find its place on the course."""
+    kart = world.karts[w, k]
+    atlas = world.atlas
+    course = atlas.courses[world.rules[w].course]
+    kart.status = codes.RACING
+    kart.start_x, kart.start_y = kart.x, kart.y
+    kart.line_index = nearest_sample_anywhere(atlas, course, kart.x, kart.y)
+    kart.progress, kart.lateral_offset = progress_of(
+        atlas, course, kart.x, kart.y, kart.line_index
+    )
+    line = atlas.line[course.line_start + kart.line_index]
+    kart.heading_error = wrap_angle(kart.heading - line.heading)
+    kart.distance = kart.progress - course.length
+    gates = atlas.gates["progress"][course.gate_start : course.gate_start + course.gate_count]
+    kart.zone = int(np.searchsorted(gates, kart.progress, side="right")) - 1
+    kart.speed_cap = world.vehicles[w, k].top_speed
+    kart.thrust_scale = kart.grip_scale = 1.0

@@ -1,0 +1,258 @@
+"""Motion of all karts and what happens where bodies meet."""
+
+import math
+
+from race_server.clock import SUBSTEP_S
+from race_server.kernels.contacts import box_on_box, box_on_segment, impulse, touching_point
+from race_server.kernels.geometry import wrap_angle
+from race_server.kernels.jit import kernel
+from race_server.kernels.motion import move
+from race_server.rules import codes
+from race_server.rules.effects import surface_roll
+from race_server.stages.report import report, retire
+from race_server.state import Record, World
+
+# A touch softer than this closing speed [m/s] is no event; another one is reported only after
+# this many ticks.
+TOUCH_SPEED = 0.2
+TOUCH_TICKS = 30
+
+
+@kernel
+def move_karts(world: World, w: int) -> None:
+    """Move every kart by one substep."""
+    for k in range(world.karts.shape[1]):
+        kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+        if kart.status == codes.ABSENT:
+            continue
+        throttle, brake = kart.throttle, kart.brake
+        if kart.status != codes.RACING:
+            throttle, brake = 0.0, 1.0
+        moved = move(
+            vehicle,
+            kart.x,
+            kart.y,
+            kart.heading,
+            kart.speed,
+            kart.lateral_speed,
+            kart.yaw_rate,
+            kart.steering,
+            kart.steering_command,
+            throttle,
+            brake,
+            kart.speed_cap,
+            kart.thrust_scale,
+            kart.grip_scale,
+            surface_roll(kart.surface),
+            SUBSTEP_S,
+        )
+        kart.x, kart.y = moved[0], moved[1]
+        kart.heading = wrap_angle(moved[2])
+        kart.speed, kart.lateral_speed, kart.yaw_rate = moved[3], moved[4], moved[5]
+        kart.steering = moved[6]
+
+
+@kernel
+def touch_walls(world: World, w: int) -> None:
+    """Let karts meet borders and obstacles."""
+    course = world.atlas.courses[world.rules[w].course]
+    for k in range(world.karts.shape[1]):
+        kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+        if kart.status == codes.RACING or kart.status == codes.FINISHED:
+            if not _is_clear(world, course, kart, vehicle):
+                _touch_near_walls(world, w, k, course)
+
+
+@kernel
+def _is_clear(world: World, course: Record, kart: Record, vehicle: Record) -> bool:
+    """Return whether the empty cells around a kart alone show that it touches no wall."""
+    column = math.floor((kart.x - course.x0) / course.cell)
+    row = math.floor((kart.y - course.y0) / course.cell)
+    if column < 0 or row < 0 or column >= course.columns or row >= course.rows:
+        return True
+    rings = world.atlas.cell_skip[course.cell_start + row * course.columns + column]
+    half = 0.5 * vehicle.length + abs(vehicle.box_offset)
+    reach = half + 0.5 * vehicle.width
+    if (rings - 1) * course.cell >= reach:
+        return True
+    free = (rings - 1) * course.cell
+    return bool(rings > 0 and free * free >= half * half + 0.25 * vehicle.width * vehicle.width)
+
+
+@kernel
+def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
+    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+    half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    reach_x = half_length * abs(cos) + half_width * abs(sin)
+    reach_y = half_length * abs(sin) + half_width * abs(cos)
+    x, y = kart.x + vehicle.box_offset * cos, kart.y + vehicle.box_offset * sin
+    scale = 1.0 / course.cell
+    first_column = max(math.floor((x - reach_x - course.x0) * scale), 0)
+    last_column = min(math.floor((x + reach_x - course.x0) * scale), course.columns - 1)
+    first_row = max(math.floor((y - reach_y - course.y0) * scale), 0)
+    last_row = min(math.floor((y + reach_y - course.y0) * scale), course.rows - 1)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            cell = course.cell_start + row * course.columns + column
+            for entry in range(world.atlas.cell_first[cell], world.atlas.cell_first[cell + 1]):
+                wall = course.wall_start + world.atlas.cell_walls[entry]
+                depth, nx, ny = box_on_segment(
+                    kart.x + vehicle.box_offset * cos,
+                    kart.y + vehicle.box_offset * sin,
+                    cos,
+                    sin,
+                    half_length,
+                    half_width,
+                    world.atlas.walls[wall, 0],
+                    world.atlas.walls[wall, 1],
+                    world.atlas.walls[wall, 2],
+                    world.atlas.walls[wall, 3],
+                )
+                if depth > 0.0:
+                    _meet_wall(world, w, k, depth, nx, ny, cos, sin)
+
+
+@kernel
+def _meet_wall(
+    world: World, w: int, k: int, depth: float, nx: float, ny: float, cos: float, sin: float
+) -> None:
+    kart, vehicle, rules = world.karts[w, k], world.vehicles[w, k], world.rules[w]
+    kart.x += depth * nx
+    kart.y += depth * ny
+    px, py = touching_point(cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width, nx, ny)
+    px, py = px + vehicle.box_offset * cos, py + vehicle.box_offset * sin
+    vx, vy = _velocity_at(kart, cos, sin, px, py)
+    closing, sliding = vx * nx + vy * ny, vy * nx - vx * ny
+    lever_n, lever_t = px * ny - py * nx, px * nx + py * ny
+    mass_n = 1.0 / (1.0 / vehicle.mass + lever_n * lever_n / vehicle.yaw_inertia)
+    mass_t = 1.0 / (1.0 / vehicle.mass + lever_t * lever_t / vehicle.yaw_inertia)
+    normal, tangent = impulse(
+        closing, sliding, mass_n, mass_t, rules.restitution, rules.wall_friction
+    )
+    if normal <= 0.0:
+        return
+    _push(kart, vehicle, cos, sin, px, py, normal * nx - tangent * ny, normal * ny + tangent * nx)
+    tick = world.races[w].tick
+    if closing < -TOUCH_SPEED and kart.status == codes.RACING:
+        if tick - kart.contact_wall_tick > TOUCH_TICKS:
+            kart.contact_wall_tick = tick
+            kart.wall_contacts += 1
+            kart.lap_clean = 0
+            report(world, w, codes.EVENT_CONTACT_WALL, k, -1, round(normal * 1000.0))
+    if rules.wall_contact == codes.RETIRE:
+        retire(world, w, k, codes.CRASH)
+
+
+@kernel
+def _velocity_at(
+    kart: Record, cos: float, sin: float, px: float, py: float
+) -> tuple[float, float]:
+    """Return the velocity [m/s] in the world of the body's point (px, py) from its centre."""
+    vx = kart.speed * cos - kart.lateral_speed * sin - kart.yaw_rate * py
+    vy = kart.speed * sin + kart.lateral_speed * cos + kart.yaw_rate * px
+    return vx, vy
+
+
+@kernel
+def _push(
+    kart: Record,
+    vehicle: Record,
+    cos: float,
+    sin: float,
+    px: float,
+    py: float,
+    jx: float,
+    jy: float,
+) -> None:
+    """Give a kart the impulse (jx, jy) [N s] at the point (px, py) from its centre."""
+    kart.speed += (jx * cos + jy * sin) / vehicle.mass
+    kart.lateral_speed += (jy * cos - jx * sin) / vehicle.mass
+    kart.yaw_rate += (px * jy - py * jx) / vehicle.yaw_inertia
+
+
+@kernel
+def _is_solid(world: World, w: int, k: int) -> bool:
+    kart = world.karts[w, k]
+    return bool(kart.status == codes.RACING and world.races[w].tick >= kart.ghost_until)
+
+
+@kernel
+def touch_karts(world: World, w: int) -> None:
+    """Let karts meet each other."""
+    if world.rules[w].kart_contact == codes.GHOST:
+        return
+    karts = world.karts.shape[1]
+    for k in range(karts):
+        if not _is_solid(world, w, k):
+            continue
+        x, y, size = world.karts[w, k].x, world.karts[w, k].y, world.vehicles[w, k].length
+        for other in range(k + 1, karts):
+            dx, dy = world.karts[w, other].x - x, world.karts[w, other].y - y
+            # Two bodies further apart than the sum of their lengths cannot touch: half a body's
+            # diagonal and its offset are less than its length.
+            near = size + world.vehicles[w, other].length
+            if dx * dx + dy * dy < near * near and _is_solid(world, w, other):
+                _meet_kart(world, w, k, other)
+
+
+@kernel
+def _meet_kart(world: World, w: int, k: int, other: int) -> None:
+    a, b = world.karts[w, k], world.karts[w, other]
+    va, vb = world.vehicles[w, k], world.vehicles[w, other]
+    ca, sa = math.cos(a.heading), math.sin(a.heading)
+    cb, sb = math.cos(b.heading), math.sin(b.heading)
+    depth, nx, ny = box_on_box(
+        a.x + va.box_offset * ca,
+        a.y + va.box_offset * sa,
+        ca,
+        sa,
+        0.5 * va.length,
+        0.5 * va.width,
+        b.x + vb.box_offset * cb,
+        b.y + vb.box_offset * sb,
+        cb,
+        sb,
+        0.5 * vb.length,
+        0.5 * vb.width,
+    )
+    if depth <= 0.0:
+        return
+    share = vb.mass / (va.mass + vb.mass)
+    a.x += share * depth * nx
+    a.y += share * depth * ny
+    b.x -= (1.0 - share) * depth * nx
+    b.y -= (1.0 - share) * depth * ny
+    # The blow acts in the middle between the two points that lie deepest.
+    ax, ay = touching_point(ca, sa, 0.5 * va.length, 0.5 * va.width, nx, ny)
+    bx, by = touching_point(cb, sb, 0.5 * vb.length, 0.5 * vb.width, -nx, -ny)
+    mx = 0.5 * (a.x + va.box_offset * ca + ax + b.x + vb.box_offset * cb + bx)
+    my = 0.5 * (a.y + va.box_offset * sa + ay + b.y + vb.box_offset * sb + by)
+    ax, ay, bx, by = mx - a.x, my - a.y, mx - b.x, my - b.y
+    vax, vay = _velocity_at(a, ca, sa, ax, ay)
+    vbx, vby = _velocity_at(b, cb, sb, bx, by)
+    closing = (vax - vbx) * nx + (vay - vby) * ny
+    sliding = (vay - vby) * nx - (vax - vbx) * ny
+    inverse = 1.0 / va.mass + 1.0 / vb.mass
+    na, ta, nb, tb = ax * ny - ay * nx, ax * nx + ay * ny, bx * ny - by * nx, bx * nx + by * ny
+    mass_n = 1.0 / (inverse + na * na / va.yaw_inertia + nb * nb / vb.yaw_inertia)
+    mass_t = 1.0 / (inverse + ta * ta / va.yaw_inertia + tb * tb / vb.yaw_inertia)
+    rules = world.rules[w]
+    normal, tangent = impulse(
+        closing, sliding, mass_n, mass_t, rules.restitution, rules.wall_friction
+    )
+    if normal <= 0.0:
+        return
+    jx, jy = normal * nx - tangent * ny, normal * ny + tangent * nx
+    _push(a, va, ca, sa, ax, ay, jx, jy)
+    _push(b, vb, cb, sb, bx, by, -jx, -jy)
+    tick = world.races[w].tick
+    if closing < -TOUCH_SPEED and tick - a.contact_kart_tick > TOUCH_TICKS:
+        a.contact_kart_tick = tick
+        b.contact_kart_tick = tick
+        a.contacts += 1
+        b.contacts += 1
+        report(world, w, codes.EVENT_CONTACT_KART, k, other, round(normal * 1000.0))
+    if rules.kart_contact == codes.RETIRE:
+        retire(world, w, k, codes.CRASH)
+        retire(world, w, other, codes.CRASH)

@@ -1,0 +1,212 @@
+"""What one seat sees, as the vector that `race_server.observe` describes.
+
+The numbers of the parts are their places in `observe.PARTS`; a test holds the two together.
+"""
+
+import math
+
+from race_server.clock import TICK_S
+from race_server.kernels.jit import kernel
+from race_server.rules import codes
+from race_server.state import HAZARDS, RADAR_RAYS, Float32s, Ints, Record, World
+
+AHEAD = 16
+NEARBY = 4
+THINGS = 4
+FAR = 1000.0  # stands for "there is none"
+
+# Distance between two look-ahead samples: a time at top speed, but never less than a length.
+LOOK_AHEAD_S = 0.1
+
+
+@kernel
+def observe(world: World, w: int, k: int, parts: Ints, out: Float32s) -> None:
+    """Fill `out` with the parts of the given numbers, one behind the other."""
+    place = 0
+    for index in range(len(parts)):
+        place = _fill(world, w, k, parts[index], out, place)
+
+
+@kernel
+def observe_all(world: World, parts: Ints, out: Float32s) -> None:
+    """Fill `out`, shape (W, K, size), for every kart of every world."""
+    for w in range(world.karts.shape[0]):
+        for k in range(world.karts.shape[1]):
+            observe(world, w, k, parts, out[w, k])
+
+
+@kernel
+def look_ahead_of(vehicle: Record) -> float:
+    """Return the distance [m] between two look-ahead samples."""
+    return max(vehicle.length, LOOK_AHEAD_S * vehicle.top_speed)
+
+
+@kernel
+def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) -> int:
+    sight = world.sight
+    if number <= 1:
+        rays = sight.lidar.shape[3]
+        for ray in range(rays):
+            out[place + ray] = sight.lidar[w, k, number, ray]
+        return place + rays
+    if number == 2:
+        for ray in range(RADAR_RAYS):
+            out[place + ray] = sight.radar[w, k, ray]
+        return place + RADAR_RAYS
+    if number == 3:
+        for ray in range(RADAR_RAYS):
+            out[place + ray] = sight.radar_kinds[w, k, ray]
+        return place + RADAR_RAYS
+    if 11 <= number <= 15:
+        _course_ahead(world, w, k, number - 11, out, place)
+        return place + AHEAD
+    if 17 <= number <= 20:
+        _karts_near(world, w, k, number - 17, out, place)
+        return place + NEARBY
+    if 21 <= number <= 24:
+        _things_ahead(world, w, k, number - 21, out, place)
+        return place + THINGS
+    out[place] = _scalar(world, w, k, number)
+    return place + 1
+
+
+@kernel
+def _scalar(world: World, w: int, k: int, number: int) -> float:
+    kart, race = world.karts[w, k], world.races[w]
+    if number == 4:
+        return kart.speed
+    if number == 5:
+        return kart.lateral_speed
+    if number == 6:
+        return kart.yaw_rate
+    if number == 7:
+        return kart.steering
+    if number == 8:
+        return kart.progress
+    if number == 9:
+        return kart.lateral_offset
+    if number == 10:
+        return kart.heading_error
+    if number == 16:
+        return look_ahead_of(world.vehicles[w, k])
+    if number == 25:
+        return float(kart.item)
+    if number == 26:
+        return kart.speed_cap
+    if number == 27:
+        return kart.thrust_scale
+    if number == 28:
+        return kart.grip_scale
+    if number == 29:
+        return max(max(race.start_tick, race.hold_until) - race.tick, 0) * TICK_S
+    if number == 30:
+        return float(race.flag)
+    if number == 31:
+        return float(kart.laps)
+    if number == 32:
+        return float(kart.rank)
+    if number == 33 or number == 34:
+        return _gap(world, w, k, -1 if number == 33 else 1)
+    if number == 35:
+        return float(kart.wrong_way)
+    if number == 36:
+        return float(kart.rescue_offered)
+    return 1.0 if kart.status != codes.RACING else 0.0
+
+
+@kernel
+def _gap(world: World, w: int, k: int, places: int) -> float:
+    kart = world.karts[w, k]
+    for other in range(world.karts.shape[1]):
+        rival = world.karts[w, other]
+        if rival.status != codes.ABSENT and rival.rank == kart.rank + places:
+            return abs(rival.ranked - kart.ranked)
+    return 0.0
+
+
+@kernel
+def _course_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    step = look_ahead_of(world.vehicles[w, k]) / course.spacing
+    here = kart.progress / course.spacing
+    for index in range(AHEAD):
+        sample = int(here + (index + 1) * step + 0.5) % course.line_count
+        line = world.atlas.line[course.line_start + sample]
+        if what == 0:
+            out[place + index] = line.curvature
+        elif what == 1:
+            out[place + index] = (line.x - kart.x) * cos + (line.y - kart.y) * sin
+        elif what == 2:
+            out[place + index] = (line.y - kart.y) * cos - (line.x - kart.x) * sin
+        elif what == 3:
+            out[place + index] = line.left
+        else:
+            out[place + index] = line.right
+
+
+@kernel
+def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    kart = world.karts[w, k]
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    last = -1.0
+    chosen = -1
+    for index in range(NEARBY):
+        best, following = math.inf, -1
+        for other in range(world.karts.shape[1]):
+            rival = world.karts[w, other]
+            if other == k or rival.status != codes.RACING:
+                continue
+            dx, dy = rival.x - kart.x, rival.y - kart.y
+            square = dx * dx + dy * dy
+            # Next further away than the last one told of; equals in order of their numbers.
+            later = square > last or (square == last and other > chosen)
+            if later and square < best:
+                best, following = square, other
+        if following < 0:
+            out[place + index] = FAR if what <= 1 else 0.0
+            continue
+        last, chosen = best, following
+        rival = world.karts[w, following]
+        dx, dy = rival.x - kart.x, rival.y - kart.y
+        if what >= 2:
+            c, s = math.cos(rival.heading), math.sin(rival.heading)
+            dx = rival.speed * c - rival.lateral_speed * s
+            dy = rival.speed * s + rival.lateral_speed * c
+        out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin
+
+
+@kernel
+def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    """Tell of boxes (what 0, 1) or hazards (2, 3): x or y in the kart frame, nearest first."""
+    kart, tick = world.karts[w, k], world.races[w].tick
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    boxes = what <= 1
+    count = world.boxes.shape[1] if boxes else HAZARDS
+    last = -1.0
+    chosen = -1
+    for index in range(THINGS):
+        best, following = math.inf, -1
+        for thing in range(count):
+            if boxes:
+                seen = tick >= world.boxes[w, thing].ready_tick
+                dx, dy = world.boxes[w, thing].x - kart.x, world.boxes[w, thing].y - kart.y
+            else:
+                seen = tick < world.hazards[w, thing].until_tick
+                dx, dy = world.hazards[w, thing].x - kart.x, world.hazards[w, thing].y - kart.y
+            square = dx * dx + dy * dy
+            later = square > last or (square == last and thing > chosen)
+            if seen and later and square < best and dx * cos + dy * sin > 0.0:
+                best, following = square, thing
+        if following < 0:
+            out[place + index] = FAR
+            continue
+        last, chosen = best, following
+        if boxes:
+            dx, dy = world.boxes[w, following].x - kart.x, world.boxes[w, following].y - kart.y
+        else:
+            dx, dy = world.hazards[w, following].x - kart.x, world.hazards[w, following].y - kart.y
+        out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin
+
+

@@ -1,0 +1,145 @@
+"""After the tick: what the sensors of each kart give, at their own rates."""
+
+import math
+
+from race_server.kernels.jit import kernel
+from race_server.kernels.rng import LIDAR_STREAM, RADAR_STREAM
+from race_server.kernels.sensors import cast_fan, disturb, see_box, see_disc
+from race_server.rules import codes
+from race_server.state import HAZARDS, Bytes, Float32s, Floats, World
+
+
+@kernel
+def look(world: World, w: int) -> None:
+    """Take the scans that are due at this tick."""
+    sensors, tick = world.sensors[0], world.races[w].tick
+    lidar_due = tick % sensors.lidar_period_ticks == 0
+    radar_due = tick % sensors.radar_period_ticks == 0
+    if not lidar_due and not radar_due:
+        return
+    for k in range(world.karts.shape[1]):
+        kart = world.karts[w, k]
+        if kart.status == codes.ABSENT:
+            continue
+        if lidar_due and kart.sensors & codes.LIDAR:
+            for ray in range(len(world.sight.lidar_rays)):
+                world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
+            scan_lidar(world, w, k)
+        if radar_due and kart.sensors & codes.RADAR:
+            scan_radar(world, w, k)
+
+
+@kernel
+def scan_lidar(world: World, w: int, k: int) -> None:
+    """Take one lidar scan of one kart."""
+    sensors, race = world.sensors[0], world.races[w]
+    ranges = world.sight.lidar[w, k, 0]
+    _scan(
+        world,
+        w,
+        k,
+        sensors.lidar_ahead,
+        world.sight.lidar_rays,
+        sensors.lidar_field,
+        sensors.lidar_reach,
+        ranges,
+        world.sight.radar_kinds[w, k, :0],  # nobody asks a lidar for kinds
+    )
+    disturb(
+        ranges,
+        sensors.lidar_reach,
+        sensors.lidar_noise,
+        sensors.lidar_dropout,
+        race.seed,
+        LIDAR_STREAM,
+        race.tick,
+        k,
+    )
+
+
+@kernel
+def scan_radar(world: World, w: int, k: int) -> None:
+    """Take one radar reading of one kart."""
+    sensors, race = world.sensors[0], world.races[w]
+    ranges = world.sight.radar[w, k]
+    _scan(
+        world,
+        w,
+        k,
+        sensors.radar_ahead,
+        world.sight.radar_rays,
+        sensors.radar_field,
+        sensors.radar_reach,
+        ranges,
+        world.sight.radar_kinds[w, k],
+    )
+    disturb(
+        ranges, sensors.radar_reach, sensors.radar_noise, 0.0, race.seed, RADAR_STREAM, race.tick, k
+    )
+
+
+@kernel
+def _scan(
+    world: World,
+    w: int,
+    k: int,
+    mount: float,
+    rays: Floats,
+    field: float,
+    reach: float,
+    ranges: Float32s,
+    kinds: Bytes,
+) -> None:
+    """Fill ranges and kinds of a fan mounted `mount` [m] ahead of the centre of gravity."""
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    x, y = kart.x + mount * cos, kart.y + mount * sin
+    cast_fan(world.atlas, course, x, y, cos, sin, rays, reach, ranges, kinds)
+    for other in range(world.karts.shape[1]):
+        rival = world.karts[w, other]
+        if other == k or rival.status != codes.RACING:
+            continue
+        vehicle = world.vehicles[w, other]
+        dx, dy = rival.x - x, rival.y - y
+        near = reach + vehicle.length
+        if dx * dx + dy * dy > near * near:
+            continue
+        c, s = math.cos(rival.heading), math.sin(rival.heading)
+        see_box(
+            x,
+            y,
+            cos,
+            sin,
+            rays,
+            field,
+            reach,
+            rival.x + vehicle.box_offset * c,
+            rival.y + vehicle.box_offset * s,
+            c,
+            s,
+            0.5 * vehicle.length,
+            0.5 * vehicle.width,
+            codes.KART_HIT,
+            ranges,
+            kinds,
+        )
+    tick = world.races[w].tick
+    for index in range(HAZARDS):
+        hazard = world.hazards[w, index]
+        if tick < hazard.until_tick:
+            see_disc(
+                x,
+                y,
+                cos,
+                sin,
+                rays,
+                field,
+                reach,
+                hazard.x,
+                hazard.y,
+                hazard.radius,
+                codes.HAZARD_HIT,
+                ranges,
+                kinds,
+            )

@@ -1,0 +1,113 @@
+"""What the stewards watch: false starts, wrong way, leaving the track, standing still."""
+
+from race_server.kernels.jit import kernel
+from race_server.rules import codes
+from race_server.stages.report import penalise, report, retire
+from race_server.state import Record, World
+
+# A kart that has moved further than this share of its length before the lights started early.
+FALSE_START_SHARE = 0.25
+# After a rescue other karts drive through for so long.
+GHOST_TICKS = 120
+# Places looked at for a rescue, each one length and a half further back.
+RESCUE_TRIES = 16
+
+
+@kernel
+def watch(world: World, w: int) -> None:
+    """Judge every racing kart."""
+    race = world.races[w]
+    for k in range(world.karts.shape[1]):
+        if world.karts[w, k].status != codes.RACING:
+            continue
+        if race.tick < race.start_tick:
+            _watch_start(world, w, k)
+        else:
+            _watch_direction(world, w, k)
+            _watch_limits(world, w, k)
+            _watch_standstill(world, w, k)
+
+
+@kernel
+def _watch_start(world: World, w: int, k: int) -> None:
+    kart = world.karts[w, k]
+    dx, dy = kart.x - kart.start_x, kart.y - kart.start_y
+    allowed = FALSE_START_SHARE * world.vehicles[w, k].length
+    if kart.false_started == 0 and dx * dx + dy * dy > allowed * allowed:
+        kart.false_started = 1
+        report(world, w, codes.EVENT_FALSE_START, k, -1, 0)
+        penalise(world, w, k, world.rules[w].false_start_us, codes.EVENT_FALSE_START)
+
+
+@kernel
+def _watch_direction(world: World, w: int, k: int) -> None:
+    kart = world.karts[w, k]
+    wrong = 1 if kart.backward > world.rules[w].wrong_way_limit else 0
+    if wrong != kart.wrong_way:
+        kart.wrong_way = wrong
+        report(world, w, codes.EVENT_WRONG_WAY, k, -1, wrong)
+
+
+@kernel
+def _watch_limits(world: World, w: int, k: int) -> None:
+    kart = world.karts[w, k]
+    off = 1 if kart.surface == codes.GRASS else 0
+    if off != kart.off_track:
+        kart.off_track = off
+        kart.lap_clean = 0
+        report(world, w, codes.EVENT_OFF_TRACK, k, -1, off)
+
+
+@kernel
+def _watch_standstill(world: World, w: int, k: int) -> None:
+    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    held = race.flag == codes.RED or race.tick < race.hold_until
+    if held or abs(kart.speed) > rules.stuck_speed:
+        # A kart that rocks to and fro stays stuck; real progress takes the offer back.
+        kart.still_ticks = max(kart.still_ticks - 3, 0)
+        if kart.still_ticks == 0:
+            kart.rescue_offered = 0
+        return
+    kart.still_ticks += 1
+    if rules.stuck_ticks > 0 and kart.still_ticks > rules.stuck_ticks and not kart.rescue_offered:
+        kart.rescue_offered = 1
+        report(world, w, codes.EVENT_STUCK, k, -1, 0)
+    if kart.rescue_offered and kart.buttons & codes.ACCEPT_RESCUE:
+        rescue(world, w, k)
+    elif 0 < rules.stopped_limit_ticks < kart.still_ticks:
+        retire(world, w, k, codes.STOPPED)
+
+
+@kernel
+def rescue(world: World, w: int, k: int) -> None:
+    """Put a kart on the centre line, at rest, where no other kart stands, for a penalty."""
+    atlas, race, kart = world.atlas, world.races[w], world.karts[w, k]
+    course = atlas.courses[world.rules[w].course]
+    stride = int(1.5 * world.vehicles[w, k].length / course.spacing) + 1
+    sample = kart.line_index
+    for _ in range(RESCUE_TRIES):
+        line = atlas.line[course.line_start + sample]
+        if _is_free(world, w, k, line):
+            break
+        sample = (sample - stride) % course.line_count
+    line = atlas.line[course.line_start + sample]
+    kart.x, kart.y, kart.heading = line.x, line.y, line.heading
+    kart.speed = kart.lateral_speed = kart.yaw_rate = kart.steering = 0.0
+    kart.still_ticks = 0
+    kart.rescue_offered = 0
+    kart.lap_clean = 0
+    kart.ghost_until = race.tick + GHOST_TICKS
+    report(world, w, codes.EVENT_RESCUED, k, -1, 0)
+    penalise(world, w, k, world.rules[w].rescue_us, codes.EVENT_RESCUED)
+
+
+@kernel
+def _is_free(world: World, w: int, k: int, line: Record) -> bool:
+    near = 1.5 * world.vehicles[w, k].length
+    for other in range(world.karts.shape[1]):
+        kart = world.karts[w, other]
+        if other != k and kart.status == codes.RACING:
+            dx, dy = kart.x - line.x, kart.y - line.y
+            if dx * dx + dy * dy < near * near:
+                return False
+    return True

@@ -1,0 +1,65 @@
+"""One tick of the world, in order.
+
+`advance` is the only way time passes: the environment, the live server, the time trial and the
+replay all call it. It is one compiled call for any number of worlds and ticks.
+"""
+
+from race_server.clock import SUBSTEPS
+from race_server.kernels.jit import kernel
+from race_server.messages import Flag
+from race_server.rules import codes
+from race_server.stages.bodies import move_karts, touch_karts, touch_walls
+from race_server.stages.controls import apply_effects, take_controls, use_items
+from race_server.stages.game import play
+from race_server.stages.progress import follow_course
+from race_server.stages.report import report
+from race_server.stages.sight import look
+from race_server.stages.standings import close_race, rank
+from race_server.stages.stewards import watch
+from race_server.state import Floats, World
+
+# After a red flag the karts are held for so long before they race on.
+RESTART_TICKS = 180
+
+
+@kernel
+def advance(world: World, controls: Floats, ticks: int) -> None:
+    """Move every world on by `ticks` ticks under the same controls.
+
+    controls: (W, K, 4) steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons.
+    """
+    for w in range(world.karts.shape[0]):
+        take_controls(world, w, controls[w])
+        for _ in range(ticks):
+            step(world, w)
+
+
+@kernel
+def step(world: World, w: int) -> None:
+    """Move one world on by one tick."""
+    race = world.races[w]
+    if race.tick == race.start_tick:
+        report(world, w, codes.EVENT_GREEN, -1, -1, 0)
+    apply_effects(world, w)
+    use_items(world, w)
+    for _ in range(SUBSTEPS):
+        move_karts(world, w)
+        touch_karts(world, w)
+        touch_walls(world, w)
+    follow_course(world, w)
+    watch(world, w)
+    play(world, w)
+    rank(world, w)
+    close_race(world, w)
+    race.tick += 1
+    look(world, w)
+
+
+def show_flag(world: World, index: int, flag: Flag) -> None:
+    """Show a flag to all karts of one world. After red they stand for three more seconds."""
+    race = world.races[index]
+    if race.flag == codes.RED and flag != Flag.RED:
+        race.hold_until = race.tick + RESTART_TICKS
+    if race.flag != flag:
+        race.flag = int(flag)
+        report(world, index, codes.EVENT_FLAG, -1, int(flag), 0)

@@ -1,0 +1,1 @@
+"""Courses: read from a file, built, checked, drawn and packed for the kernels."""

@@ -1,0 +1,153 @@
+"""Courses packed into flat arrays for the kernels, with a grid over their walls."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.rules import codes
+from race_server.state import COURSE, GATE, LINE, Atlas, Records
+from race_server.track.course import Course, Floats, Obstacle
+
+# A cell is about this share of the free width: small enough that few walls share one.
+CELL_SHARE = 0.25
+# A wall is listed in every cell that comes this close to it [m]; see `kernels/rays.py`.
+MARGIN = 1e-6
+# Longest free square, in rings of cells, that is worth knowing.
+MOST_RINGS = 60
+
+
+def pack(courses: Sequence[Course]) -> Atlas:
+    """Return the courses as one atlas; course c of a race's rules is `courses[c]`."""
+    headers = np.zeros(len(courses), COURSE)
+    lines, walls, kinds, firsts, entries, skips, gates = [], [], [], [], [], [], []
+    starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0}
+    listed = 0
+    for header, course in zip(headers, courses, strict=True):
+        segments, kind = _walls_of(course)
+        origin, cell, columns, rows = _grid_over(course, segments)
+        first, members = _list_walls(segments, origin, cell, columns, rows)
+        header.spacing, header.length, header.kerb = course.spacing, course.length, course.kerb
+        header.cell, header.columns, header.rows = cell, columns, rows
+        header.x0, header.y0 = origin
+        counts = {
+            "line": len(course.line),
+            "wall": len(segments),
+            "gate": len(course.gates),
+            "grid": len(course.grid),
+            "spot": len(course.spots),
+        }
+        for name, start in starts.items():
+            header[f"{name}_start"] = start
+            if name in counts:
+                header[f"{name}_count"] = counts[name]
+        lines.append(_line_of(course))
+        walls.append(segments)
+        kinds.append(kind)
+        firsts.append(first[:-1] + listed)
+        entries.append(members)
+        skips.append(_rings(first, columns, rows))
+        gates.append(_gates_of(course))
+        listed += len(members)
+        for name, count in counts.items():
+            starts[name] += count
+        starts["cell"] += columns * rows
+    return Atlas(
+        courses=headers,
+        line=np.concatenate(lines),
+        walls=np.concatenate(walls),
+        wall_kinds=np.concatenate(kinds),
+        cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
+        cell_walls=np.concatenate(entries).astype(np.int32),
+        cell_skip=np.concatenate(skips),
+        gates=np.concatenate(gates),
+        grid=np.concatenate([course.grid for course in courses]),
+        spots=np.concatenate([course.spots.reshape(-1, 2) for course in courses]),
+    )
+
+
+def _walls_of(course: Course) -> tuple[Floats, NDArray[np.uint8]]:
+    boxes = [_sides(obstacle) for obstacle in course.obstacles]
+    segments = np.concatenate([course.borders, *boxes])
+    kinds = np.full(len(segments), codes.BORDER, np.uint8)
+    kinds[len(course.borders) :] = codes.OBSTACLE
+    return segments, kinds
+
+
+def _sides(obstacle: Obstacle) -> Floats:
+    cos, sin = math.cos(obstacle.heading), math.sin(obstacle.heading)
+    u, v = 0.5 * obstacle.length, 0.5 * obstacle.width
+    corners = np.array([(u, v), (-u, v), (-u, -v), (u, -v)]) @ np.array([[cos, sin], [-sin, cos]])
+    corners += (obstacle.x, obstacle.y)
+    return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+def _grid_over(course: Course, segments: Floats) -> tuple[tuple[float, float], float, int, int]:
+    cell = CELL_SHARE * course.width_mean
+    points = segments.reshape(-1, 2)
+    low, high = points.min(axis=0) - cell, points.max(axis=0) + cell
+    columns, rows = (int(n) for n in np.ceil((high - low) / cell))
+    return (float(low[0]), float(low[1])), cell, columns, rows
+
+
+def _list_walls(
+    segments: Floats, origin: tuple[float, float], cell: float, columns: int, rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first entry of each cell, shape (cells + 1,), and the walls listed in them."""
+    found = []
+    for number, (x0, y0, x1, y1) in enumerate(segments - np.array([*origin, *origin])):
+        low_c, high_c = _span(x0, x1, cell, columns)
+        low_r, high_r = _span(y0, y1, cell, rows)
+        column, row = np.meshgrid(np.arange(low_c, high_c + 1), np.arange(low_r, high_r + 1))
+        # A cell touches the wall's line if its middle is no further than its half-diagonal's
+        # projection on the normal; the spans above take care of the ends.
+        ex, ey = x1 - x0, y1 - y0
+        across = ex * ((row + 0.5) * cell - y0) - ey * ((column + 0.5) * cell - x0)
+        reach = 0.5 * cell * (abs(ex) + abs(ey)) + MARGIN * math.hypot(ex, ey)
+        near = np.abs(across) <= reach
+        cells = (row * columns + column)[near]
+        found.append(np.stack([cells, np.full(len(cells), number)]))
+    cells, walls = np.concatenate(found, axis=1)
+    order = np.argsort(cells, kind="stable")
+    first = np.zeros(columns * rows + 1, np.int64)
+    first[1:] = np.cumsum(np.bincount(cells, minlength=columns * rows))
+    return first, walls[order]
+
+
+def _span(a: float, b: float, cell: float, count: int) -> tuple[int, int]:
+    low, high = min(a, b) - MARGIN, max(a, b) + MARGIN
+    return max(int(low // cell), 0), min(int(high // cell), count - 1)
+
+
+def _rings(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
+    """Return for each cell 0 if it holds walls, else n if the n - 1 rings around hold none."""
+    filled = (np.diff(first) > 0).reshape(rows, columns)
+    rings = np.zeros((rows, columns), np.uint8)
+    for ring in range(1, MOST_RINGS + 1):
+        if filled.all():
+            break
+        rings[~filled] = ring
+        padded = np.pad(filled, 1)
+        wide = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
+        filled = wide[:-2] | wide[1:-1] | wide[2:]
+    return rings.ravel()
+
+
+def _line_of(course: Course) -> Records:
+    line = np.zeros(len(course.line), LINE)
+    for column, name in enumerate(("x", "y", "heading", "curvature")):
+        line[name] = course.line[:, column]
+    line["cos"], line["sin"] = np.cos(line["heading"]), np.sin(line["heading"])
+    line["left"], line["right"] = course.half_widths.T
+    return line
+
+
+def _gates_of(course: Course) -> Records:
+    gates = np.zeros(len(course.gates), GATE)
+    gates["progress"] = course.gates
+    # A gate that ends a sector carries the sector's number; the timing line ends the last.
+    ends = [gate for gate in course.sectors if gate != 0]
+    for sector, gate in enumerate([*ends, 0], start=1):
+        gates[gate]["sector"] = sector
+    return gates
