@@ -34,7 +34,9 @@ def lap_text(microseconds: int | None) -> str:
     thousandths = (microseconds + 500) // 1000
     minutes, rest = divmod(thousandths, 60_000)
     seconds, thousandths = divmod(rest, 1000)
-    return f"{minutes}:{seconds:02d}.{thousandths:03d}" if minutes else f"{seconds}.{thousandths:03d}"
+    return (
+        f"{minutes}:{seconds:02d}.{thousandths:03d}" if minutes else f"{seconds}.{thousandths:03d}"
+    )
 
 
 @dataclass

@@ -22,6 +22,8 @@ class Briefing:
     laps: int
     preset: str
     decision_s: float  # time between two observations [s]
+    items: tuple[str, ...] = ()  # names of the items; item number 1 is the first
+    lidar_field: float = 0.0  # [rad] between the outermost rays
 
 
 class Driver(Protocol):
@@ -62,4 +64,6 @@ def driver_named(name: str) -> Driver:
         return factory()
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        raise DriverError(f"driver {name!r} from {points[0].value} cannot start: {reason}") from error
+        raise DriverError(
+            f"driver {name!r} from {points[0].value} cannot start: {reason}"
+        ) from error

@@ -34,36 +34,144 @@ class Part:
     meaning: str
 
 
-def _scalar(name: str, unit: str, low: float, high: float, meaning: str, frame: str = "kart") -> Part:
+def _scalar(
+    name: str, unit: str, low: float, high: float, meaning: str, frame: str = "kart"
+) -> Part:
     return Part(name, 1, unit, low, high, frame, meaning)
 
 
 # The order is the part's number in the compiled code: add at the end, see `kernels/observation`.
 PARTS = (
-    Part("lidar", 0, "m", 0, 100, "kart", "range of each ray, right to left, 0 where nothing came back"),
+    Part(
+        "lidar",
+        0,
+        "m",
+        0,
+        100,
+        "kart",
+        "range of each ray, right to left, 0 where nothing came back",
+    ),
     Part("lidar_before", 0, "m", 0, 100, "kart", "the scan before the newest"),
     Part("radar", RADAR_RAYS, "m", 0, 80, "kart", "range of each ray, right to left"),
-    Part("radar_kind", RADAR_RAYS, "Hit", 0, 4, "kart", "what each ray hit: 0 nothing, 1 border, 2 obstacle, 3 hazard, 4 kart"),
+    Part(
+        "radar_kind",
+        RADAR_RAYS,
+        "Hit",
+        0,
+        4,
+        "kart",
+        "what each ray hit: 0 nothing, 1 border, 2 obstacle, 3 hazard, 4 kart",
+    ),
     _scalar("speed", "m/s", -5, 40, "forward speed"),
     _scalar("lateral_speed", "m/s", -20, 20, "speed to the left"),
     _scalar("yaw_rate", "rad/s", -20, 20, "turning rate, left positive"),
     _scalar("steering", "rad", -1, 1, "angle of the road wheels, left positive"),
-    _scalar("progress", "m", 0, 1e5, "distance along the centre line from the timing line", "course"),
-    _scalar("lateral_offset", "m", -100, 100, "distance from the centre line, left positive", "course"),
+    _scalar(
+        "progress", "m", 0, 1e5, "distance along the centre line from the timing line", "course"
+    ),
+    _scalar(
+        "lateral_offset", "m", -100, 100, "distance from the centre line, left positive", "course"
+    ),
     _scalar("heading_error", "rad", -np.pi, np.pi, "heading against the centre line", "course"),
-    Part("curvature_ahead", AHEAD, "1/m", -10, 10, "course", "curvature of the centre line at the look-ahead distances"),
-    Part("path_ahead_x", AHEAD, "m", -1e3, 1e3, "kart", "points of the centre line at the look-ahead distances"),
-    Part("path_ahead_y", AHEAD, "m", -1e3, 1e3, "kart", "points of the centre line at the look-ahead distances"),
-    Part("left_ahead", AHEAD, "m", 0, 100, "course", "asphalt left of the centre line at the look-ahead distances"),
-    Part("right_ahead", AHEAD, "m", 0, 100, "course", "asphalt right of the centre line at the look-ahead distances"),
-    _scalar("look_ahead", "m", 0, 100, "distance between two look-ahead samples; the first lies one step ahead"),
-    Part("karts_x", NEARBY, "m", -1e3, 1e3, "kart", "nearest karts, nearest first; 1000 where there is none"),
+    Part(
+        "curvature_ahead",
+        AHEAD,
+        "1/m",
+        -10,
+        10,
+        "course",
+        "curvature of the centre line at the look-ahead distances",
+    ),
+    Part(
+        "path_ahead_x",
+        AHEAD,
+        "m",
+        -1e3,
+        1e3,
+        "kart",
+        "points of the centre line at the look-ahead distances",
+    ),
+    Part(
+        "path_ahead_y",
+        AHEAD,
+        "m",
+        -1e3,
+        1e3,
+        "kart",
+        "points of the centre line at the look-ahead distances",
+    ),
+    Part(
+        "left_ahead",
+        AHEAD,
+        "m",
+        0,
+        100,
+        "course",
+        "asphalt left of the centre line at the look-ahead distances",
+    ),
+    Part(
+        "right_ahead",
+        AHEAD,
+        "m",
+        0,
+        100,
+        "course",
+        "asphalt right of the centre line at the look-ahead distances",
+    ),
+    _scalar(
+        "look_ahead",
+        "m",
+        0,
+        100,
+        "distance between two look-ahead samples; the first lies one step ahead",
+    ),
+    Part(
+        "karts_x",
+        NEARBY,
+        "m",
+        -1e3,
+        1e3,
+        "kart",
+        "nearest karts, nearest first; 1000 where there is none",
+    ),
     Part("karts_y", NEARBY, "m", -1e3, 1e3, "kart", "nearest karts"),
-    Part("karts_speed_x", NEARBY, "m/s", -80, 80, "kart", "their velocity against the ground, in this kart's frame"),
-    Part("karts_speed_y", NEARBY, "m/s", -80, 80, "kart", "their velocity against the ground, in this kart's frame"),
-    Part("boxes_x", THINGS, "m", -1e3, 1e3, "kart", "item boxes ready to be taken, nearest ahead first; 1000 where there is none"),
+    Part(
+        "karts_speed_x",
+        NEARBY,
+        "m/s",
+        -80,
+        80,
+        "kart",
+        "their velocity against the ground, in this kart's frame",
+    ),
+    Part(
+        "karts_speed_y",
+        NEARBY,
+        "m/s",
+        -80,
+        80,
+        "kart",
+        "their velocity against the ground, in this kart's frame",
+    ),
+    Part(
+        "boxes_x",
+        THINGS,
+        "m",
+        -1e3,
+        1e3,
+        "kart",
+        "item boxes ready to be taken, nearest ahead first; 1000 where there is none",
+    ),
     Part("boxes_y", THINGS, "m", -1e3, 1e3, "kart", "item boxes ready to be taken"),
-    Part("hazards_x", THINGS, "m", -1e3, 1e3, "kart", "placed hazards, nearest ahead first; 1000 where there is none"),
+    Part(
+        "hazards_x",
+        THINGS,
+        "m",
+        -1e3,
+        1e3,
+        "kart",
+        "placed hazards, nearest ahead first; 1000 where there is none",
+    ),
     Part("hazards_y", THINGS, "m", -1e3, 1e3, "kart", "placed hazards"),
     _scalar("item", "item", 0, 255, "number of the item held, 0 for none", "race"),
     _scalar("speed_cap", "m/s", 0, 40, "speed allowed by flags and effects", "race"),
@@ -73,8 +181,12 @@ PARTS = (
     _scalar("flag", "Flag", 0, 2, "0 green, 1 yellow, 2 red", "race"),
     _scalar("lap", "laps", 0, 1e4, "laps completed", "race"),
     _scalar("rank", "-", 1, 64, "place in the race", "race"),
-    _scalar("gap_ahead", "m", 0, 1e5, "distance to the kart one place ahead, 0 for the leader", "race"),
-    _scalar("gap_behind", "m", 0, 1e5, "distance to the kart one place behind, 0 for the last", "race"),
+    _scalar(
+        "gap_ahead", "m", 0, 1e5, "distance to the kart one place ahead, 0 for the leader", "race"
+    ),
+    _scalar(
+        "gap_behind", "m", 0, 1e5, "distance to the kart one place behind, 0 for the last", "race"
+    ),
     _scalar("wrong_way", "-", 0, 1, "1 while driving the wrong way", "race"),
     _scalar("rescue_offered", "-", 0, 1, "1 while the kart counts as stuck", "race"),
     _scalar("finished", "-", 0, 1, "1 once the race is over for this kart", "race"),
@@ -82,9 +194,40 @@ PARTS = (
 
 PART_NUMBERS = {part.name: number for number, part in enumerate(PARTS)}
 
-_GAME = ("item", "speed_cap", "thrust_scale", "grip_scale", "lights", "flag", "lap", "rank", "wrong_way", "rescue_offered", "finished")
-_TRACK = ("progress", "lateral_offset", "heading_error", "curvature_ahead", "path_ahead_x", "path_ahead_y", "left_ahead", "right_ahead", "look_ahead")
-_WORLD = ("karts_x", "karts_y", "karts_speed_x", "karts_speed_y", "boxes_x", "boxes_y", "hazards_x", "hazards_y")
+_GAME = (
+    "item",
+    "speed_cap",
+    "thrust_scale",
+    "grip_scale",
+    "lights",
+    "flag",
+    "lap",
+    "rank",
+    "wrong_way",
+    "rescue_offered",
+    "finished",
+)
+_TRACK = (
+    "progress",
+    "lateral_offset",
+    "heading_error",
+    "curvature_ahead",
+    "path_ahead_x",
+    "path_ahead_y",
+    "left_ahead",
+    "right_ahead",
+    "look_ahead",
+)
+_WORLD = (
+    "karts_x",
+    "karts_y",
+    "karts_speed_x",
+    "karts_speed_y",
+    "boxes_x",
+    "boxes_y",
+    "hazards_x",
+    "hazards_y",
+)
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
 
 PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -131,7 +274,9 @@ def layout_of(preset: str, lidar_rays: int) -> Layout:
         ScenarioError: no preset has that name.
     """
     if preset not in PRESETS:
-        raise ScenarioError(f"observation {preset!r} is unknown; choose one of {', '.join(PRESETS)}")
+        raise ScenarioError(
+            f"observation {preset!r} is unknown; choose one of {', '.join(PRESETS)}"
+        )
     slices: dict[str, slice] = {}
     start = 0
     for name in PRESETS[preset]:

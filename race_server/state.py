@@ -73,7 +73,9 @@ KART = _record(
     ]
 )
 
-RACE = _record(_fields("", "seed tick start_tick hold_until flag over finishers winner_tick sequence"))
+RACE = _record(
+    _fields("", "seed tick start_tick hold_until flag over finishers winner_tick sequence")
+)
 
 BOX = _record(_fields("x y", "ready_tick"))
 HAZARD = _record(_fields("x y radius", "item owner until_tick owner_safe_tick"))
@@ -161,7 +163,13 @@ class World(NamedTuple):
 
 
 def empty_world(
-    worlds: int, karts: int, boxes: int, items: Records, sensors: Records, sight: Sight, atlas: Atlas
+    worlds: int,
+    karts: int,
+    boxes: int,
+    items: Records,
+    sensors: Records,
+    sight: Sight,
+    atlas: Atlas,
 ) -> World:
     """Return a world in which nothing is placed yet."""
     return World(

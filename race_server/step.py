@@ -6,13 +6,12 @@ replay all call it. It is one compiled call for any number of worlds and ticks.
 
 from race_server.clock import SUBSTEPS
 from race_server.kernels.jit import kernel
-from race_server.messages import Flag
 from race_server.rules import codes
 from race_server.stages.bodies import move_karts, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, take_controls, use_items
 from race_server.stages.game import play
 from race_server.stages.progress import follow_course
-from race_server.stages.report import report
+from race_server.stages.report import report, retire
 from race_server.stages.sight import look
 from race_server.stages.standings import close_race, rank
 from race_server.stages.stewards import watch
@@ -55,11 +54,19 @@ def step(world: World, w: int) -> None:
     look(world, w)
 
 
-def show_flag(world: World, index: int, flag: Flag) -> None:
+@kernel
+def show_flag(world: World, w: int, flag: int) -> None:
     """Show a flag to all karts of one world. After red they stand for three more seconds."""
-    race = world.races[index]
-    if race.flag == codes.RED and flag != Flag.RED:
+    race = world.races[w]
+    if race.flag == flag:
+        return
+    if race.flag == codes.RED:
         race.hold_until = race.tick + RESTART_TICKS
-    if race.flag != flag:
-        race.flag = int(flag)
-        report(world, index, codes.EVENT_FLAG, -1, int(flag), 0)
+    race.flag = flag
+    report(world, w, codes.EVENT_FLAG, -1, flag, 0)
+
+
+@kernel
+def withdraw(world: World, w: int, kart: int) -> None:
+    """Take a kart out of its race because nobody drives it any more."""
+    retire(world, w, kart, codes.WITHDREW)

@@ -23,7 +23,16 @@ Function = TypeVar("Function", bound=Callable[..., object])
 INTERPRET = os.environ.get("RACE_SERVER_INTERPRET", "") == "1"
 
 # Everything below `step.py`: the only code that a kernel can call or take constants from.
-_SOURCES = ("state.py", "params.py", "clock.py", "step.py", "kernels", "rules", "stages", "messages.py")
+_SOURCES = (
+    "state.py",
+    "params.py",
+    "clock.py",
+    "step.py",
+    "kernels",
+    "rules",
+    "stages",
+    "messages.py",
+)
 _KEPT_CACHES = 4
 
 
@@ -90,6 +99,11 @@ def kernel(function: Function) -> Function:
 
     numba.config.CACHE_DIR = str(kernel_cache())
     compiled = numba.njit(
-        cache=True, nogil=True, error_model="numpy", boundscheck=_bounds_checked(), forceinline=True, _nrt=False
+        cache=True,
+        nogil=True,
+        error_model="numpy",
+        boundscheck=_bounds_checked(),
+        forceinline=True,
+        _nrt=False,
     )(function)
     return cast("Function", compiled)

@@ -34,9 +34,7 @@ def tyre_stiffness(slip: float, stiffness: float, limit: float) -> float:
 
 
 @kernel
-def motor_force(
-    vehicle: Record, speed: float, throttle: float, cap: float, thrust: float
-) -> float:
+def motor_force(vehicle: Record, speed: float, throttle: float, cap: float, thrust: float) -> float:
     """Return the force [N] of the motor at the wheels, negative in reverse.
 
     throttle: [-1, 1]; cap: speed allowed by flags and effects [m/s], which may lie above the top
@@ -51,7 +49,9 @@ def motor_force(
 
 
 @kernel
-def resistance(vehicle: Record, speed: float, brake: float, cap: float, roll: float, dt: float) -> float:
+def resistance(
+    vehicle: Record, speed: float, brake: float, cap: float, roll: float, dt: float
+) -> float:
     """Return the force [N] of brakes, cap and rolling against the motion, for both axles.
 
     It never does more than stop the kart within `dt`. roll: rolling resistance of the surface,

@@ -7,19 +7,18 @@ import numpy as np
 
 from race_server.clock import ticks_of
 from race_server.errors import ScenarioError
-from race_server.kernels.course import nearest_sample_anywhere, progress_of
-from race_server.kernels.geometry import wrap_angle
 from race_server.params import TT02, Vehicle, vehicle_record
 from race_server.rules import codes
 from race_server.rules.items import item_table
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
-from race_server.stages.sight import look
-from race_server.stages.standings import rank
+from race_server.stages.grid import line_up
 from race_server.state import RADAR_RAYS, Record, Sight, World, empty_world
 from race_server.track.atlas import pack
 from race_server.track.course import Course
 
 MOST_KARTS = 64
+# In place of the sensors of a kart: nobody drives it.
+ABSENT = -1
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def make_world(scenario: Scenario, seeds: Sequence[int] = ()) -> World:
         world.vehicles[:, k] = vehicle_record(scenario.vehicle_of(k))
     for w, seed in enumerate(seeds):
         _set_rules(world.rules[w], scenario)
-        start(world, w, scenario, seed)
+        line_up_race(world, w, scenario, seed)
     return world
 
 
@@ -142,7 +141,7 @@ def _set_rules(record: Record, scenario: Scenario) -> None:
     record.rescue_us = round(rules.rescue_penalty_s * 1e6)
 
 
-def start(world: World, w: int, scenario: Scenario, seed: int) -> None:
+def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
     """Put one world back to the start of its race, under a seed."""
     race = world.races[w]
     world.races[w] = np.zeros((), world.races.dtype)
@@ -153,39 +152,21 @@ def start(world: World, w: int, scenario: Scenario, seed: int) -> None:
     world.boxes[w] = np.zeros((), world.boxes.dtype)
     world.boxes["x"][w] = scenario.course.spots[:, 0]
     world.boxes["y"][w] = scenario.course.spots[:, 1]
+    for seen in (world.sight.lidar, world.sight.radar, world.sight.radar_kinds):
+        seen[w] = 0
     for k in range(scenario.karts):
         place = scenario.grid_order[k] if scenario.grid_order else k
         fitted = scenario.fitted[k % len(scenario.fitted)]
         _put_on_grid(world, w, k, place, fitted)
-    rank(world, w)
-    for _ in range(2):  # the scan now and the scan before are the same at the start
-        look(world, w)
+    line_up(world, w)
 
 
 def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
     world.karts[w, k] = np.zeros((), world.karts.dtype)
     kart = world.karts[w, k]
+    if fitted == ABSENT:
+        return
+    kart.status = codes.RACING
     kart.grid_place = place
     kart.sensors = fitted
     kart.x, kart.y, kart.heading = world.atlas.grid[place]
-    put_at(world, w, k)
-
-
-def put_at(world: World, w: int, k: int) -> None:
-    """Make a kart race from the pose it has: find its place on the course."""
-    kart = world.karts[w, k]
-    atlas = world.atlas
-    course = atlas.courses[world.rules[w].course]
-    kart.status = codes.RACING
-    kart.start_x, kart.start_y = kart.x, kart.y
-    kart.line_index = nearest_sample_anywhere(atlas, course, kart.x, kart.y)
-    kart.progress, kart.lateral_offset = progress_of(
-        atlas, course, kart.x, kart.y, kart.line_index
-    )
-    line = atlas.line[course.line_start + kart.line_index]
-    kart.heading_error = wrap_angle(kart.heading - line.heading)
-    kart.distance = kart.progress - course.length
-    gates = atlas.gates["progress"][course.gate_start : course.gate_start + course.gate_count]
-    kart.zone = int(np.searchsorted(gates, kart.progress, side="right")) - 1
-    kart.speed_cap = world.vehicles[w, k].top_speed
-    kart.thrust_scale = kart.grip_scale = 1.0

@@ -145,9 +145,7 @@ def _meet_wall(
 
 
 @kernel
-def _velocity_at(
-    kart: Record, cos: float, sin: float, px: float, py: float
-) -> tuple[float, float]:
+def _velocity_at(kart: Record, cos: float, sin: float, px: float, py: float) -> tuple[float, float]:
     """Return the velocity [m/s] in the world of the body's point (px, py) from its centre."""
     vx = kart.speed * cos - kart.lateral_speed * sin - kart.yaw_rate * py
     vy = kart.speed * sin + kart.lateral_speed * cos + kart.yaw_rate * px

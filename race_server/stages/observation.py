@@ -24,15 +24,22 @@ def observe(world: World, w: int, k: int, parts: Ints, out: Float32s) -> None:
     """Fill `out` with the parts of the given numbers, one behind the other."""
     place = 0
     for index in range(len(parts)):
+        if parts[index] < 0:
+            return
         place = _fill(world, w, k, parts[index], out, place)
 
 
 @kernel
-def observe_all(world: World, parts: Ints, out: Float32s) -> None:
-    """Fill `out`, shape (W, K, size), for every kart of every world."""
+def observe_karts(world: World, parts: Ints, presets: Ints, out: Float32s) -> None:
+    """Fill `out`, shape (W, K, size), for every kart of every world in one call.
+
+    parts: (P, n) part numbers of each preset, filled up with -1; presets: (K,) the row of
+    `parts` that each kart gets, -1 for none.
+    """
     for w in range(world.karts.shape[0]):
         for k in range(world.karts.shape[1]):
-            observe(world, w, k, parts, out[w, k])
+            if presets[k] >= 0:
+                observe(world, w, k, parts[presets[k]], out[w, k])
 
 
 @kernel
@@ -208,5 +215,3 @@ def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place:
         else:
             dx, dy = world.hazards[w, following].x - kart.x, world.hazards[w, following].y - kart.y
         out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin
-
-

@@ -38,21 +38,26 @@ def follow_course(world: World, w: int) -> None:
 
 @kernel
 def _cross_gates(world: World, w: int, k: int, course: Record, gained: float) -> None:
-    """Count every gate between the kart's last zone and the one it is in now."""
+    """Find the zone that the kart is in now and count the gate it crossed on the way.
+
+    No kart drives past two gates in one tick: whoever does has jumped, and the gates in between
+    do not count.
+    """
     kart = world.karts[w, k]
     gates = course.gate_count
-    zone = kart.zone
+    crossed = False
     for _ in range(gates):
-        following = zone + 1 if zone + 1 < gates else 0
-        past = _past(world, course, kart.progress, following)
-        if gained >= 0.0 and 0.0 <= past <= gained:
-            zone = following
-            _cross(world, w, k, course, zone, past, gained)
-        elif gained < 0.0 and gained <= _past(world, course, kart.progress, zone) < 0.0:
-            zone = zone - 1 if zone > 0 else gates - 1
+        following = kart.zone + 1 if kart.zone + 1 < gates else 0
+        if gained >= 0.0 and 0.0 <= _past(world, course, kart.progress, following) <= gained:
+            kart.zone = following
+            crossed = True
+        elif gained < 0.0 and gained <= _past(world, course, kart.progress, kart.zone) < 0.0:
+            kart.zone = kart.zone - 1 if kart.zone > 0 else gates - 1
         else:
             break
-    kart.zone = zone
+    if crossed:
+        past = _past(world, course, kart.progress, kart.zone)
+        _cross(world, w, k, course, kart.zone, past, gained)
 
 
 @kernel

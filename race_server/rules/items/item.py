@@ -59,6 +59,13 @@ def item_records(items: Sequence[Item]) -> Records:
         record.immunity_ticks = ticks_of(item.immunity_s)
         record.life_ticks = ticks_of(item.life_s)
         record.owner_grace_ticks = ticks_of(item.owner_grace_s)
-        for name in ("leader_weight", "last_weight", "speed_scale", "thrust_scale", "grip_scale", "radius"):
+        for name in (
+            "leader_weight",
+            "last_weight",
+            "speed_scale",
+            "thrust_scale",
+            "grip_scale",
+            "radius",
+        ):
             setattr(record, name, getattr(item, name))
     return records

@@ -1,0 +1,1 @@
+"""Drivers. Each is found by its name through the entry points `race_server.drivers`."""

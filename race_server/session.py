@@ -1,0 +1,337 @@
+"""The life of a race session: lobby, countdown, race, finish. No network, no clock, no files.
+
+Who drives what is decided here; what happens on the track is decided by the world. The server
+feeds joins, controls and ticks in, and takes events, observations and standings out.
+"""
+
+import secrets
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from race_server.clock import ticks_of
+from race_server.errors import SeatError, WireError
+from race_server.messages import Control, Event, EventKind, Flag, Phase, Standing, Status
+from race_server.observe import PRESETS, Layout, layout_of
+from race_server.rules import codes
+from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
+from race_server.stages.observation import observe_karts
+from race_server.state import Float32s, Floats, World, digest
+from race_server.step import advance, show_flag, withdraw
+
+# Without a fresh control the last one counts for so long, then the kart brakes.
+GRACE_TICKS = ticks_of(0.25)
+# A driver that is away for so long has withdrawn.
+AWAY_TICKS = ticks_of(10.0)
+# Late joiners are told of so many events.
+RECENT_EVENTS = 256
+
+STOP = Control(brake=1.0)
+
+
+@dataclass
+class Seat:
+    """One place in the race and who holds it."""
+
+    number: int
+    driver: str = ""
+    preset: str = ""
+    secret: int = 0
+    is_taken: bool = False
+    is_ready: bool = False
+    is_present: bool = False
+    control: Control = STOP
+    control_tick: int = -1  # tick at which the control arrived
+    answered_tick: int = -1  # tick of the observation that it answers
+    sequence: int = 0  # of the newest control taken
+    away_since: int = -1
+
+
+@dataclass
+class Session:
+    """One race session on one scenario; it may be run again and again, an epoch each time."""
+
+    name: str
+    scenario: Scenario
+    decision_ticks: int = 3
+    phase: Phase = Phase.LOBBY
+    epoch: int = 0
+    seats: list[Seat] = field(default_factory=list)
+    world: World = field(init=False)
+    recent: deque[Event] = field(default_factory=lambda: deque(maxlen=RECENT_EVENTS))
+    laps_us: dict[int, list[int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Build the world once; each start puts it back."""
+        self.seats = [Seat(number) for number in range(self.scenario.karts)]
+        self.world = make_world(self.scenario)
+        self._controls: Floats = np.zeros((1, self.scenario.karts, 4))
+        names = list(PRESETS)
+        self._layouts: list[Layout] = [layout_of(name, self.scenario.lidar.rays) for name in names]
+        longest = max(len(layout.numbers) for layout in self._layouts)
+        self._parts = np.full((len(names), longest), -1, np.int64)
+        for row, layout in zip(self._parts, self._layouts, strict=True):
+            row[: len(layout.numbers)] = layout.numbers
+        self._presets = np.full(self.scenario.karts, -1, np.int64)
+        size = max(layout.size for layout in self._layouts)
+        self._views: Float32s = np.zeros((1, self.scenario.karts, size), np.float32)
+
+    # Seats
+
+    def join(self, driver: str, preset: str, *, wanted: int = -1, secret: int = 0) -> Seat:
+        """Give a driver a seat, or its own seat back if it knows the secret.
+
+        Raises:
+            SeatError: no seat is free, the wanted one is taken, or the race has begun.
+        """
+        if preset not in PRESETS:
+            known = ", ".join(PRESETS)
+            raise SeatError(f"observation {preset!r} is unknown; choose one of {known}")
+        if secret:
+            return self._take_back(wanted, secret)
+        if self.phase is not Phase.LOBBY:
+            raise SeatError("the race has begun; join again in the next lobby")
+        seat = self._free_seat(wanted)
+        seat.driver, seat.preset = driver, preset
+        seat.secret = secrets.randbits(63) | 1
+        seat.is_taken, seat.is_ready, seat.is_present = True, False, True
+        return seat
+
+    def _free_seat(self, wanted: int) -> Seat:
+        if wanted >= len(self.seats):
+            raise SeatError(f"seat {wanted} does not exist; seats are 0 to {len(self.seats) - 1}")
+        if wanted >= 0 and self.seats[wanted].is_taken:
+            raise SeatError(f"seat {wanted} is taken by {self.seats[wanted].driver}")
+        free = [seat for seat in self.seats if not seat.is_taken]
+        if not free:
+            raise SeatError(f"all {len(self.seats)} seats are taken")
+        return self.seats[wanted] if wanted >= 0 else free[0]
+
+    def _take_back(self, number: int, secret: int) -> Seat:
+        for seat in self.seats:
+            if seat.is_taken and seat.secret == secret and number in {-1, seat.number}:
+                self.come_back(seat.number)
+                return seat
+        raise SeatError(f"seat {number} is not yours: the secret does not fit any more")
+
+    def seat(self, number: int) -> Seat:
+        """Return a taken seat.
+
+        Raises:
+            SeatError: nobody sits there.
+        """
+        if not 0 <= number < len(self.seats) or not self.seats[number].is_taken:
+            raise SeatError(f"seat {number} is not taken")
+        return self.seats[number]
+
+    def leave(self, number: int) -> None:
+        """Free a seat in the lobby; in a race its kart stops and is out."""
+        seat = self.seat(number)
+        if self.phase in {Phase.COUNTDOWN, Phase.RUNNING}:
+            withdraw(self.world, 0, number)
+            seat.is_present = False
+            seat.control = STOP
+        else:
+            self.seats[number] = Seat(number)
+
+    def drop(self, number: int) -> None:
+        """Take note that a driver's link is gone: its kart is brought to a safe stop."""
+        seat = self.seats[number]
+        if not seat.is_taken:
+            return
+        if self.phase is Phase.LOBBY:
+            self.seats[number] = Seat(number)
+        elif seat.is_present:
+            seat.is_present = False
+            seat.away_since = self.tick
+            seat.control = STOP
+
+    def come_back(self, number: int) -> None:
+        """Take note that a driver is there again."""
+        seat = self.seat(number)
+        seat.is_present = True
+        seat.away_since = -1
+
+    # The race
+
+    @property
+    def tick(self) -> int:
+        """The tick that comes next."""
+        return int(self.world.races[0].tick)
+
+    def can_start(self) -> bool:
+        """Return whether somebody sits in the lobby and everybody there is ready."""
+        taken = [seat for seat in self.seats if seat.is_taken]
+        return self.phase is Phase.LOBBY and bool(taken) and all(s.is_ready for s in taken)
+
+    def start(self) -> None:
+        """Put the karts on the grid and begin the countdown of a new epoch."""
+        self.epoch += 1
+        self.recent.clear()
+        self.laps_us = {seat.number: [] for seat in self.seats}
+        fitted = tuple(_sensors_for(seat) for seat in self.seats)
+        line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
+        names = list(PRESETS)
+        for seat in self.seats:
+            seat.control, seat.control_tick, seat.answered_tick = STOP, -1, -1
+            seat.sequence, seat.away_since = 0, -1
+            self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else -1
+        self._turn(Phase.COUNTDOWN)
+
+    def reopen(self) -> None:
+        """Go back to the lobby after a race."""
+        for seat in self.seats:
+            seat.is_ready = False
+        self._turn(Phase.LOBBY)
+
+    def take_control(
+        self, number: int, epoch: int, sequence: int, tick: int, control: Control
+    ) -> None:
+        """Take the newest control of a seat.
+
+        Raises:
+            WireError: it belongs to another epoch, is a replay, or answers the future.
+        """
+        seat = self.seats[number]
+        if not seat.is_taken or epoch != self.epoch:
+            raise WireError(f"control for epoch {epoch}, this is epoch {self.epoch}")
+        if sequence <= seat.sequence:
+            raise WireError(f"control {sequence} again, already at {seat.sequence}")
+        if tick > self.tick:
+            raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
+        seat.sequence, seat.answered_tick = sequence, tick
+        seat.control, seat.control_tick = control, self.tick
+
+    def waits_for(self) -> list[int]:
+        """Return the racing seats that have not yet answered the observation of this tick."""
+        statuses = self.world.karts["status"][0]
+        return [
+            seat.number
+            for seat in self.seats
+            if seat.is_present
+            and seat.is_taken
+            and statuses[seat.number] == codes.RACING
+            and seat.answered_tick < self.tick
+        ]
+
+    def advance(self, ticks: int = 1) -> list[Event]:
+        """Move the race on and return what happened.
+
+        The same control acts for all `ticks`; a kart whose driver has been silent for longer
+        than the grace brakes.
+        """
+        now = self.tick
+        for seat in self.seats:
+            if seat.is_taken:
+                self._load_control(seat, now)
+        advance(self.world, self._controls, ticks)
+        events = self.take_events()
+        if self.phase is Phase.COUNTDOWN and self.tick > self.world.races[0].start_tick:
+            events.append(self._turn(Phase.RUNNING))
+        if self.phase is Phase.RUNNING and self.world.races[0].over:
+            events.append(self._turn(Phase.FINISHED))
+        return events
+
+    def _load_control(self, seat: Seat, now: int) -> None:
+        if 0 <= seat.away_since <= now - AWAY_TICKS:
+            withdraw(self.world, 0, seat.number)
+            seat.away_since = -1
+        stale = now - seat.control_tick > GRACE_TICKS + self.decision_ticks
+        control = STOP if stale else seat.control
+        self._controls[0, seat.number] = (
+            control.steering,
+            control.throttle,
+            control.brake,
+            int(control.buttons),
+        )
+
+    def show_flag(self, flag: Flag) -> None:
+        """Show a flag to all karts."""
+        show_flag(self.world, 0, int(flag))
+
+    def take_events(self) -> list[Event]:
+        """Return the events since the last call and remember them for late comers."""
+        count = int(self.world.event_counts[0])
+        events = [
+            Event(
+                int(row.sequence),
+                int(row.tick),
+                EventKind(row.kind),
+                int(row.kart),
+                int(row.other),
+                int(row.value),
+            )
+            for row in self.world.events[0][:count]
+        ]
+        self.world.event_counts[0] = 0
+        for event in events:
+            if event.kind is EventKind.LAP:
+                self.laps_us[event.kart].append(event.value)
+        self.recent.extend(events)
+        return events
+
+    def _turn(self, phase: Phase) -> Event:
+        self.phase = phase
+        race = self.world.races[0]
+        race.sequence += 1
+        event = Event(int(race.sequence), int(race.tick), EventKind.PHASE, -1, int(phase), 0)
+        self.recent.append(event)
+        return event
+
+    # What others are told
+
+    def look(self) -> None:
+        """Work out what every seat sees now; read it with `view`."""
+        observe_karts(self.world, self._parts, self._presets, self._views)
+
+    def view(self, number: int) -> Float32s:
+        """Return the observation vector of a seat as of the last `look`."""
+        layout = self._layouts[int(self._presets[number])]
+        return self._views[0, number, : layout.size]
+
+    def layout(self, preset: str) -> Layout:
+        """Return the layout of a preset in this session."""
+        return layout_of(preset, self.scenario.lidar.rays)
+
+    def digest(self) -> str:
+        """Return the digest of the world."""
+        return digest(self.world)
+
+    def standings(self) -> list[Standing]:
+        """Return one row for each taken seat, best place first."""
+        rows = [self._standing(seat) for seat in self.seats if seat.is_taken]
+        return sorted(rows, key=lambda row: row.rank)
+
+    def _standing(self, seat: Seat) -> Standing:
+        karts = self.world.karts[0]
+        kart = karts[seat.number]
+        leader = karts[int(np.argmin(np.where(karts["rank"] > 0, karts["rank"], 999)))]
+        race_us = int(kart.finish_us + kart.penalty_us) if kart.status == codes.FINISHED else 0
+        gap_us = 0
+        if race_us and leader.status == codes.FINISHED:
+            gap_us = race_us - int(leader.finish_us + leader.penalty_us)
+        return Standing(
+            seat=seat.number,
+            driver=seat.driver,
+            rank=int(kart["rank"]),
+            laps=int(kart.laps),
+            status=Status(int(kart.status)),
+            last_lap_us=int(kart.last_lap_us),
+            best_lap_us=int(kart.best_lap_us),
+            race_time_us=race_us,
+            gap_us=gap_us,
+            penalties=int(kart.penalties),
+            penalty_us=int(kart.penalty_us),
+            items_used=int(kart.items_used),
+            lap_times_us=tuple(self.laps_us.get(seat.number, ())),
+        )
+
+
+def _sensors_for(seat: Seat) -> int:
+    """Return the sensors that a seat's observation needs."""
+    if not seat.is_taken:
+        return ABSENT
+    parts = PRESETS[seat.preset]
+    sensors = codes.LIDAR if "lidar" in parts else 0
+    return sensors | (codes.RADAR if "radar" in parts else 0)

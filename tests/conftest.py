@@ -1,0 +1,22 @@
+"""What all tests share: the kernels are compiled once, and small worlds are quick to make."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from courses import ring
+
+from race_server.scenario.base import Scenario, make_world
+from race_server.step import advance
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled() -> None:
+    """Compile (or load) the tick before the first test is timed."""
+    import numpy as np
+
+    world = make_world(Scenario(ring(), karts=2))
+    advance(world, np.zeros((1, 2, 4)), 1)

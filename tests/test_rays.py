@@ -1,0 +1,91 @@
+"""Rays through the grid against a plain search over all walls, and boxes in the way."""
+
+import math
+
+import numpy as np
+import pytest
+from courses import ring
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from race_server.kernels.geometry import ray_to_box, ray_to_segment, wrap_angle
+from race_server.kernels.rays import cast_ray
+from race_server.kernels.rng import bits, normal_of, uniform
+from race_server.kernels.sensors import rays_towards
+from race_server.track.atlas import pack
+
+COURSE = ring(radius=6.0, half_width=0.7)
+ATLAS = pack([ring(), COURSE])  # the second of two: its walls do not begin at 0
+HEADER = ATLAS.courses[1]
+
+
+def slow_range(x: float, y: float, angle: float, reach: float) -> float:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return min(reach, *(ray_to_segment(x, y, cos, sin, *wall) for wall in COURSE.borders))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(-math.pi, math.pi), st.floats(-0.69, 0.69), st.floats(-math.pi, math.pi))
+def test_a_ray_through_the_grid_finds_what_a_search_over_all_walls_finds(
+    around: float, offset: float, angle: float
+) -> None:
+    x, y = (6.0 + offset) * math.cos(around), (6.0 + offset) * math.sin(around)
+    found, _ = cast_ray(ATLAS, HEADER, x, y, math.cos(angle), math.sin(angle), 8.0)
+    assert found == pytest.approx(slow_range(x, y, angle, 8.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, math.pi, -math.pi / 2])
+def test_a_ray_along_an_axis_of_the_grid_is_exact(angle: float) -> None:
+    found, _ = cast_ray(
+        ATLAS, HEADER, 6.0, 0.0, round(math.cos(angle)), round(math.sin(angle)), 8.0
+    )
+    assert found == pytest.approx(slow_range(6.0, 0.0, angle, 8.0), abs=1e-6)
+
+
+def test_a_ray_that_meets_nothing_returns_its_reach() -> None:
+    assert cast_ray(ATLAS, HEADER, 6.0, 0.0, 0.0, 1.0, 0.5) == (0.5, -1)
+
+
+def test_a_box_three_metres_ahead_is_hit_at_its_front() -> None:
+    assert ray_to_box(-3.0, 0.0, 1.0, 0.0, 0.5, 0.2) == 2.5
+
+
+def test_a_ray_past_a_box_misses_it() -> None:
+    assert ray_to_box(-3.0, 0.3, 1.0, 0.0, 0.5, 0.2) == math.inf
+
+
+def test_a_box_behind_is_not_hit() -> None:
+    assert ray_to_box(3.0, 0.0, 1.0, 0.0, 0.5, 0.2) == math.inf
+
+
+def test_only_rays_that_can_touch_a_circle_are_looked_at() -> None:
+    # Nine rays 15° apart; a circle of 1 m straight ahead at 4 m spans ±14.5°.
+    field = math.radians(120.0)
+    assert rays_towards(4.0, 0.0, 1.0, 9, field, 0.0) == (4, 4)
+
+
+def test_a_circle_behind_the_field_of_view_concerns_no_ray() -> None:
+    first, last = rays_towards(-4.0, 0.5, 1.0, 9, math.radians(120.0), 0.0)
+    assert first > last
+
+
+@given(st.floats(-100.0, 100.0))
+def test_a_wrapped_angle_is_the_same_direction_within_one_turn(angle: float) -> None:
+    wrapped = wrap_angle(angle)
+    assert -math.pi <= wrapped < math.pi + 1e-12
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+
+
+def test_chance_is_uniform_and_the_same_for_the_same_counters() -> None:
+    numbers = np.array([uniform(7, 1, tick, 3) for tick in range(4000)])
+    assert numbers.mean() == pytest.approx(0.5, abs=0.02)
+    assert numbers.min() >= 0.0
+    assert numbers.max() < 1.0
+    assert uniform(7, 1, 5, 3) == numbers[5]
+    assert uniform(8, 1, 5, 3) != numbers[5]
+
+
+def test_noise_has_mean_zero_and_deviation_one() -> None:
+    numbers = np.array([normal_of(np.uint64(bits(7, 2, tick, 0))) for tick in range(4000)])
+    assert numbers.mean() == pytest.approx(0.0, abs=0.05)
+    assert numbers.std() == pytest.approx(1.0, abs=0.05)
