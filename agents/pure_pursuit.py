@@ -76,7 +76,7 @@ class PurePursuit:
         ]
         if not things:
             return 0.0
-        x, y, _ = min(things)
+        _, y, _ = min(things)
         # Pass on the side that leaves more room between the other and the edge.
         other = here + y
         free_left, free_right = left - other, right + other

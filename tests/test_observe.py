@@ -1,5 +1,7 @@
 """What drivers see: the table of parts and the kernel that fills them agree."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from courses import ring
@@ -29,7 +31,7 @@ def test_a_layout_is_gapless(preset: str) -> None:
     layout = layout_of(preset, 201)
     places = list(layout.slices.values())
     assert places[0].start == 0
-    assert all(a.stop == b.start for a, b in zip(places[:-1], places[1:], strict=True))
+    assert all(a.stop == b.start for a, b in pairwise(places))
     assert places[-1].stop == layout.size
 
 

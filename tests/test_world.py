@@ -4,6 +4,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def wild_digest(count: int, index: int, *, threads: int = 1) -> str:
             controls = np.stack([wild(rng, (6,)) for rng in inputs])
             jobs = [
                 pool.submit(advance, part_of(world, a, b), controls[a:b], 3)
-                for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+                for a, b in pairwise(cuts)
             ]
             for job in jobs:
                 job.result()

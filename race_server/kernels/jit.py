@@ -95,7 +95,7 @@ def kernel(function: Function) -> Function:
     """
     if INTERPRET:
         return function
-    import numba  # noqa: PLC0415  driver processes never pay for this import
+    import numba
 
     numba.config.CACHE_DIR = str(kernel_cache())
     compiled = numba.njit(

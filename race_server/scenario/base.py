@@ -55,8 +55,8 @@ class Scenario:
     karts: int = 8
     vehicles: tuple[Vehicle, ...] = (TT02,)  # one for all, or one for each kart
     rules: Rules = Rules()
-    lidar: Lidar = Lidar()
-    radar: Radar = Radar()
+    lidar: Lidar = field(default_factory=Lidar)
+    radar: Radar = field(default_factory=Radar)
     fitted: tuple[int, ...] = (codes.LIDAR | codes.RADAR,)  # sensors; one for all, or one each
     seed: int = 0
     grid_order: tuple[int, ...] = field(default=())  # grid place of each kart; empty: in order

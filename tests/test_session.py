@@ -1,0 +1,183 @@
+"""The life of a race session, without a network."""
+
+import pytest
+from courses import ring
+
+from race_server.errors import ScenarioError, SeatError, WireError
+from race_server.messages import Control, EventKind, Phase, Status
+from race_server.scenario.base import Rules, Scenario
+from race_server.session import AWAY_TICKS, Session
+
+COURSE = ring(radius=6.0, half_width=0.7)
+
+
+def lobby(karts: int = 2, laps: int = 1) -> Session:
+    return Session("test", Scenario(COURSE, karts=karts, rules=Rules(laps=laps, countdown_s=0.5)))
+
+
+def racing(karts: int = 2) -> Session:
+    session = lobby(karts)
+    for number in range(karts):
+        session.join(f"driver {number}", "track")
+        session.seats[number].is_ready = True
+    session.start()
+    session.advance(60)
+    assert session.phase is Phase.RUNNING
+    return session
+
+
+def test_drivers_get_the_free_seats_in_order() -> None:
+    session = lobby()
+    assert [session.join("a", "lidar").number, session.join("b", "track").number] == [0, 1]
+
+
+def test_a_full_lobby_says_so() -> None:
+    session = lobby(karts=1)
+    session.join("a", "lidar")
+    with pytest.raises(SeatError, match="all 1 seats are taken"):
+        session.join("b", "lidar")
+
+
+def test_a_wanted_seat_that_is_taken_is_named_with_its_driver() -> None:
+    session = lobby()
+    session.join("a", "lidar", wanted=1)
+    with pytest.raises(SeatError, match="seat 1 is taken by a"):
+        session.join("b", "lidar", wanted=1)
+
+
+def test_a_seat_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(SeatError, match="seat 7 does not exist; seats are 0 to 1"):
+        lobby().join("a", "lidar", wanted=7)
+
+
+def test_an_unknown_observation_is_refused() -> None:
+    with pytest.raises(SeatError, match="'sonar' is unknown"):
+        lobby().join("a", "sonar")
+
+
+def test_the_race_starts_when_all_who_sit_there_are_ready() -> None:
+    session = lobby()
+    assert not session.can_start()
+    session.join("a", "lidar")
+    assert not session.can_start()
+    session.seats[0].is_ready = True
+    assert session.can_start()
+
+
+def test_an_empty_seat_has_no_kart() -> None:
+    session = lobby()
+    session.join("a", "lidar")
+    session.start()
+    assert list(session.world.karts["status"][0]) == [Status.RACING, Status.ABSENT]
+
+
+def test_countdown_turns_into_the_race_and_the_race_into_results() -> None:
+    session = lobby(karts=1)
+    session.join("a", "track")
+    session.start()
+    assert session.phase is Phase.COUNTDOWN
+    session.advance(31)
+    assert session.phase is Phase.RUNNING
+    session.leave(0)
+    session.advance(1)
+    assert session.phase is Phase.FINISHED
+
+
+def test_nobody_joins_a_race_that_has_begun() -> None:
+    session = racing()
+    with pytest.raises(SeatError, match="the race has begun"):
+        session.join("late", "track")
+
+
+def test_a_driver_that_was_away_gets_its_seat_back_with_its_secret() -> None:
+    session = racing()
+    secret = session.seats[1].secret
+    session.drop(1)
+    assert not session.seats[1].is_present
+    assert session.join("driver 1", "track", wanted=1, secret=secret).number == 1
+    assert session.seats[1].is_present
+
+
+def test_nobody_takes_a_seat_with_a_wrong_secret() -> None:
+    session = racing()
+    with pytest.raises(SeatError, match="is not yours"):
+        session.join("thief", "track", wanted=1, secret=12345)
+
+
+def test_a_driver_that_stays_away_has_withdrawn() -> None:
+    session = racing()
+    session.drop(1)
+    session.advance(AWAY_TICKS + 60)
+    session.advance(1)
+    assert session.world.karts["status"][0, 1] == Status.RETIRED
+
+
+def test_the_kart_of_a_driver_that_drops_stops() -> None:
+    session = racing()
+    session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
+    session.advance(15)
+    assert session.world.karts["speed"][0, 0] > 0.2
+    session.drop(0)
+    session.advance(60)
+    assert session.world.karts["speed"][0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_silent_driver_coasts_for_a_grace_and_then_brakes() -> None:
+    session = racing()
+    session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
+    for _ in range(60):
+        session.advance(1)
+    assert session.world.karts["brake"][0, 0] == 1.0
+
+
+def test_a_control_of_another_epoch_is_refused() -> None:
+    session = racing()
+    with pytest.raises(WireError, match="epoch 9, this is epoch 1"):
+        session.take_control(0, 9, 1, 0, Control())
+
+
+def test_a_replayed_control_is_refused() -> None:
+    session = racing()
+    session.take_control(0, 1, 5, 0, Control())
+    with pytest.raises(WireError, match="control 5 again"):
+        session.take_control(0, 1, 5, 0, Control())
+
+
+def test_a_control_cannot_answer_the_future() -> None:
+    session = racing()
+    with pytest.raises(WireError, match="answers tick 9999"):
+        session.take_control(0, 1, 1, 9999, Control())
+
+
+def test_lockstep_waits_for_who_races_and_is_there() -> None:
+    session = racing(karts=3)
+    session.take_control(0, 1, 1, session.tick, Control())
+    session.drop(1)
+    assert session.waits_for() == [2]
+
+
+def test_a_second_race_begins_like_the_first() -> None:
+    session = lobby()
+    session.join("a", "track")
+    session.start()
+    first = session.digest()
+    session.advance(90)
+    session.reopen()
+    session.start()
+    assert session.epoch == 2
+    assert session.digest() == first
+
+
+def test_late_comers_find_the_recent_events() -> None:
+    session = racing()
+    assert EventKind.GREEN in [event.kind for event in session.recent]
+
+
+def test_more_karts_than_places_on_the_grid_are_refused() -> None:
+    with pytest.raises(ScenarioError, match="its start grid has 10 places"):
+        lobby(karts=11)
+
+
+def test_an_unknown_contact_policy_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="'explode' is unknown; choose one of bump"):
+        Session("t", Scenario(COURSE, rules=Rules(wall_contact="explode")))
