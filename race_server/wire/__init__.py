@@ -1,0 +1,1 @@
+"""Bytes: the keys, the messages, and how they are written and read."""

@@ -1,0 +1,104 @@
+"""A reader of FlatBuffers that checks every step, since Python's has no verifier.
+
+Whatever the bytes are, the outcome is a value within bounds or a `WireError`, in a time bounded
+by the size of the message.
+"""
+
+import math
+import struct
+from dataclasses import dataclass
+
+from race_server.errors import WireError
+
+_U32 = struct.Struct("<I")
+_I32 = struct.Struct("<i")
+_U16 = struct.Struct("<H")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table inside a message. Slots count the schema's fields from 0."""
+
+    data: bytes
+    position: int
+    vtable: int
+    vtable_size: int
+    size: int  # of the table itself
+
+    def field(self, slot: int, size: int) -> int:
+        """Return where a field of `size` bytes lies, or 0 if it is not there."""
+        entry = 4 + 2 * slot
+        if entry + 2 > self.vtable_size:
+            return 0
+        offset = int(_U16.unpack_from(self.data, self.vtable + entry)[0])
+        if offset == 0:
+            return 0
+        if offset + size > self.size:
+            raise WireError(f"field {slot} lies outside its table")
+        return self.position + offset
+
+    def scalar(self, slot: int, layout: struct.Struct) -> int:
+        """Return an integer, 0 if it is not there."""
+        place = self.field(slot, layout.size)
+        return int(layout.unpack_from(self.data, place)[0]) if place else 0
+
+    def number(self, slot: int, layout: struct.Struct) -> float:
+        """Return a finite number, 0 if it is not there."""
+        place = self.field(slot, layout.size)
+        value = float(layout.unpack_from(self.data, place)[0]) if place else 0.0
+        if not math.isfinite(value):
+            raise WireError(f"field {slot} is {value}")
+        return value
+
+    def vector(self, slot: int, item_size: int, most: int) -> tuple[int, int]:
+        """Return first byte and count of a vector of at most `most` items.
+
+        Raises:
+            WireError: it is not there, longer, or leaves the message.
+        """
+        place = self.field(slot, 4)
+        if place == 0:
+            raise WireError(f"field {slot} is missing")
+        place += int(_U32.unpack_from(self.data, place)[0])
+        if place + 4 > len(self.data):
+            raise WireError(f"field {slot} leaves the message")
+        count = int(_U32.unpack_from(self.data, place)[0])
+        if count > most:
+            raise WireError(f"field {slot} has {count} items; {most} are the most")
+        if place + 4 + count * item_size > len(self.data):
+            raise WireError(f"field {slot} of {count} items leaves the message")
+        return place + 4, count
+
+    def text(self, slot: int, most: int) -> str:
+        """Return a string of at most `most` bytes."""
+        first, count = self.vector(slot, 1, most)
+        try:
+            return self.data[first : first + count].decode()
+        except UnicodeDecodeError as error:
+            raise WireError(f"field {slot} is no UTF-8 text") from error
+
+
+def root_of(data: bytes, identifier: bytes, most: int) -> Table:
+    """Return the root table of a message of at most `most` bytes.
+
+    Raises:
+        WireError: too long, too short, another kind of message, or damaged.
+    """
+    size = len(data)
+    if size > most:
+        raise WireError(f"message of {size} bytes; {most} are the most")
+    if size < 12:
+        raise WireError(f"message of {size} bytes is too short")
+    if data[4:8] != identifier:
+        raise WireError(f"message is {data[4:8]!r}, expected {identifier!r}")
+    position = int(_U32.unpack_from(data, 0)[0])
+    if position < 8 or position + 4 > size:
+        raise WireError("root leaves the message")
+    vtable = position - int(_I32.unpack_from(data, position)[0])
+    if vtable < 8 or vtable + 4 > size:
+        raise WireError("vtable leaves the message")
+    vtable_size = int(_U16.unpack_from(data, vtable)[0])
+    table_size = int(_U16.unpack_from(data, vtable + 2)[0])
+    if vtable_size < 4 or vtable + vtable_size > size or position + table_size > size:
+        raise WireError("table leaves the message")
+    return Table(data, position, vtable, vtable_size, table_size)
