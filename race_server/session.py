@@ -238,7 +238,9 @@ class Session:
             withdraw(self.world, 0, seat.number)
             seat.away_since = -1
         stale = now - seat.control_tick > GRACE_TICKS + self.decision_ticks
-        control = STOP if stale else seat.control
+        # Nobody waits for the answers of a kart that is through: they must not matter.
+        racing = self.world.karts["status"][0, seat.number] == codes.RACING
+        control = seat.control if racing and not stale else STOP
         self._controls[0, seat.number] = (
             control.steering,
             control.throttle,

@@ -1,0 +1,5 @@
+"""``python -m race_server`` is ``race``."""
+
+from race_server.cli import main
+
+main()

@@ -1,0 +1,34 @@
+"""`race`: the words a person types. Errors are one line on stderr and exit code 2."""
+
+import sys
+
+import typer
+
+from race_server.commands import bench, race, track
+from race_server.errors import RaceError
+
+app = typer.Typer(
+    name="race",
+    help="A race and game server for karts.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(race.start)
+app.command()(race.serve)
+app.command()(race.drive)
+app.command()(race.watch)
+app.add_typer(track.app, name="track")
+app.add_typer(bench.app, name="bench")
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        app()
+    except RaceError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,195 @@
+"""A driver's process: takes a seat, answers every observation, comes back if the link breaks."""
+
+import time
+from dataclasses import dataclass
+
+from race_server.driver import Briefing, Driver
+from race_server.errors import DriverError, LinkError, SeatError, WireError
+from race_server.messages import Control
+from race_server.observe import Observation, layout_of
+from race_server.transport import DEFAULT_ADDRESS, ClientLink, Mailbox
+from race_server.wire import topics
+from race_server.wire.drive import ControlFrame, decode_observation, encode_control
+from race_server.wire.lobby import (
+    Join,
+    SeatAct,
+    Welcome,
+    check_reply,
+    decode_welcome,
+    encode_join,
+    encode_seat_act,
+)
+
+# Without an observation for so long the server is asked whether it is still there.
+SILENCE_S = 3.0
+# For so long a driver tries to get its seat back after the link broke.
+RETRY_S = 30.0
+
+
+@dataclass
+class Seat:
+    """What a driver holds while it takes part."""
+
+    welcome: Welcome
+    mailbox: Mailbox
+    link: ClientLink
+
+    @property
+    def number(self) -> int:
+        """The seat's number."""
+        return self.welcome.briefing.seat
+
+    def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
+        """Tell the server that this seat is ready, or leaves."""
+        request = SeatAct(self.number, self.welcome.secret, ready)
+        check_reply(self.link.ask(topic, encode_seat_act(request)))
+
+
+def take_seat(link: ClientLink, name: str, preset: str, *, wanted: int, secret: int = 0) -> Seat:
+    """Return a seat in the session, or the one that `secret` belongs to.
+
+    Raises:
+        SeatError: the server refuses, with its reason.
+        LinkError: no answer.
+    """
+    request = encode_join(Join(name[:32], preset, wanted, secret))
+    welcome = decode_welcome(link.ask(topics.JOIN, request))
+    seat = Seat(welcome, Mailbox(), link)
+    link.listen(topics.OBSERVATION, seat.mailbox.put, seat.number)
+    link.announce(seat.number)
+    return seat
+
+
+def drive(
+    driver: Driver,
+    name: str,
+    *,
+    address: str = DEFAULT_ADDRESS,
+    session: str = "race",
+    wanted: int = -1,
+    timeout_s: float = 20.0,
+) -> Briefing:
+    """Drive one race to its end and return the briefing that the driver had.
+
+    Raises:
+        LinkError: no server, or it did not come back.
+        SeatError: no seat.
+        DriverError: the driver raised; its seat is left.
+    """
+    with ClientLink(address, session, timeout_s=timeout_s) as link:
+        seat = _first_seat(link, name, driver.preset, wanted, timeout_s)
+        _call(name, "reset", lambda: driver.reset(seat.welcome.briefing))
+        try:
+            seat.act(topics.READY)
+            _answer(driver, name, seat)
+        except DriverError:
+            seat.act(topics.LEAVE)
+            raise
+        return seat.welcome.briefing
+
+
+def _first_seat(
+    link: ClientLink, name: str, preset: str, wanted: int, timeout_s: float
+) -> Seat:
+    """Take a seat; a server that has only just begun to listen may need a moment to answer."""
+    deadline = time.monotonic() + timeout_s
+    while True:
+        try:
+            return take_seat(link, name, preset, wanted=wanted)
+        except LinkError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+
+
+def _answer(driver: Driver, name: str, seat: Seat) -> None:
+    """Answer observations until the race is over for this kart."""
+    welcome = seat.welcome
+    layout = layout_of(welcome.briefing.preset, welcome.lidar_rays)
+    send = seat.link.sender(seat.number)
+    sequence = 0
+    epoch = -1
+    last = time.monotonic()
+    while True:
+        data = seat.mailbox.take(SILENCE_S)
+        if data is None:
+            if time.monotonic() - last > RETRY_S:
+                raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
+            _come_back(seat, name)
+            continue
+        last = time.monotonic()
+        try:
+            frame = decode_observation(data)
+        except WireError:
+            continue  # the next one comes in 50 ms
+        if len(frame.values) != layout.size:
+            raise WireError(
+                f"observation of {len(frame.values)} numbers, expected {layout.size}: "
+                "server and client are of different versions"
+            )
+        if frame.epoch != epoch:
+            epoch, sequence = frame.epoch, frame.acknowledged
+        observation = Observation(frame.tick, layout, frame.values)
+        control = _call(name, "act", lambda seen=observation: driver.act(seen))  # type: ignore[misc]
+        sequence += 1
+        send(encode_control(ControlFrame(frame.epoch, sequence, frame.tick, _within(control))))
+        if observation.scalar("finished") > 0.0:
+            return
+
+
+def _come_back(seat: Seat, name: str) -> None:
+    """Ask for the seat again; a lobby that has not started yet simply has nothing to tell."""
+    request = Join(name[:32], seat.welcome.briefing.preset, seat.number, seat.welcome.secret)
+    try:
+        decode_welcome(seat.link.ask(topics.JOIN, encode_join(request)))
+    except LinkError:
+        return  # still away: zenoh goes on trying to connect
+
+
+def _within(control: Control) -> Control:
+    """Return a control within its limits, so that the server takes it."""
+    return Control(
+        min(max(float(control.steering), -1.0), 1.0),
+        min(max(float(control.throttle), -1.0), 1.0),
+        min(max(float(control.brake), 0.0), 1.0),
+        control.buttons,
+    )
+
+
+def _call(name: str, what: str, function: object) -> Control:
+    try:
+        return function()  # type: ignore[operator,no-any-return]
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise DriverError(f"driver {name!r} failed in {what}: {reason}") from error
+
+
+class KartClient:
+    """A driver of one's own: override `act`, then call `run`.
+
+    >>> class Careful(KartClient):
+    ...     preset = "lidar"
+    ...     def act(self, observation):
+    ...         return Control(throttle=0.2)
+    >>> Careful().run("tcp/127.0.0.1:7447")  # doctest: +SKIP
+    """
+
+    preset = "lidar"
+    briefing: Briefing
+
+    def reset(self, briefing: Briefing) -> None:
+        """Keep the briefing; override to prepare more."""
+        self.briefing = briefing
+
+    def act(self, observation: Observation) -> Control:
+        """Return what to do until the next observation."""
+        raise DriverError(f"{type(self).__name__} does not say how to act: override `act`")
+
+    def run(
+        self, address: str = DEFAULT_ADDRESS, *, session: str = "race", name: str = ""
+    ) -> None:
+        """Drive one race on the server at `address`."""
+        drive(self, name or type(self).__name__, address=address, session=session)
+
+
+__all__ = ["KartClient", "Seat", "SeatError", "drive", "take_seat"]

@@ -1,0 +1,56 @@
+"""`race bench`: what this machine reaches."""
+
+import json
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+app = typer.Typer(help="Measure the speed of this program.", no_args_is_help=True)
+
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+
+
+@app.command()
+def core(
+    track: Annotated[str, typer.Option(help="Course to measure on.")] = "covapsy-train-2023",
+    seconds: Annotated[float, typer.Option(help="CPU seconds for each figure.")] = 2.0,
+    as_json: AsJson = False,
+) -> None:
+    """How many karts one core simulates, with radar and lidar, and where the time goes."""
+    from race_server.bench.core import bench_core  # noqa: PLC0415
+    from race_server.track.load import load_course  # noqa: PLC0415
+
+    _show(bench_core(load_course(track), seconds=seconds), as_json=as_json)
+
+
+@app.command()
+def wire(
+    seconds: Annotated[float, typer.Option(help="Seconds for each number of karts.")] = 10.0,
+    as_json: AsJson = False,
+) -> None:
+    """Writing and reading messages, and the way from a control to its effect over loopback."""
+    from race_server.bench.wire import bench_wire  # noqa: PLC0415
+
+    _show(bench_wire(seconds=seconds), as_json=as_json)
+
+
+def _show(figures: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(figures))
+        return
+    table = Table("figure", "value")
+    for name, value in _flat(figures):
+        table.add_row(name, f"{value:,}" if isinstance(value, int) else str(value))
+    Console().print(table)
+
+
+def _flat(figures: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    rows: list[tuple[str, Any]] = []
+    for name, value in figures.items():
+        if isinstance(value, dict):
+            rows += _flat(value, f"{prefix}{name}.")
+        else:
+            rows.append((prefix + name, value))
+    return rows

@@ -1,0 +1,246 @@
+"""`race start`, `race serve`, `race drive`, `race watch`."""
+
+import json
+import signal
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.live import Live
+
+from race_server.board import Headline, leaderboard
+from race_server.clock import TICKS_PER_SECOND
+from race_server.errors import RaceError, ScenarioError
+from race_server.messages import Flag, Phase, Standing, Status
+from race_server.transport import DEFAULT_ADDRESS
+
+MIXED = ("pure_pursuit", "follow_gap", "avoider")
+
+Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
+VehicleName = Annotated[str, typer.Option("--vehicle", help="tt02, kart-13, kart-30 or kart-60.")]
+Karts = Annotated[int, typer.Option(min=1, max=64, help="Seats in the race.")]
+Laps = Annotated[int, typer.Option(min=1, help="Laps to the finish.")]
+Seed = Annotated[int, typer.Option(help="Seed of all chance in the race.")]
+Pace = Annotated[
+    str,
+    typer.Option(help="real: 60 ticks a second. lockstep: the world waits for every driver."),
+]
+Items = Annotated[bool, typer.Option("--items/--no-items", help="Race with items.")]
+CatchUp = Annotated[
+    bool, typer.Option("--catch-up/--no-catch-up", help="Karts behind draw stronger items.")
+]
+SessionName = Annotated[str, typer.Option("--session", help="Name of the race session.")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Connect = Annotated[str, typer.Option("--connect", help="Address of the server.")]
+Listen = Annotated[str, typer.Option("--listen", help="Address to listen on.")]
+
+
+def start(
+    track: Track = "covapsy-test-2023",
+    vehicle: VehicleName = "tt02",
+    karts: Karts = 8,
+    laps: Laps = 3,
+    seed: Seed = 1,
+    pace: Pace = "real",
+    drivers: Annotated[
+        str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
+    ] = ",".join(MIXED),
+    items: Items = True,
+    catch_up: CatchUp = True,
+    one_process: Annotated[
+        bool, typer.Option("--one-process", help="Drivers inside the server, not each its own.")
+    ] = False,
+    listen: Listen = "",
+    session: SessionName = "race",
+    as_json: AsJson = False,
+) -> None:
+    """Run a whole race: a server, a process for each driver, and the live leaderboard."""
+    from race_server.driver import driver_names  # noqa: PLC0415
+    from race_server.start import Plan, run_race  # noqa: PLC0415
+
+    names = [name.strip() for name in drivers.split(",") if name.strip()]
+    unknown = sorted(set(names) - set(driver_names()))
+    if unknown or not names:
+        raise ScenarioError(
+            f"driver {', '.join(unknown) or '(none)'} is unknown; "
+            f"installed drivers are {', '.join(driver_names())}"
+        )
+    serve = ["--track", track, "--vehicle", vehicle, "--karts", str(karts), "--laps", str(laps)]
+    serve += ["--seed", str(seed), "--pace", pace]
+    serve += ["--items" if items else "--no-items"]
+    serve += ["--catch-up" if catch_up else "--no-catch-up"]
+    plan = Plan(
+        serve=tuple(serve),
+        drivers=tuple(names[seat % len(names)] for seat in range(karts)),
+        address=listen or _free_address(),
+        session=session,
+        in_process=one_process,
+    )
+    console = Console(stderr=as_json)
+    document = run_race(plan, console)
+    if as_json:
+        print(json.dumps(document))
+    else:
+        show_result(document, track, laps, session)
+
+
+def _free_address() -> str:
+    """Return an address of this machine that nobody listens on."""
+    import socket  # noqa: PLC0415
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:
+    """Print the table of results."""
+    rows = [
+        Standing(
+            **{
+                **kart,
+                "status": Status[kart["status"].upper()],
+                "lap_times_us": tuple(kart["lap_times_us"]),
+            }
+        )
+        for kart in document["karts"]
+    ]
+    console = Console()
+    headline = Headline(session, track, laps, Phase.FINISHED, Flag.GREEN)
+    console.print(leaderboard(headline, rows))
+    seconds = document["ticks"] / TICKS_PER_SECOND
+    missed = document["missed_ticks"]
+    console.print(
+        f"{seconds:.1f} s of racing, {len(document['events'])} events, {missed} missed ticks, "
+        f"digest {document['digest']}",
+        style="dim",
+    )
+
+
+def serve(
+    track: Track = "covapsy-test-2023",
+    vehicle: VehicleName = "tt02",
+    karts: Karts = 8,
+    laps: Laps = 3,
+    seed: Seed = 1,
+    pace: Pace = "real",
+    items: Items = True,
+    catch_up: CatchUp = True,
+    fill: Annotated[
+        list[str] | None,
+        typer.Option(help="A scripted driver for a seat; give it once for each such seat."),
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
+    result: Annotated[
+        Path | None, typer.Option(help="Write the result of the last race to this file.")
+    ] = None,
+    listen: Listen = DEFAULT_ADDRESS,
+    session: SessionName = "race",
+    as_json: AsJson = False,
+) -> None:
+    """Serve a race session: wait for drivers, race, and begin again."""
+    from race_server.params import vehicle_named  # noqa: PLC0415
+    from race_server.scenario.base import Rules, Scenario  # noqa: PLC0415
+    from race_server.server import LOCKSTEP, REAL, RaceServer  # noqa: PLC0415
+    from race_server.session import Session  # noqa: PLC0415
+    from race_server.track.load import load_course  # noqa: PLC0415
+    from race_server.transport import ServerLink  # noqa: PLC0415
+
+    if pace not in {REAL, LOCKSTEP}:
+        raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
+    scenario = Scenario(
+        load_course(track),
+        karts=karts,
+        vehicles=(vehicle_named(vehicle),),
+        rules=Rules(laps=laps, items=items, catch_up=catch_up),
+        seed=seed,
+    )
+    log = Console(stderr=True)
+    race = Session(session, scenario)
+    warm_up(scenario)
+    with ServerLink(listen, session, karts) as link:
+        server = RaceServer(race, link, pace)
+        for name in fill or []:
+            server.fill(-1, name)
+        stopped = _stop_on_signals(server)
+        log.print(f"{session}: {scenario.course.title}, {karts} seats, listening on {listen}")
+        while not stopped:
+            document = server.run(karts).as_json()
+            if result is not None:
+                result.write_text(json.dumps(document))
+            if as_json:
+                print(json.dumps(document), flush=True)
+            if once:
+                break
+            race.reopen()
+
+
+def warm_up(scenario: Any) -> None:
+    """Compile, or load, every kernel that a race needs, before anybody waits for it."""
+    from race_server.session import Session  # noqa: PLC0415
+
+    rehearsal = Session("rehearsal", scenario)
+    rehearsal.join("nobody", "full")
+    rehearsal.start()
+    rehearsal.look()
+    rehearsal.advance(1)
+    rehearsal.show_flag(Flag.YELLOW)
+    rehearsal.leave(0)
+
+
+def _stop_on_signals(server: Any) -> list[int]:
+    """Let Ctrl-C and SIGTERM end the race at the next tick; the result is still written."""
+    received: list[int] = []
+
+    def stop(number: int, _frame: object) -> None:
+        received.append(number)
+        server.stop()
+
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    return received
+
+
+def drive(
+    name: Annotated[str, typer.Argument(help="An installed driver.")],
+    connect: Connect = DEFAULT_ADDRESS,
+    session: SessionName = "race",
+    seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any.")] = -1,
+    patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
+) -> None:
+    """Take a seat and drive one race."""
+    from race_server.client import drive as drive_race  # noqa: PLC0415
+    from race_server.driver import driver_named  # noqa: PLC0415
+
+    drive_race(
+        driver_named(name), name, address=connect, session=session, wanted=seat, timeout_s=patience
+    )
+
+
+def watch(
+    connect: Connect = DEFAULT_ADDRESS,
+    session: SessionName = "race",
+    as_json: AsJson = False,
+) -> None:
+    """Show the live leaderboard of a race; with --json the standings once."""
+    from dataclasses import asdict  # noqa: PLC0415
+
+    from race_server.start import board_of  # noqa: PLC0415
+    from race_server.transport import ClientLink  # noqa: PLC0415
+    from race_server.watch import Watcher  # noqa: PLC0415
+
+    with ClientLink(connect, session) as link:
+        watcher = Watcher(link)
+        if as_json:
+            print(json.dumps(asdict(watcher.standings) if watcher.standings else {}))
+            return
+        _, items = watcher.rules()
+        with Live(refresh_per_second=8) as live:
+            while watcher.standings is None or watcher.standings.phase is not Phase.FINISHED:
+                live.update(board_of(watcher, session, items))
+                time.sleep(0.12)
+                if watcher.snapshot() is None and not watcher.refresh():
+                    raise RaceError(f"the server at {connect} has gone")
+            live.update(board_of(watcher, session, items))

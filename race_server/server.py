@@ -1,0 +1,452 @@
+"""The race server: hears the seats, lets time pass, tells everybody. Read `run` first."""
+
+import gc
+import time
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from race_server.clock import TICKS_PER_SECOND, Pacer, ticks_of
+from race_server.driver import Briefing, Driver, driver_named
+from race_server.errors import SeatError, WireError
+from race_server.messages import Event, Flag, Phase, Standing
+from race_server.observe import Observation
+from race_server.rules import codes
+from race_server.rules.items import items
+from race_server.session import Seat, Session
+from race_server.state import EFFECTS
+from race_server.transport import Request, ServerLink
+from race_server.wire import topics
+from race_server.wire.drive import (
+    EFFECT,
+    ControlFrame,
+    HudFrame,
+    ObservationWriter,
+    decode_control,
+    encode_control,
+    encode_hud,
+)
+from race_server.wire.lobby import (
+    CourseSheet,
+    Welcome,
+    decode_join,
+    decode_seat_act,
+    encode_course,
+    encode_reply,
+    encode_rules,
+    encode_welcome,
+)
+from race_server.wire.spectate import (
+    HAZARD,
+    KART,
+    SnapshotFrame,
+    SnapshotWriter,
+    StandingsFrame,
+    encode_events,
+    encode_standings,
+)
+
+REAL, LOCKSTEP = "real", "lockstep"
+STANDINGS_TICKS = ticks_of(0.5)
+# In lock-step a driver that does not answer for so long is treated as gone.
+ANSWER_S = 10.0
+LOBBY_POLL_S = 0.02
+
+
+@dataclass(frozen=True)
+class RaceResult:
+    """What is left of a race."""
+
+    digest: str
+    ticks: int
+    standings: list[Standing]
+    events: list[Event]
+    missed_ticks: int
+    refused: dict[str, int]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result as plain data: the document that `--json` prints."""
+        karts = []
+        for row in self.standings:
+            kart = asdict(row)
+            kart["lap_times_us"] = list(row.lap_times_us)
+            kart["status"] = row.status.name.lower()
+            karts.append(kart)
+        return {
+            "digest": self.digest,
+            "ticks": self.ticks,
+            "karts": karts,
+            "events": [{**asdict(event), "kind": event.kind.name.lower()} for event in self.events],
+            "missed_ticks": self.missed_ticks,
+            "refused": self.refused,
+        }
+
+
+@dataclass
+class LocalDriver:
+    """A scripted driver that fills a seat from inside the server."""
+
+    seat: int
+    driver: Driver
+    sequence: int = 0
+
+
+@dataclass
+class RaceServer:
+    """One session on the network."""
+
+    session: Session
+    link: ServerLink
+    pace: str = REAL
+    missed_ticks: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    events: list[Event] = field(default_factory=list)
+    locals: list[LocalDriver] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Prepare the writers."""
+        self._snapshots = SnapshotWriter()
+        self._observations: dict[int, ObservationWriter] = {}
+        self._stop = False
+
+    # One race from the lobby to the results
+
+    def run(self, drivers: int) -> RaceResult:
+        """Wait until `drivers` drivers are ready, race, and return the result."""
+        self.wait_in_lobby(drivers)
+        return self.race()
+
+    def stop(self) -> None:
+        """End the race at the next tick; what was driven counts."""
+        self._stop = True
+
+    def wait_in_lobby(self, drivers: int) -> None:
+        """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
+        while not self._stop:
+            self._hear()
+            taken = sum(seat.is_taken for seat in self.session.seats)
+            if taken >= drivers and self.session.can_start():
+                return
+            self.link.wait(LOBBY_POLL_S)
+
+    def race(self) -> RaceResult:
+        """Run one race from the countdown to the last kart's finish."""
+        self.session.start()
+        self.events = list(self.session.recent)
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        try:
+            if self.pace == LOCKSTEP:
+                self._race_in_lockstep()
+            else:
+                self._race_in_real_time()
+        finally:
+            gc.enable()
+            gc.unfreeze()
+        self._tell_seats()
+        self._tell_watchers()
+        self._tell_standings()
+        return RaceResult(
+            self.session.digest(),
+            self.session.tick,
+            self.session.standings(),
+            self.events,
+            self.missed_ticks,
+            dict(self.refused),
+        )
+
+    def _race_in_real_time(self) -> None:
+        pacer = Pacer()
+        pacer.start()
+        session = self.session
+        while self._goes_on():
+            if session.tick % session.decision_ticks == 0:
+                self._tell_seats()
+            self._hear()
+            self._advance(1)
+            pacer.wait()
+        self.missed_ticks += pacer.missed
+
+    def _race_in_lockstep(self) -> None:
+        while self._goes_on():
+            self._tell_seats()
+            self._hear_all()
+            self._advance(self.session.decision_ticks)
+
+    def _goes_on(self) -> bool:
+        return not self._stop and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+
+    def _advance(self, ticks: int) -> None:
+        before = self.session.tick
+        events = self.session.advance(ticks)
+        if events:
+            self.events += events
+            self.link.publish(topics.EVENTS, encode_events(self.session.epoch, events))
+        self._tell_watchers()
+        if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
+            self._tell_standings()
+
+    # Hearing
+
+    def _hear_all(self) -> None:
+        """Wait for the answer of every seat; who is silent too long is gone."""
+        deadline = time.monotonic() + ANSWER_S
+        while True:
+            self._hear()
+            waiting = self.session.waits_for()
+            if not waiting or self._stop:
+                return
+            if time.monotonic() > deadline:
+                for seat in waiting:
+                    self.session.drop(seat)
+                return
+            self.link.wait(0.05)
+
+    def _hear(self) -> None:
+        for seat, data in self.link.take_inputs():
+            self._take_control(seat, data)
+        for request in self.link.take_requests():
+            self._answer(request)
+        for seat, is_there in self.link.take_presence():
+            self._take_presence(seat, is_there=is_there)
+
+    def _take_control(self, seat: int, data: bytes) -> None:
+        try:
+            frame = decode_control(data)
+            self.session.take_control(
+                seat, frame.epoch, frame.sequence, frame.tick, frame.control
+            )
+        except WireError as error:
+            self.refused[_reason(error)] += 1
+
+    def _take_presence(self, seat: int, *, is_there: bool) -> None:
+        if any(local.seat == seat for local in self.locals):
+            return
+        if not is_there:
+            self.session.drop(seat)
+
+    def _answer(self, request: Request) -> None:
+        try:
+            request.answer(self._answer_to(request))
+        except (WireError, SeatError) as error:
+            self.refused[_reason(error)] += 1
+            request.answer(encode_reply(str(error)))
+
+    def _answer_to(self, request: Request) -> bytes:
+        session = self.session
+        if request.topic is topics.JOIN:
+            join = decode_join(request.payload)
+            seat = session.join(
+                join.driver, join.preset, wanted=join.wanted, secret=join.secret
+            )
+            return encode_welcome(self._welcome(seat))
+        if request.topic in {topics.READY, topics.LEAVE}:
+            act = decode_seat_act(request.payload)
+            seat = session.seat(act.seat)
+            if act.secret != seat.secret:
+                raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
+            if request.topic is topics.LEAVE:
+                session.leave(act.seat)
+            else:
+                seat.is_ready = act.ready
+            return encode_reply("")
+        if request.topic is topics.COURSE:
+            return encode_course(self._course())
+        if request.topic is topics.RULES:
+            return encode_rules(self._rules(), [item.name for item in items()])
+        if request.topic is topics.RECENT:
+            return encode_events(session.epoch, list(session.recent))
+        return encode_standings(self._standings())
+
+    # Telling
+
+    def _tell_seats(self) -> None:
+        """Send every seat what it sees, and let the local drivers answer at once."""
+        session = self.session
+        session.look()
+        local = {driver.seat: driver for driver in self.locals}
+        for seat in session.seats:
+            if not seat.is_taken:
+                continue
+            if seat.number in local:
+                self._drive_locally(local[seat.number])
+            elif seat.is_present:
+                self.link.publish(topics.OBSERVATION, self._observation(seat), seat.number)
+                self.link.publish(topics.HUD, encode_hud(self._hud(seat)), seat.number)
+
+    def _observation(self, seat: Seat) -> bytes:
+        values = self.session.view(seat.number)
+        writer = self._observations.get(len(values))
+        if writer is None:
+            writer = self._observations[len(values)] = ObservationWriter(len(values))
+        return writer.write(
+            self.session.epoch, self.session.tick, seat.sequence, seat.number, values
+        )
+
+    def _hud(self, seat: Seat) -> HudFrame:
+        tick, kart = self.session.tick, self.session.world.karts[0, seat.number]
+        acting = [effect for effect in kart.effects if effect["item"] > 0]
+        effects = np.zeros(len(acting), EFFECT)
+        for row, effect in zip(effects, acting, strict=True):
+            row["item"] = effect["item"]
+            row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
+        immune = max(int(kart.immune_until), int(kart.shield_until)) - tick
+        return HudFrame(
+            epoch=self.session.epoch,
+            tick=tick,
+            speed_cap=float(kart.speed_cap),
+            thrust_scale=float(kart.thrust_scale),
+            grip_scale=float(kart.grip_scale),
+            item=int(kart["item"]),
+            immune_s=max(immune, 0) / TICKS_PER_SECOND,
+            effects=effects,
+        )
+
+    def _tell_watchers(self) -> None:
+        self.link.publish(topics.SNAPSHOT, self._snapshots.write(self.snapshot()))
+
+    def snapshot(self) -> SnapshotFrame:
+        """Return the race as spectators see it now."""
+        session, world = self.session, self.session.world
+        race, tick = world.races[0], session.tick
+        rows = world.karts[0]
+        karts = np.zeros(len(rows), KART)
+        for name in _SAME_NAMES:
+            karts[name] = rows[name]
+        karts["seat"] = np.arange(len(rows))
+        karts["acknowledged"] = [seat.sequence for seat in session.seats]
+        karts["effects"] = (rows["effects"]["item"] > 0).sum(axis=1) if EFFECTS else 0
+        safe = np.maximum(rows["immune_until"], rows["shield_until"]) > tick
+        karts["flags"] = (
+            rows["wrong_way"] + 2 * rows["off_track"] + 4 * rows["rescue_offered"] + 8 * safe
+        )
+        placed = world.hazards[0][world.hazards["until_tick"][0] > tick]
+        hazards = np.zeros(len(placed), HAZARD)
+        for name in ("x", "y", "radius", "item", "owner"):
+            hazards[name] = placed[name]
+        lights = max(int(race.start_tick), int(race.hold_until)) - tick
+        return SnapshotFrame(
+            monotonic_us=time.monotonic_ns() // 1000,
+            epoch=session.epoch,
+            tick=tick,
+            lights_s=max(lights, 0) / TICKS_PER_SECOND,
+            phase=session.phase,
+            flag=Flag(int(race.flag)),
+            karts=karts[rows["status"] != codes.ABSENT],
+            boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
+            hazards=hazards,
+        )
+
+    def _tell_standings(self) -> None:
+        self.link.publish(topics.STANDINGS, encode_standings(self._standings()))
+
+    def _standings(self) -> StandingsFrame:
+        session = self.session
+        race = session.world.races[0]
+        return StandingsFrame(
+            epoch=session.epoch,
+            tick=session.tick,
+            start_tick=int(race.start_tick),
+            phase=session.phase,
+            flag=Flag(int(race.flag)),
+            laps=session.scenario.rules.laps,
+            course=session.scenario.course.name,
+            rows=tuple(session.standings()),
+        )
+
+    def _welcome(self, seat: Seat) -> Welcome:
+        return Welcome(
+            self._briefing(seat), seat.secret, self.session.epoch, self.session.scenario.lidar.rays
+        )
+
+    def _briefing(self, seat: Seat) -> Briefing:
+        scenario = self.session.scenario
+        return Briefing(
+            seat=seat.number,
+            vehicle=scenario.vehicle_of(seat.number),
+            laps=scenario.rules.laps,
+            preset=seat.preset,
+            decision_s=self.session.decision_ticks / TICKS_PER_SECOND,
+            items=tuple(item.name for item in items()),
+            lidar_field=scenario.lidar.field,
+        )
+
+    def _course(self) -> CourseSheet:
+        course = self.session.scenario.course
+        return CourseSheet(
+            name=course.name,
+            title=course.title,
+            digest=course.digest,
+            spacing=course.spacing,
+            line=course.line,
+            half_widths=course.half_widths,
+            kerb=course.kerb,
+            borders=course.borders,
+            gates=course.gates,
+            grid=course.grid,
+            boxes=course.spots,
+        )
+
+    def _rules(self) -> dict[str, str]:
+        rules = asdict(self.session.scenario.rules)
+        return {name: str(value) for name, value in rules.items()}
+
+    # Seats that are driven from inside
+
+    def fill(self, seat: int, name: str) -> None:
+        """Let a scripted driver take a seat from inside the server.
+
+        Raises:
+            DriverError: no such driver.
+            SeatError: the seat is taken.
+        """
+        driver = driver_named(name)
+        taken = self.session.join(name, driver.preset, wanted=seat)
+        taken.is_ready = True
+        driver.reset(self._briefing(taken))
+        self.locals.append(LocalDriver(taken.number, driver))
+
+    def _drive_locally(self, local: LocalDriver) -> None:
+        """Let a local driver answer; its control takes the same bytes as over the network."""
+        session = self.session
+        seat = session.seats[local.seat]
+        layout = session.layout(seat.preset)
+        seen = Observation(session.tick, layout, session.view(local.seat).copy())
+        try:
+            control = local.driver.act(seen)
+        except Exception:  # noqa: BLE001  whatever a driver does, the race goes on
+            self.refused[f"driver {seat.driver} failed"] += 1
+            session.drop(local.seat)
+            return
+        local.sequence += 1
+        sequence = max(local.sequence, seat.sequence + 1)
+        frame = ControlFrame(session.epoch, sequence, session.tick, control)
+        self._take_control(local.seat, encode_control(frame))
+
+
+_SAME_NAMES = (
+    "x",
+    "y",
+    "heading",
+    "speed",
+    "lateral_speed",
+    "yaw_rate",
+    "steering",
+    "progress",
+    "speed_cap",
+    "laps",
+    "rank",
+    "status",
+    "item",
+)
+
+
+def _reason(error: Exception) -> str:
+    """Return what kind of refusal an error is, without the numbers that differ each time."""
+    words = str(error).split(":", 1)[0]
+    return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]
+
+

@@ -1,0 +1,195 @@
+"""A whole race in one command: a server process, a process for each driver, and the leaderboard."""
+
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from race_server.board import Headline, event_text, leaderboard
+from race_server.clock import TICKS_PER_SECOND
+from race_server.errors import LinkError, RaceError
+from race_server.kernels.jit import is_compiled
+from race_server.messages import Event, EventKind, Flag
+from race_server.transport import ClientLink
+from race_server.watch import Watcher
+
+# Events that are worth a line under the leaderboard.
+_TOLD = 8
+START_S = 120.0
+
+
+@dataclass
+class Team:
+    """The processes of a race: all are ended when the race is left, however it ends."""
+
+    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def start(self, arguments: Sequence[str], log: Any) -> subprocess.Popen[bytes]:
+        """Start ``race`` with these arguments."""
+        command = [sys.executable, "-m", "race_server", *arguments]
+        # A session of its own, so that Ctrl-C reaches this process first.
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+        )
+        self.processes.append(process)
+        return process
+
+    def end(self) -> None:
+        """End what still runs: first politely, then for good."""
+        for process in self.processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+        deadline = time.monotonic() + 5.0
+        for process in self.processes:
+            try:
+                process.wait(max(deadline - time.monotonic(), 0.1))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def team() -> Iterator[Team]:
+    """Return a team whose processes end with the block."""
+    group = Team()
+    try:
+        yield group
+    finally:
+        group.end()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be raced, in words of the command line."""
+
+    serve: tuple[str, ...]  # arguments of `race serve`
+    drivers: tuple[str, ...]  # one for each seat
+    address: str
+    session: str
+    in_process: bool = False
+
+
+def run_race(plan: Plan, console: Console) -> dict[str, Any]:
+    """Run a race to its end and return the document that the server leaves.
+
+    Raises:
+        RaceError: the server cannot start, or ends without a result.
+    """
+    with tempfile.TemporaryDirectory(prefix="race-") as folder, team() as group:
+        result, log_path = Path(folder, "result.json"), Path(folder, "server.log")
+        with log_path.open("wb") as log:
+            arguments = ["serve", *plan.serve, "--listen", plan.address, "--session", plan.session]
+            arguments += ["--once", "--result", str(result)]
+            if plan.in_process:
+                for name in plan.drivers:
+                    arguments += ["--fill", name]
+            server = group.start(arguments, log)
+            if not plan.in_process:
+                for seat, name in enumerate(plan.drivers):
+                    drive = ["drive", name, "--connect", plan.address, "--session", plan.session]
+                    group.start([*drive, "--seat", str(seat), "--patience", str(START_S)], log)
+            _follow(plan, server, console, log_path)
+        if not result.exists():
+            raise RaceError(f"the race ended without a result: {_tail(log_path)}")
+        document: dict[str, Any] = json.loads(result.read_text())
+        return document
+
+
+def _follow(
+    plan: Plan, server: subprocess.Popen[bytes], console: Console, log_path: Path
+) -> None:
+    """Show the leaderboard until the server ends."""
+    waiting = "getting ready"
+    if not is_compiled():
+        waiting = "compiling the simulation for this machine, once: about half a minute"
+    try:
+        with console.status(waiting, spinner="dots"):
+            watcher, link = _watch(plan, server, log_path)
+        with link:
+            _show(watcher, server, console, plan)
+        server.wait()
+    except KeyboardInterrupt:
+        # The server writes what has been driven so far.
+        console.print("[yellow]stopping: results so far[/]")
+        server.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            server.wait(10.0)
+
+
+def _watch(
+    plan: Plan, server: subprocess.Popen[bytes], log_path: Path
+) -> tuple[Watcher, ClientLink]:
+    deadline = time.monotonic() + START_S
+    while True:
+        try:
+            link = ClientLink(plan.address, plan.session, timeout_s=1.0)
+        except LinkError as error:
+            if server.poll() is not None:
+                raise RaceError(f"the server did not start: {_tail(log_path)}") from error
+            if time.monotonic() > deadline:
+                raise
+            continue
+        try:
+            return Watcher(link), link
+        except LinkError:
+            link.close()
+            if time.monotonic() > deadline:
+                raise
+
+
+def _tail(log_path: Path) -> str:
+    lines = [line for line in log_path.read_text(errors="replace").splitlines() if line.strip()]
+    return lines[-1] if lines else "it said nothing"
+
+
+def _show(
+    watcher: Watcher, server: subprocess.Popen[bytes], console: Console, plan: Plan
+) -> None:
+    """Draw the leaderboard a few times a second."""
+    _, items = watcher.rules()
+    with Live(console=console, refresh_per_second=8, transient=True) as live:
+        while server.poll() is None:
+            live.update(board_of(watcher, plan.session, items))
+            time.sleep(0.12)
+
+
+def board_of(watcher: Watcher, session: str, items: Sequence[str]) -> Group:
+    """Return the leaderboard with the newest events below it."""
+    frame = watcher.standings
+    if frame is None:
+        return Group(Text("waiting for the server"))
+    snapshot = watcher.snapshot()
+    tick = snapshot.tick if snapshot else frame.tick
+    headline = Headline(
+        session,
+        frame.course,
+        frame.laps,
+        snapshot.phase if snapshot else frame.phase,
+        Flag(snapshot.flag if snapshot else frame.flag),
+        (tick - frame.start_tick) / TICKS_PER_SECOND,
+    )
+    names = [""] * 64
+    for row in frame.rows:
+        names[row.seat] = f"{row.driver} {row.seat}"
+    told = [text for event in list(watcher.events) if (text := _line(event, names, items))]
+    lines = [Text(text, style="dim") for text in told[-_TOLD:]]
+    return Group(leaderboard(headline, frame.rows), *lines)
+
+
+def _line(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
+    if event.kind in {EventKind.SECTOR, EventKind.EFFECT_END, EventKind.PHASE}:
+        return ""
+    text = event_text(event, names, items)
+    return f"{event.tick / TICKS_PER_SECOND:7.2f}  {text}" if text else ""
+
