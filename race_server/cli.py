@@ -27,8 +27,7 @@ def main() -> None:
     """Run the command line."""
     try:
         app()
-    except RaceError as error:
-        print(f"error: {error}", file=sys.stderr)
+    except RaceError:
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -1,10 +1,13 @@
 """A driver's process: takes a seat, answers every observation, comes back if the link breaks."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 from race_server.driver import Briefing, Driver
-from race_server.errors import DriverError, LinkError, SeatError, WireError
+from race_server.errors import DriverError, LinkError, WireError
 from race_server.messages import Control
 from race_server.observe import Observation, layout_of
 from race_server.transport import DEFAULT_ADDRESS, ClientLink, Mailbox
@@ -19,6 +22,8 @@ from race_server.wire.lobby import (
     encode_join,
     encode_seat_act,
 )
+
+Answer = TypeVar("Answer")
 
 # Without an observation for so long the server is asked whether it is still there.
 SILENCE_S = 3.0
@@ -78,7 +83,7 @@ def drive(
     """
     with ClientLink(address, session, timeout_s=timeout_s) as link:
         seat = _first_seat(link, name, driver.preset, wanted, timeout_s)
-        _call(name, "reset", lambda: driver.reset(seat.welcome.briefing))
+        _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
         try:
             seat.act(topics.READY)
             _answer(driver, name, seat)
@@ -88,9 +93,7 @@ def drive(
         return seat.welcome.briefing
 
 
-def _first_seat(
-    link: ClientLink, name: str, preset: str, wanted: int, timeout_s: float
-) -> Seat:
+def _first_seat(link: ClientLink, name: str, preset: str, wanted: int, timeout_s: float) -> Seat:
     """Take a seat; a server that has only just begun to listen may need a moment to answer."""
     deadline = time.monotonic() + timeout_s
     while True:
@@ -130,7 +133,7 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
         if frame.epoch != epoch:
             epoch, sequence = frame.epoch, frame.acknowledged
         observation = Observation(frame.tick, layout, frame.values)
-        control = _call(name, "act", lambda seen=observation: driver.act(seen))  # type: ignore[misc]
+        control = _call(name, "act", partial(driver.act, observation))
         sequence += 1
         send(encode_control(ControlFrame(frame.epoch, sequence, frame.tick, _within(control))))
         if observation.scalar("finished") > 0.0:
@@ -156,9 +159,9 @@ def _within(control: Control) -> Control:
     )
 
 
-def _call(name: str, what: str, function: object) -> Control:
+def _call(name: str, what: str, function: Callable[[], Answer]) -> Answer:
     try:
-        return function()  # type: ignore[operator,no-any-return]
+        return function()
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise DriverError(f"driver {name!r} failed in {what}: {reason}") from error
@@ -185,11 +188,6 @@ class KartClient:
         """Return what to do until the next observation."""
         raise DriverError(f"{type(self).__name__} does not say how to act: override `act`")
 
-    def run(
-        self, address: str = DEFAULT_ADDRESS, *, session: str = "race", name: str = ""
-    ) -> None:
+    def run(self, address: str = DEFAULT_ADDRESS, *, session: str = "race", name: str = "") -> None:
         """Drive one race on the server at `address`."""
         drive(self, name or type(self).__name__, address=address, session=session)
-
-
-__all__ = ["KartClient", "Seat", "SeatError", "drive", "take_seat"]

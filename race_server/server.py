@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from race_server import codes
 from race_server.clock import TICKS_PER_SECOND, Pacer, ticks_of
 from race_server.driver import Briefing, Driver, driver_named
 from race_server.errors import SeatError, WireError
 from race_server.messages import Event, Flag, Phase, Standing
 from race_server.observe import Observation
-from race_server.rules import codes
 from race_server.rules.items import items
 from race_server.session import Seat, Session
 from race_server.state import EFFECTS
@@ -216,9 +216,7 @@ class RaceServer:
     def _take_control(self, seat: int, data: bytes) -> None:
         try:
             frame = decode_control(data)
-            self.session.take_control(
-                seat, frame.epoch, frame.sequence, frame.tick, frame.control
-            )
+            self.session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
         except WireError as error:
             self.refused[_reason(error)] += 1
 
@@ -239,9 +237,7 @@ class RaceServer:
         session = self.session
         if request.topic is topics.JOIN:
             join = decode_join(request.payload)
-            seat = session.join(
-                join.driver, join.preset, wanted=join.wanted, secret=join.secret
-            )
+            seat = session.join(join.driver, join.preset, wanted=join.wanted, secret=join.secret)
             return encode_welcome(self._welcome(seat))
         if request.topic in {topics.READY, topics.LEAVE}:
             act = decode_seat_act(request.payload)
@@ -417,7 +413,7 @@ class RaceServer:
         seen = Observation(session.tick, layout, session.view(local.seat).copy())
         try:
             control = local.driver.act(seen)
-        except Exception:  # noqa: BLE001  whatever a driver does, the race goes on
+        except Exception:
             self.refused[f"driver {seat.driver} failed"] += 1
             session.drop(local.seat)
             return
@@ -448,5 +444,3 @@ def _reason(error: Exception) -> str:
     """Return what kind of refusal an error is, without the numbers that differ each time."""
     words = str(error).split(":", 1)[0]
     return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]
-
-

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from race_server import codes
 from race_server.clock import ticks_of
 from race_server.errors import SeatError, WireError
 from race_server.messages import Control, Event, EventKind, Flag, Phase, Standing, Status
 from race_server.observe import PRESETS, Layout, layout_of
-from race_server.rules import codes
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
 from race_server.stages.observation import observe_karts
 from race_server.state import Float32s, Floats, World, digest

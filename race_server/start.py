@@ -106,9 +106,7 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
         return document
 
 
-def _follow(
-    plan: Plan, server: subprocess.Popen[bytes], console: Console, log_path: Path
-) -> None:
+def _follow(plan: Plan, server: subprocess.Popen[bytes], console: Console, log_path: Path) -> None:
     """Show the leaderboard until the server ends."""
     waiting = "getting ready"
     if not is_compiled():
@@ -153,9 +151,7 @@ def _tail(log_path: Path) -> str:
     return lines[-1] if lines else "it said nothing"
 
 
-def _show(
-    watcher: Watcher, server: subprocess.Popen[bytes], console: Console, plan: Plan
-) -> None:
+def _show(watcher: Watcher, server: subprocess.Popen[bytes], console: Console, plan: Plan) -> None:
     """Draw the leaderboard a few times a second."""
     _, items = watcher.rules()
     with Live(console=console, refresh_per_second=8, transient=True) as live:
@@ -192,4 +188,3 @@ def _line(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
         return ""
     text = event_text(event, names, items)
     return f"{event.tick / TICKS_PER_SECOND:7.2f}  {text}" if text else ""
-

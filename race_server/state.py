@@ -34,7 +34,7 @@ def _fields(floats: str, ints: str) -> list[tuple[str, Any]]:
     ]
 
 
-def _record(fields: list[tuple[str, Any]]) -> np.dtype[Any]:
+def _record(fields: list[Any]) -> np.dtype[Any]:
     return np.dtype((np.record, fields))
 
 
@@ -111,7 +111,7 @@ SENSORS = _record(
 # The packed course: see `track/atlas.py`.
 COURSE = _record(
     _fields(
-        "spacing length kerb cell x0 y0",
+        "spacing length kerb verge cell x0 y0",
         "line_start line_count wall_start wall_count cell_start columns rows "
         "gate_start gate_count grid_start grid_count spot_start spot_count",
     )

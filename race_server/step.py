@@ -4,9 +4,9 @@
 replay all call it. It is one compiled call for any number of worlds and ticks.
 """
 
+from race_server import codes
 from race_server.clock import SUBSTEPS
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.stages.bodies import move_karts, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, take_controls, use_items
 from race_server.stages.game import play

@@ -138,9 +138,7 @@ class ServerLink(_Link):
             self._arrived.set()
 
         key = key_of(topics.CONTROL, self._name, seat)
-        return self._session.declare_subscriber(
-            key, store, allowed_origin=zenoh.Locality.REMOTE
-        )
+        return self._session.declare_subscriber(key, store, allowed_origin=zenoh.Locality.REMOTE)
 
     def _hear_queries(self, topic: Topic) -> Any:
         def store(query: zenoh.Query) -> None:
@@ -265,7 +263,7 @@ class ClientLink(_Link):
             express=True,
         )
         self._kept.append(publisher)
-        return publisher.put  # type: ignore[no-any-return]
+        return publisher.put
 
 
 class Mailbox:

@@ -34,6 +34,7 @@ def ring(radius: float = 20.0, half_width: float = 2.0, gates: int = 8, places: 
         line=line,
         half_widths=np.full((samples, 2), half_width),
         kerb=0.0,
+        grass=0.0,
         borders=np.concatenate(borders),
         gates=np.arange(gates) * length / gates,
         sectors=(gates // 2, 0),

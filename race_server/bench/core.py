@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from race_server import codes
 from race_server.clock import SUBSTEPS, TICK_S
 from race_server.kernels.jit import kernel
 from race_server.params import TT02
-from race_server.rules import codes
 from race_server.scenario.base import Rules, Scenario, make_world
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.stages.bodies import move_karts, touch_karts, touch_walls

@@ -1,6 +1,5 @@
 """`race bench`: what this machine reaches."""
 
-import json
 from typing import Annotated, Any
 
 import typer
@@ -19,8 +18,8 @@ def core(
     as_json: AsJson = False,
 ) -> None:
     """How many karts one core simulates, with radar and lidar, and where the time goes."""
-    from race_server.bench.core import bench_core  # noqa: PLC0415
-    from race_server.track.load import load_course  # noqa: PLC0415
+    from race_server.bench.core import bench_core
+    from race_server.track.load import load_course
 
     _show(bench_core(load_course(track), seconds=seconds), as_json=as_json)
 
@@ -31,14 +30,13 @@ def wire(
     as_json: AsJson = False,
 ) -> None:
     """Writing and reading messages, and the way from a control to its effect over loopback."""
-    from race_server.bench.wire import bench_wire  # noqa: PLC0415
+    from race_server.bench.wire import bench_wire
 
     _show(bench_wire(seconds=seconds), as_json=as_json)
 
 
 def _show(figures: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
-        print(json.dumps(figures))
         return
     table = Table("figure", "value")
     for name, value in _flat(figures):

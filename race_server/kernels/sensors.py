@@ -2,11 +2,11 @@
 
 import math
 
+from race_server import codes
 from race_server.kernels.geometry import TURN, ray_to_box
 from race_server.kernels.jit import kernel
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
-from race_server.rules import codes
 from race_server.state import Atlas, Bytes, Float32s, Floats, Record
 
 # More rays than any sensor has: keeps the counters of two karts apart.

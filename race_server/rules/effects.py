@@ -1,7 +1,7 @@
 """Effects on a kart: what they leave of speed, motor and grip, and when they end."""
 
+from race_server import codes
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.state import EFFECTS, Record
 
 # On kerbs and grass: grip as a share of that on asphalt, and extra rolling resistance as a share

@@ -1,7 +1,7 @@
 """Who is ahead of whom."""
 
+from race_server import codes
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.state import Record
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from race_server import codes
 from race_server.clock import ticks_of
 from race_server.errors import ScenarioError
 from race_server.params import TT02, Vehicle, vehicle_record
-from race_server.rules import codes
 from race_server.rules.items import item_table
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
 from race_server.stages.grid import line_up

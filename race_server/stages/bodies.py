@@ -2,12 +2,12 @@
 
 import math
 
+from race_server import codes
 from race_server.clock import SUBSTEP_S
 from race_server.kernels.contacts import box_on_box, box_on_segment, impulse, touching_point
 from race_server.kernels.geometry import wrap_angle
 from race_server.kernels.jit import kernel
 from race_server.kernels.motion import move
-from race_server.rules import codes
 from race_server.rules.effects import surface_roll
 from race_server.stages.report import report, retire
 from race_server.state import Record, World

@@ -2,8 +2,8 @@
 
 import math
 
+from race_server import codes
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.rules.effects import add_effect, is_harmless, sum_effects, surface_grip
 from race_server.stages.report import report
 from race_server.state import EFFECTS, HAZARDS, Floats, Record, World

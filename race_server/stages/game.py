@@ -2,9 +2,9 @@
 
 import math
 
+from race_server import codes
 from race_server.kernels.jit import kernel
 from race_server.kernels.rng import ITEM_STREAM, uniform
-from race_server.rules import codes
 from race_server.rules.draw import draw_item
 from race_server.stages.controls import hit
 from race_server.stages.report import report

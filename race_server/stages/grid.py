@@ -1,9 +1,9 @@
 """The start: every kart finds its place on the course and sees for the first time."""
 
+from race_server import codes
 from race_server.kernels.course import nearest_sample_anywhere, progress_of
 from race_server.kernels.geometry import wrap_angle
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.stages.sight import look
 from race_server.stages.standings import rank
 from race_server.state import World

@@ -5,9 +5,9 @@ The numbers of the parts are their places in `observe.PARTS`; a test holds the t
 
 import math
 
+from race_server import codes
 from race_server.clock import TICK_S
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.state import HAZARDS, RADAR_RAYS, Float32s, Ints, Record, World
 
 AHEAD = 16

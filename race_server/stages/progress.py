@@ -1,9 +1,9 @@
 """After the motion: where each kart is, the gates it crossed, its laps and its surface."""
 
+from race_server import codes
 from race_server.kernels.course import nearest_sample, progress_of
 from race_server.kernels.geometry import wrap_angle
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.rules.effects import surface_at
 from race_server.rules.laps import count_gate, crossing_share, is_missed, microseconds
 from race_server.stages.report import penalise, report
@@ -31,7 +31,8 @@ def follow_course(world: World, w: int) -> None:
         kart.distance += gained
         kart.lateral_offset = offset
         kart.heading_error = wrap_angle(kart.heading - line.heading)
-        kart.surface = surface_at(offset, line.left, line.right, course.kerb)
+        if course.verge > 0.0:
+            kart.surface = surface_at(offset, line.left, line.right, course.kerb)
         kart.backward = max(kart.backward - gained, 0.0) if gained <= 0.0 else 0.0
         _cross_gates(world, w, k, course, gained)
 

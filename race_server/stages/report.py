@@ -1,7 +1,7 @@
 """Events: how a stage tells what happened."""
 
+from race_server import codes
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.state import EVENTS, Record, World
 
 

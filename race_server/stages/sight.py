@@ -2,10 +2,10 @@
 
 import math
 
+from race_server import codes
 from race_server.kernels.jit import kernel
 from race_server.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.kernels.sensors import cast_fan, disturb, see_box, see_disc
-from race_server.rules import codes
 from race_server.state import HAZARDS, Bytes, Float32s, Floats, World
 
 

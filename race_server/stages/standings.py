@@ -1,7 +1,7 @@
 """Ranks, and the end of the race."""
 
+from race_server import codes
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.rules.laps import race_distance
 from race_server.rules.ranking import is_ahead
 from race_server.stages.report import report, retire

@@ -1,7 +1,7 @@
 """What the stewards watch: false starts, wrong way, leaving the track, standing still."""
 
+from race_server import codes
 from race_server.kernels.jit import kernel
-from race_server.rules import codes
 from race_server.stages.report import penalise, report, retire
 from race_server.state import Record, World
 

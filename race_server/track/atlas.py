@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.rules import codes
+from race_server import codes
 from race_server.state import COURSE, GATE, LINE, Atlas, Records
 from race_server.track.course import Course, Floats, Obstacle
 
@@ -29,6 +29,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         origin, cell, columns, rows = _grid_over(course, segments)
         first, members = _list_walls(segments, origin, cell, columns, rows)
         header.spacing, header.length, header.kerb = course.spacing, course.length, course.kerb
+        header.verge = course.kerb + course.grass
         header.cell, header.columns, header.rows = cell, columns, rows
         header.x0, header.y0 = origin
         counts = {

@@ -16,6 +16,7 @@ from race_server.track.polyline import (
     is_inside,
     lengths_of,
     nearest_on,
+    ranges_to,
     resample,
     segments_of,
     smooth,
@@ -102,6 +103,7 @@ def build(plan: Plan) -> Course:
         line=np.column_stack([line, heading, curvature]),
         half_widths=half_widths,
         kerb=plan.kerb,
+        grass=plan.grass,
         borders=borders,
         gates=gates,
         sectors=_sectors(plan.gates, plan.sectors),
@@ -140,8 +142,22 @@ def _from_blocks(plan: Plan) -> tuple[Floats, Floats, Floats, tuple[Floats, Floa
     line = smooth(line, LINE_SMOOTHING / MEDIAL_SPACING)
     line = _start_near(line, plan.line_at)
     left, right = (walls_out, walls_in) if plan.reverse else (walls_in, walls_out)
-    sides = np.column_stack([nearest_on(left, line)[0], nearest_on(right, line)[0]])
+    sides = _reach_across(left, right, line)
     return np.hstack([line, sides]), np.concatenate([walls_out, walls_in]), widths, (left, right)
+
+
+def _reach_across(left: Floats, right: Floats, line: Floats) -> Floats:
+    """Return how far each border lies from a line, straight across it, shape (N, 2).
+
+    Into an alcove it is at most half as much again as the nearest point of the border.
+    """
+    heading, _ = derivatives(line)
+    across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    sides = []
+    for walls, way in ((left, across), (right, -across)):
+        nearest = nearest_on(walls, line)[0]
+        sides.append(np.minimum(ranges_to(walls, line, way), 1.5 * nearest))
+    return np.column_stack(sides)
 
 
 def _edge(loop: Loop, inside: int) -> Floats:
@@ -214,7 +230,7 @@ def _line(
     count = max(round(lengths_of(raw[:, :2]).sum() / spacing), 32)
     line = resample(raw[:, :2], count)
     if borders is not None:
-        return line, np.column_stack([nearest_on(side, line)[0] for side in borders])
+        return line, _reach_across(*borders, line)
     at = np.concatenate([[0.0], np.cumsum(lengths_of(raw[:, :2]))])
     wanted = np.linspace(0.0, at[-1], count, endpoint=False)
     sides = np.vstack([raw[:, 2:], raw[:1, 2:]])

@@ -33,6 +33,7 @@ class Course:
     line: Floats  # (N, 4) x, y [m], heading [rad], curvature [1/m], left positive
     half_widths: Floats  # (N, 2) asphalt to the left and to the right of the line [m]
     kerb: float  # [m] width of the kerb beyond the asphalt, zero where there is none
+    grass: float  # [m] width of the grass beyond the kerb; without both, asphalt to the borders
     borders: Floats  # (P, 4) wall segments x0, y0, x1, y1 [m]
     gates: Floats  # (G,) progress [m] of each gate in order; gate 0 is the timing line
     sectors: tuple[int, ...]  # indices of the gates that end a sector; gate 0 ends the last

@@ -7,6 +7,7 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.track.course import Course, Floats
+from race_server.track.polyline import area_of
 
 SUFFIXES = (".png", ".svg")
 _GRASS, _ASPHALT, _KERB, _INK = "#cfe3c4", "#5b5f66", "#d9534f", "#20242a"
@@ -21,10 +22,10 @@ def draw_course(course: Course, path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise TrackError(f"{path}: write the picture as .png or .svg")
-    import matplotlib  # noqa: PLC0415  a second of import that only pictures need
+    import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot  # noqa: PLC0415
+    from matplotlib import pyplot
 
     low, high = _box(course)
     size = high - low
@@ -50,12 +51,13 @@ def _box(course: Course) -> tuple[Floats, Floats]:
 def draw_on(axes: Any, course: Course) -> None:
     """Draw a course on matplotlib axes."""
     left, right = _edges(course, 0.0)
-    if course.kerb > 0.0 or _has_grass(course):
-        _fill_between_borders(axes, course)
+    verge = course.kerb + course.grass
+    _fill_between_borders(axes, course, _GRASS if verge > 0.0 else _ASPHALT)
     if course.kerb > 0.0:
         outer_left, outer_right = _edges(course, course.kerb)
         _ribbon(axes, outer_left, outer_right, _KERB)
-    _ribbon(axes, left, right, _ASPHALT)
+    if verge > 0.0:
+        _ribbon(axes, left, right, _ASPHALT)
     middle = np.vstack([course.line[:, :2], course.line[:1, :2]])
     axes.plot(*middle.T, color="white", linewidth=0.7, alpha=0.6, dashes=(6, 6))
     _draw_borders(axes, course)
@@ -64,8 +66,12 @@ def draw_on(axes: Any, course: Course) -> None:
     for obstacle in course.obstacles:
         cos, sin = np.cos(obstacle.heading), np.sin(obstacle.heading)
         corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5
-        corners = corners * (obstacle.length, obstacle.width) @ np.array([[cos, sin], [-sin, cos]])
-        axes.fill(*(corners + (obstacle.x, obstacle.y)).T, color="#f0ad4e", zorder=4)
+        corners = (
+            corners
+            * np.array([obstacle.length, obstacle.width])
+            @ np.array([[cos, sin], [-sin, cos]])
+        )
+        axes.fill(*((*corners, obstacle.x, obstacle.y)).T, color="#f0ad4e", zorder=4)
     axes.set_aspect("equal")
     axes.tick_params(labelsize=7, colors="#888888")
     for spine in axes.spines.values():
@@ -73,7 +79,10 @@ def draw_on(axes: Any, course: Course) -> None:
     narrow, wide = course.width_min, course.width_max
     across = f"{narrow:.2f} m" if wide - narrow < 0.01 else f"{narrow:.2f} to {wide:.2f} m"
     axes.set_title(
-        f"{course.title}   {course.length:.1f} m, {across} wide", loc="left", fontsize=11, color=_INK
+        f"{course.title}   {course.length:.1f} m, {across} wide",
+        loc="left",
+        fontsize=11,
+        color=_INK,
     )
 
 
@@ -88,31 +97,27 @@ def _ribbon(axes: Any, left: Floats, right: Floats, colour: str) -> None:
     for first in range(len(left)):
         after = (first + 1) % len(left)
         corners = np.array([left[first], left[after], right[after], right[first]])
-        axes.fill(*corners.T, color=colour, linewidth=0.3, zorder=1.5)
+        axes.fill(*corners.T, facecolor=colour, edgecolor=colour, linewidth=0.6, zorder=1.5)
 
 
-def _has_grass(course: Course) -> bool:
-    reach = np.hypot(*(course.borders[0, :2] - course.line[0, :2]))
-    return bool(reach > course.half_widths[0].max() + course.kerb + 0.1)
-
-
-def _fill_between_borders(axes: Any, course: Course) -> None:
-    from matplotlib.path import Path as Shape  # noqa: PLC0415
-    from matplotlib.patches import PathPatch  # noqa: PLC0415
+def _fill_between_borders(axes: Any, course: Course, colour: str) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Shape
 
     points, codes = [], []
     for loop in _loops(course.borders):
         points += [*loop.tolist(), loop[0].tolist()]
         codes += [Shape.MOVETO, *([Shape.LINETO] * (len(loop) - 1)), Shape.CLOSEPOLY]
-    axes.add_patch(PathPatch(Shape(points, codes), facecolor=_GRASS, edgecolor="none", zorder=1))
+    axes.add_patch(PathPatch(Shape(points, codes), facecolor=colour, edgecolor="none", zorder=1))
 
 
 def _loops(borders: Floats) -> list[Floats]:
-    """Return the border loops, split where one segment does not begin where the last ended."""
+    """Return the border loops, the largest counter-clockwise, the others clockwise as holes."""
     breaks = np.flatnonzero(np.abs(borders[1:, :2] - borders[:-1, 2:]).max(axis=1) > 1e-9) + 1
     loops = [part[:, :2] for part in np.split(borders, breaks)]
-    # The two loops of a course turn in opposite senses for the even-odd look of a filled path.
-    return [loops[0], *(loop[::-1] for loop in loops[1:])]
+    loops.sort(key=lambda loop: -abs(area_of(loop)))
+    turned = [loop if area_of(loop) > 0.0 else loop[::-1] for loop in loops]
+    return [turned[0], *(loop[::-1] for loop in turned[1:])]
 
 
 def _draw_borders(axes: Any, course: Course) -> None:

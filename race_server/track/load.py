@@ -185,7 +185,9 @@ class _Sheet:
             points = np.hstack([places, np.full((len(places), 2), float(half_width))])
         if len(points) and points[:, 2:].min() <= 0.0:
             row = int(np.argmin(points[:, 2:].min(axis=1))) + 1
-            raise self._wrong(f"points[{row}]", points[row - 1].tolist(), "half-widths are positive")
+            raise self._wrong(
+                f"points[{row}]", points[row - 1].tolist(), "half-widths are positive"
+            )
         return points
 
     def loop(self, key: str) -> Loop:
@@ -193,7 +195,7 @@ class _Sheet:
         if not isinstance(value, dict):
             raise self._wrong(key, value, "give a table with start, heading and blocks")
         row = self._row(f"{key}.start", value.get("start"), 2)
-        heading, blocks = value.get("heading"), value.get("blocks")
+        heading, blocks = value.get("heading", ""), value.get("blocks")
         if not _is_number(heading):
             raise self._wrong(f"{key}.heading", heading, "give a number in degrees")
         if not isinstance(blocks, str) or not blocks.strip():
@@ -236,5 +238,3 @@ def summary(course: Course) -> dict[str, Any]:
         "item_spots": len(course.spots),
         "obstacles": len(course.obstacles),
     }
-
-

@@ -3,7 +3,15 @@
 import numpy as np
 
 from race_server.track.course import Floats
-from race_server.track.polyline import area_of, derivatives, lengths_of, nearest_on, resample, segments_of, smooth
+from race_server.track.polyline import (
+    area_of,
+    derivatives,
+    lengths_of,
+    nearest_on,
+    resample,
+    segments_of,
+    smooth,
+)
 
 ROUNDS = 50
 LAST_ROUNDS = 5  # at the final spacing; the rounds before are that much coarser
@@ -18,8 +26,8 @@ def medial_line(outer: Floats, inner: Floats, spacing: float) -> tuple[Floats, F
     """Return the closed medial line (N, 2) and the distance to the borders (N,) [m].
 
     outer, inner: closed polylines. The line holds all points between them that are as near to
-    the one as to the other. It starts beside the inner border and walks half of the difference of the
-    two distances away from the nearer border until it stands still.
+    the one as to the other. It starts beside the inner border and walks half of the difference
+    of the two distances away from the nearer border until it stands still.
     """
     walls_out, walls_in = segments_of(outer), segments_of(inner)
     coarse = COARSE * spacing

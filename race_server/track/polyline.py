@@ -76,6 +76,21 @@ def nearest_on(segments: Floats, points: Floats) -> tuple[Floats, Floats]:
     return distances, nearest
 
 
+def ranges_to(segments: Floats, points: Floats, ways: Floats) -> Floats:
+    """Return how far along its direction each point meets a set of segments, or infinity.
+
+    points, ways: (N, 2), ways of length one.
+    """
+    along = segments[:, 2:] - segments[:, :2]
+    offset = segments[:, :2] - points[:, None, :]
+    cross = ways[:, 0, None] * along[:, 1] - ways[:, 1, None] * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (offset[:, :, 0] * ways[:, 1, None] - offset[:, :, 1] * ways[:, 0, None]) / cross
+        ahead = (offset[:, :, 0] * along[:, 1] - offset[:, :, 1] * along[:, 0]) / cross
+    met = (share >= 0.0) & (share <= 1.0) & (ahead >= 0.0)
+    return np.asarray(np.min(np.where(met, ahead, np.inf), axis=1))
+
+
 def is_inside(points: Floats, segments: Floats) -> NDArray[np.bool_]:
     """Return whether each point lies inside a closed loop of segments."""
     x, y = points[:, 0, None], points[:, 1, None]

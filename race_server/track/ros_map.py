@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from race_server.errors import TrackError
 from race_server.track.course import Floats
 from race_server.track.medial import medial_line
-from race_server.track.polyline import area_of, lengths_of, nearest_on, resample, segments_of, smooth
+from race_server.track.polyline import (
+    area_of,
+    lengths_of,
+    nearest_on,
+    resample,
+    segments_of,
+    smooth,
+)
 
 Mask = NDArray[np.bool_]
 MOST_PIXELS = 64_000_000
@@ -61,7 +68,9 @@ def read_sheet(path: Path) -> MapSheet:
     except (ValueError, IndexError) as error:
         raise TrackError(f"{path}: {error}") from error
     if not 0.0 < sheet.resolution <= 10.0:
-        raise TrackError(f"{path}: resolution = {sheet.resolution}: give metres per pixel, up to 10")
+        raise TrackError(
+            f"{path}: resolution = {sheet.resolution}: give metres per pixel, up to 10"
+        )
     return sheet
 
 
@@ -95,7 +104,7 @@ def read_ros_map(path: Path) -> Floats:
 
 
 def _free_pixels(sheet: MapSheet) -> Mask:
-    from PIL import Image, UnidentifiedImageError  # noqa: PLC0415
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with Image.open(sheet.image) as picture:

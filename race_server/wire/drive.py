@@ -140,7 +140,9 @@ class ObservationWriter:
     """Writes observations of one size into the same message again and again."""
 
     def __init__(self, size: int) -> None:
-        self._data = bytearray(build_observation(ObservationFrame(0, 0, 0, 0, np.zeros(size))))
+        self._data = bytearray(
+            build_observation(ObservationFrame(0, 0, 0, 0, np.zeros(size, np.float32)))
+        )
         table = root_of(bytes(self._data), topics.OBSERVATION.identifier, 1 << 20)
         self._places = [table.field(slot, 4) for slot in range(3)]
         self._seat = table.field(3, 2)
@@ -183,7 +185,11 @@ def decode_observation(data: bytes) -> ObservationFrame:
     first, count = table.vector(4, 4, MOST_VALUES)
     values = np.frombuffer(data, "<f4", count, first)
     return ObservationFrame(
-        table.scalar(0, U32), table.scalar(1, U32), table.scalar(2, U32), table.scalar(3, U16), values
+        table.scalar(0, U32),
+        table.scalar(1, U32),
+        table.scalar(2, U32),
+        table.scalar(3, U16),
+        values,
     )
 
 

@@ -155,9 +155,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
         "Preset": builder.CreateString(briefing.preset),
         "Vehicle": builder.CreateString(vehicle.name),
         "Items": _texts(builder, briefing.items, BriefingTable.StartItemsVector),
-        "VehicleNames": _texts(
-            builder, _VEHICLE_NUMBERS, BriefingTable.StartVehicleNamesVector
-        ),
+        "VehicleNames": _texts(builder, _VEHICLE_NUMBERS, BriefingTable.StartVehicleNamesVector),
         "VehicleValues": builder.CreateNumpyVector(np.array(values, "<f8")),
     }
     BriefingTable.Start(builder)
@@ -220,7 +218,9 @@ _COURSE_SHAPES = {"line": 4, "half_widths": 2, "borders": 4, "gates": 1, "grid":
 def encode_course(sheet: CourseSheet) -> bytes:
     """Return a course as a message."""
     builder = flatbuffers.Builder(65536)
-    offsets = {name: builder.CreateString(getattr(sheet, name)) for name in ("name", "title", "digest")}
+    offsets = {
+        name: builder.CreateString(getattr(sheet, name)) for name in ("name", "title", "digest")
+    }
     for name in _COURSE_ARRAYS:
         array = np.ascontiguousarray(getattr(sheet, name), "<f8").ravel()
         offsets[name] = builder.CreateNumpyVector(array)

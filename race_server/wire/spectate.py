@@ -307,8 +307,10 @@ def decode_standings(data: bytes) -> StandingsFrame:
 def _standing(row: Any) -> Standing:
     numbers = {name: int(getattr(row, _camel(name))()) for name in _NUMBERS}
     laps = row.LapTimesUsAsNumpy() if row.LapTimesUsLength() else ()
+    status = Status(numbers.pop("status"))
     return Standing(
-        **{**numbers, "status": Status(numbers["status"])},
+        **numbers,
+        status=status,
         driver=row.Driver().decode()[:32],
         lap_times_us=tuple(int(lap) for lap in laps),
     )

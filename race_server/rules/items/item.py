@@ -6,8 +6,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from race_server import codes
 from race_server.clock import ticks_of
-from race_server.rules import codes
 from race_server.state import ITEM as ITEM_RECORD
 from race_server.state import Records
 
