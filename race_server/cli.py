@@ -27,7 +27,8 @@ def main() -> None:
     """Run the command line."""
     try:
         app()
-    except RaceError:
+    except RaceError as error:
+        print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -1,5 +1,6 @@
 """`race bench`: what this machine reaches."""
 
+import json
 from typing import Annotated, Any
 
 import typer
@@ -37,6 +38,7 @@ def wire(
 
 def _show(figures: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
+        print(json.dumps(figures))
         return
     table = Table("figure", "value")
     for name, value in _flat(figures):

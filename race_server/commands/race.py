@@ -81,7 +81,7 @@ def start(
     console = Console(stderr=as_json)
     document = run_race(plan, console)
     if as_json:
-        pass
+        print(json.dumps(document))
     else:
         show_result(document, track, laps, session)
 
@@ -171,7 +171,7 @@ def serve(
             if result is not None:
                 result.write_text(json.dumps(document))
             if as_json:
-                pass
+                print(json.dumps(document), flush=True)
             if once:
                 break
             race.reopen()
@@ -225,6 +225,8 @@ def watch(
     as_json: AsJson = False,
 ) -> None:
     """Show the live leaderboard of a race; with --json the standings once."""
+    from dataclasses import asdict
+
     from race_server.start import board_of
     from race_server.transport import ClientLink
     from race_server.watch import Watcher
@@ -232,6 +234,7 @@ def watch(
     with ClientLink(connect, session) as link:
         watcher = Watcher(link)
         if as_json:
+            print(json.dumps(asdict(watcher.standings) if watcher.standings else {}))
             return
         _, items = watcher.rules()
         with Live(refresh_per_second=8) as live:

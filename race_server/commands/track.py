@@ -1,5 +1,6 @@
 """`race track list | show | check | import`."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +23,7 @@ def list_tracks(as_json: AsJson = False) -> None:
 
     rows = [summary(load_course(name)) for name in track_names()]
     if as_json:
+        print(json.dumps(rows))
         return
     table = Table("name", "title")
     for column in ("length [m]", "width [m]", "sectors", "grid places", "item boxes"):
@@ -51,6 +53,7 @@ def show(
     course = load_course(name)
     path = to or Path(f"{course.name}.png")
     draw_course(course, path)
+    print(path)
 
 
 @app.command()
@@ -68,10 +71,12 @@ def check(
     findings = check_course(course, vehicle_named(vehicle))
     good = all(finding.level != "error" for finding in findings)
     if as_json:
-        [{"level": finding.level, "what": finding.what} for finding in findings]
+        rows = [{"level": finding.level, "what": finding.what} for finding in findings]
+        print(json.dumps({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows}))
     else:
-        for _finding in findings:
-            pass
+        for finding in findings:
+            print(f"{finding.level}: {finding.what}")
+        print(f"{course.name} is {'good' if good else 'not fit'} for {vehicle}")
     if not good:
         raise typer.Exit(1)
 
@@ -88,4 +93,5 @@ def import_track(
 
     if to.suffix != ".toml":
         raise TrackError(f"{to}: write the course as .toml")
-    import_course(source, to, scale=scale, title=title or source.stem)
+    course = import_course(source, to, scale=scale, title=title or source.stem)
+    print(f"{to}: {course.length:.1f} m, {course.width_min:.2f} to {course.width_max:.2f} m wide")

@@ -65,13 +65,10 @@ def draw_on(axes: Any, course: Course) -> None:
     _draw_places(axes, course)
     for obstacle in course.obstacles:
         cos, sin = np.cos(obstacle.heading), np.sin(obstacle.heading)
-        corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5
-        corners = (
-            corners
-            * np.array([obstacle.length, obstacle.width])
-            @ np.array([[cos, sin], [-sin, cos]])
-        )
-        axes.fill(*((*corners, obstacle.x, obstacle.y)).T, color="#f0ad4e", zorder=4)
+        box = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+        box *= (0.5 * obstacle.length, 0.5 * obstacle.width)
+        box = box @ np.array([[cos, sin], [-sin, cos]]) + np.array([obstacle.x, obstacle.y])
+        axes.fill(box[:, 0], box[:, 1], color="#f0ad4e", zorder=4)
     axes.set_aspect("equal")
     axes.tick_params(labelsize=7, colors="#888888")
     for spine in axes.spines.values():
