@@ -111,7 +111,7 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
     layout = layout_of(welcome.briefing.preset, welcome.lidar_rays)
     send = seat.link.sender(seat.number)
     sequence = 0
-    epoch = -1
+    epoch = answered = -1
     last = time.monotonic()
     while True:
         data = seat.mailbox.take(SILENCE_S)
@@ -131,9 +131,11 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
                 "server and client are of different versions"
             )
         if frame.epoch != epoch:
-            epoch, sequence = frame.epoch, frame.acknowledged
-        observation = Observation(frame.tick, layout, frame.values)
-        control = _call(name, "act", partial(driver.act, observation))
+            epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
+        if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
+            answered = frame.tick
+            observation = Observation(frame.tick, layout, frame.values)
+            control = _call(name, "act", partial(driver.act, observation))
         sequence += 1
         send(encode_control(ControlFrame(frame.epoch, sequence, frame.tick, _within(control))))
         if observation.scalar("finished") > 0.0:

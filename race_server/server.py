@@ -52,6 +52,8 @@ REAL, LOCKSTEP = "real", "lockstep"
 STANDINGS_TICKS = ticks_of(0.5)
 # In lock-step a driver that does not answer for so long is treated as gone.
 ANSWER_S = 10.0
+# … and it is told again what it sees as often as this, should a message have been lost.
+REPEAT_S = 0.5
 LOBBY_POLL_S = 0.02
 
 
@@ -155,8 +157,16 @@ class RaceServer:
             self.session.standings(),
             self.events,
             self.missed_ticks,
-            dict(self.refused),
+            self._refusals(),
         )
+
+    def _refusals(self) -> dict[str, int]:
+        """Return how many messages were refused, by reason."""
+        counts = dict(self.refused)
+        for reason in ("oversized", "foreign"):
+            if count := getattr(self.link, reason):
+                counts[reason] = count
+        return counts
 
     def _race_in_real_time(self) -> None:
         pacer = Pacer()
@@ -194,15 +204,21 @@ class RaceServer:
     def _hear_all(self) -> None:
         """Wait for the answer of every seat; who is silent too long is gone."""
         deadline = time.monotonic() + ANSWER_S
+        again = time.monotonic() + REPEAT_S
         while True:
             self._hear()
             waiting = self.session.waits_for()
             if not waiting or self._stop:
                 return
-            if time.monotonic() > deadline:
+            now = time.monotonic()
+            if now > deadline:
                 for seat in waiting:
                     self.session.drop(seat)
                 return
+            if now > again:
+                again = now + REPEAT_S
+                for seat in waiting:
+                    self._send_observation(self.session.seats[seat])
             self.link.wait(0.05)
 
     def _hear(self) -> None:
@@ -270,8 +286,11 @@ class RaceServer:
             if seat.number in local:
                 self._drive_locally(local[seat.number])
             elif seat.is_present:
-                self.link.publish(topics.OBSERVATION, self._observation(seat), seat.number)
+                self._send_observation(seat)
                 self.link.publish(topics.HUD, encode_hud(self._hud(seat)), seat.number)
+
+    def _send_observation(self, seat: Seat) -> None:
+        self.link.publish(topics.OBSERVATION, self._observation(seat), seat.number)
 
     def _observation(self, seat: Seat) -> bytes:
         values = self.session.view(seat.number)

@@ -23,6 +23,9 @@ from race_server.wire.topics import Topic, key_of
 
 DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
 LEASE_MS = 2000
+# So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
+# comes after an honest control must not hide it.
+MOST_INPUTS = 8
 # More unanswered requests than this are dropped; the asker's timeout tells it.
 MOST_QUERIES = 256
 QUERY_TIMEOUT_S = 2.0
@@ -117,8 +120,9 @@ class ServerLink(_Link):
             ) from error
         self.address = address
         self.oversized = 0
+        self.foreign = 0
         self._name = session_name
-        self._inputs: list[bytes | None] = [None] * seats
+        self._inputs: list[deque[bytes]] = [deque(maxlen=MOST_INPUTS) for _ in range(seats)]
         self._arrived = threading.Event()
         self._requests: deque[Request] = deque(maxlen=MOST_QUERIES)
         self._presence: deque[tuple[int, bool]] = deque()
@@ -134,7 +138,11 @@ class ServerLink(_Link):
             if len(sample.payload) > most:
                 self.oversized += 1
                 return
-            self._inputs[seat] = sample.payload.to_bytes()
+            data = sample.payload.to_bytes()
+            if data[4:8] != topics.CONTROL.identifier:
+                self.foreign += 1
+                return
+            self._inputs[seat].append(data)
             self._arrived.set()
 
         key = key_of(topics.CONTROL, self._name, seat)
@@ -163,13 +171,12 @@ class ServerLink(_Link):
         return self._session.liveliness().declare_subscriber(key, store, history=True)
 
     def take_inputs(self) -> list[tuple[int, bytes]]:
-        """Return the newest control of each seat that has sent one since the last call."""
+        """Return the newest controls of each seat since the last call, oldest first."""
         self._arrived.clear()
         found = []
-        for seat, data in enumerate(self._inputs):
-            if data is not None:
-                self._inputs[seat] = None
-                found.append((seat, data))
+        for seat, mailbox in enumerate(self._inputs):
+            while mailbox:
+                found.append((seat, mailbox.popleft()))
         return found
 
     def take_requests(self) -> Iterable[Request]:
