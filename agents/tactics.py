@@ -27,6 +27,9 @@ class Tactics:
         if observation.scalar("lights") > 0.0 or observation.scalar("finished") > 0.0:
             return Control(brake=1.0)
         buttons = self._buttons(observation, wanted)
+        if observation.scalar("wrong_way") > 0.0:
+            # Turned round in a crowd: to stand still is the way to be put back on the line.
+            return Control(brake=1.0, buttons=buttons)
         escape = self._escape(observation, wanted)
         control = escape or wanted
         return Control(control.steering, control.throttle, control.brake, buttons)
@@ -78,7 +81,7 @@ class Tactics:
             # Back out with the wheels turned the other way; longer each time it did not help.
             self.attempts += 1
             self.standing_s = 0.0
-            self.reversing_s = 0.5 + 0.4 * min(self.attempts, 4)
+            self.reversing_s = 0.4 + 0.2 * min(self.attempts, 4)
             self.escape_steering = -1.0 if wanted.steering >= 0.0 else 1.0
             if self.attempts % 3 == 0:
                 self.escape_steering = 0.0

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
@@ -42,19 +43,25 @@ class Headline:
 
 def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
     """Return the standings of a race that is going on, or is over."""
-    table = Table(title=headline.text(), title_justify="left", header_style="dim")
+    table = Table(
+        title=headline.text(),
+        title_justify="left",
+        header_style="dim",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
     for name in ("", "driver"):
-        table.add_column(name)
-    for name in ("kart", "laps", "last lap", "best lap", "time", "gap", "penalties", "items"):
-        table.add_column(name, justify="right")
-    table.add_column("status")
+        table.add_column(name, no_wrap=True)
+    for name in ("laps", "last", "best", "time", "gap", "pen.", "items"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("status", no_wrap=True)
     best = min((row.best_lap_us for row in standings if row.best_lap_us), default=0)
     for row in standings:
         fastest = "bold magenta" if row.best_lap_us and row.best_lap_us == best else ""
         table.add_row(
             Text(str(row.rank), style=_MEDALS.get(row.rank, "")),
-            row.driver,
-            str(row.seat),
+            f"{row.driver} {row.seat}",
             str(row.laps),
             lap_text(row.last_lap_us),
             Text(lap_text(row.best_lap_us), style=fastest),
@@ -72,7 +79,7 @@ def _gap(row: Standing) -> str:
 
 
 def _penalties(row: Standing) -> str:
-    return f"{row.penalties} (+{seconds_of(row.penalty_us):g} s)" if row.penalties else "–"
+    return f"+{seconds_of(row.penalty_us):g} s" if row.penalties else "–"
 
 
 def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:

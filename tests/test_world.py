@@ -208,6 +208,7 @@ def test_a_stuck_kart_may_accept_a_rescue_for_a_penalty() -> None:
     assert EventKind.RESCUED in kinds(events)
     assert world.karts["penalty_us"][0, 0] == 5_000_000
     assert world.karts["lateral_offset"][0, 0] == pytest.approx(0.0, abs=0.01)
+    assert world.karts["wrong_way"][0, 0] == 0
 
 
 def test_yellow_caps_the_speed_and_green_frees_it() -> None:

@@ -38,7 +38,7 @@ Listen = Annotated[str, typer.Option("--listen", help="Address to listen on.")]
 
 
 def start(
-    track: Track = "covapsy-test-2023",
+    track: Track = "covapsy-train-2023",
     vehicle: VehicleName = "tt02",
     karts: Karts = 8,
     laps: Laps = 3,
@@ -120,7 +120,7 @@ def show_result(document: dict[str, Any], track: str, laps: int, session: str) -
 
 
 def serve(
-    track: Track = "covapsy-test-2023",
+    track: Track = "covapsy-train-2023",
     vehicle: VehicleName = "tt02",
     karts: Karts = 8,
     laps: Laps = 3,

@@ -43,7 +43,7 @@ class Rules:
     false_start_penalty_s: float = 5.0
     short_cut_penalty_s: float = 5.0
     rescue_penalty_s: float = 5.0
-    finish_limit_s: float = 60.0  # after the winner
+    finish_limit_s: float = 100.0  # after the winner
     limit_s: float = 900.0
 
 

@@ -93,6 +93,13 @@ def rescue(world: World, w: int, k: int) -> None:
     line = atlas.line[course.line_start + sample]
     kart.x, kart.y, kart.heading = line.x, line.y, line.heading
     kart.speed = kart.lateral_speed = kart.yaw_rate = kart.steering = 0.0
+    # The way back counts as driven back, but not as driving the wrong way.
+    back = kart.progress - sample * course.spacing
+    kart.distance -= back if back > -0.5 * course.length else back + course.length
+    kart.progress = sample * course.spacing
+    kart.line_index = sample
+    kart.backward = 0.0
+    kart.wrong_way = 0
     kart.still_ticks = 0
     kart.rescue_offered = 0
     kart.lap_clean = 0
