@@ -13,8 +13,8 @@ from race_server.messages import Event, EventKind, Flag, Phase, Retirement, Stan
 _STATUS = {
     Status.ABSENT: "absent",
     Status.RACING: "racing",
-    Status.FINISHED: "finished",
-    Status.RETIRED: "retired",
+    Status.FINISHED: "home",
+    Status.RETIRED: "out",
 }
 _FLAG_STYLE = {Flag.GREEN: "green", Flag.YELLOW: "yellow", Flag.RED: "red"}
 _MEDALS = {1: "bold yellow", 2: "bold white", 3: "bold dark_orange3"}

@@ -130,7 +130,7 @@ def test_a_late_spectator_gets_course_rules_standings_and_recent_events() -> Non
         racing.join(90.0)
 
 
-class Crasher:
+class Faulty:
     """Drives a while, then raises."""
 
     preset = "track"
@@ -157,7 +157,7 @@ def test_a_driver_that_raises_is_out_and_the_race_goes_on() -> None:
         )
         other.start()
         with pytest.raises(DriverError, match="'bad' failed in act: RuntimeError: my wheels came"):
-            drive(Crasher(), "bad", address=live.address, wanted=1)
+            drive(Faulty(), "bad", address=live.address, wanted=1)
         other.join(90.0)
     good, bad = sorted(live.results[0].standings, key=lambda row: row.seat)
     assert good.status is Status.FINISHED

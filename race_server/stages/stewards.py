@@ -63,7 +63,7 @@ def _watch_standstill(world: World, w: int, k: int) -> None:
     race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
     held = race.flag == codes.RED or race.tick < race.hold_until
     if held or abs(kart.speed) > rules.stuck_speed:
-        # A kart that rocks to and fro stays stuck; real progress takes the offer back.
+        # A kart that only rocks on the spot stays stuck; real progress takes the offer back.
         kart.still_ticks = max(kart.still_ticks - 3, 0)
         if kart.still_ticks == 0:
             kart.rescue_offered = 0
