@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from courses import ring
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from race_server.errors import TrackError
@@ -179,6 +179,7 @@ def test_a_damaged_file_gives_a_course_or_one_clear_error(data: st.DataObject) -
 
 
 @settings(max_examples=15, deadline=None)
+@example([0.0, 0.0, 0.0, 0.0, -0.25, 0.1875, -0.1875, 0.0], 3.5)  # a fold that left a knot
 @given(st.lists(st.floats(-0.25, 0.25), min_size=8, max_size=8), st.floats(1.0, 4.0))
 def test_borders_of_a_bumpy_ring_never_cross_and_keep_their_distance(
     bumps: list[float], half_width: float
