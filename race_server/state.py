@@ -113,10 +113,11 @@ COURSE = _record(
     _fields(
         "spacing length kerb verge cell x0 y0",
         "line_start line_count wall_start wall_count cell_start columns rows "
-        "gate_start gate_count grid_start grid_count spot_start spot_count",
+        "gate_start gate_count group_start group_count grid_start grid_count spot_start spot_count",
     )
 )
 LINE = _record(_fields("x y heading cos sin curvature left right", ""))
+GROUP = _record(_fields("x y radius", "first last"))
 GATE = _record(_fields("progress", "sector"))
 
 
@@ -125,8 +126,9 @@ class Atlas(NamedTuple):
 
     courses: Records  # (C,) COURSE
     line: Records  # (N,) LINE
-    walls: Floats  # (P, 4) x0, y0, x1, y1 [m]
+    walls: Floats  # (P, 4) x0, y0, x1, y1 [m], the drivable side on the left
     wall_kinds: Bytes  # (P,) Hit
+    groups: Records  # (Q,) GROUP: circles around runs of walls
     cell_first: NDArray[np.int32]  # (cells + 1,) first entry of each cell in `cell_walls`
     cell_walls: NDArray[np.int32]  # walls that touch each cell
     cell_skip: Bytes  # (cells,) 0: walls here; n: no wall in the n - 1 rings of cells around

@@ -12,6 +12,8 @@ from race_server.kernels.geometry import ray_to_box, ray_to_segment, wrap_angle
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
 from race_server.kernels.sensors import rays_towards
+from race_server.kernels.sweep import ROUGHNESS, rough_angle, sweep_walls
+from race_server.scenario.sensors import fan
 from race_server.track.atlas import pack
 
 COURSE = ring(radius=6.0, half_width=0.7)
@@ -44,6 +46,33 @@ def test_a_ray_along_an_axis_of_the_grid_is_exact(angle: float) -> None:
 
 def test_a_ray_that_meets_nothing_returns_its_reach() -> None:
     assert cast_ray(ATLAS, HEADER, 6.0, 0.0, 0.0, 1.0, 0.5) == (0.5, -1)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.floats(-math.pi, math.pi),
+    st.floats(-0.69, 0.69),
+    st.floats(-math.pi, math.pi),
+    st.sampled_from([(201, 200.0), (360, 359.0), (37, 90.0), (1080, 270.0)]),
+)
+def test_a_fan_laid_over_the_walls_sees_what_each_ray_sees(
+    around: float, offset: float, angle: float, shape: tuple[int, float]
+) -> None:
+    x, y = (6.0 + offset) * math.cos(around), (6.0 + offset) * math.sin(around)
+    cos, sin = math.cos(angle), math.sin(angle)
+    field = math.radians(shape[1])
+    rays = fan(shape[0], field)
+    ranges = np.zeros(shape[0], np.float32)
+    sweep_walls(ATLAS, HEADER, x, y, cos, sin, rays, field, 8.0, ranges)
+    for (c, s), found in zip(rays, ranges, strict=True):
+        alone, _ = cast_ray(ATLAS, HEADER, x, y, cos * c - sin * s, sin * c + cos * s, 8.0)
+        assert found == pytest.approx(alone, abs=1e-5)
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_a_rough_angle_is_off_by_less_than_it_says(x: float, y: float) -> None:
+    difference = wrap_angle(rough_angle(x, y) - math.atan2(y, x))
+    assert abs(difference) < ROUGHNESS or (x == 0.0 and y == 0.0)
 
 
 def test_a_box_three_metres_ahead_is_hit_at_its_front() -> None:

@@ -7,6 +7,7 @@ from race_server.kernels.geometry import TURN, ray_to_box
 from race_server.kernels.jit import kernel
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
+from race_server.kernels.sweep import FEW_RAYS, sweep_walls
 from race_server.state import Atlas, Bytes, Float32s, Floats, Record
 
 # More rays than any sensor has: keeps the counters of two karts apart.
@@ -22,6 +23,7 @@ def cast_fan(
     cos: float,
     sin: float,
     rays: Floats,
+    field: float,
     reach: float,
     ranges: Float32s,
     kinds: Bytes,
@@ -31,6 +33,9 @@ def cast_fan(
     (x, y) and (cos, sin): place and direction of the sensor; rays: (R, 2) cosine and sine of
     each ray in its frame. `kinds` may be empty where nobody asks.
     """
+    if len(rays) > FEW_RAYS and len(kinds) == 0:
+        sweep_walls(atlas, course, x, y, cos, sin, rays, field, reach, ranges)
+        return
     for ray in range(len(rays)):
         c = cos * rays[ray, 0] - sin * rays[ray, 1]
         s = sin * rays[ray, 0] + cos * rays[ray, 1]

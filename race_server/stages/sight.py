@@ -95,7 +95,7 @@ def _scan(
     course = world.atlas.courses[world.rules[w].course]
     cos, sin = math.cos(kart.heading), math.sin(kart.heading)
     x, y = kart.x + mount * cos, kart.y + mount * sin
-    cast_fan(world.atlas, course, x, y, cos, sin, rays, reach, ranges, kinds)
+    cast_fan(world.atlas, course, x, y, cos, sin, rays, field, reach, ranges, kinds)
     for other in range(world.karts.shape[1]):
         rival = world.karts[w, other]
         if other == k or rival.status != codes.RACING:

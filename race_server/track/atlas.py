@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server import codes
-from race_server.state import COURSE, GATE, LINE, Atlas, Records
+from race_server.state import COURSE, GATE, GROUP, LINE, Atlas, Records
 from race_server.track.course import Course, Floats, Obstacle
+from race_server.track.polyline import area_of, is_inside, loops_of
 
 # A cell is about this share of the free width: small enough that few walls share one.
 CELL_SHARE = 0.25
@@ -16,13 +17,16 @@ CELL_SHARE = 0.25
 MARGIN = 1e-6
 # Longest free square, in rings of cells, that is worth knowing.
 MOST_RINGS = 60
+# Walls in one circle that a sensor looks at as a whole.
+GROUP_WALLS = 12
 
 
 def pack(courses: Sequence[Course]) -> Atlas:
     """Return the courses as one atlas; course c of a race's rules is `courses[c]`."""
     headers = np.zeros(len(courses), COURSE)
-    lines, walls, kinds, firsts, entries, skips, gates = [], [], [], [], [], [], []
-    starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0}
+    lines, walls, kinds, groups = [], [], [], []
+    firsts, entries, skips, gates = [], [], [], []
+    starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0, "group": 0}
     listed = 0
     for header, course in zip(headers, courses, strict=True):
         segments, kind = _walls_of(course)
@@ -32,7 +36,9 @@ def pack(courses: Sequence[Course]) -> Atlas:
         header.verge = course.kerb + course.grass
         header.cell, header.columns, header.rows = cell, columns, rows
         header.x0, header.y0 = origin
+        circles = _groups_of(segments, starts["wall"])
         counts = {
+            "group": len(circles),
             "line": len(course.line),
             "wall": len(segments),
             "gate": len(course.gates),
@@ -46,6 +52,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         lines.append(_line_of(course))
         walls.append(segments)
         kinds.append(kind)
+        groups.append(circles)
         firsts.append(first[:-1] + listed)
         entries.append(members)
         skips.append(_rings(first, columns, rows))
@@ -59,6 +66,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         line=np.concatenate(lines),
         walls=np.concatenate(walls),
         wall_kinds=np.concatenate(kinds),
+        groups=np.concatenate(groups),
         cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
         cell_walls=np.concatenate(entries).astype(np.int32),
         cell_skip=np.concatenate(skips),
@@ -70,17 +78,44 @@ def pack(courses: Sequence[Course]) -> Atlas:
 
 def _walls_of(course: Course) -> tuple[Floats, NDArray[np.uint8]]:
     boxes = [_sides(obstacle) for obstacle in course.obstacles]
-    segments = np.concatenate([course.borders, *boxes])
+    segments = np.concatenate([_facing_the_track(course), *boxes])
     kinds = np.full(len(segments), codes.BORDER, np.uint8)
     kinds[len(course.borders) :] = codes.OBSTACLE
     return segments, kinds
+
+
+def _facing_the_track(course: Course) -> Floats:
+    """Return the borders, turned so that the drivable side is on the left of each segment."""
+    inner = course.line[:1, :2]
+    turned = []
+    for loop in loops_of(course.borders):
+        is_around = bool(is_inside(inner, loop)[0])
+        counter_clockwise = area_of(loop[:, :2]) > 0.0
+        # Inside a loop driven around, the left of a counter-clockwise walk is the track.
+        turned.append(loop if is_around == counter_clockwise else loop[::-1][:, [2, 3, 0, 1]])
+    return np.concatenate(turned)
+
+
+def _groups_of(segments: Floats, first_wall: int) -> Records:
+    """Return circles around runs of walls; a sensor too far from a circle skips its walls."""
+    groups = np.zeros(-(-len(segments) // GROUP_WALLS), GROUP)
+    for number, group in enumerate(groups):
+        first = number * GROUP_WALLS
+        points = segments[first : first + GROUP_WALLS].reshape(-1, 2)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        group.x, group.y = middle
+        group.radius = float(np.hypot(*(points - middle).T).max())
+        group.first = first_wall + first
+        group.last = first_wall + min(first + GROUP_WALLS, len(segments))
+    return groups
 
 
 def _sides(obstacle: Obstacle) -> Floats:
     cos, sin = math.cos(obstacle.heading), math.sin(obstacle.heading)
     u, v = 0.5 * obstacle.length, 0.5 * obstacle.width
     corners = np.array([(u, v), (-u, v), (-u, -v), (u, -v)]) @ np.array([[cos, sin], [-sin, cos]])
-    corners += (obstacle.x, obstacle.y)
+    # Clockwise, so that the outside lies on the left of each side.
+    corners = corners[::-1] + np.array([obstacle.x, obstacle.y])
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 

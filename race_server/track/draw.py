@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.track.course import Course, Floats
-from race_server.track.polyline import area_of
+from race_server.track.polyline import area_of, loops_of
 
 SUFFIXES = (".png", ".svg")
 _GRASS, _ASPHALT, _KERB, _INK = "#cfe3c4", "#5b5f66", "#d9534f", "#20242a"
@@ -110,8 +110,7 @@ def _fill_between_borders(axes: Any, course: Course, colour: str) -> None:
 
 def _loops(borders: Floats) -> list[Floats]:
     """Return the border loops, the largest counter-clockwise, the others clockwise as holes."""
-    breaks = np.flatnonzero(np.abs(borders[1:, :2] - borders[:-1, 2:]).max(axis=1) > 1e-9) + 1
-    loops = [part[:, :2] for part in np.split(borders, breaks)]
+    loops = [loop[:, :2] for loop in loops_of(borders)]
     loops.sort(key=lambda loop: -abs(area_of(loop)))
     turned = [loop if area_of(loop) > 0.0 else loop[::-1] for loop in loops]
     return [turned[0], *(loop[::-1] for loop in turned[1:])]

@@ -11,6 +11,12 @@ def segments_of(points: Floats) -> Floats:
     return np.hstack([points, np.roll(points, -1, axis=0)])
 
 
+def loops_of(segments: Floats) -> list[Floats]:
+    """Return the runs of segments in which each begins where the last ended."""
+    jumps = np.abs(segments[1:, :2] - segments[:-1, 2:]).max(axis=1, initial=0.0)
+    return list(np.split(segments, np.flatnonzero(jumps > 1e-9) + 1))
+
+
 def lengths_of(points: Floats) -> Floats:
     """Return the length of each side of a closed polyline, shape (N,)."""
     return np.asarray(np.hypot(*(np.roll(points, -1, axis=0) - points).T))
