@@ -8,11 +8,18 @@ from courses import ring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from race_server.kernels.geometry import ray_to_box, ray_to_segment, wrap_angle
+from race_server import codes
+from race_server.kernels.geometry import (
+    ROUGHNESS,
+    ray_to_box,
+    ray_to_segment,
+    rough_angle,
+    wrap_angle,
+)
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
-from race_server.kernels.sensors import rays_towards
-from race_server.kernels.sweep import ROUGHNESS, rough_angle, sweep_walls
+from race_server.kernels.sensors import rays_towards, see_body
+from race_server.kernels.sweep import sweep_walls
 from race_server.scenario.sensors import fan
 from race_server.track.atlas import pack
 
@@ -88,14 +95,39 @@ def test_a_box_behind_is_not_hit() -> None:
 
 
 def test_only_rays_that_can_touch_a_circle_are_looked_at() -> None:
-    # Nine rays 15° apart; a circle of 1 m straight ahead at 4 m spans ±14.5°.
+    # Nine rays 15° apart; a circle of 0.9 m straight ahead at 4 m spans ±13°.
     field = math.radians(120.0)
-    assert rays_towards(4.0, 0.0, 1.0, 9, field, 0.0) == (4, 4)
+    assert rays_towards(4.0, 0.0, 0.9, 9, field, 0.0) == (4, 4)
 
 
 def test_a_circle_behind_the_field_of_view_concerns_no_ray() -> None:
     first, last = rays_towards(-4.0, 0.5, 1.0, 9, math.radians(120.0), 0.0)
     assert first > last
+
+
+@given(
+    st.floats(-6.0, 6.0),
+    st.floats(-6.0, 6.0),
+    st.floats(-math.pi, math.pi),
+    st.floats(-math.pi, math.pi),
+    st.sampled_from([(9, 120.0), (201, 200.0), (360, 359.0)]),
+)
+def test_a_fan_sees_a_body_exactly_where_its_rays_meet_the_box(
+    x: float, y: float, angle: float, heading: float, shape: tuple[int, float]
+) -> None:
+    field = math.radians(shape[1])
+    rays = fan(shape[0], field)
+    ranges, kinds = np.full(shape[0], 5.0, np.float32), np.zeros(shape[0], np.uint8)
+    cos, sin = math.cos(angle), math.sin(angle)
+    body = (x, y, heading, 0.1, 0.25, 0.1)  # its box stands 0.1 m ahead, 0.5 m by 0.2 m
+    see_body(0.0, 0.0, cos, sin, rays, field, 5.0, *body, codes.KART_HIT, ranges, kinds)
+    bc, bs = math.cos(heading), math.sin(heading)
+    u, v = -(x * bc + y * bs) - 0.1, x * bs - y * bc
+    for (c, s), found, kind in zip(rays, ranges, kinds, strict=True):
+        c, s = cos * c - sin * s, sin * c + cos * s
+        alone = ray_to_box(u, v, c * bc + s * bs, s * bc - c * bs, 0.25, 0.1)
+        assert found == pytest.approx(min(alone, 5.0), abs=1e-5)
+        assert kind == (codes.KART_HIT if alone < 5.0 else codes.NOTHING)
 
 
 @given(st.floats(-100.0, 100.0))

@@ -5,6 +5,8 @@ import math
 from race_server.kernels.jit import kernel
 
 TURN = 2.0 * math.pi
+# `rough_angle` is off by less than this [rad].
+ROUGHNESS = 0.004
 
 
 @kernel
@@ -45,6 +47,24 @@ def ray_to_segment(
         return math.inf
     distance = (dx * ey - dy * ex) / along
     return distance if distance >= 0.0 else math.inf
+
+
+@kernel
+def rough_angle(x: float, y: float) -> float:
+    """Return the direction of (x, y) [rad] in (-pi, pi], to within `ROUGHNESS`.
+
+    arctan z is about z (pi/4 + 0.273 (1 - |z|)) for |z| up to 1 (Rajan et al. 2006).
+    """
+    ax, ay = abs(x), abs(y)
+    if ax >= ay:
+        ratio = ay / ax if ax > 0.0 else 0.0
+        angle = ratio * (0.25 * math.pi + 0.273 * (1.0 - ratio))
+    else:
+        ratio = ax / ay
+        angle = 0.5 * math.pi - ratio * (0.25 * math.pi + 0.273 * (1.0 - ratio))
+    if x < 0.0:
+        angle = math.pi - angle
+    return angle if y >= 0.0 else -angle
 
 
 @kernel

@@ -3,7 +3,7 @@
 import math
 
 from race_server import codes
-from race_server.kernels.geometry import TURN, ray_to_box
+from race_server.kernels.geometry import ROUGHNESS, TURN, ray_to_box, rough_angle
 from race_server.kernels.jit import kernel
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
@@ -49,16 +49,19 @@ def cast_fan(
 def rays_towards(
     along: float, across: float, radius: float, rays: int, field: float, turn: float
 ) -> tuple[int, int]:
-    """Return the first and last ray of a fan that can touch a circle; first > last for none.
+    """Return the first and last ray of a fan that may touch a circle; first > last for none.
 
     (along, across): the circle's middle in the frame of the sensor [m]; field: angle between
     the outermost rays [rad]; turn: a whole number of turns added to its direction [rad].
+    A ray at either end may just miss it: the directions are rough.
     """
     square = along * along + across * across
     if square <= radius * radius:
         return 0, rays - 1
-    middle = math.atan2(across, along) + turn
-    half = math.asin(radius / math.sqrt(square))
+    middle = rough_angle(along, across) + turn
+    # For z from 0 to 1, arcsin z is at most z (1 + (pi/2 - 1) z^2).
+    share = radius / math.sqrt(square)
+    half = share * (1.0 + (0.5 * math.pi - 1.0) * share * share) + ROUGHNESS
     step = field / (rays - 1)
     first = math.ceil((middle - half + 0.5 * field) / step)
     last = math.floor((middle + half + 0.5 * field) / step)
@@ -66,7 +69,7 @@ def rays_towards(
 
 
 @kernel
-def see_box(
+def see_body(
     x: float,
     y: float,
     cos: float,
@@ -74,30 +77,40 @@ def see_box(
     rays: Floats,
     field: float,
     reach: float,
-    box_x: float,
-    box_y: float,
-    box_cos: float,
-    box_sin: float,
+    body_x: float,
+    body_y: float,
+    heading: float,
+    offset: float,
     half_length: float,
     half_width: float,
     kind: int,
     ranges: Float32s,
     kinds: Bytes,
 ) -> None:
-    """Shorten the rays of a fan that an oriented box stands in; only those are looked at."""
-    dx, dy = box_x - x, box_y - y
-    radius = math.sqrt(half_length * half_length + half_width * half_width)
+    """Shorten the rays of a fan that the body of a kart stands in; only those are looked at.
+
+    The body is an oriented box, `offset` [m] ahead of (body_x, body_y) along `heading` [rad].
+    """
+    dx, dy = body_x - x, body_y - y
+    square = dx * dx + dy * dy
+    radius = abs(offset) + math.sqrt(half_length * half_length + half_width * half_width)
     near = reach + radius
-    if dx * dx + dy * dy > near * near:
+    if square > near * near:
         return
+    nearest = math.sqrt(square) - radius
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
-    # The sensor in the frame of the box.
-    u, v = -(dx * box_cos + dy * box_sin), -(dy * box_cos - dx * box_sin)
-    c, s = cos * box_cos + sin * box_sin, sin * box_cos - cos * box_sin
+    box_cos, box_sin = 0.0, 0.0  # worked out for the first ray that is not stopped before
     turns = 1 if field > math.pi else 0
     for whole in range(-turns, turns + 1):
         first, last = rays_towards(along, across, radius, len(rays), field, whole * TURN)
         for ray in range(first, last + 1):
+            if ranges[ray] <= nearest:
+                continue
+            if box_cos == 0.0 and box_sin == 0.0:
+                box_cos, box_sin = math.cos(heading), math.sin(heading)
+            # The sensor and its ray in the frame of the box.
+            u, v = -(dx * box_cos + dy * box_sin) - offset, dx * box_sin - dy * box_cos
+            c, s = cos * box_cos + sin * box_sin, sin * box_cos - cos * box_sin
             rc, rs = rays[ray, 0], rays[ray, 1]
             distance = ray_to_box(u, v, c * rc - s * rs, s * rc + c * rs, half_length, half_width)
             if distance < ranges[ray]:

@@ -8,32 +8,12 @@ first wall that a ray meets always shows its left side.
 
 import math
 
-from race_server.kernels.geometry import TURN
+from race_server.kernels.geometry import ROUGHNESS, TURN, rough_angle
 from race_server.kernels.jit import kernel
 from race_server.state import Atlas, Float32s, Floats, Record
 
-# `rough_angle` is off by less than this [rad].
-ROUGHNESS = 0.004
 # With fewer rays than this the grid is cheaper.
 FEW_RAYS = 24
-
-
-@kernel
-def rough_angle(x: float, y: float) -> float:
-    """Return the direction of (x, y) [rad] in (-pi, pi], to within `ROUGHNESS`.
-
-    arctan z is about z (pi/4 + 0.273 (1 - |z|)) for |z| up to 1 (Rajan et al. 2006).
-    """
-    ax, ay = abs(x), abs(y)
-    if ax >= ay:
-        ratio = ay / ax if ax > 0.0 else 0.0
-        angle = ratio * (0.25 * math.pi + 0.273 * (1.0 - ratio))
-    else:
-        ratio = ax / ay
-        angle = 0.5 * math.pi - ratio * (0.25 * math.pi + 0.273 * (1.0 - ratio))
-    if x < 0.0:
-        angle = math.pi - angle
-    return angle if y >= 0.0 else -angle
 
 
 @kernel

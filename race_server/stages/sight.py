@@ -5,7 +5,7 @@ import math
 from race_server import codes
 from race_server.kernels.jit import kernel
 from race_server.kernels.rng import LIDAR_STREAM, RADAR_STREAM
-from race_server.kernels.sensors import cast_fan, disturb, see_box, see_disc
+from race_server.kernels.sensors import cast_fan, disturb, see_body, see_disc
 from race_server.state import HAZARDS, Bytes, Float32s, Floats, World
 
 
@@ -101,12 +101,7 @@ def _scan(
         if other == k or rival.status != codes.RACING:
             continue
         vehicle = world.vehicles[w, other]
-        dx, dy = rival.x - x, rival.y - y
-        near = reach + vehicle.length
-        if dx * dx + dy * dy > near * near:
-            continue
-        c, s = math.cos(rival.heading), math.sin(rival.heading)
-        see_box(
+        see_body(
             x,
             y,
             cos,
@@ -114,10 +109,10 @@ def _scan(
             rays,
             field,
             reach,
-            rival.x + vehicle.box_offset * c,
-            rival.y + vehicle.box_offset * s,
-            c,
-            s,
+            rival.x,
+            rival.y,
+            rival.heading,
+            vehicle.box_offset,
             0.5 * vehicle.length,
             0.5 * vehicle.width,
             codes.KART_HIT,

@@ -25,7 +25,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
     """Return the courses as one atlas; course c of a race's rules is `courses[c]`."""
     headers = np.zeros(len(courses), COURSE)
     lines, walls, kinds, groups = [], [], [], []
-    firsts, entries, skips, gates = [], [], [], []
+    firsts, entries, skips, frees, gates = [], [], [], [], []
     starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0, "group": 0}
     listed = 0
     for header, course in zip(headers, courses, strict=True):
@@ -56,6 +56,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         firsts.append(first[:-1] + listed)
         entries.append(members)
         skips.append(_rings(first, columns, rows))
+        frees.append(_free_squares(first, columns, rows))
         gates.append(_gates_of(course))
         listed += len(members)
         for name, count in counts.items():
@@ -70,6 +71,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
         cell_walls=np.concatenate(entries).astype(np.int32),
         cell_skip=np.concatenate(skips),
+        cell_free=np.concatenate(frees),
         gates=np.concatenate(gates),
         grid=np.concatenate([course.grid for course in courses]),
         spots=np.concatenate([course.spots.reshape(-1, 2) for course in courses]),
@@ -168,6 +170,31 @@ def _rings(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint
         wide = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
         filled = wide[:-2] | wide[1:-1] | wide[2:]
     return rings.ravel()
+
+
+def _free_squares(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
+    """Return the side of the free square that has each cell in its corner, shape (cells, 4).
+
+    In order: the squares towards +x +y, -x +y, +x -y and -x -y; 0 where the cell holds walls.
+    """
+    holds = (np.diff(first) > 0).reshape(rows, columns)
+    squares = [_squares(holds[::up, ::right])[::up, ::right] for up in (1, -1) for right in (1, -1)]
+    return np.stack([square.ravel() for square in squares], axis=1)
+
+
+def _squares(holds: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the side of the free square towards +x +y; beyond the grid there is nothing."""
+    rows, columns = holds.shape
+    sides = np.full((rows + 1, columns + 1), MOST_RINGS, np.int64)
+    for diagonal in range(rows + columns - 2, -1, -1):
+        # The cells of one falling diagonal depend only on those further up and right.
+        row = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
+        column = diagonal - row
+        beyond = np.minimum(
+            np.minimum(sides[row + 1, column], sides[row, column + 1]), sides[row + 1, column + 1]
+        )
+        sides[row, column] = np.where(holds[row, column], 0, np.minimum(beyond + 1, MOST_RINGS))
+    return sides[:-1, :-1].astype(np.uint8)
 
 
 def _line_of(course: Course) -> Records:
