@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
@@ -46,8 +45,8 @@ def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
     table = Table(
         title=headline.text(),
         title_justify="left",
-        header_style="dim",
-        box=SIMPLE_HEAD,
+        header_style="dim underline",
+        box=None,
         padding=(0, 1, 0, 0),
         pad_edge=False,
     )

@@ -53,6 +53,13 @@ class Vehicle:
         """Smallest radius [m] of the rear axle's path without slip."""
         return self.wheelbase / float(np.tan(self.steering_limit))
 
+    def without_slip(self) -> "Vehicle":
+        """Return the same vehicle with the kinematic model alone: the wheels never slip."""
+        return replace(self, name=self.name + _KINEMATIC, kinematic_below=1e9, dynamic_above=2e9)
+
+
+# Ends the name of a preset that is to be driven without slip.
+_KINEMATIC = "-kinematic"
 
 _NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
 
@@ -139,12 +146,17 @@ VEHICLES = {vehicle.name: vehicle for vehicle in (TT02, KART_13, KART_30, KART_6
 
 
 def vehicle_named(name: str) -> Vehicle:
-    """Return the preset called `name`.
+    """Return the preset called `name`; ``tt02-kinematic`` is ``tt02`` without slip.
 
     Raises:
         VehicleError: there is none.
     """
-    if name not in VEHICLES:
+    preset = name.removesuffix(_KINEMATIC)
+    if preset not in VEHICLES:
         known = ", ".join(sorted(VEHICLES))
-        raise VehicleError(f"vehicle {name!r} is unknown; choose one of {known}")
-    return VEHICLES[name]
+        raise VehicleError(
+            f"vehicle {name!r} is unknown; choose one of {known}, "
+            f"or one of them with {_KINEMATIC!r} behind its name"
+        )
+    vehicle = VEHICLES[preset]
+    return vehicle.without_slip() if name.endswith(_KINEMATIC) else vehicle

@@ -303,10 +303,10 @@ class RaceServer:
 
     def _hud(self, seat: Seat) -> HudFrame:
         tick, kart = self.session.tick, self.session.world.karts[0, seat.number]
-        acting = [effect for effect in kart.effects if effect["item"] > 0]
+        acting = [effect for effect in kart.effects if effect["source"] > 0]
         effects = np.zeros(len(acting), EFFECT)
         for row, effect in zip(effects, acting, strict=True):
-            row["item"] = effect["item"]
+            row["item"] = effect["source"]
             row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
         immune = max(int(kart.immune_until), int(kart.shield_until)) - tick
         return HudFrame(
@@ -315,7 +315,7 @@ class RaceServer:
             speed_cap=float(kart.speed_cap),
             thrust_scale=float(kart.thrust_scale),
             grip_scale=float(kart.grip_scale),
-            item=int(kart["item"]),
+            item=int(kart.held),
             immune_s=max(immune, 0) / TICKS_PER_SECOND,
             effects=effects,
         )
@@ -331,17 +331,19 @@ class RaceServer:
         karts = np.zeros(len(rows), KART)
         for name in _SAME_NAMES:
             karts[name] = rows[name]
+        karts["item"] = rows["held"]
         karts["seat"] = np.arange(len(rows))
         karts["acknowledged"] = [seat.sequence for seat in session.seats]
-        karts["effects"] = (rows["effects"]["item"] > 0).sum(axis=1) if EFFECTS else 0
+        karts["effects"] = (rows["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
         safe = np.maximum(rows["immune_until"], rows["shield_until"]) > tick
         karts["flags"] = (
             rows["wrong_way"] + 2 * rows["off_track"] + 4 * rows["rescue_offered"] + 8 * safe
         )
         placed = world.hazards[0][world.hazards["until_tick"][0] > tick]
         hazards = np.zeros(len(placed), HAZARD)
-        for name in ("x", "y", "radius", "item", "owner"):
+        for name in ("x", "y", "radius", "owner"):
             hazards[name] = placed[name]
+        hazards["item"] = placed["source"]
         lights = max(int(race.start_tick), int(race.hold_until)) - tick
         return SnapshotFrame(
             monotonic_us=time.monotonic_ns() // 1000,
@@ -455,7 +457,6 @@ _SAME_NAMES = (
     "laps",
     "rank",
     "status",
-    "item",
 )
 
 

@@ -38,7 +38,7 @@ def _record(fields: list[Any]) -> np.dtype[Any]:
     return np.dtype((np.record, fields))
 
 
-EFFECT = _record(_fields("speed_scale thrust_scale grip_scale", "item until_tick"))
+EFFECT = _record(_fields("speed_scale thrust_scale grip_scale", "source until_tick"))
 
 # One kart. Angles [rad], lengths [m], speeds [m/s]; fields ending in _us are microseconds since
 # tick 0, fields ending in _tick or _until are ticks.
@@ -64,7 +64,7 @@ KART = _record(
             "wrong_way off_track still_ticks rescue_offered lap_clean false_started "
             "contact_kart_tick contact_wall_tick contacts wall_contacts hits "
             # The game.
-            "item items_used immune_until shield_until ghost_until "
+            "held items_used immune_until shield_until ghost_until "
             "penalties penalty_us retired_for "
             # Which sensors it carries, bits of Sensor.
             "sensors",
@@ -78,7 +78,7 @@ RACE = _record(
 )
 
 BOX = _record(_fields("x y", "ready_tick"))
-HAZARD = _record(_fields("x y radius", "item owner until_tick owner_safe_tick"))
+HAZARD = _record(_fields("x y radius", "source owner until_tick owner_safe_tick"))
 EVENT = _record(_fields("", "sequence tick kind kart other value"))
 
 # What is fixed for one race. Zero switches a limit off.

@@ -6,8 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from race_server.errors import VehicleError
 from race_server.kernels.motion import move, tyre_stiffness
-from race_server.params import GRAVITY, KART_60, TT02, VEHICLES, Vehicle, vehicle_record
+from race_server.params import (
+    GRAVITY,
+    KART_60,
+    TT02,
+    VEHICLES,
+    Vehicle,
+    vehicle_named,
+    vehicle_record,
+)
 
 DT = 1.0 / 120.0
 REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -121,3 +130,16 @@ def test_no_control_makes_the_motion_blow_up(
         speed = math.hypot(state[SPEED], state[LATERAL])
         assert all(math.isfinite(value) for value in state)
         assert speed <= 1.05 * vehicle.top_speed
+
+
+def test_without_slip_the_rear_axle_drives_the_circle_of_the_steering_angle() -> None:
+    vehicle = vehicle_named("tt02-kinematic")
+    state = drive(vehicle, 6.0, steering=1.0, throttle=0.6)
+    # yaw rate = speed of the rear axle / turning radius, however fast it goes
+    assert state[SPEED] > 2.0
+    assert state[YAW_RATE] == pytest.approx(state[SPEED] / vehicle.turning_radius, rel=1e-3)
+
+
+def test_an_unknown_vehicle_names_those_that_exist() -> None:
+    with pytest.raises(VehicleError, match=r"'kart-90' is unknown; choose one of kart-13, kart-30"):
+        vehicle_named("kart-90")

@@ -63,7 +63,7 @@ def test_each_scalar_shows_the_field_of_its_name() -> None:
         ("speed", "lateral_speed", "yaw_rate", "steering", "progress", "lateral_offset")
     ):
         setattr(kart, name, 0.1 + number)
-    kart.speed_cap, kart.item, kart.laps, kart.wrong_way = 3.5, 2, 4, 1
+    kart.speed_cap, kart.held, kart.laps, kart.wrong_way = 3.5, 2, 4, 1
     session.look()
     view = Observation(0, session.layout("full"), session.view(1))
     for number, name in enumerate(

@@ -261,7 +261,7 @@ def item_world(name: str) -> World:
     rules = replace(QUICK, laps=0)
     world = make_world(replace(scenario(karts=2, rules=rules), grid_order=(1, 0)))
     run(world, 2.0)
-    world.karts[0, 0].item = NUMBERS[name]
+    world.karts[0, 0].held = NUMBERS[name]
     return world
 
 
@@ -282,9 +282,9 @@ def test_pulse_slows_the_kart_ahead() -> None:
 
 def test_the_leader_keeps_a_pulse_that_would_hit_nobody() -> None:
     world = item_world("pulse")
-    world.karts[0, 0].item, world.karts[0, 1].item = 0, NUMBERS["pulse"]
+    world.karts[0, 0].held, world.karts[0, 1].held = 0, NUMBERS["pulse"]
     run(world, 0.05, button=1)
-    assert world.karts["item"][0, 1] == NUMBERS["pulse"]
+    assert world.karts["held"][0, 1] == NUMBERS["pulse"]
 
 
 def test_a_shield_takes_one_hit() -> None:
@@ -292,7 +292,7 @@ def test_a_shield_takes_one_hit() -> None:
     world.karts[0, 1].shield_until = world.races[0].tick + 600
     assert EventKind.BLOCKED_HIT in kinds(run(world, 0.05, button=1))
     assert world.karts["hits"][0, 1] == 0
-    world.karts[0, 0].item = NUMBERS["pulse"]
+    world.karts[0, 0].held = NUMBERS["pulse"]
     run(world, 0.05)
     assert EventKind.HIT in kinds(run(world, 0.05, button=1))
 
@@ -301,7 +301,7 @@ def test_immunity_follows_a_hit() -> None:
     world = item_world("pulse")
     run(world, 0.05, button=1)
     run(world, 1.6)
-    world.karts[0, 0].item = NUMBERS["pulse"]
+    world.karts[0, 0].held = NUMBERS["pulse"]
     assert EventKind.BLOCKED_HIT in kinds(run(world, 0.05, button=1))
 
 

@@ -43,13 +43,13 @@ def add_effect(kart: Record, item: Record, number: int, tick: int) -> None:
     """
     place = 0
     for index in range(EFFECTS):
-        if kart.effects[index].item == number:
+        if kart.effects[index].source == number:
             place = index
             break
         if kart.effects[index].until_tick < kart.effects[place].until_tick:
             place = index
     effect = kart.effects[place]
-    effect.item = number
+    effect.source = number
     effect.until_tick = tick + item.effect_ticks
     effect.speed_scale = item.speed_scale
     effect.thrust_scale = item.thrust_scale
@@ -68,7 +68,7 @@ def sum_effects(kart: Record) -> tuple[float, float, float]:
     speed, thrust, grip = 1.0, 1.0, 1.0
     for index in range(EFFECTS):
         effect = kart.effects[index]
-        if effect.item > 0:
+        if effect.source > 0:
             speed *= effect.speed_scale
             thrust *= effect.thrust_scale
             grip *= effect.grip_scale

@@ -42,7 +42,7 @@ def apply_effects(world: World, w: int) -> None:
             continue
         for index in range(EFFECTS):
             effect = kart.effects[index]
-            if effect.item > 0 and race.tick >= effect.until_tick:
+            if effect.source > 0 and race.tick >= effect.until_tick:
                 _end_effect(world, w, k, effect)
         speed, thrust, grip = sum_effects(kart)
         kart.speed_cap = speed * world.vehicles[w, k].top_speed
@@ -56,12 +56,12 @@ def apply_effects(world: World, w: int) -> None:
 
 @kernel
 def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
-    item = world.items[effect.item]
+    item = world.items[effect.source]
     if item.immunity_ticks > 0:
         kart = world.karts[w, k]
         kart.immune_until = max(kart.immune_until, effect.until_tick + item.immunity_ticks)
-    report(world, w, codes.EVENT_EFFECT_END, k, effect.item, 0)
-    effect.item = 0
+    report(world, w, codes.EVENT_EFFECT_END, k, effect.source, 0)
+    effect.source = 0
 
 
 @kernel
@@ -73,7 +73,7 @@ def use_items(world: World, w: int) -> None:
         pressed = kart.buttons & ~kart.buttons_before
         kart.buttons_before = kart.buttons
         racing = kart.status == codes.RACING and race.tick >= race.start_tick
-        if racing and pressed & codes.USE_ITEM and kart.item > 0:
+        if racing and pressed & codes.USE_ITEM and kart.held > 0:
             _use(world, w, k)
 
 
@@ -81,11 +81,11 @@ def use_items(world: World, w: int) -> None:
 def _use(world: World, w: int, k: int) -> None:
     tick = world.races[w].tick
     kart = world.karts[w, k]
-    number = kart.item
+    number = kart.held
     item = world.items[number]
     if item.use == codes.ON_KART_AHEAD and kart.rank <= 1:
         return  # nobody to act on: the item is kept
-    kart.item = 0
+    kart.held = 0
     kart.items_used += 1
     report(world, w, codes.EVENT_USE, k, number, 0)
     if item.use == codes.ON_SELF:
@@ -115,7 +115,7 @@ def _place(world: World, w: int, k: int, number: int) -> None:
     behind = 0.5 * vehicle.length - vehicle.box_offset + 1.5 * hazard.radius
     hazard.x = kart.x - behind * math.cos(kart.heading)
     hazard.y = kart.y - behind * math.sin(kart.heading)
-    hazard.item = number
+    hazard.source = number
     hazard.owner = k
     hazard.until_tick = tick + item.life_ticks
     hazard.owner_safe_tick = tick + item.owner_grace_ticks

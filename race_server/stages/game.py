@@ -20,7 +20,7 @@ def play(world: World, w: int) -> None:
     for k in range(world.karts.shape[1]):
         kart = world.karts[w, k]
         if kart.status == codes.RACING:
-            if kart.item == 0:
+            if kart.held == 0:
                 _pick_up(world, w, k)
             _suffer(world, w, k)
 
@@ -50,9 +50,9 @@ def _pick_up(world: World, w: int, k: int) -> None:
             continue
         chance = uniform(race.seed, ITEM_STREAM, race.tick, k)
         karts = _racing(world, w)
-        kart.item = draw_item(world.items, kart.rank, karts, rules.catch_up, chance)
+        kart.held = draw_item(world.items, kart.rank, karts, rules.catch_up, chance)
         box.ready_tick = race.tick + rules.box_respawn_ticks
-        report(world, w, codes.EVENT_PICK_UP, k, kart.item, index)
+        report(world, w, codes.EVENT_PICK_UP, k, kart.held, index)
         return
 
 
@@ -76,4 +76,4 @@ def _suffer(world: World, w: int, k: int) -> None:
             continue
         if _covers(kart, world.vehicles[w, k], hazard.x, hazard.y, hazard.radius):
             hazard.until_tick = tick  # a hazard acts once
-            hit(world, w, k, hazard.owner, hazard.item)
+            hit(world, w, k, hazard.owner, hazard.source)

@@ -97,7 +97,7 @@ def _scalar(world: World, w: int, k: int, number: int) -> float:
     if number == 16:
         return look_ahead_of(world.vehicles[w, k])
     if number == 25:
-        return float(kart.item)
+        return float(kart.held)
     if number == 26:
         return kart.speed_cap
     if number == 27:
