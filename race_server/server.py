@@ -102,6 +102,7 @@ class RaceServer:
     session: Session
     link: ServerLink
     pace: str = REAL
+    fillers: tuple[str, ...] = ()  # drivers for the seats that stay empty, repeated in turn
     missed_ticks: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     events: list[Event] = field(default_factory=list)
@@ -115,21 +116,35 @@ class RaceServer:
 
     # One race from the lobby to the results
 
-    def run(self, drivers: int) -> RaceResult:
-        """Wait until `drivers` drivers are ready, race, and return the result."""
+    def run(self, drivers: int) -> RaceResult | None:
+        """Wait until `drivers` drivers are ready, race, and return the result.
+
+        Who is stopped in the lobby has no result.
+        """
         self.wait_in_lobby(drivers)
+        if self._stop:
+            return None
+        self._fill_empty_seats()
         return self.race()
 
     def stop(self) -> None:
         """End the race at the next tick; what was driven counts."""
         self._stop = True
 
+    def reopen(self) -> None:
+        """Go back to the lobby after a race; the seats that were filled are free again."""
+        self.session.reopen()
+        for local in self.locals:
+            self.session.leave(local.seat)
+        self.locals.clear()
+        self._tell_standings()
+
     def wait_in_lobby(self, drivers: int) -> None:
         """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
         while not self._stop:
             self._hear()
             taken = sum(seat.is_taken for seat in self.session.seats)
-            if taken >= drivers and self.session.can_start():
+            if taken >= drivers and (taken == 0 or self.session.can_start()):
                 return
             self.link.wait(LOBBY_POLL_S)
 
@@ -413,15 +428,15 @@ class RaceServer:
 
     # Seats that are driven from inside
 
-    def fill(self, seat: int, name: str) -> None:
-        """Let a scripted driver take a seat from inside the server.
+    def _fill_empty_seats(self) -> None:
+        """Let scripted drivers take the empty seats from inside the server."""
+        for seat in list(self.session.seats):
+            if self.fillers and not seat.is_taken:
+                self._fill(seat.number, self.fillers[seat.number % len(self.fillers)])
 
-        Raises:
-            DriverError: no such driver.
-            SeatError: the seat is taken.
-        """
+    def _fill(self, number: int, name: str) -> None:
         driver = driver_named(name)
-        taken = self.session.join(name, driver.preset, wanted=seat)
+        taken = self.session.join(name, driver.preset, wanted=number)
         taken.is_ready = True
         driver.reset(self._briefing(taken))
         self.locals.append(LocalDriver(taken.number, driver))

@@ -180,9 +180,11 @@ class Session:
         self._turn(Phase.COUNTDOWN)
 
     def reopen(self) -> None:
-        """Go back to the lobby after a race."""
-        for seat in self.seats:
+        """Go back to the lobby after a race; the seats of those who have gone are free."""
+        for number, seat in enumerate(self.seats):
             seat.is_ready = False
+            if not seat.is_present:
+                self.seats[number] = Seat(number)
         self._turn(Phase.LOBBY)
 
     def take_control(

@@ -92,8 +92,7 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
             arguments = ["serve", *plan.serve, "--listen", plan.address, "--session", plan.session]
             arguments += ["--once", "--result", str(result)]
             if plan.in_process:
-                for name in plan.drivers:
-                    arguments += ["--fill", name]
+                arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0"]
             server = group.start(arguments, log)
             if not plan.in_process:
                 for seat, name in enumerate(plan.drivers):

@@ -46,6 +46,10 @@ class Live:
     results: list[RaceResult] = field(default_factory=list)
 
 
+def _one(result: RaceResult | None) -> list[RaceResult]:
+    return [result] if result else []
+
+
 @contextmanager
 def served(
     karts: int = 2, *, pace: str = LOCKSTEP, laps: int = 1, drivers: int = 0
@@ -57,7 +61,7 @@ def served(
     with ServerLink(address, "race", karts) as link:
         live = Live(address, RaceServer(session, link, pace))
         thread = threading.Thread(
-            target=lambda: live.results.append(live.server.run(drivers or karts))
+            target=lambda: live.results.extend(_one(live.server.run(drivers or karts)))
         )
         thread.start()
         try:
@@ -89,14 +93,36 @@ def test_a_race_over_the_network_is_the_race_in_one_process() -> None:
     rules = apart.server.session.scenario.rules
     alone = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
     with ServerLink(free_address(), "race", 2) as link:
-        server = RaceServer(alone, link, LOCKSTEP)
-        for seat, name in enumerate(NAMES):
-            server.fill(seat, name)
-        together = server.run(2)
+        together = RaceServer(alone, link, LOCKSTEP, tuple(NAMES)).run(0)
+    assert together is not None
     assert apart.results[0].digest == together.digest
     assert [row.lap_times_us for row in apart.results[0].standings] == [
         row.lap_times_us for row in together.standings
     ]
+
+
+def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None:
+    rules = Rules(laps=1, countdown_s=0.5)
+    session = Session("race", Scenario(COURSE, karts=3, seed=7, rules=rules))
+    address = free_address()
+    with ServerLink(address, "race", 3) as link:
+        server = RaceServer(session, link, LOCKSTEP, ("avoider", "pure_pursuit"))
+        for seat in (0, 2):
+            thread = threading.Thread(
+                target=drive,
+                args=(driver_named("follow_gap"), "guest"),
+                kwargs={"address": address, "wanted": seat},
+            )
+            thread.start()
+            result = server.run(1)
+            assert result is not None
+            drivers = {row.seat: row.driver for row in result.standings}
+            assert drivers.pop(seat) == "guest"
+            assert set(drivers.values()) <= {"avoider", "pure_pursuit"}
+            assert len(drivers) == 2
+            thread.join(10.0)
+            server.reopen()
+            assert all(not seat.is_taken or seat.driver == "guest" for seat in session.seats)
 
 
 def test_a_race_in_real_time_takes_its_time_and_every_kart_finishes() -> None:

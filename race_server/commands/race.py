@@ -60,13 +60,9 @@ def start(
     from race_server.driver import driver_names
     from race_server.start import Plan, run_race
 
-    names = [name.strip() for name in drivers.split(",") if name.strip()]
-    unknown = sorted(set(names) - set(driver_names()))
-    if unknown or not names:
-        raise ScenarioError(
-            f"driver {', '.join(unknown) or '(none)'} is unknown; "
-            f"installed drivers are {', '.join(driver_names())}"
-        )
+    names = known_drivers(drivers)
+    if not names:
+        raise ScenarioError(f"--drivers is empty; choose from {', '.join(driver_names())}")
     serve = ["--track", track, "--vehicle", vehicle, "--karts", str(karts), "--laps", str(laps)]
     serve += ["--seed", str(seed), "--pace", pace]
     serve += ["--items" if items else "--no-items"]
@@ -84,6 +80,24 @@ def start(
         print(json.dumps(document))
     else:
         show_result(document, track, laps, session)
+
+
+def known_drivers(text: str) -> tuple[str, ...]:
+    """Return the drivers of a comma-separated list.
+
+    Raises:
+        ScenarioError: one of them is not installed.
+    """
+    from race_server.driver import driver_names
+
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    unknown = sorted(set(names) - set(driver_names())) if names else []
+    if unknown:
+        raise ScenarioError(
+            f"driver {', '.join(unknown)} is unknown; "
+            f"installed drivers are {', '.join(driver_names())}"
+        )
+    return names
 
 
 def _free_address() -> str:
@@ -129,9 +143,12 @@ def serve(
     items: Items = True,
     catch_up: CatchUp = True,
     fill: Annotated[
-        list[str] | None,
-        typer.Option(help="A scripted driver for a seat; give it once for each such seat."),
-    ] = None,
+        str, typer.Option(help="Comma-separated drivers for seats that stay empty, in turn.")
+    ] = "",
+    wait_for: Annotated[
+        int,
+        typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
+    ] = -1,
     once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
     result: Annotated[
         Path | None, typer.Option(help="Write the result of the last race to this file.")
@@ -141,6 +158,7 @@ def serve(
     as_json: AsJson = False,
 ) -> None:
     """Serve a race session: wait for drivers, race, and begin again."""
+    from race_server.kernels.jit import is_compiled
     from race_server.params import vehicle_named
     from race_server.scenario.base import Rules, Scenario
     from race_server.server import LOCKSTEP, REAL, RaceServer
@@ -159,22 +177,29 @@ def serve(
     )
     log = Console(stderr=True)
     race = Session(session, scenario)
-    warm_up(scenario)
+    fillers = known_drivers(fill)
+    awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
     with ServerLink(listen, session, karts) as link:
-        server = RaceServer(race, link, pace)
-        for name in fill or []:
-            server.fill(-1, name)
+        if not is_compiled():
+            log.print("compiling the simulation for this machine, once: about half a minute")
+        warm_up(scenario)
+        server = RaceServer(race, link, pace, fillers)
         stopped = _stop_on_signals(server)
         log.print(f"{session}: {scenario.course.title}, {karts} seats, listening on {listen}")
         while not stopped:
-            document = server.run(karts).as_json()
+            outcome = server.run(min(awaited, karts))
+            if outcome is None:
+                break
+            document = outcome.as_json()
             if result is not None:
                 result.write_text(json.dumps(document))
             if as_json:
                 print(json.dumps(document), flush=True)
+            else:
+                show_result(document, track, laps, session)
             if once:
                 break
-            race.reopen()
+            server.reopen()
 
 
 def warm_up(scenario: Any) -> None:
