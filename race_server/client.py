@@ -50,15 +50,14 @@ class Seat:
         check_reply(self.link.ask(topic, encode_seat_act(request)))
 
 
-def take_seat(link: ClientLink, name: str, preset: str, *, wanted: int, secret: int = 0) -> Seat:
-    """Return a seat in the session, or the one that `secret` belongs to.
+def take_seat(link: ClientLink, join: Join) -> Seat:
+    """Return a seat in the session; the same request again gives the same seat.
 
     Raises:
         SeatError: the server refuses, with its reason.
         LinkError: no answer.
     """
-    request = encode_join(Join(name[:32], preset, wanted, secret))
-    welcome = decode_welcome(link.ask(topics.JOIN, request))
+    welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join)))
     seat = Seat(welcome, Mailbox(), link)
     link.listen(topics.OBSERVATION, seat.mailbox.put, seat.number)
     link.announce(seat.number)
@@ -82,10 +81,11 @@ def drive(
         DriverError: the driver raised; its seat is left.
     """
     with ClientLink(address, session, timeout_s=timeout_s) as link:
-        seat = _first_seat(link, name, driver.preset, wanted, timeout_s)
+        insist = partial(_insist, deadline=time.monotonic() + timeout_s)
+        seat = insist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
         _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
         try:
-            seat.act(topics.READY)
+            insist(partial(seat.act, topics.READY))
             _answer(driver, name, seat)
         except DriverError:
             seat.act(topics.LEAVE)
@@ -93,12 +93,11 @@ def drive(
         return seat.welcome.briefing
 
 
-def _first_seat(link: ClientLink, name: str, preset: str, wanted: int, timeout_s: float) -> Seat:
-    """Take a seat; a server that has only just begun to listen may need a moment to answer."""
-    deadline = time.monotonic() + timeout_s
+def _insist(ask: Callable[[], Answer], deadline: float) -> Answer:
+    """Ask until there is an answer; a server that is still getting ready may take its time."""
     while True:
         try:
-            return take_seat(link, name, preset, wanted=wanted)
+            return ask()
         except LinkError:
             if time.monotonic() > deadline:
                 raise

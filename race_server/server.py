@@ -55,6 +55,8 @@ ANSWER_S = 10.0
 # … and it is told again what it sees as often as this, should a message have been lost.
 REPEAT_S = 0.5
 LOBBY_POLL_S = 0.02
+# A seat is given away again if its driver's link does not show up in the lobby for so long.
+SHOW_UP_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,8 @@ class RaceServer:
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
         self._stop = False
+        self._linked: set[int] = set()  # seats whose driver's link is there
+        self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
 
     # One race from the lobby to the results
 
@@ -143,15 +147,24 @@ class RaceServer:
         """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
         while not self._stop:
             self._hear()
+            self._free_deserted_seats()
             taken = sum(seat.is_taken for seat in self.session.seats)
             if taken >= drivers and (taken == 0 or self.session.can_start()):
                 return
             self.link.wait(LOBBY_POLL_S)
 
+    def _free_deserted_seats(self) -> None:
+        now = time.monotonic()
+        for seat, joined in list(self._expected.items()):
+            if now - joined > SHOW_UP_S:
+                del self._expected[seat]
+                self.session.drop(seat)
+
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
         self.session.start()
         self.events = list(self.session.recent)
+        self._tell_standings()
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -254,7 +267,11 @@ class RaceServer:
     def _take_presence(self, seat: int, *, is_there: bool) -> None:
         if any(local.seat == seat for local in self.locals):
             return
-        if not is_there:
+        if is_there:
+            self._linked.add(seat)
+            self._expected.pop(seat, None)
+        else:
+            self._linked.discard(seat)
             self.session.drop(seat)
 
     def _answer(self, request: Request) -> None:
@@ -269,6 +286,8 @@ class RaceServer:
         if request.topic is topics.JOIN:
             join = decode_join(request.payload)
             seat = session.join(join.driver, join.preset, wanted=join.wanted, secret=join.secret)
+            if session.phase is Phase.LOBBY and seat.number not in self._linked:
+                self._expected[seat.number] = time.monotonic()
             return encode_welcome(self._welcome(seat))
         if request.topic in {topics.READY, topics.LEAVE}:
             act = decode_seat_act(request.payload)

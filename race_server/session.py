@@ -80,7 +80,10 @@ class Session:
     # Seats
 
     def join(self, driver: str, preset: str, *, wanted: int = -1, secret: int = 0) -> Seat:
-        """Give a driver a seat, or its own seat back if it knows the secret.
+        """Give a driver a seat, or the one that it already has.
+
+        secret: chosen by the driver; who sends the same one again is given the same seat, so a
+        join whose answer was lost may simply be repeated.
 
         Raises:
             SeatError: no seat is free, the wanted one is taken, or the race has begun.
@@ -88,13 +91,15 @@ class Session:
         if preset not in PRESETS:
             known = ", ".join(PRESETS)
             raise SeatError(f"observation {preset!r} is unknown; choose one of {known}")
-        if secret:
-            return self._take_back(wanted, secret)
+        for own in self.seats:
+            if secret and own.is_taken and own.secret == secret:
+                self.come_back(own.number)
+                return own
         if self.phase is not Phase.LOBBY:
             raise SeatError("the race has begun; join again in the next lobby")
         seat = self._free_seat(wanted)
         seat.driver, seat.preset = driver, preset
-        seat.secret = secrets.randbits(63) | 1
+        seat.secret = secret or secrets.randbits(63) | 1
         seat.is_taken, seat.is_ready, seat.is_present = True, False, True
         return seat
 
@@ -107,13 +112,6 @@ class Session:
         if not free:
             raise SeatError(f"all {len(self.seats)} seats are taken")
         return self.seats[wanted] if wanted >= 0 else free[0]
-
-    def _take_back(self, number: int, secret: int) -> Seat:
-        for seat in self.seats:
-            if seat.is_taken and seat.secret == secret and number in {-1, seat.number}:
-                self.come_back(seat.number)
-                return seat
-        raise SeatError(f"seat {number} is not yours: the secret does not fit any more")
 
     def seat(self, number: int) -> Seat:
         """Return a taken seat.

@@ -20,7 +20,7 @@ from race_server.board import Headline, event_text, leaderboard
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import LinkError, RaceError
 from race_server.kernels.jit import is_compiled
-from race_server.messages import Event, EventKind, Flag
+from race_server.messages import Event, EventKind, Flag, Phase
 from race_server.transport import ClientLink
 from race_server.watch import Watcher
 
@@ -44,6 +44,10 @@ class Team:
         )
         self.processes.append(process)
         return process
+
+    def fallen(self) -> bool:
+        """Return whether a process has ended in error."""
+        return any(process.poll() not in {None, 0} for process in self.processes)
 
     def end(self) -> None:
         """End what still runs: first politely, then for good."""
@@ -93,28 +97,29 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
             arguments += ["--once", "--result", str(result)]
             if plan.in_process:
                 arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0"]
-            server = group.start(arguments, log)
+            group.start(arguments, log)
             if not plan.in_process:
                 for seat, name in enumerate(plan.drivers):
                     drive = ["drive", name, "--connect", plan.address, "--session", plan.session]
                     group.start([*drive, "--seat", str(seat), "--patience", str(START_S)], log)
-            _follow(plan, server, console, log_path)
+            _follow(plan, group, console, log_path)
         if not result.exists():
             raise RaceError(f"the race ended without a result: {_tail(log_path)}")
         document: dict[str, Any] = json.loads(result.read_text())
         return document
 
 
-def _follow(plan: Plan, server: subprocess.Popen[bytes], console: Console, log_path: Path) -> None:
+def _follow(plan: Plan, group: Team, console: Console, log_path: Path) -> None:
     """Show the leaderboard until the server ends."""
+    server = group.processes[0]
     waiting = "getting ready"
     if not is_compiled():
         waiting = "compiling the simulation for this machine, once: about half a minute"
     try:
         with console.status(waiting, spinner="dots"):
-            watcher, link = _watch(plan, server, log_path)
+            watcher, link = _watch(plan, group, log_path)
         with link:
-            _show(watcher, server, console, plan)
+            _show(watcher, group, console, plan, log_path)
         server.wait()
     except KeyboardInterrupt:
         # The server writes what has been driven so far.
@@ -124,15 +129,13 @@ def _follow(plan: Plan, server: subprocess.Popen[bytes], console: Console, log_p
             server.wait(10.0)
 
 
-def _watch(
-    plan: Plan, server: subprocess.Popen[bytes], log_path: Path
-) -> tuple[Watcher, ClientLink]:
+def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink]:
     deadline = time.monotonic() + START_S
     while True:
         try:
             link = ClientLink(plan.address, plan.session, timeout_s=1.0)
         except LinkError as error:
-            if server.poll() is not None:
+            if group.fallen():
                 raise RaceError(f"the server did not start: {_tail(log_path)}") from error
             if time.monotonic() > deadline:
                 raise
@@ -150,12 +153,20 @@ def _tail(log_path: Path) -> str:
     return lines[-1] if lines else "it said nothing"
 
 
-def _show(watcher: Watcher, server: subprocess.Popen[bytes], console: Console, plan: Plan) -> None:
-    """Draw the leaderboard a few times a second."""
+def _show(watcher: Watcher, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
+    """Draw the leaderboard a few times a second.
+
+    Raises:
+        RaceError: a driver fell out before the race; later the race goes on without it.
+    """
+    server = group.processes[0]
     _, items = watcher.rules()
     with Live(console=console, refresh_per_second=8, transient=True) as live:
         while server.poll() is None:
             live.update(board_of(watcher, plan.session, items))
+            frame = watcher.standings
+            if group.fallen() and (frame is None or frame.phase is Phase.LOBBY):
+                raise RaceError(f"a driver could not take part: {_tail(log_path)}")
             time.sleep(0.12)
 
 

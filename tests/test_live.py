@@ -24,6 +24,7 @@ from race_server.session import Session
 from race_server.transport import ClientLink, ServerLink
 from race_server.watch import Watcher
 from race_server.wire import topics
+from race_server.wire.lobby import Join, encode_join
 
 pytestmark = pytest.mark.net
 
@@ -125,6 +126,51 @@ def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None
             assert all(not seat.is_taken or seat.driver == "guest" for seat in session.seats)
 
 
+def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> None:
+    rules = Rules(laps=1, countdown_s=0.5)
+    session = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
+    address = free_address()
+    with ServerLink(address, "race", 2) as link:
+        server = RaceServer(session, link, LOCKSTEP)
+        threads = [
+            threading.Thread(
+                target=drive,
+                args=(driver_named(name), name),
+                kwargs={"address": address, "wanted": seat},
+            )
+            for seat, name in enumerate(NAMES)
+        ]
+        for thread in threads:
+            thread.start()
+        time.sleep(4.0)  # a server that compiles listens but does not answer
+        result = server.run(2)
+        for thread in threads:
+            thread.join(10.0)
+    assert result is not None
+    assert {row.status for row in result.standings} == {Status.FINISHED}
+
+
+def test_a_seat_whose_driver_never_shows_up_is_free_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_server.server.SHOW_UP_S", 0.3)
+    session = Session("race", Scenario(COURSE, karts=2))
+    address = free_address()
+    with ServerLink(address, "race", 2) as link:
+        server = RaceServer(session, link, LOCKSTEP)
+        thread = threading.Thread(target=server.wait_in_lobby, args=(2,))
+        thread.start()
+        with ClientLink(address, "race") as client:
+            client.ask(topics.JOIN, encode_join(Join("ghost", "lidar", 1)))
+            take_seat(client, Join("guest", "lidar", 0))
+            assert session.seats[1].driver == "ghost"
+            time.sleep(0.8)
+            assert not session.seats[1].is_taken
+            assert session.seats[0].driver == "guest"
+        server.stop()
+        thread.join(5.0)
+
+
 def test_a_race_in_real_time_takes_its_time_and_every_kart_finishes() -> None:
     begun = time.perf_counter()
     with served(pace=REAL) as live:
@@ -223,16 +269,16 @@ def test_rubbish_in_a_request_gets_a_refusal() -> None:
 def test_a_full_race_refuses_the_next_driver() -> None:
     with served(karts=1, drivers=2) as live:
         with ClientLink(live.address, "race") as link:
-            take_seat(link, "first", "lidar", wanted=-1)
+            take_seat(link, Join("first", "lidar"))
             with pytest.raises(SeatError, match="all 1 seats are taken"):
-                take_seat(link, "second", "lidar", wanted=-1)
+                take_seat(link, Join("second", "lidar"))
         live.server.stop()
 
 
 def test_a_seat_in_the_lobby_is_free_again_when_its_link_is_gone() -> None:
     with served(drivers=3) as live:
         with ClientLink(live.address, "race") as link:
-            take_seat(link, "first", "lidar", wanted=0)
+            take_seat(link, Join("first", "lidar", 0))
             time.sleep(0.1)
         deadline = time.monotonic() + 3.0
         while live.server.session.seats[0].is_taken and time.monotonic() < deadline:

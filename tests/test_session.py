@@ -100,8 +100,19 @@ def test_a_driver_that_was_away_gets_its_seat_back_with_its_secret() -> None:
 
 def test_nobody_takes_a_seat_with_a_wrong_secret() -> None:
     session = racing()
-    with pytest.raises(SeatError, match="is not yours"):
+    with pytest.raises(SeatError, match="the race has begun"):
         session.join("thief", "track", wanted=1, secret=12345)
+    session = Session("race", session.scenario)
+    session.join("owner", "track", wanted=1, secret=777)
+    with pytest.raises(SeatError, match="seat 1 is taken by owner"):
+        session.join("thief", "track", wanted=1, secret=12345)
+
+
+def test_a_join_that_is_repeated_takes_one_seat_only() -> None:
+    session = Session("race", racing().scenario)
+    first = session.join("owner", "track", secret=777)
+    assert session.join("owner", "track", secret=777) is first
+    assert sum(seat.is_taken for seat in session.seats) == 1
 
 
 def test_a_driver_that_stays_away_has_withdrawn() -> None:

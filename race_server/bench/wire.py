@@ -20,6 +20,7 @@ from race_server.track.load import load_course
 from race_server.transport import ClientLink, ServerLink
 from race_server.wire import topics
 from race_server.wire.drive import ControlFrame, decode_control, encode_control
+from race_server.wire.lobby import Join
 from race_server.wire.spectate import (
     HAZARD,
     KART,
@@ -120,7 +121,7 @@ class CrowdDriver:
         from race_server.client import take_seat
 
         self.link = ClientLink(address, "bench", timeout_s=30.0)
-        self.seat = take_seat(self.link, f"probe {seat}", "track", wanted=seat)
+        self.seat = take_seat(self.link, Join(f"probe {seat}", "track", seat))
         self.send = self.link.sender(seat)
         self.probe = Probe({}, [])
         self.epoch = self.tick = self.sequence = 0

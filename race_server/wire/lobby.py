@@ -1,8 +1,9 @@
 """Requests and answers of the lobby: written and read."""
 
+import secrets
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import flatbuffers
@@ -27,6 +28,11 @@ _DAMAGE = (struct.error, TypeError, ValueError, IndexError, AttributeError, KeyE
 Floats = NDArray[np.float64]
 
 
+def new_secret() -> int:
+    """Return a secret by which the server knows a driver again."""
+    return secrets.randbits(63) | 1
+
+
 @dataclass(frozen=True, slots=True)
 class Join:
     """Who wants a seat."""
@@ -34,7 +40,7 @@ class Join:
     driver: str
     preset: str
     wanted: int = -1
-    secret: int = 0
+    secret: int = field(default_factory=new_secret)
 
 
 @dataclass(frozen=True, slots=True)
