@@ -6,43 +6,71 @@ where there is more room.
 
 import math
 
-import numpy as np
+from agents.autopilot import FIELD, KEPT, REACH, Autopilot
+from agents.scan import nearest, ray_angle, repair
+from agents.tactics import SPEED, finish_decision, press_pedals
+from race_server.kernels.jit import kernel
+from race_server.observe import PART_NUMBERS
+from race_server.state import Floats, Ints, Record, Records
 
-from agents.scan import Floats, ray_angles, repair
-from agents.tactics import Tactics, throttle_for
-from race_server.driver import Briefing
-from race_server.messages import Control
-from race_server.observe import Observation
-
+LIDAR = PART_NUMBERS["lidar"]
 PACE_SHARE = 0.2  # of the top speed
+INNER, OUTER = math.radians(15.0), math.radians(75.0)
 
 
-class Avoider:
+@kernel
+def avoid(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Steer by the balance of free space on the left and on the right."""
+    rays, field, length = at[-1], gear[FIELD], vehicle.length
+    repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    left = _room(memory, rays, field, 1.0, 6.0 * length)
+    right = _room(memory, rays, field, -1.0, 6.0 * length)
+    control[0] = min(max(2.5 * (left - right) / (left + right), -1.0), 1.0)
+    ahead = nearest(memory, KEPT, rays, field, -INNER, INNER, gear[REACH])
+    pace = PACE_SHARE * vehicle.top_speed * min(max(ahead / (3.0 * length), 0.35), 1.0)
+    press_pedals(seen[at[SPEED]], pace, 2.0, control)
+    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+
+
+@kernel
+def _room(ranges: Floats, rays: int, field: float, side: float, far: float) -> float:
+    """Return the mean range [m] between 15° and 75° on one side; beyond `far` counts as that."""
+    total, count = 0.0, 0
+    for ray in range(rays):
+        if INNER < side * ray_angle(ray, rays, field) < OUTER:
+            total += min(ranges[KEPT + ray], far)
+            count += 1
+    return total / max(count, 1) + 1e-3
+
+
+@kernel
+def avoid_all(
+    seats: Ints,
+    seen: Floats,
+    at: Ints,
+    vehicles: Records,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    controls: Floats,
+) -> None:
+    """Decide for many karts: row n of `seen` and `memory` is kart `seats[n]`, its (world, kart)."""
+    for row in range(len(seats)):
+        w, k = seats[row, 0], seats[row, 1]
+        avoid(seen[row], at, vehicles[w, k], gear, kinds, memory[row], controls[w, k])
+
+
+class Avoider(Autopilot):
     """Steers by the balance of free space on the left and on the right."""
 
     preset = "lidar"
-
-    def reset(self, briefing: Briefing) -> None:
-        """Take note of the vehicle."""
-        self.vehicle = briefing.vehicle
-        self.tactics = Tactics(briefing)
-        self.field = briefing.lidar_field
-
-    def act(self, observation: Observation) -> Control:
-        """Return what to do until the next observation."""
-        ranges = repair(observation["lidar"], reach=8.0)
-        angles = ray_angles(len(ranges), self.field)
-        left = self._room(ranges, angles, 1.0)
-        right = self._room(ranges, angles, -1.0)
-        steering = float(np.clip(2.5 * (left - right) / (left + right), -1.0, 1.0))
-        ahead = float(ranges[np.abs(angles) < math.radians(15.0)].min())
-        length = self.vehicle.length
-        pace = PACE_SHARE * self.vehicle.top_speed * min(max(ahead / (3.0 * length), 0.35), 1.0)
-        throttle, brake = throttle_for(observation.scalar("speed"), pace, 2.0)
-        return self.tactics.apply(observation, Control(steering, throttle, brake))
-
-    def _room(self, ranges: Floats, angles: Floats, side: float) -> float:
-        """Return the mean range [m] between 15° and 75° on one side; far away counts less."""
-        towards = side * angles
-        part = (towards > math.radians(15.0)) & (towards < math.radians(75.0))
-        return float(np.minimum(ranges[part], 6.0 * self.vehicle.length).mean()) + 1e-3
+    decide = staticmethod(avoid)
+    decide_all = staticmethod(avoid_all)

@@ -5,13 +5,27 @@ Geometry: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1
 
 import math
 
-import numpy as np
-
-from agents.tactics import Tactics, throttle_for
-from race_server.driver import Briefing
-from race_server.messages import Control
-from race_server.observe import Observation
+from agents.autopilot import SHIFT, Autopilot
+from agents.tactics import SPEED, finish_decision, press_pedals
+from race_server.kernels.jit import kernel
+from race_server.observe import AHEAD, NEARBY, PART_NUMBERS, THINGS
 from race_server.params import GRAVITY
+from race_server.state import Floats, Ints, Record, Records
+
+CURVATURE = PART_NUMBERS["curvature_ahead"]
+PATH_X = PART_NUMBERS["path_ahead_x"]
+PATH_Y = PART_NUMBERS["path_ahead_y"]
+LEFT = PART_NUMBERS["left_ahead"]
+RIGHT = PART_NUMBERS["right_ahead"]
+LOOK_AHEAD = PART_NUMBERS["look_ahead"]
+OFFSET = PART_NUMBERS["lateral_offset"]
+KARTS_X = PART_NUMBERS["karts_x"]
+KARTS_Y = PART_NUMBERS["karts_y"]
+KARTS_SPEED_X = PART_NUMBERS["karts_speed_x"]
+HAZARDS_X = PART_NUMBERS["hazards_x"]
+HAZARDS_Y = PART_NUMBERS["hazards_y"]
+SPEED_CAP = PART_NUMBERS["speed_cap"]
+GRIP_SCALE = PART_NUMBERS["grip_scale"]
 
 # Shares of the grip that this driver dares to use in bends and under braking.
 BEND_SHARE = 0.75
@@ -19,88 +33,107 @@ BRAKE_SHARE = 0.6
 LOOK_S = 0.35  # looks so far ahead in time
 
 
-class PurePursuit:
+@kernel
+def pursue(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Follow the centre line and drive around slower karts where there is room."""
+    speed, step = seen[at[SPEED]], seen[at[LOOK_AHEAD]]
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    look = max(1.2 * wheelbase + LOOK_S * speed, 1.5 * step)
+    place = min(max(look / step - 1.0, 0.0), AHEAD - 1.0)
+    x, y = between(seen, at[PATH_X], place), between(seen, at[PATH_Y], place)
+    index = int(place + 0.5)
+    left, right = seen[at[LEFT] + index], seen[at[RIGHT] + index]
+    wanted = way_around(seen, at, vehicle, left, right)
+    memory[SHIFT] += 0.25 * (wanted - memory[SHIFT])
+    control[0] = steering_to(x, y, memory[SHIFT], wheelbase) / vehicle.steering_limit
+    control[0] = min(max(control[0], -1.0), 1.0)
+    press_pedals(speed, speed_limit(seen, at, vehicle), 2.0, control)
+    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+
+
+@kernel
+def between(seen: Floats, start: int, place: float) -> float:
+    """Return the value at a place between two samples of a part that begins at `start`."""
+    index = min(int(place), AHEAD - 2)
+    share = place - index
+    return seen[start + index] * (1.0 - share) + seen[start + index + 1] * share
+
+
+@kernel
+def way_around(seen: Floats, at: Ints, vehicle: Record, left: float, right: float) -> float:
+    """Return the sideways shift [m] that passes whatever blocks the way ahead."""
+    width, length, speed = vehicle.width, vehicle.length, seen[at[SPEED]]
+    nearest, across = math.inf, 0.0
+    for index in range(NEARBY):
+        x, y = seen[at[KARTS_X] + index], seen[at[KARTS_Y] + index]
+        slower = seen[at[KARTS_SPEED_X] + index] < speed + 0.3
+        if slower and 0.0 < x < 2.5 * length + speed and abs(y) < 1.3 * width and x < nearest:
+            nearest, across = x, y
+    for index in range(THINGS):
+        x, y = seen[at[HAZARDS_X] + index], seen[at[HAZARDS_Y] + index]
+        if 0.0 < x < 2.0 * length + speed and abs(y) < width and x < nearest:
+            nearest, across = x, y
+    if nearest == math.inf:
+        return 0.0
+    # Pass on the side that leaves more room between the other and the edge.
+    other = seen[at[OFFSET]] + across
+    side = 1.0 if left - other > right + other else -1.0
+    margin = 0.6 * width
+    return min(max(other + side * 1.4 * width, -(right - margin)), left - margin)
+
+
+@kernel
+def steering_to(x: float, y: float, shift: float, wheelbase: float) -> float:
+    """Return the steering angle [rad] towards a point in the kart frame, shifted to the left."""
+    distance = math.sqrt(x * x + y * y)
+    if distance > 0.0:  # the shift is across the way to the point
+        x, y = x - shift * y / distance, y + shift * x / distance
+    distance = max(math.sqrt(x * x + y * y), 0.1)
+    return math.atan2(2.0 * wheelbase * y / distance, distance)
+
+
+@kernel
+def speed_limit(seen: Floats, at: Ints, vehicle: Record) -> float:
+    """Return the speed [m/s] from which every bend ahead can still be taken."""
+    grip = vehicle.grip * GRAVITY * seen[at[GRIP_SCALE]]
+    step, speed = seen[at[LOOK_AHEAD]], seen[at[SPEED]]
+    braking = BRAKE_SHARE * min(grip, vehicle.brake_force / vehicle.mass)
+    limit = seen[at[SPEED_CAP]]
+    for index in range(AHEAD):
+        bend = max(abs(seen[at[CURVATURE] + index]), 1e-6)
+        distance = max(step * index - 0.15 * speed, 0.0)
+        limit = min(limit, math.sqrt(BEND_SHARE * grip / bend + 2.0 * braking * distance))
+    return limit
+
+
+@kernel
+def pursue_all(
+    seats: Ints,
+    seen: Floats,
+    at: Ints,
+    vehicles: Records,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    controls: Floats,
+) -> None:
+    """Decide for many karts: row n of `seen` and `memory` is kart `seats[n]`, its (world, kart)."""
+    for row in range(len(seats)):
+        w, k = seats[row, 0], seats[row, 1]
+        pursue(seen[row], at, vehicles[w, k], gear, kinds, memory[row], controls[w, k])
+
+
+class PurePursuit(Autopilot):
     """Follows the centre line and drives around slower karts where there is room."""
 
     preset = "track"
-
-    def reset(self, briefing: Briefing) -> None:
-        """Take note of the vehicle."""
-        self.vehicle = briefing.vehicle
-        self.tactics = Tactics(briefing)
-        self.shift = 0.0
-
-    def act(self, observation: Observation) -> Control:
-        """Return what to do until the next observation."""
-        speed = observation.scalar("speed")
-        target, shift = self._target(observation, speed)
-        throttle, brake = throttle_for(speed, self._speed_limit(observation, speed), 2.0)
-        wanted = Control(self._steering(target, shift), throttle, brake)
-        return self.tactics.apply(observation, wanted)
-
-    def _target(self, observation: Observation, speed: float) -> tuple[tuple[float, float], float]:
-        """Return the point to drive to in the kart frame and the sideways shift [m]."""
-        step = observation.scalar("look_ahead")
-        look = max(1.2 * self.vehicle.wheelbase + LOOK_S * speed, 1.5 * step)
-        place = min(look / step - 1.0, 15.0)
-        xs, ys = observation["path_ahead_x"], observation["path_ahead_y"]
-        numbers = np.arange(len(xs))
-        point = float(np.interp(place, numbers, xs)), float(np.interp(place, numbers, ys))
-        index = round(place)
-        room_left = float(observation["left_ahead"][index])
-        room_right = float(observation["right_ahead"][index])
-        wanted = self._way_around(observation, room_left, room_right)
-        self.shift += 0.25 * (wanted - self.shift)
-        return point, self.shift
-
-    def _way_around(self, observation: Observation, left: float, right: float) -> float:
-        """Return the sideways shift [m] that passes whatever blocks the way ahead."""
-        width, length = self.vehicle.width, self.vehicle.length
-        margin = 0.6 * width
-        here = observation.scalar("lateral_offset")
-        speed = observation.scalar("speed")
-        things = [
-            (x, y, vx)
-            for x, y, vx in zip(
-                observation["karts_x"],
-                observation["karts_y"],
-                observation["karts_speed_x"],
-                strict=True,
-            )
-            if 0.0 < x < 2.5 * length + speed and abs(y) < 1.3 * width and vx < speed + 0.3
-        ]
-        things += [
-            (x, y, 0.0)
-            for x, y in zip(observation["hazards_x"], observation["hazards_y"], strict=True)
-            if 0.0 < x < 2.0 * length + speed and abs(y) < width
-        ]
-        if not things:
-            return 0.0
-        _, y, _ = min(things)
-        # Pass on the side that leaves more room between the other and the edge.
-        other = here + y
-        free_left, free_right = left - other, right + other
-        side = 1.0 if free_left > free_right else -1.0
-        shift = other + side * 1.4 * width
-        return float(np.clip(shift, -(right - margin), left - margin))
-
-    def _steering(self, point: tuple[float, float], shift: float) -> float:
-        x, y = point
-        distance = math.hypot(x, y)
-        if distance > 0.0:  # the shift is across the way to the point
-            x, y = x - shift * y / distance, y + shift * x / distance
-        distance = max(math.hypot(x, y), 0.1)
-        angle = math.atan2(2.0 * self.vehicle.wheelbase * y / distance, distance)
-        return float(np.clip(angle / self.vehicle.steering_limit, -1.0, 1.0))
-
-    def _speed_limit(self, observation: Observation, speed: float) -> float:
-        """Return the speed [m/s] from which every bend ahead can still be taken."""
-        grip = self.vehicle.grip * GRAVITY * observation.scalar("grip_scale")
-        step = observation.scalar("look_ahead")
-        bends = np.abs(observation["curvature_ahead"]).astype(np.float64)
-        corner = np.sqrt(BEND_SHARE * grip / np.maximum(bends, 1e-6))
-        distance = np.maximum(step * np.arange(1, len(bends) + 1) - 0.15 * speed - step, 0.0)
-        braking = BRAKE_SHARE * min(grip, self.vehicle.brake_force / self.vehicle.mass)
-        allowed = np.sqrt(corner**2 + 2.0 * braking * distance)
-        # A bend tighter than the kart can turn is taken at walking pace.
-        return float(min(allowed.min(), observation.scalar("speed_cap")))
+    decide = staticmethod(pursue)
+    decide_all = staticmethod(pursue_all)

@@ -1,41 +1,78 @@
-"""A lidar scan made fit for driving."""
+"""A lidar scan made fit for driving. Scans lie inside longer arrays, from `start` or `base` on."""
 
-import numpy as np
-from numpy.typing import NDArray
+import math
 
-Floats = NDArray[np.float64]
-
-
-def ray_angles(rays: int, field: float) -> Floats:
-    """Return the angle [rad] of each ray, left positive, from right to left."""
-    return np.linspace(-0.5 * field, 0.5 * field, rays)
+from race_server.kernels.jit import kernel
+from race_server.state import Floats
 
 
-def repair(ranges: NDArray[np.float32], reach: float) -> Floats:
-    """Return ranges [m] in which drop-outs (zeros) take the value between their neighbours."""
-    valid = ranges > 0.0
-    if valid.all():
-        return ranges.astype(np.float64)
-    if not valid.any():
-        return np.full(len(ranges), reach)
-    places = np.arange(len(ranges))
-    return np.interp(places, places[valid], ranges[valid])
+@kernel
+def ray_angle(ray: float, rays: int, field: float) -> float:
+    """Return the angle [rad] of a ray, left positive; the first ray is the rightmost."""
+    return field * (ray / (rays - 1) - 0.5)
 
 
-def widen_edges(ranges: Floats, angle_step: float, half_width: float, jump: float) -> Floats:
-    """Return ranges [m] in which every near edge hides what lies close beside it.
+@kernel
+def repair(seen: Floats, start: int, rays: int, reach: float, out: Floats, base: int) -> None:
+    """Copy a scan; drop-outs (zeros) take the value between their neighbours.
+
+    Where nothing came back at all, everything is free up to `reach` [m].
+    """
+    last = -1
+    for ray in range(rays):
+        value = seen[start + ray]
+        if value <= 0.0:
+            continue
+        out[base + ray] = value
+        for lost in range(last + 1, ray):
+            if last < 0:
+                out[base + lost] = value
+            else:
+                before = out[base + last]
+                out[base + lost] = before + (value - before) * (lost - last) / (ray - last)
+        last = ray
+    for lost in range(last + 1, rays):
+        out[base + lost] = out[base + last] if last >= 0 else reach
+
+
+@kernel
+def widen_edges(
+    ranges: Floats,
+    base: int,
+    rays: int,
+    step: float,
+    half_width: float,
+    jump: float,
+    out: Floats,
+    wide: int,
+) -> None:
+    """Copy a scan from `base` to `wide`; every near edge hides what lies close beside it.
 
     Behind an edge the space is only free for a body of half-width `half_width` [m] if it passes
-    that edge at this distance. Disparity extender: Otterness, 2019. jump: difference of two
-    neighbouring rays [m] that counts as an edge.
+    that edge at this distance. Disparity extender: Otterness, 2019. step: angle between two
+    rays [rad]; jump: difference of two neighbouring rays [m] that counts as an edge.
     """
-    widened = ranges.copy()
-    steps = np.diff(ranges)
-    for edge in np.flatnonzero(np.abs(steps) > jump):
-        near = edge if steps[edge] > 0.0 else edge + 1
-        distance = max(ranges[near], half_width)
-        count = int(np.arcsin(min(half_width / distance, 1.0)) / angle_step) + 1
-        first, last = (near, near + count) if steps[edge] > 0.0 else (near - count, near)
-        part = slice(max(first, 0), last + 1)
-        widened[part] = np.minimum(widened[part], ranges[near])
-    return widened
+    for ray in range(rays):
+        out[wide + ray] = ranges[base + ray]
+    for edge in range(rays - 1):
+        rise = ranges[base + edge + 1] - ranges[base + edge]
+        if abs(rise) <= jump:
+            continue
+        near = edge if rise > 0.0 else edge + 1
+        distance = max(ranges[base + near], half_width)
+        count = int(math.asin(min(half_width / distance, 1.0)) / step) + 1
+        first, last = (near, near + count) if rise > 0.0 else (near - count, near)
+        for ray in range(max(first, 0), min(last, rays - 1) + 1):
+            out[wide + ray] = min(out[wide + ray], ranges[base + near])
+
+
+@kernel
+def nearest(
+    ranges: Floats, base: int, rays: int, field: float, low: float, high: float, far: float
+) -> float:
+    """Return the smallest range [m] between the angles `low` and `high` [rad], at most `far`."""
+    best = far
+    for ray in range(rays):
+        if low < ray_angle(ray, rays, field) < high:
+            best = min(best, ranges[base + ray])
+    return best

@@ -1,96 +1,119 @@
 """What every driver here does alike: when to use an item, and how to get free when stuck."""
 
-from dataclasses import dataclass, field
+from agents.autopilot import ATTEMPTS, DECISION, ESCAPE, PRESSED, REVERSING, STANDING
+from race_server import codes
+from race_server.kernels.jit import kernel
+from race_server.observe import NEARBY, PART_NUMBERS
+from race_server.state import Floats, Ints, Record
 
-from race_server.driver import Briefing
-from race_server.messages import Button, Control
-from race_server.observe import Observation
+SPEED = PART_NUMBERS["speed"]
+KARTS_X = PART_NUMBERS["karts_x"]
+ITEM = PART_NUMBERS["item"]
+LIGHTS = PART_NUMBERS["lights"]
+FLAG = PART_NUMBERS["flag"]
+RANK = PART_NUMBERS["rank"]
+WRONG_WAY = PART_NUMBERS["wrong_way"]
+RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
+FINISHED = PART_NUMBERS["finished"]
 
 # A kart that should drive and moves slower than this [m/s] is not getting anywhere.
-STANDING = 0.15
+STANDSTILL = 0.15
+PATIENCE_S = 0.6
 
 
-@dataclass
-class Tactics:
-    """Uses items and backs out of a jam; wraps what a driver wants to do."""
+@kernel
+def finish_decision(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Add buttons to what a driver wants to do, or replace it by the way out of a jam."""
+    control[3] = 0.0
+    if seen[at[LIGHTS]] > 0.0 or seen[at[FINISHED]] > 0.0:
+        _stand(control)
+        return
+    # A button acts when it goes down, so it is let go after each press.
+    pressed = memory[PRESSED] == 0.0 and wants_item(seen, at, vehicle, kinds, control)
+    memory[PRESSED] = 1.0 if pressed else 0.0
+    buttons = codes.USE_ITEM if pressed else 0
+    if seen[at[RESCUE_OFFERED]] > 0.0:
+        buttons |= codes.ACCEPT_RESCUE
+    if seen[at[WRONG_WAY]] > 0.0:
+        # Turned round in a crowd: to stand still is the way to be put back on the line.
+        _stand(control)
+    else:
+        _escape(seen, at, gear, memory, control)
+    control[3] = buttons
 
-    briefing: Briefing
-    standing_s: float = 0.0
-    reversing_s: float = 0.0
-    escape_steering: float = 0.0
-    attempts: int = 0
-    pressed: bool = False
-    names: tuple[str, ...] = field(default=())
 
-    def apply(self, observation: Observation, wanted: Control) -> Control:
-        """Return `wanted`, with buttons, or the way out of a jam instead."""
-        if observation.scalar("lights") > 0.0 or observation.scalar("finished") > 0.0:
-            return Control(brake=1.0)
-        buttons = self._buttons(observation, wanted)
-        if observation.scalar("wrong_way") > 0.0:
-            # Turned round in a crowd: to stand still is the way to be put back on the line.
-            return Control(brake=1.0, buttons=buttons)
-        escape = self._escape(observation, wanted)
-        control = escape or wanted
-        return Control(control.steering, control.throttle, control.brake, buttons)
+@kernel
+def _stand(control: Floats) -> None:
+    control[0] = 0.0
+    control[1] = 0.0
+    control[2] = 1.0
 
-    def _buttons(self, observation: Observation, wanted: Control) -> Button:
-        buttons = Button.NONE
-        # A button acts when it goes down, so it is let go after each press.
-        self.pressed = not self.pressed and self._wants_item(observation, wanted)
-        if self.pressed:
-            buttons |= Button.USE_ITEM
-        if observation.scalar("rescue_offered") > 0.0:
-            buttons |= Button.ACCEPT_RESCUE
-        return buttons
 
-    def _wants_item(self, observation: Observation, wanted: Control) -> bool:
-        number = round(observation.scalar("item"))
-        if number <= 0:
-            return False
-        name = self.briefing.items[number - 1] if number <= len(self.briefing.items) else ""
-        if name == "boost":
-            return abs(wanted.steering) < 0.35 and wanted.throttle > 0.5
-        if name == "pulse":
-            return observation.scalar("rank") > 1.5
-        if name == "oil":
-            return observation.scalar("speed") > 1.0 and self._is_followed(observation)
+@kernel
+def wants_item(seen: Floats, at: Ints, vehicle: Record, kinds: Ints, control: Floats) -> bool:
+    """Return whether now is the time to use the item held."""
+    number = int(seen[at[ITEM]] + 0.5)
+    if number <= 0:
+        return False
+    kind = kinds[number] if number < len(kinds) else 0
+    if kind == codes.ON_SELF:
+        return abs(control[0]) < 0.35 and control[1] > 0.5
+    if kind == codes.ON_KART_AHEAD:
+        return seen[at[RANK]] > 1.5
+    if kind == codes.PLACED:
+        return seen[at[SPEED]] > 1.0 and _is_followed(seen, at, 8.0 * vehicle.length)
+    return True
+
+
+@kernel
+def _is_followed(seen: Floats, at: Ints, near: float) -> bool:
+    """Return whether a kart is close behind; who cannot know drops what it has."""
+    start = at[KARTS_X]
+    if start < 0:
         return True
-
-    def _is_followed(self, observation: Observation) -> bool:
-        """Return whether a kart is close behind; who cannot know drops what it has."""
-        if "karts_x" not in observation.layout.slices:
+    for index in range(NEARBY):
+        if -near < seen[start + index] < 0.0:
             return True
-        near = 8.0 * self.briefing.vehicle.length
-        return bool(((observation["karts_x"] < 0.0) & (observation["karts_x"] > -near)).any())
-
-    def _escape(self, observation: Observation, wanted: Control) -> Control | None:
-        step = self.briefing.decision_s
-        if self.reversing_s > 0.0:
-            self.reversing_s -= step
-            return Control(self.escape_steering, -1.0)
-        held = observation.scalar("flag") > 1.5
-        moving = abs(observation.scalar("speed")) > STANDING
-        if moving or held:
-            self.standing_s = 0.0
-            if observation.scalar("speed") > 1.0:
-                self.attempts = 0
-            return None
-        self.standing_s += step
-        if self.standing_s > 0.6:
-            # Back out with the wheels turned the other way; longer each time it did not help.
-            self.attempts += 1
-            self.standing_s = 0.0
-            self.reversing_s = 0.4 + 0.2 * min(self.attempts, 4)
-            self.escape_steering = -1.0 if wanted.steering >= 0.0 else 1.0
-            if self.attempts % 3 == 0:
-                self.escape_steering = 0.0
-        return None
+    return False
 
 
-def throttle_for(speed: float, target: float, gain: float) -> tuple[float, float]:
-    """Return throttle and brake that bring `speed` to `target` [m/s]; gain per m/s."""
+@kernel
+def _escape(seen: Floats, at: Ints, gear: Floats, memory: Floats, control: Floats) -> None:
+    """Back out of a jam with the wheels turned the other way; longer each time it did not help."""
+    step, speed = gear[DECISION], seen[at[SPEED]]
+    if memory[REVERSING] > 0.0:
+        memory[REVERSING] -= step
+        control[0] = memory[ESCAPE]
+        control[1] = -1.0
+        control[2] = 0.0
+        return
+    held = seen[at[FLAG]] > 1.5
+    if abs(speed) > STANDSTILL or held:
+        memory[STANDING] = 0.0
+        if speed > 1.0:
+            memory[ATTEMPTS] = 0.0
+        return
+    memory[STANDING] += step
+    if memory[STANDING] > PATIENCE_S:
+        memory[ATTEMPTS] += 1.0
+        memory[STANDING] = 0.0
+        memory[REVERSING] = 0.4 + 0.2 * min(memory[ATTEMPTS], 4.0)
+        memory[ESCAPE] = -1.0 if control[0] >= 0.0 else 1.0
+        if memory[ATTEMPTS] % 3.0 == 0.0:
+            memory[ESCAPE] = 0.0
+
+
+@kernel
+def press_pedals(speed: float, target: float, gain: float, control: Floats) -> None:
+    """Set throttle and brake to bring `speed` to `target` [m/s]; gain per m/s."""
     error = gain * (target - speed)
-    if error >= 0.0:
-        return min(error, 1.0), 0.0
-    return 0.0, min(-0.5 * error, 1.0)
+    control[1] = min(max(error, 0.0), 1.0)
+    control[2] = min(max(-0.5 * error, 0.0), 1.0)

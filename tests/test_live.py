@@ -304,7 +304,8 @@ def test_an_address_in_use_says_so() -> None:
 
 def test_a_driver_process_never_imports_numba() -> None:
     code = (
-        "import sys, race_server.client, race_server.driver as d;"
+        "import os, sys; os.environ['RACE_SERVER_INTERPRET'] = '1';"
+        "import race_server.client, race_server.driver as d;"
         "[d.driver_named(n) for n in ('pure_pursuit', 'follow_gap', 'avoider')];"
         "sys.exit('numba' in sys.modules)"
     )

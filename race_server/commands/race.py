@@ -1,6 +1,7 @@
 """`race start`, `race serve`, `race drive`, `race watch`."""
 
 import json
+import os
 import signal
 import time
 from pathlib import Path
@@ -236,6 +237,8 @@ def drive(
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
 ) -> None:
     """Take a seat and drive one race."""
+    # Before any kernel is imported: a driver decides 20 times a second and needs no compiler.
+    os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_server.client import drive as drive_race
     from race_server.driver import driver_named
 

@@ -4,7 +4,8 @@ numba's own cache looks only at the file of the cached function, so a change in 
 another file would leave old machine code running. Here the cache folder is named after a digest
 of all sources that a kernel can reach and of every setting that changes the machine code.
 
-With ``RACE_SERVER_INTERPRET=1`` kernels stay plain Python and numba is not imported at all.
+With ``RACE_SERVER_INTERPRET=1`` kernels stay plain Python and numba is not imported at all: so
+runs a driver's own process, which must never wait for a compiler.
 """
 
 import hashlib
@@ -49,10 +50,12 @@ def source_digest() -> str:
     """Return a digest of all kernel sources and of what else decides the machine code."""
     package = Path(__file__).parent.parent
     digest = hashlib.sha256()
-    for name in _SOURCES:
-        place = package / name
+    places = [package / name for name in _SOURCES]
+    # Drivers may be kernels too; those that come with this package share helpers of their own.
+    places += [package.parent / "agents", package / "observe.py"]
+    for place in places:
         for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-            digest.update(path.relative_to(package).as_posix().encode())
+            digest.update(path.relative_to(package.parent).as_posix().encode())
             digest.update(path.read_bytes())
     settings = (version("numba"), version("numpy"), sys.version, _bounds_checked())
     digest.update(repr(settings).encode())

@@ -1,0 +1,115 @@
+"""How a driver written as a kernel takes a seat.
+
+A scripted driver is one function of numbers. Training runs it compiled, for hundreds of karts in
+one call; a driver's own process runs the same function as plain Python and never waits for a
+compiler. `Autopilot` is what makes a `Driver` of it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from race_server.driver import Briefing
+from race_server.kernels.jit import INTERPRET
+from race_server.messages import Button, Control
+from race_server.observe import PART_NUMBERS, Layout, Observation
+from race_server.params import vehicle_record
+from race_server.rules.items import items
+
+# What a kernel is told of its gear, by place in `gear`.
+FIELD, REACH, DECISION = range(3)
+
+# Numbers that a driver keeps from one decision to the next; behind them is room for two scans.
+STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, KEPT = range(7)
+
+LIDAR_REACH = 8.0  # [m] of free space where a lidar sees nothing
+
+# (seen, at, vehicle, gear, kinds, memory, control) -> None
+Decide = Callable[..., None]
+
+
+def memory_size(rays: int) -> int:
+    """Return how many numbers a driver needs to keep and to work with."""
+    return KEPT + 2 * rays
+
+
+def starts_of(layout: Layout) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Return where each part begins in a vector, by part number; -1 for parts it lacks.
+
+    The last number is the count of lidar rays.
+    """
+    starts = np.full(len(PART_NUMBERS) + 1, -1, np.int64)
+    for name, place in layout.slices.items():
+        starts[PART_NUMBERS[name]] = place.start
+    if "lidar" in layout.slices:
+        starts[-1] = layout.slices["lidar"].stop - layout.slices["lidar"].start
+    return starts
+
+
+def item_kinds(names: tuple[str, ...]) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Return what using each item does, by item number; 0 for no item and for unknown ones."""
+    known = {item.name: int(item.use) for item in items()}
+    return np.array([0, *(known.get(name, 0) for name in names)], np.int64)
+
+
+@dataclass(frozen=True)
+class _Figures:
+    """What the kernel is handed besides what it sees: arrays, or lists where it is interpreted."""
+
+    at: Any
+    vehicle: Any
+    gear: Any
+    kinds: Any
+    memory: Any
+    control: Any
+
+
+class Autopilot:
+    """A driver whose thinking is a kernel.
+
+    decide: fills `control` (4,) steering, throttle, brake, buttons from `seen` (size,), where
+    part p begins at `at[p]`; vehicle: its figures; gear: lidar field [rad], lidar reach [m], time
+    between decisions [s]; kinds: what using each item does; memory: zeros at the start.
+    """
+
+    preset: ClassVar[str]
+    decide: ClassVar[Decide]
+
+    def reset(self, briefing: Briefing) -> None:
+        """Get ready for a new race."""
+        self._figures: _Figures | None = None
+        self._briefing = briefing
+
+    def act(self, observation: Observation) -> Control:
+        """Return what to do until the next observation."""
+        figures = self._figures or self._prepare(observation.layout)
+        seen = observation.values.astype(np.float64)
+        type(self).decide(
+            seen.tolist() if INTERPRET else seen,
+            figures.at,
+            figures.vehicle,
+            figures.gear,
+            figures.kinds,
+            figures.memory,
+            figures.control,
+        )
+        steering, throttle, brake, buttons = (float(value) for value in figures.control)
+        return Control(steering, throttle, brake, Button(int(buttons)))
+
+    def _prepare(self, layout: Layout) -> _Figures:
+        briefing = self._briefing
+        at, kinds = starts_of(layout), item_kinds(briefing.items)
+        gear = np.array([briefing.lidar_field, LIDAR_REACH, briefing.decision_s])
+        memory, control = np.zeros(memory_size(max(int(at[-1]), 0))), np.zeros(4)
+        if INTERPRET:
+            # Plain Python reads lists and attributes several times faster than arrays.
+            arrays = (at, gear, kinds, memory, control)
+            lists = [array.tolist() for array in arrays]
+            figures = _Figures(lists[0], briefing.vehicle, *lists[1:])
+        else:
+            vehicle = vehicle_record(briefing.vehicle)[0]
+            figures = _Figures(at, vehicle, gear, kinds, memory, control)
+        self._figures = figures
+        return figures
