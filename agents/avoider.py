@@ -6,9 +6,9 @@ where there is more room.
 
 import math
 
-from agents.autopilot import FIELD, KEPT, REACH, Autopilot
 from agents.scan import nearest, ray_angle, repair
 from agents.tactics import SPEED, finish_decision, press_pedals
+from race_server.autopilot import FIELD, KEPT, REACH, Autopilot
 from race_server.kernels.jit import kernel
 from race_server.observe import PART_NUMBERS
 from race_server.state import Floats, Ints, Record, Records
@@ -62,10 +62,10 @@ def avoid_all(
     memory: Floats,
     controls: Floats,
 ) -> None:
-    """Decide for many karts: row n of `seen` and `memory` is kart `seats[n]`, its (world, kart)."""
+    """Decide for many karts: row n of `seats` is a world and a kart in it."""
     for row in range(len(seats)):
         w, k = seats[row, 0], seats[row, 1]
-        avoid(seen[row], at, vehicles[w, k], gear, kinds, memory[row], controls[w, k])
+        avoid(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
 class Avoider(Autopilot):

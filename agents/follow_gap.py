@@ -6,9 +6,9 @@ Otterness (2019).
 
 import math
 
-from agents.autopilot import FIELD, KEPT, REACH, Autopilot
 from agents.scan import nearest, ray_angle, repair, widen_edges
 from agents.tactics import SPEED, finish_decision, press_pedals
+from race_server.autopilot import FIELD, KEPT, REACH, Autopilot
 from race_server.kernels.jit import kernel
 from race_server.observe import PART_NUMBERS
 from race_server.params import GRAVITY
@@ -126,10 +126,10 @@ def follow_all(
     memory: Floats,
     controls: Floats,
 ) -> None:
-    """Decide for many karts: row n of `seen` and `memory` is kart `seats[n]`, its (world, kart)."""
+    """Decide for many karts: row n of `seats` is a world and a kart in it."""
     for row in range(len(seats)):
         w, k = seats[row, 0], seats[row, 1]
-        follow(seen[row], at, vehicles[w, k], gear, kinds, memory[row], controls[w, k])
+        follow(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
 class FollowGap(Autopilot):

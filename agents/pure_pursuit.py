@@ -5,8 +5,8 @@ Geometry: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1
 
 import math
 
-from agents.autopilot import SHIFT, Autopilot
 from agents.tactics import SPEED, finish_decision, press_pedals
+from race_server.autopilot import SHIFT, Autopilot
 from race_server.kernels.jit import kernel
 from race_server.observe import AHEAD, NEARBY, PART_NUMBERS, THINGS
 from race_server.params import GRAVITY
@@ -125,10 +125,10 @@ def pursue_all(
     memory: Floats,
     controls: Floats,
 ) -> None:
-    """Decide for many karts: row n of `seen` and `memory` is kart `seats[n]`, its (world, kart)."""
+    """Decide for many karts: row n of `seats` is a world and a kart in it."""
     for row in range(len(seats)):
         w, k = seats[row, 0], seats[row, 1]
-        pursue(seen[row], at, vehicles[w, k], gear, kinds, memory[row], controls[w, k])
+        pursue(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
 class PurePursuit(Autopilot):

@@ -1,7 +1,7 @@
 """What every driver here does alike: when to use an item, and how to get free when stuck."""
 
-from agents.autopilot import ATTEMPTS, DECISION, ESCAPE, PRESSED, REVERSING, STANDING
 from race_server import codes
+from race_server.autopilot import ATTEMPTS, DECISION, ESCAPE, PRESSED, REVERSING, STANDING
 from race_server.kernels.jit import kernel
 from race_server.observe import NEARBY, PART_NUMBERS
 from race_server.state import Floats, Ints, Record

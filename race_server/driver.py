@@ -24,6 +24,7 @@ class Briefing:
     decision_s: float  # time between two observations [s]
     items: tuple[str, ...] = ()  # names of the items; item number 1 is the first
     lidar_field: float = 0.0  # [rad] between the outermost rays
+    lidar_reach: float = 8.0  # [m]
 
 
 class Driver(Protocol):

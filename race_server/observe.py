@@ -242,6 +242,16 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
+# Observations that leave out what a live race tells every driver (lights, flags, the end); a
+# policy trained on one of them gets its numbers out of a larger preset.
+LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        # Report of the 1/10 race, 2024: the scan now and before, speed and steering.
+        "report_b": ("lidar", "lidar_before", "speed", "steering"),
+    }
+)
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where each part of a preset lies in the vector."""
@@ -267,24 +277,38 @@ class Layout:
 
 
 @cache
-def layout_of(preset: str, lidar_rays: int) -> Layout:
-    """Return the layout of a preset for a lidar of `lidar_rays` rays.
+def layout_of(preset: str | tuple[str, ...], lidar_rays: int) -> Layout:
+    """Return the layout of a preset, or of parts by name, for a lidar of `lidar_rays` rays.
 
     Raises:
-        ScenarioError: no preset has that name.
+        ScenarioError: no preset or part has that name.
     """
-    if preset not in PRESETS:
-        raise ScenarioError(
-            f"observation {preset!r} is unknown; choose one of {', '.join(PRESETS)}"
-        )
+    names = _parts_of(preset)
     slices: dict[str, slice] = {}
     start = 0
-    for name in PRESETS[preset]:
+    for name in names:
         size = PARTS[PART_NUMBERS[name]].size or lidar_rays
         slices[name] = slice(start, start + size)
         start += size
-    numbers = tuple(PART_NUMBERS[name] for name in PRESETS[preset])
-    return Layout(preset, MappingProxyType(slices), start, numbers)
+    numbers = tuple(PART_NUMBERS[name] for name in names)
+    title = preset if isinstance(preset, str) else "+".join(preset)
+    return Layout(title, MappingProxyType(slices), start, numbers)
+
+
+def _parts_of(preset: str | tuple[str, ...]) -> tuple[str, ...]:
+    known = {**PRESETS, **LEARNING_PRESETS}
+    if isinstance(preset, str):
+        if preset not in known:
+            raise ScenarioError(
+                f"observation {preset!r} is unknown; choose one of {', '.join(known)}"
+            )
+        return known[preset]
+    unknown = [name for name in preset if name not in PART_NUMBERS]
+    if unknown or not preset or len(set(preset)) < len(preset):
+        raise ScenarioError(
+            f"observation parts {preset}: choose some of {', '.join(PART_NUMBERS)}, each once"
+        )
+    return preset
 
 
 @dataclass(frozen=True, slots=True)

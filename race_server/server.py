@@ -423,6 +423,7 @@ class RaceServer:
             decision_s=self.session.decision_ticks / TICKS_PER_SECOND,
             items=tuple(item.name for item in items()),
             lidar_field=scenario.lidar.field,
+            lidar_reach=scenario.lidar.reach,
         )
 
     def _course(self) -> CourseSheet:

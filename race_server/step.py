@@ -6,7 +6,7 @@ replay all call it. It is one compiled call for any number of worlds and ticks.
 
 from race_server import codes
 from race_server.clock import SUBSTEPS
-from race_server.kernels.jit import kernel
+from race_server.kernels.jit import kernel, large_kernel
 from race_server.stages.bodies import move_karts, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, take_controls, use_items
 from race_server.stages.game import play
@@ -33,7 +33,7 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
             step(world, w)
 
 
-@kernel
+@large_kernel
 def step(world: World, w: int) -> None:
     """Move one world on by one tick."""
     race = world.races[w]

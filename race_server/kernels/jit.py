@@ -33,6 +33,7 @@ _SOURCES = (
     "rules",
     "stages",
     "messages.py",
+    "env",
 )
 _KEPT_CACHES = 4
 
@@ -97,6 +98,19 @@ def kernel(function: Function) -> Function:
     Division by zero gives infinity as in numpy; no fast-math, so that results repeat to the bit.
     Kernels are inlined into one another and count no references: a kernel may not make arrays.
     """
+    return _compiled(function, inlined=True)
+
+
+def large_kernel(function: Function) -> Function:
+    """Compile `function` as `kernel` does, but as a routine of its own that others call.
+
+    For what is called from several places, and rarely enough that a call costs nothing: inlined
+    everywhere it would make compiling slow.
+    """
+    return _compiled(function, inlined=False)
+
+
+def _compiled(function: Function, *, inlined: bool) -> Function:
     if INTERPRET:
         return function
     import numba
@@ -107,7 +121,7 @@ def kernel(function: Function) -> Function:
         "nogil": True,
         "error_model": "numpy",
         "boundscheck": _bounds_checked(),
-        "forceinline": True,
+        "forceinline": inlined,
         "_nrt": False,
     }
     return cast("Function", numba.njit(**settings)(function))

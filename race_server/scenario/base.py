@@ -19,6 +19,8 @@ from race_server.track.course import Course
 MOST_KARTS = 64
 # In place of the sensors of a kart: nobody drives it.
 ABSENT = -1
+# A tick that never comes.
+NEVER = 2**62
 
 
 @dataclass(frozen=True)
@@ -74,29 +76,52 @@ def make_world(scenario: Scenario, seeds: Sequence[int] = ()) -> World:
     Raises:
         ScenarioError: the course has too few places, or a setting makes no race.
     """
-    _check(scenario)
     seeds = seeds or (scenario.seed,)
-    worlds, course = len(seeds), scenario.course
+    return make_worlds([scenario] * len(seeds), seeds)
+
+
+def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
+    """Return one batch with a world for each scenario and seed.
+
+    The scenarios may differ in all but the number of karts and their sensors; a kart that one of
+    them does not want is fitted with ABSENT.
+
+    Raises:
+        ScenarioError: a course has too few places, a setting makes no race, or the scenarios
+            do not fit into one batch.
+    """
+    first = scenarios[0]
+    for scenario in scenarios:
+        _check(scenario)
+        if (scenario.karts, scenario.lidar, scenario.radar) != (
+            first.karts,
+            first.lidar,
+            first.radar,
+        ):
+            raise ScenarioError("scenarios of one batch need the same number of karts and sensors")
+    courses = list({id(scenario.course): scenario.course for scenario in scenarios}.values())
+    worlds = len(scenarios)
     sight = Sight(
-        lidar=np.zeros((worlds, scenario.karts, 2, scenario.lidar.rays), np.float32),
-        radar=np.zeros((worlds, scenario.karts, RADAR_RAYS), np.float32),
-        radar_kinds=np.zeros((worlds, scenario.karts, RADAR_RAYS), np.uint8),
-        lidar_rays=fan(scenario.lidar.rays, scenario.lidar.field),
-        radar_rays=radar_fan(scenario.radar),
+        lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
+        radar=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
+        radar_kinds=np.zeros((worlds, first.karts, RADAR_RAYS), np.uint8),
+        lidar_rays=fan(first.lidar.rays, first.lidar.field),
+        radar_rays=radar_fan(first.radar),
     )
     world = empty_world(
         worlds,
-        scenario.karts,
-        len(course.spots),
+        first.karts,
+        max(len(course.spots) for course in courses),
         item_table(),
-        sensor_records(scenario.lidar, scenario.radar),
+        sensor_records(first.lidar, first.radar),
         sight,
-        pack([course]),
+        pack(courses),
     )
-    for k in range(scenario.karts):
-        world.vehicles[:, k] = vehicle_record(scenario.vehicle_of(k))
-    for w, seed in enumerate(seeds):
-        _set_rules(world.rules[w], scenario)
+    places = {id(course): number for number, course in enumerate(courses)}
+    for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
+        for k in range(scenario.karts):
+            world.vehicles[w, k] = vehicle_record(scenario.vehicle_of(k))[0]
+        _set_rules(world.rules[w], scenario, places[id(scenario.course)])
         line_up_race(world, w, scenario, seed)
     return world
 
@@ -117,11 +142,11 @@ def _check(scenario: Scenario) -> None:
             raise ScenarioError(f"contact policy {policy!r} is unknown; choose one of {known}")
 
 
-def _set_rules(record: Record, scenario: Scenario) -> None:
+def _set_rules(record: Record, scenario: Scenario, course: int) -> None:
     rules = scenario.rules
     vehicle = scenario.vehicle_of(0)
     record.laps = rules.laps
-    record.course = 0
+    record.course = course
     record.wall_contact = codes.CONTACT_POLICIES[rules.wall_contact]
     record.kart_contact = codes.CONTACT_POLICIES[rules.kart_contact]
     record.restitution, record.wall_friction = rules.restitution, rules.wall_friction
@@ -150,8 +175,10 @@ def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
     world.event_counts[w] = 0
     world.hazards[w] = np.zeros((), world.hazards.dtype)
     world.boxes[w] = np.zeros((), world.boxes.dtype)
-    world.boxes["x"][w] = scenario.course.spots[:, 0]
-    world.boxes["y"][w] = scenario.course.spots[:, 1]
+    spots = scenario.course.spots
+    world.boxes["x"][w, : len(spots)] = spots[:, 0]
+    world.boxes["y"][w, : len(spots)] = spots[:, 1]
+    world.boxes["ready_tick"][w, len(spots) :] = NEVER
     for seen in (world.sight.lidar, world.sight.radar, world.sight.radar_kinds):
         seen[w] = 0
     for k in range(scenario.karts):
@@ -169,4 +196,5 @@ def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
     kart.status = codes.RACING
     kart.grid_place = place
     kart.sensors = fitted
-    kart.x, kart.y, kart.heading = world.atlas.grid[place]
+    course = world.atlas.courses[world.rules[w].course]
+    kart.x, kart.y, kart.heading = world.atlas.grid[course.grid_start + place]

@@ -3,18 +3,18 @@
 from race_server import codes
 from race_server.kernels.course import nearest_sample_anywhere, progress_of
 from race_server.kernels.geometry import wrap_angle
-from race_server.kernels.jit import kernel
+from race_server.kernels.jit import kernel, large_kernel
 from race_server.stages.sight import look
 from race_server.stages.standings import rank
 from race_server.state import World
 
 
-@kernel
+@large_kernel
 def line_up(world: World, w: int) -> None:
     """Make every kart of one world that is not absent race from the pose it has."""
     for k in range(world.karts.shape[1]):
         if world.karts[w, k].status != codes.ABSENT:
-            _place(world, w, k)
+            place_kart(world, w, k)
     rank(world, w)
     # The scan now and the scan before are the same at the start.
     look(world, w)
@@ -22,7 +22,8 @@ def line_up(world: World, w: int) -> None:
 
 
 @kernel
-def _place(world: World, w: int, k: int) -> None:
+def place_kart(world: World, w: int, k: int) -> None:
+    """Let a kart race from the pose it has, before its first lap."""
     kart = world.karts[w, k]
     course = world.atlas.courses[world.rules[w].course]
     kart.status = codes.RACING

@@ -73,7 +73,7 @@ class Plan:
     places: int = MOST_PLACES
     items: tuple[tuple[float, float], ...] | None = None  # progress, lateral offset
     obstacles: tuple[Obstacle, ...] = ()
-    starts: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    starts: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # the last two [deg]
 
 
 def build(plan: Plan) -> Course:
@@ -110,7 +110,7 @@ def build(plan: Plan) -> Course:
         grid=np.zeros((0, 3)),
         spots=np.zeros((0, 2)),
         obstacles=plan.obstacles,
-        starts=plan.starts,
+        starts=plan.starts * np.array([1.0, 1.0, 1.0, 1.0, *np.radians([1.0, 1.0])]),
         width_min=float(widths.min()),
         width_mean=float(widths.mean()),
         width_max=float(widths.max()),

@@ -172,6 +172,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
     BriefingTable.AddDecision(builder, briefing.decision_s)
     BriefingTable.AddLidarRays(builder, welcome.lidar_rays)
     BriefingTable.AddLidarField(builder, briefing.lidar_field)
+    BriefingTable.AddLidarReach(builder, briefing.lidar_reach)
     for name, offset in texts.items():
         getattr(BriefingTable, f"Add{name}")(builder, offset)
     builder.Finish(BriefingTable.End(builder), BRIEFING_ID)
@@ -211,6 +212,7 @@ def decode_welcome(data: bytes) -> Welcome:
             decision_s=root.Decision(),
             items=tuple(root.Items(i).decode() for i in range(root.ItemsLength())),
             lidar_field=root.LidarField(),
+            lidar_reach=root.LidarReach(),
         )
         return Welcome(briefing, root.Secret(), root.Epoch(), root.LidarRays())
     except _DAMAGE as error:

@@ -154,8 +154,15 @@ class Briefing(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(26))
         return o == 0
 
+    # Briefing
+    def LidarReach(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
+        return 0.0
+
 def BriefingStart(builder):
-    builder.StartObject(12)
+    builder.StartObject(13)
 
 def Start(builder):
     BriefingStart(builder)
@@ -249,6 +256,12 @@ def BriefingStartVehicleValuesVector(builder, numElems):
 
 def StartVehicleValuesVector(builder, numElems):
     return BriefingStartVehicleValuesVector(builder, numElems)
+
+def BriefingAddLidarReach(builder, lidarReach):
+    builder.PrependFloat64Slot(12, lidarReach, 0.0)
+
+def AddLidarReach(builder, lidarReach):
+    BriefingAddLidarReach(builder, lidarReach)
 
 def BriefingEnd(builder):
     return builder.EndObject()

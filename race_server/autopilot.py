@@ -24,8 +24,6 @@ FIELD, REACH, DECISION = range(3)
 # Numbers that a driver keeps from one decision to the next; behind them is room for two scans.
 STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, KEPT = range(7)
 
-LIDAR_REACH = 8.0  # [m] of free space where a lidar sees nothing
-
 # (seen, at, vehicle, gear, kinds, memory, control) -> None
 Decide = Callable[..., None]
 
@@ -72,10 +70,12 @@ class Autopilot:
     decide: fills `control` (4,) steering, throttle, brake, buttons from `seen` (size,), where
     part p begins at `at[p]`; vehicle: its figures; gear: lidar field [rad], lidar reach [m], time
     between decisions [s]; kinds: what using each item does; memory: zeros at the start.
+    decide_all: the same for many karts in one call, see `agents/avoider.py`.
     """
 
     preset: ClassVar[str]
     decide: ClassVar[Decide]
+    decide_all: ClassVar[Decide]
 
     def reset(self, briefing: Briefing) -> None:
         """Get ready for a new race."""
@@ -101,7 +101,7 @@ class Autopilot:
     def _prepare(self, layout: Layout) -> _Figures:
         briefing = self._briefing
         at, kinds = starts_of(layout), item_kinds(briefing.items)
-        gear = np.array([briefing.lidar_field, LIDAR_REACH, briefing.decision_s])
+        gear = np.array([briefing.lidar_field, briefing.lidar_reach, briefing.decision_s])
         memory, control = np.zeros(memory_size(max(int(at[-1]), 0))), np.zeros(4)
         if INTERPRET:
             # Plain Python reads lists and attributes several times faster than arrays.

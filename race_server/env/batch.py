@@ -1,0 +1,347 @@
+"""Many races at once for learning: arrays in, arrays out, nothing copied.
+
+`Batch` is the engine under every interface of this package. Learning karts come first: of K karts
+the first L learn, the others are driven by scripts. One decision is one compiled call per kind of
+scripted driver, and one for all the rest: controls, physics, sensors, rules, items, rewards, ends,
+resets and observations.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from race_server import codes
+from race_server.autopilot import memory_size
+from race_server.clock import TICK_S
+from race_server.env.actions import CONTINUOUS, DISCRETE, MEMORY, action_kind, discrete_table
+from race_server.env.decide import decide, restart
+from race_server.env.gap import DRAWS, RealityGap
+from race_server.env.opponents import Opponents, opponents_of
+from race_server.env.rewards import TERMS, reward_weights
+from race_server.env.rig import (
+    BEFORE,
+    EPISODE,
+    RESET_WORLD,
+    ROUND,
+    SETTINGS,
+    Rig,
+    Templates,
+    part_of_rig,
+)
+from race_server.env.starts import start_tables
+from race_server.errors import ScenarioError
+from race_server.observe import Layout, layout_of
+from race_server.rules.items import items
+from race_server.scenario.base import ABSENT, Scenario, make_worlds
+from race_server.state import Bytes, Float32s, Floats, Ints, World, digest, part_of
+from race_server.track.reverse import reversed_course
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be learned: everything about a batch but its size."""
+
+    scenarios: tuple[Scenario, ...]
+    opponents: tuple[str, ...] = ()  # drivers of the karts that do not learn, repeated in turn
+    learners: int = 0  # 0: all karts without an opponent's name
+    observation: str | tuple[str, ...] = "radar"
+    action: str = "continuous"
+    reward: str | Mapping[str, float] = "progress"
+    gap: RealityGap = field(default_factory=RealityGap)
+    decision_ticks: int = 3
+    most_steps: int = 0  # decisions until an episode is cut off; 0: the rules alone end it
+    random_start: bool = False
+    both_directions: bool = False  # every scenario also with its course reversed
+    crash_range: float = 0.0  # [m]; a nearer lidar range is a crash
+
+    def all_scenarios(self) -> tuple[Scenario, ...]:
+        """Return the scenarios that a reset can draw."""
+        if not self.both_directions:
+            return self.scenarios
+        backward = [replace(s, course=reversed_course(s.course)) for s in self.scenarios]
+        return (*self.scenarios, *backward)
+
+
+class Batch:
+    """W races of one task.
+
+    All arrays keep their memory: `observations` (W, L, size), `rewards` (W, L), `terms`
+    (W, L, T), `terminated` and `truncated` (W, L), `terminal` (W, L, size) are overwritten by
+    each step.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        *,
+        worlds: int = 1,
+        seed: int = 0,
+        after: int = RESET_WORLD,
+        threads: int = 1,
+    ) -> None:
+        """Build the worlds; call `reset` before the first step.
+
+        after: what happens once a learning kart's episode is over, see `env/rig.py`. World w
+        has the seed `seed + w`. threads: cores to spread the worlds over; results do not change.
+
+        Raises:
+            ScenarioError, DriverError: the task makes no race.
+        """
+        self.task = task
+        scenarios = task.all_scenarios()
+        first = scenarios[0]
+        self.karts = first.karts
+        self.learners = self.count_learners(task)
+        self.layout = layout_of(task.observation, first.lidar.rays)
+        gear = np.array([first.lidar.field, first.lidar.reach, task.decision_ticks * TICK_S])
+        names = tuple(item.name for item in items())
+        self.opponents = opponents_of(
+            task.opponents or ("",), self.learners, self.karts, first.lidar.rays, gear, names
+        )
+        fitted = self._fitted()
+        scenarios = tuple(replace(s, fitted=_kept_absent(s, fitted)) for s in scenarios)
+        self.scenarios = scenarios
+        templates = make_worlds(scenarios, [0] * len(scenarios))
+        starts, counts = start_tables([scenario.course for scenario in scenarios])
+        self._templates = Templates(
+            templates.races,
+            templates.rules,
+            templates.karts,
+            templates.vehicles,
+            templates.boxes,
+            starts,
+            counts,
+        )
+        world = make_worlds([first] * worlds, [0] * worlds)
+        boxes = np.zeros((worlds, templates.boxes.shape[1]), templates.boxes.dtype)
+        self.world: World = world._replace(atlas=templates.atlas, boxes=boxes)
+        self.rig = self._make_rig(worlds, after, len(scenarios), first.lidar.rays)
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 and worlds > 1 else None
+        self._parts = self._cut(min(threads, worlds))
+        self.reset(seed)
+
+    @staticmethod
+    def count_learners(task: Task) -> int:
+        """Return how many karts of each race learn.
+
+        Raises:
+            ScenarioError: none, or nobody would drive the others.
+        """
+        karts = task.scenarios[0].karts
+        if task.learners:
+            learners = task.learners
+        else:
+            learners = max(karts - len(task.opponents), 1) if task.opponents else karts
+        if not 1 <= learners <= karts or (learners < karts and not task.opponents):
+            raise ScenarioError(
+                f"{learners} learning karts of {karts}: choose 1 to {karts}, and name opponents "
+                "for the others"
+            )
+        return learners
+
+    def _fitted(self) -> tuple[int, ...]:
+        """Return the sensors of every kart: those that its driver's observation needs."""
+        sensors = [_sensors_of(self.layout)] * self.learners + [0] * (self.karts - self.learners)
+        for group in self.opponents:
+            for kart in group.karts:
+                sensors[kart] = _sensors_of(group.layout)
+        if self.task.crash_range > 0.0:
+            sensors[: self.learners] = [s | codes.LIDAR for s in sensors[: self.learners]]
+        return tuple(sensors)
+
+    def _make_rig(self, worlds: int, after: int, scenarios: int, rays: int) -> Rig:
+        task, karts, learners, size = self.task, self.karts, self.learners, self.layout.size
+        gap = task.gap.ranges()
+        kind = action_kind(task.action)
+        numbers = {CONTINUOUS: 3, DISCRETE: 1}.get(kind, 2)
+        settings = np.zeros(1, SETTINGS)
+        settings["crash_range"] = task.crash_range
+        settings["decision_ticks"] = task.decision_ticks
+        settings["action"] = kind
+        settings["after"] = after
+        settings["most_steps"] = task.most_steps
+        settings["random_start"] = task.random_start
+        widest = max((group.layout.size for group in self.opponents), default=1)
+        most = max((len(group.layout.numbers) for group in self.opponents), default=1)
+        parts = np.full((karts, most), -1, np.int64)
+        for group in self.opponents:
+            for kart in group.karts:
+                parts[kart, : len(group.layout.numbers)] = group.layout.numbers
+        # A ring needs room for the newest and for the oldest that a draw can ask for.
+        rings = [int(row[1]) + 1 if row[1] > 0 else 0 for row in gap[:2]]
+        shape = (worlds, learners)
+        return Rig(
+            settings=settings.view(np.recarray),
+            parts=np.array(self.layout.numbers, np.int64),
+            opponent_parts=parts,
+            weights=reward_weights(task.reward),
+            odds=np.cumsum(np.full(scenarios, 1.0 / scenarios)),
+            gap=gap,
+            table=discrete_table(),
+            actions=np.zeros((*shape, numbers), np.float32),
+            controls=np.zeros((worlds, karts, 4)),
+            commanded=np.zeros((*shape, MEMORY)),
+            delayed=np.zeros((*shape, rings[0], 4)),
+            late=np.zeros((*shape, rings[1], size), np.float32),
+            draws=np.zeros((*shape, len(DRAWS))),
+            observations=np.zeros((*shape, size), np.float32),
+            terminal=np.zeros((*shape, size), np.float32),
+            rewards=np.zeros(shape, np.float32),
+            terms=np.zeros((*shape, len(TERMS))),
+            terminated=np.zeros(shape, np.uint8),
+            truncated=np.zeros(shape, np.uint8),
+            idle=np.zeros(shape, np.uint8),
+            before=np.zeros(shape, BEFORE),
+            episodes=np.zeros(shape, EPISODE),
+            ended=np.zeros(shape, EPISODE),
+            rounds=np.zeros(worlds, ROUND),
+            row=np.zeros((worlds, widest), np.float32),
+            views=np.zeros((worlds, karts, widest)),
+            memory=np.zeros((worlds, karts, memory_size(rays))),
+        )
+
+    def _cut(self, parts: int) -> list[tuple[World, Rig, list[tuple[Opponents, Ints]]]]:
+        """Return the worlds in so many parts of nearly equal size, as views."""
+        edges = np.linspace(0, self.worlds, parts + 1).astype(int)
+        return [
+            (
+                part_of(self.world, first, last),
+                part_of_rig(self.rig, first, last),
+                [(group, group.seats(last - first)) for group in self.opponents],
+            )
+            for first, last in pairwise(edges)
+        ]
+
+    # What others read
+
+    @property
+    def worlds(self) -> int:
+        """Number of races."""
+        return len(self.rig.rounds)
+
+    @property
+    def observations(self) -> Float32s:
+        """What the learning karts see, shape (W, L, size)."""
+        return self.rig.observations
+
+    @property
+    def rewards(self) -> Float32s:
+        """What the last decision was worth, shape (W, L)."""
+        return self.rig.rewards
+
+    @property
+    def terminated(self) -> Bytes:
+        """1 where an episode ended with the last decision, shape (W, L)."""
+        return self.rig.terminated
+
+    @property
+    def truncated(self) -> Bytes:
+        """1 where an episode was cut off by the last decision, shape (W, L)."""
+        return self.rig.truncated
+
+    @property
+    def terminal(self) -> Float32s:
+        """The last observation of episodes that ended with the last decision, (W, L, size)."""
+        return self.rig.terminal
+
+    def digest(self, index: int = 0) -> str:
+        """Return the digest of one world."""
+        return digest(self.world, index)
+
+    def draws(self, w: int, kart: int) -> dict[str, float]:
+        """Return the reality gap that a kart drew for its episode, by name."""
+        return dict(zip(DRAWS, self.rig.draws[w, kart].tolist(), strict=True))
+
+    def episode_of(self, w: int, kart: int) -> dict[str, Any]:
+        """Return figures of the episode that ended last for a kart.
+
+        `r` and `l` are its return and its length in decisions, as SB3's Monitor names them.
+        """
+        row = self.rig.ended[w, kart]
+        return {
+            "r": float(row["total"]),
+            "l": int(row["steps"]),
+            "laps": int(row["laps"]),
+            "best_lap_s": int(row["best_lap_us"]) / 1e6,
+            "crashes": int(row["crashes"]),
+            "contacts": int(row["contacts"]),
+            "wall_contacts": int(row["wall_contacts"]),
+            "rank": int(row["rank"]),
+        }
+
+    # Time
+
+    def reset(self, seed: int | None = None) -> Float32s:
+        """Begin a new round in every world and return the observations.
+
+        With a seed everything begins anew, without one the next rounds follow.
+        """
+        rounds = self.rig.rounds
+        if seed is not None:
+            rounds["seed"] = seed + np.arange(self.worlds)
+            for name in ("number", "entries"):
+                rounds[name] = 0
+            self.rig.episodes["number"] = 0
+        for world, rig, _ in self._parts:
+            restart(world, rig, self._templates)
+        return self.rig.observations
+
+    def step(self, actions: Any = None) -> None:
+        """Move every world on by one decision under the learners' actions, shape (W, L, A).
+
+        Without actions those in `rig.actions` count, so that a caller may write them in place.
+        """
+        if actions is not None:
+            self.rig.actions[...] = np.reshape(actions, self.rig.actions.shape)
+        if self._pool is None:
+            for part in self._parts:
+                self._step_part(*part)
+        else:
+            for done in [self._pool.submit(self._step_part, *part) for part in self._parts]:
+                done.result()
+
+    def _step_part(self, world: World, rig: Rig, groups: list[tuple[Opponents, Ints]]) -> None:
+        for group, seats in groups:
+            group.drive(seats, rig.views, world.vehicles, rig.memory, rig.controls)
+        decide(world, rig, self._templates)
+
+    def set_odds(self, weights: Sequence[float]) -> None:
+        """Set how often each scenario is drawn at a reset: the hook for a curriculum.
+
+        Raises:
+            ScenarioError: not one weight for each scenario, or none above zero.
+        """
+        odds: Floats = np.asarray(weights, np.float64)
+        if odds.shape != self.rig.odds.shape or not odds.sum() > 0.0 or (odds < 0.0).any():
+            raise ScenarioError(
+                f"{len(odds)} weights {list(weights)}: give one for each of the "
+                f"{len(self.rig.odds)} scenarios, none below zero and one above"
+            )
+        self.rig.odds[:] = np.cumsum(odds / odds.sum())
+        self.rig.odds[-1] = 1.0
+
+    def close(self) -> None:
+        """Let the threads go."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+
+# Called with the number of decisions so far; returns the weights of the scenarios, or None.
+Curriculum = Callable[[int], Sequence[float] | None]
+
+
+def _sensors_of(layout: Layout) -> int:
+    sensors = codes.LIDAR if {"lidar", "lidar_before"} & set(layout.slices) else 0
+    return sensors | (codes.RADAR if {"radar", "radar_kind"} & set(layout.slices) else 0)
+
+
+def _kept_absent(scenario: Scenario, fitted: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the sensors of the karts; those that the scenario does not want stay away."""
+    wanted = [scenario.fitted[k % len(scenario.fitted)] for k in range(scenario.karts)]
+    return tuple(
+        ABSENT if before == ABSENT else now for before, now in zip(wanted, fitted, strict=True)
+    )

@@ -1,0 +1,73 @@
+"""Tasks to begin with: a race among all, a race among scripted karts, a time trial."""
+
+from dataclasses import replace
+from typing import Any
+
+from race_server.env.batch import Task
+from race_server.params import vehicle_named
+from race_server.scenario.base import Rules, Scenario
+from race_server.scenario.sensors import Lidar, Radar
+from race_server.track.load import load_course
+
+TRACK = "covapsy-train-2023"
+# Sensors that are read at every decision.
+FRESH_S = 0.05
+
+# For learning there is no countdown, and who stands or drives backwards is out after a while.
+LEARNING_RULES = Rules(
+    laps=3,
+    standing_start=True,
+    countdown_s=0.0,
+    stuck_s=0.0,
+    stopped_limit_s=5.0,
+    limit_s=300.0,
+)
+
+
+def scenario_on(
+    track: str = TRACK, *, karts: int = 8, vehicle: str = "tt02", rules: Rules = LEARNING_RULES
+) -> Scenario:
+    """Return a scenario for learning: fresh sensors at every decision.
+
+    Raises:
+        TrackError, VehicleError: one of them does not exist.
+    """
+    return Scenario(
+        load_course(track),
+        karts=karts,
+        vehicles=(vehicle_named(vehicle),),
+        rules=rules,
+        lidar=replace(Lidar(), period_s=FRESH_S),
+        radar=replace(Radar(), period_s=FRESH_S),
+    )
+
+
+def race_task(track: str = TRACK, *, karts: int = 8, **options: Any) -> Task:
+    """Return a race of three laps in which all karts learn; options as for `Task`."""
+    return Task((scenario_on(track, karts=karts),), **{"reward": "race", **options})
+
+
+def mixed_task(track: str = TRACK, *, karts: int = 8, learners: int = 1, **options: Any) -> Task:
+    """Return a race of `learners` among scripted karts; options as for `Task`."""
+    defaults: dict[str, Any] = {
+        "reward": "race",
+        "learners": learners,
+        "opponents": ("avoider", "pure_pursuit", "follow_gap"),
+    }
+    return Task((scenario_on(track, karts=karts),), **{**defaults, **options})
+
+
+def time_trial_task(track: str = TRACK, **options: Any) -> Task:
+    """Return one kart alone against the clock, from a random place; options as for `Task`.
+
+    A touch of a wall is a crash and ends the episode; so do 60 s.
+    """
+    rules = replace(
+        LEARNING_RULES, laps=0, standing_start=False, items=False, wall_contact="retire"
+    )
+    defaults: dict[str, Any] = {
+        "observation": ("lidar", "lidar_before", "speed", "steering"),
+        "random_start": True,
+        "most_steps": 1200,
+    }
+    return Task((scenario_on(track, karts=1, rules=rules),), **{**defaults, **options})

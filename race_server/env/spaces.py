@@ -1,0 +1,28 @@
+"""Spaces: what a learning kart may see and do, in the terms of Gymnasium."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from race_server.env.actions import CONTINUOUS, INCREMENTS, action_kind, discrete_table
+from race_server.observe import Layout
+
+
+def observation_space(layout: Layout) -> spaces.Box:
+    """Return the space of an observation: its parts in SI units, one behind the other."""
+    return spaces.Box(layout.lows(), layout.highs(), dtype=np.float32)
+
+
+def action_space(action: str) -> spaces.Space[Any]:
+    """Return the space of a kind of action, see `env/actions.py`.
+
+    continuous: drive [-1, 1] (brake below zero), steering [-1, 1] (left positive), item above
+    0.5. report_b: increments of speed [0, 1] and steering [-1, 1]. discrete: 3 pedals by 5 angles.
+    """
+    kind = action_kind(action)
+    if kind == CONTINUOUS:
+        return spaces.Box(np.array([-1, -1, 0], np.float32), np.ones(3, np.float32))
+    if kind == INCREMENTS:
+        return spaces.Box(np.array([0, -1], np.float32), np.ones(2, np.float32))
+    return spaces.Discrete(len(discrete_table()))
