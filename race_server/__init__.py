@@ -7,6 +7,6 @@ __version__ = "0.1.0"
 # `gym.make("race_server:Kart/Race-v0")` imports this package and then looks the id up. Whoever
 # does not use Gymnasium, a driver's process above all, does not pay for importing it.
 if "gymnasium" in sys.modules:
-    from race_server.gym_ids import register
+    from race_server.gym_ids import register_gymnasium
 
-    register()
+    register_gymnasium()

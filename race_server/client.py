@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
@@ -10,58 +10,16 @@ from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError, LinkError, WireError
 from race_server.messages import Control
 from race_server.observe import Observation, layout_of
-from race_server.transport import DEFAULT_ADDRESS, ClientLink, Mailbox
+from race_server.seat import SILENCE_S, Seat, insist, take_seat
+from race_server.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.wire import topics
 from race_server.wire.drive import ControlFrame, decode_observation, encode_control
-from race_server.wire.lobby import (
-    Join,
-    SeatAct,
-    Welcome,
-    check_reply,
-    decode_welcome,
-    encode_join,
-    encode_seat_act,
-)
+from race_server.wire.lobby import Join
 
 Answer = TypeVar("Answer")
 
-# Without an observation for so long the server is asked whether it is still there.
-SILENCE_S = 3.0
 # For so long a driver tries to get its seat back after the link broke.
 RETRY_S = 30.0
-
-
-@dataclass
-class Seat:
-    """What a driver holds while it takes part."""
-
-    welcome: Welcome
-    mailbox: Mailbox
-    link: ClientLink
-
-    @property
-    def number(self) -> int:
-        """The seat's number."""
-        return self.welcome.briefing.seat
-
-    def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
-        """Tell the server that this seat is ready, or leaves."""
-        request = SeatAct(self.number, self.welcome.secret, ready)
-        check_reply(self.link.ask(topic, encode_seat_act(request)))
-
-
-def take_seat(link: ClientLink, join: Join) -> Seat:
-    """Return a seat in the session; the same request again gives the same seat.
-
-    Raises:
-        SeatError: the server refuses, with its reason.
-        LinkError: no answer.
-    """
-    welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join)))
-    seat = Seat(welcome, Mailbox(), link)
-    link.listen(topics.OBSERVATION, seat.mailbox.put, seat.number)
-    link.announce(seat.number)
-    return seat
 
 
 def drive(
@@ -81,27 +39,16 @@ def drive(
         DriverError: the driver raised; its seat is left.
     """
     with ClientLink(address, session, timeout_s=timeout_s) as link:
-        insist = partial(_insist, deadline=time.monotonic() + timeout_s)
-        seat = insist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
+        persist = partial(insist, deadline=time.monotonic() + timeout_s)
+        seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
         _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
         try:
-            insist(partial(seat.act, topics.READY))
+            persist(partial(seat.act, topics.READY))
             _answer(driver, name, seat)
         except DriverError:
             seat.act(topics.LEAVE)
             raise
         return seat.welcome.briefing
-
-
-def _insist(ask: Callable[[], Answer], deadline: float) -> Answer:
-    """Ask until there is an answer; a server that is still getting ready may take its time."""
-    while True:
-        try:
-            return ask()
-        except LinkError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.1)
 
 
 def _answer(driver: Driver, name: str, seat: Seat) -> None:
@@ -117,7 +64,8 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
         if data is None:
             if time.monotonic() - last > RETRY_S:
                 raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
-            _come_back(seat, name)
+            with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
+                seat.come_back()
             continue
         last = time.monotonic()
         try:
@@ -139,15 +87,6 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
         send(encode_control(ControlFrame(frame.epoch, sequence, frame.tick, _within(control))))
         if observation.scalar("finished") > 0.0:
             return
-
-
-def _come_back(seat: Seat, name: str) -> None:
-    """Ask for the seat again; a lobby that has not started yet simply has nothing to tell."""
-    request = Join(name[:32], seat.welcome.briefing.preset, seat.number, seat.welcome.secret)
-    try:
-        decode_welcome(seat.link.ask(topics.JOIN, encode_join(request)))
-    except LinkError:
-        return  # still away: zenoh goes on trying to connect
 
 
 def _within(control: Control) -> Control:

@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 import pytest
 from courses import ring
 
-from race_server.client import drive, take_seat
+from race_server.client import drive
 from race_server.driver import driver_named
 from race_server.errors import DriverError, LinkError, SeatError
 from race_server.messages import Control, Phase, Status
 from race_server.scenario.base import Rules, Scenario
+from race_server.seat import take_seat
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
 from race_server.transport import ClientLink, ServerLink

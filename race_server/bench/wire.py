@@ -118,7 +118,7 @@ class CrowdDriver:
 
     def __init__(self, address: str, seat: int) -> None:
         """Take a seat and be ready."""
-        from race_server.client import take_seat
+        from race_server.seat import take_seat
 
         self.link = ClientLink(address, "bench", timeout_s=30.0)
         self.seat = take_seat(self.link, Join(f"probe {seat}", "track", seat))

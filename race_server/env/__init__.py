@@ -1,5 +1,6 @@
-"""The training world: batch, PettingZoo, Gymnasium. Importing it registers the Gymnasium ids."""
+"""The training world: batch, PettingZoo, Gymnasium. Importing it registers the ids of both."""
 
-from race_server.gym_ids import register
+from race_server.gym_ids import register_gymnasium, register_pettingzoo
 
-register()
+register_gymnasium()
+register_pettingzoo()

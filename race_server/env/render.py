@@ -147,7 +147,7 @@ class Window:
             pygame: Any = importlib.import_module("pygame")
         except ImportError as error:
             raise ScenarioError(
-                "rendering for people needs pygame: pip install pygame, "
+                "rendering for people needs pygame: pip install pygame-ce, "
                 'or use render_mode="rgb_array"'
             ) from error
         pygame.display.init()

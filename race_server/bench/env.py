@@ -1,0 +1,220 @@
+"""How fast the training world is, through each of its interfaces, next to highway-env."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from race_server.bench.core import profile
+from race_server.clock import SUBSTEPS
+from race_server.env.batch import Batch, Task
+from race_server.env.parallel import KartRace
+from race_server.env.presets import race_task, scenario_on
+from race_server.env.rig import REENTER
+from race_server.env.single import time_trial
+from race_server.errors import ScenarioError
+from race_server.state import Floats
+from race_server.track.load import load_course
+
+TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
+LIDAR = ("lidar", "lidar_before", "speed", "steering")
+WARM_UP_SHARE = 0.25  # of the measured time, before it
+TAPE = 400  # decisions that are recorded and replayed through an interface for one race
+
+# What `scaling` measures: races of about so many karts in all, on a course with a long grid.
+CROWD, CROWDED_TRACK, CROWDED_VEHICLE = 512, "hangar-400", "kart-30"
+KARTS_PER_RACE = (1, 2, 4, 8, 16, 32, 64)
+WORLD_COUNTS = (1, 4, 16, 64, 256, 1024, 4096)  # the last are 320 MB of arrays
+CORE_COUNTS = (1, 2)
+
+
+def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
+    """Return the figures of `race bench env`; those of highway-env are None without it."""
+    ours = {
+        "batch_radar": _rate(race_batch(cores=cores), seconds),
+        "batch_lidar": _rate(race_batch(LIDAR, cores=cores), seconds),
+        "pettingzoo_radar": _pettingzoo(seconds),
+        "gym_lidar": _gymnasium(seconds),
+    }
+    yardstick, notes = _highway(seconds)
+    figures = ours | yardstick
+    pairs = (
+        ("gym_lidar", "highway_lidar"),
+        ("batch_lidar", "highway_lidar"),
+        ("batch_radar", "highway_kinematics"),
+    )
+    return {
+        "cores": cores,
+        "agent_steps_per_s": {name: value and round(value, 1) for name, value in figures.items()},
+        "ratios": {f"{a}_over_{b}": _ratio(figures[a], figures[b]) for a, b in pairs},
+        "profile": _profile(),
+        "notes": {
+            "course": TRACK,
+            "worlds": WORLDS,
+            "karts": KARTS,
+            "decision_hz": 20,
+            "lidar_rays": 201,
+            **notes,
+        },
+    }
+
+
+def _rate(batch: Batch, seconds: float) -> float:
+    """Return agent-steps per second of wall time in `Batch.step` alone, and close the batch."""
+    try:
+        batch.step(driving(batch))  # the first call compiles
+        _run(batch, WARM_UP_SHARE * seconds)
+        return _run(batch, seconds)
+    finally:
+        batch.close()
+
+
+def _run(batch: Batch, seconds: float) -> float:
+    steps, spent = 0, 0.0
+    while spent < seconds:
+        actions = driving(batch)
+        begun = time.perf_counter()
+        batch.step(actions)
+        spent += time.perf_counter() - begun
+        steps += batch.worlds * batch.learners
+    return steps / spent
+
+
+def _replay_rate(
+    env: Any, act: Callable[[], Any], is_over: Callable[[Any], bool], seconds: float
+) -> float:
+    """Return steps per second of wall time in `env.step` alone.
+
+    One run is driven by `act`; the measured ones repeat its actions from the same seed, so that
+    nothing happens between two steps.
+    """
+    env.reset(seed=0)
+    tape: list[Any] = []
+    while len(tape) < TAPE:
+        tape.append(act())
+        if is_over(env.step(tape[-1])):
+            break
+    steps, spent = 0, 0.0
+    while spent < seconds:
+        env.reset(seed=0)
+        begun = time.perf_counter()
+        for actions in tape:
+            env.step(actions)
+        spent += time.perf_counter() - begun
+        steps += len(tape)
+    return steps / spent
+
+
+def driving(batch: Batch) -> Floats:
+    """Return actions that keep every kart near the centre line at a pace of its own."""
+    world, learners = batch.world, batch.learners
+    karts, vehicles = world.karts[:, :learners], world.vehicles[:, :learners]
+    wheelbase = vehicles["front_axle"] + vehicles["rear_axle"]
+    bend = world.atlas.line["curvature"][karts["line_index"]]
+    aim = karts["lateral_offset"] / wheelbase * 0.1 + karts["heading_error"] * 0.5
+    steering = np.arctan(bend * wheelbase - aim) / vehicles["steering_limit"]
+    pace = (0.12 + 0.01 * (np.arange(learners) % 8)) * vehicles["top_speed"]
+    # A kart in a jam backs out in turns.
+    jammed = (karts["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
+    drive = np.where(jammed, -1.0, pace - karts["speed"])
+    return np.clip(np.stack([drive, steering, np.ones_like(drive)], axis=-1), -1.0, 1.0)
+
+
+def race_batch(
+    observation: str | tuple[str, ...] = "radar", *, worlds: int = WORLDS, cores: int = 1
+) -> Batch:
+    """Return the batch that the headline figures are measured with."""
+    task = race_task(TRACK, karts=KARTS, observation=observation, random_start=True)
+    return Batch(task, worlds=worlds, after=REENTER, threads=cores)
+
+
+def crowded_batch(karts: int) -> Batch:
+    """Return races of so many karts, as many as make up the crowd."""
+    scenario = scenario_on(CROWDED_TRACK, karts=karts, vehicle=CROWDED_VEHICLE)
+    task = Task((scenario,), reward="race", random_start=True)
+    return Batch(task, worlds=CROWD // karts, after=REENTER)
+
+
+def _pettingzoo(seconds: float) -> float:
+    """Measure one race of eight through dictionaries."""
+    race = KartRace(race_task(TRACK, karts=KARTS))
+
+    def act() -> dict[str, Any]:
+        rows = driving(race.batch)[0].astype(np.float32)
+        return {agent: rows[race.possible_agents.index(agent)] for agent in race.agents}
+
+    # Nobody finishes while the tape runs, so that every step moves all agents.
+    return KARTS * _replay_rate(race, act, lambda _: len(race.agents) < KARTS, seconds)
+
+
+def _gymnasium(seconds: float) -> float:
+    """Measure one kart with lidar through Gymnasium's `step`."""
+    env = time_trial(TRACK)
+
+    def act() -> Any:
+        return driving(env.batch)[0, 0].astype(np.float32)
+
+    return _replay_rate(env, act, _is_over, seconds)
+
+
+def _is_over(outcome: tuple[Any, ...]) -> bool:
+    """Return whether Gymnasium's `step` ended an episode."""
+    return bool(outcome[2] or outcome[3])
+
+
+def _highway(seconds: float) -> tuple[dict[str, float | None], dict[str, Any]]:
+    """Return the figures of highway-env, None where it is not installed, and notes on them."""
+    figures: dict[str, float | None] = {"highway_lidar": None, "highway_kinematics": None}
+    try:
+        import highway_env  # noqa: F401  # registers its environments
+    except ImportError:
+        return figures, {}
+    import gymnasium
+
+    name = "racetrack-v1" if "racetrack-v1" in gymnasium.registry else "racetrack-v0"
+    settings: dict[str, Any] = {}
+    for figure, kind in (
+        ("highway_lidar", "LidarObservation"),
+        ("highway_kinematics", "Kinematics"),
+    ):
+        wanted = {"observation": {"type": kind}}
+        env: Any = gymnasium.make(name, config=wanted, disable_env_checker=True).unwrapped
+        figures[figure] = _one_highway(env, seconds)
+        settings = env.config
+        env.close()
+    frequencies = ("policy_frequency", "simulation_frequency")
+    notes = {f"highway_{key}_hz": settings[key] for key in frequencies}
+    return figures, {"highway_environment": name, **notes, "highway_agents": 1}
+
+
+def _one_highway(env: Any, seconds: float) -> float:
+    """Measure highway-env's `step`, with its car kept on the road as ours are."""
+
+    def act() -> Any:
+        car = env.vehicle
+        along, aside = car.lane.local_coordinates(car.position)
+        turn = car.lane.heading_at(along + 2.0) - car.heading
+        turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+        return np.clip([turn - 0.1 * aside], -1.0, 1.0)
+
+    return _replay_rate(env, act, _is_over, seconds)
+
+
+def _ratio(ours: float | None, theirs: float | None) -> float | None:
+    return None if ours is None or theirs is None else round(ours / theirs, 2)
+
+
+def _profile() -> dict[str, float]:
+    """Return CPU nanoseconds per ray, per contact search and per substep, for one kart."""
+    parts = profile(load_course(TRACK))
+    substeps = 3 * SUBSTEPS
+    return {
+        "radar_ns_per_ray": parts["radar_ns_per_ray"],
+        "lidar_ns_per_ray": parts["lidar_ns_per_ray"],
+        "kart_contact_ns": round(parts["kart_contacts_ns"] / substeps, 1),
+        "wall_contact_ns": parts["wall_contact_ns_per_substep"],
+        "motion_ns_per_substep": parts["motion_ns_per_substep"],
+    }
