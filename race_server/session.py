@@ -6,6 +6,7 @@ feeds joins, controls and ticks in, and takes events, observations and standings
 
 import secrets
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from race_server import codes
 from race_server.clock import ticks_of
 from race_server.errors import SeatError, WireError
+from race_server.kernels.jit import bind
 from race_server.messages import Control, Event, EventKind, Flag, Phase, Standing, Status
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
@@ -67,6 +69,7 @@ class Session:
         self.seats = [Seat(number) for number in range(self.scenario.karts)]
         self.world = make_world(self.scenario)
         self._controls: Floats = np.zeros((1, self.scenario.karts, 4))
+        self._advances: dict[int, Callable[[], None]] = {}
         names = list(PRESETS)
         self._layouts: list[Layout] = [layout_of(name, self.scenario.lidar.rays) for name in names]
         longest = max(len(layout.numbers) for layout in self._layouts)
@@ -225,7 +228,9 @@ class Session:
         for seat in self.seats:
             if seat.is_taken:
                 self._load_control(seat, now)
-        advance(self.world, self._controls, ticks)
+        if ticks not in self._advances:
+            self._advances[ticks] = bind(advance, self.world, self._controls, ticks)
+        self._advances[ticks]()
         events = self.take_events()
         if self.phase is Phase.COUNTDOWN and self.tick > self.world.races[0].start_tick:
             events.append(self._turn(Phase.RUNNING))

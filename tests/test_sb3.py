@@ -37,7 +37,7 @@ def test_an_early_end_is_one_done_with_the_last_observation_and_its_episode() ->
     karts.reset()
     actions = np.zeros((6, 3), np.float32)
     actions[1, 0] = 1.0  # kart 1 of race 0 drives straight into the wall
-    for _ in range(80):
+    for step in range(80):
         seen, _, dones, infos = karts.step(actions)
         if dones.any():
             break

@@ -20,7 +20,7 @@ from race_server.clock import TICK_S
 from race_server.env.actions import CONTINUOUS, DISCRETE, MEMORY, action_kind, discrete_table
 from race_server.env.decide import decide, restart
 from race_server.env.gap import DRAWS, RealityGap
-from race_server.env.opponents import Opponents, opponents_of
+from race_server.env.opponents import opponents_of
 from race_server.env.rewards import TERMS, reward_weights
 from race_server.env.rig import (
     BEFORE,
@@ -34,10 +34,11 @@ from race_server.env.rig import (
 )
 from race_server.env.starts import start_tables
 from race_server.errors import ScenarioError
+from race_server.kernels.jit import bind
 from race_server.observe import Layout, layout_of
 from race_server.rules.items import items
 from race_server.scenario.base import ABSENT, Scenario, make_worlds
-from race_server.state import Bytes, Float32s, Floats, Ints, World, digest, part_of
+from race_server.state import Bytes, Float32s, Floats, World, digest, part_of
 from race_server.track.reverse import reversed_course
 
 
@@ -121,7 +122,10 @@ class Batch:
         self.world: World = world._replace(atlas=templates.atlas, boxes=boxes)
         self.rig = self._make_rig(worlds, after, len(scenarios), first.lidar.rays)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and worlds > 1 else None
-        self._parts = self._cut(min(threads, worlds))
+        self._restarts: list[Callable[[], None]] = []
+        self._decisions: list[list[Callable[[], None]]] = []
+        for part in self._cut(min(threads, worlds)):
+            self._bind(*part)
         self.reset(seed)
 
     @staticmethod
@@ -204,17 +208,22 @@ class Batch:
             memory=np.zeros((worlds, karts, memory_size(rays))),
         )
 
-    def _cut(self, parts: int) -> list[tuple[World, Rig, list[tuple[Opponents, Ints]]]]:
+    def _cut(self, parts: int) -> list[tuple[World, Rig]]:
         """Return the worlds in so many parts of nearly equal size, as views."""
         edges = np.linspace(0, self.worlds, parts + 1).astype(int)
         return [
-            (
-                part_of(self.world, first, last),
-                part_of_rig(self.rig, first, last),
-                [(group, group.seats(last - first)) for group in self.opponents],
-            )
+            (part_of(self.world, first, last), part_of_rig(self.rig, first, last))
             for first, last in pairwise(edges)
         ]
+
+    def _bind(self, world: World, rig: Rig) -> None:
+        """Get the calls of one part of the worlds ready: the scripted drivers', then the rest."""
+        self._restarts.append(bind(restart, world, rig, self._templates))
+        calls = [
+            group.driving(len(rig.rounds), rig.views, world.vehicles, rig.memory, rig.controls)
+            for group in self.opponents
+        ]
+        self._decisions.append([*calls, bind(decide, world, rig, self._templates)])
 
     # What others read
 
@@ -286,8 +295,8 @@ class Batch:
             for name in ("number", "entries"):
                 rounds[name] = 0
             self.rig.episodes["number"] = 0
-        for world, rig, _ in self._parts:
-            restart(world, rig, self._templates)
+        for begin in self._restarts:
+            begin()
         return self.rig.observations
 
     def step(self, actions: Any = None) -> None:
@@ -298,16 +307,11 @@ class Batch:
         if actions is not None:
             self.rig.actions[...] = np.reshape(actions, self.rig.actions.shape)
         if self._pool is None:
-            for part in self._parts:
-                self._step_part(*part)
+            for calls in self._decisions:
+                _call_all(calls)
         else:
-            for done in [self._pool.submit(self._step_part, *part) for part in self._parts]:
+            for done in [self._pool.submit(_call_all, calls) for calls in self._decisions]:
                 done.result()
-
-    def _step_part(self, world: World, rig: Rig, groups: list[tuple[Opponents, Ints]]) -> None:
-        for group, seats in groups:
-            group.drive(seats, rig.views, world.vehicles, rig.memory, rig.controls)
-        decide(world, rig, self._templates)
 
     def set_odds(self, weights: Sequence[float]) -> None:
         """Set how often each scenario is drawn at a reset: the hook for a curriculum.
@@ -328,6 +332,11 @@ class Batch:
         """Let the threads go."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+def _call_all(calls: Sequence[Callable[[], None]]) -> None:
+    for call in calls:
+        call()
 
 
 # Called with the number of decisions so far; returns the weights of the scenarios, or None.

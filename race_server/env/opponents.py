@@ -1,6 +1,6 @@
 """Scripted karts among the learning ones: their drivers' kernels, each called once a decision."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from race_server.autopilot import item_kinds, starts_of
 from race_server.driver import driver_named
 from race_server.errors import ScenarioError
+from race_server.kernels.jit import bind
 from race_server.observe import Layout, layout_of
 from race_server.state import Floats, Ints, Records
 
@@ -30,11 +31,12 @@ class Opponents:
         pairs = [(w, k) for w in range(worlds) for k in self.karts]
         return np.array(pairs, np.int64).reshape(-1, 2)
 
-    def drive(
-        self, seats: Ints, views: Floats, vehicles: Records, memory: Floats, controls: Floats
-    ) -> None:
-        """Fill the controls of these karts from what they see."""
-        self.decide_all(seats, views, self.at, vehicles, self.gear, self.kinds, memory, controls)
+    def driving(
+        self, worlds: int, views: Floats, vehicles: Records, memory: Floats, controls: Floats
+    ) -> Callable[[], None]:
+        """Return what fills the controls of these karts from what they see."""
+        told = (self.at, vehicles, self.gear, self.kinds)
+        return bind(self.decide_all, self.seats(worlds), views, *told, memory, controls)
 
 
 def opponents_of(

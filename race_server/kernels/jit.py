@@ -14,7 +14,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -125,3 +125,20 @@ def _compiled(function: Function, *, inlined: bool) -> Function:
         "_nrt": False,
     }
     return cast("Function", numba.njit(**settings)(function))
+
+
+def bind(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
+    """Return a call of a kernel with these very arguments, whose types are looked up only once.
+
+    numba works out the types of all arguments at every call: for a world of sixty arrays that
+    takes longer than to step one kart. The arrays must stay the same; their contents may change.
+    """
+    if INTERPRET:
+        return partial(function, *arguments)
+    import numba
+
+    dispatcher: Any = function
+    typeof: Any = numba.typeof
+    signature = tuple(typeof(argument) for argument in arguments)
+    dispatcher.compile(signature)
+    return partial(dispatcher.overloads[signature].entry_point, *arguments)
