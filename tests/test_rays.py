@@ -19,7 +19,7 @@ from race_server.kernels.geometry import (
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
 from race_server.kernels.sensors import rays_towards, see_body
-from race_server.kernels.sweep import sweep_walls
+from race_server.kernels.sweep import sweep_body, sweep_walls
 from race_server.scenario.sensors import fan
 from race_server.track.atlas import pack
 
@@ -128,6 +128,9 @@ def test_a_fan_sees_a_body_exactly_where_its_rays_meet_the_box(
         alone = ray_to_box(u, v, c * bc + s * bs, s * bc - c * bs, 0.25, 0.1)
         assert found == pytest.approx(min(alone, 5.0), abs=1e-5)
         assert kind == (codes.KART_HIT if alone < 5.0 else codes.NOTHING)
+    laid = np.full(shape[0], 5.0, np.float32)
+    sweep_body(0.0, 0.0, cos, sin, rays, field, 5.0, *body, laid)
+    assert laid == pytest.approx(ranges, abs=1e-5)
 
 
 @given(st.floats(-100.0, 100.0))

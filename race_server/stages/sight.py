@@ -6,6 +6,7 @@ from race_server import codes
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.kernels.sensors import cast_fan, disturb, see_body, see_disc
+from race_server.kernels.sweep import FEW_RAYS, sweep_body
 from race_server.state import HAZARDS, Bytes, Float32s, Floats, World
 
 
@@ -112,6 +113,25 @@ def _scan(
         if other == k or rival.status != codes.RACING:
             continue
         vehicle = world.vehicles[w, other]
+        half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
+        if len(rays) > FEW_RAYS and len(kinds) == 0:
+            sweep_body(
+                x,
+                y,
+                cos,
+                sin,
+                rays,
+                field,
+                reach,
+                rival.x,
+                rival.y,
+                rival.heading,
+                vehicle.box_offset,
+                half_length,
+                half_width,
+                ranges,
+            )
+            continue
         see_body(
             x,
             y,
@@ -124,8 +144,8 @@ def _scan(
             rival.y,
             rival.heading,
             vehicle.box_offset,
-            0.5 * vehicle.length,
-            0.5 * vehicle.width,
+            half_length,
+            half_width,
             codes.KART_HIT,
             ranges,
             kinds,
