@@ -7,13 +7,12 @@ from functools import partial
 from typing import TypeVar
 
 from race_server.driver import Briefing, Driver
-from race_server.errors import DriverError, LinkError, WireError
+from race_server.errors import DriverError, LinkError
 from race_server.messages import Control
-from race_server.observe import Observation, layout_of
+from race_server.observe import Observation
 from race_server.seat import SILENCE_S, Seat, insist, take_seat
 from race_server.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.wire import topics
-from race_server.wire.drive import ControlFrame, decode_observation, encode_control
 from race_server.wire.lobby import Join
 
 Answer = TypeVar("Answer")
@@ -53,50 +52,28 @@ def drive(
 
 def _answer(driver: Driver, name: str, seat: Seat) -> None:
     """Answer observations until the race is over for this kart."""
-    welcome = seat.welcome
-    layout = layout_of(welcome.briefing.preset, welcome.lidar_rays)
-    send = seat.link.sender(seat.number)
     sequence = 0
     epoch = answered = -1
     last = time.monotonic()
     while True:
-        data = seat.mailbox.take(SILENCE_S)
-        if data is None:
+        frame = seat.hear(SILENCE_S)
+        if frame is None:
             if time.monotonic() - last > RETRY_S:
                 raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
             with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
                 seat.come_back()
             continue
         last = time.monotonic()
-        try:
-            frame = decode_observation(data)
-        except WireError:
-            continue  # the next one comes in 50 ms
-        if len(frame.values) != layout.size:
-            raise WireError(
-                f"observation of {len(frame.values)} numbers, expected {layout.size}: "
-                "server and client are of different versions"
-            )
         if frame.epoch != epoch:
             epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
         if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
             answered = frame.tick
-            observation = Observation(frame.tick, layout, frame.values)
+            observation = Observation(frame.tick, seat.layout, frame.values)
             control = _call(name, "act", partial(driver.act, observation))
         sequence += 1
-        send(encode_control(ControlFrame(frame.epoch, sequence, frame.tick, _within(control))))
+        seat.answer(frame.epoch, sequence, frame.tick, control)
         if observation.scalar("finished") > 0.0:
             return
-
-
-def _within(control: Control) -> Control:
-    """Return a control within its limits, so that the server takes it."""
-    return Control(
-        min(max(float(control.steering), -1.0), 1.0),
-        min(max(float(control.throttle), -1.0), 1.0),
-        min(max(float(control.brake), 0.0), 1.0),
-        control.buttons,
-    )
 
 
 def _call(name: str, what: str, function: Callable[[], Answer]) -> Answer:

@@ -1,13 +1,22 @@
-"""A seat as its driver holds it: taken, made ready, asked for again, left."""
+"""A seat as its driver holds it: taken, made ready, heard, answered, asked for again, left."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
-from race_server.errors import LinkError
+from race_server.errors import LinkError, WireError
+from race_server.messages import Control
+from race_server.observe import Layout, layout_of
 from race_server.transport import ClientLink, Mailbox
 from race_server.wire import topics
+from race_server.wire.drive import (
+    ControlFrame,
+    ObservationFrame,
+    decode_observation,
+    encode_control,
+)
 from race_server.wire.lobby import (
     Join,
     SeatAct,
@@ -32,11 +41,39 @@ class Seat:
     mailbox: Mailbox
     link: ClientLink
     request: Join  # asks for this very seat again
+    send: Callable[[bytes], None]  # a control, as a message
 
     @property
     def number(self) -> int:
         """The seat's number."""
         return self.welcome.briefing.seat
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where each part of this seat's observation lies."""
+        return layout_of(self.welcome.briefing.preset, self.welcome.lidar_rays)
+
+    def hear(self, timeout_s: float) -> ObservationFrame | None:
+        """Return the newest observation, or None if no whole one comes within `timeout_s`.
+
+        Raises:
+            WireError: it is of another size than was agreed on.
+        """
+        data = self.mailbox.take(timeout_s)
+        try:
+            frame = decode_observation(data) if data is not None else None
+        except WireError:
+            return None  # the next one comes in 50 ms
+        if frame is not None and len(frame.values) != self.layout.size:
+            raise WireError(
+                f"observation of {len(frame.values)} numbers, expected {self.layout.size}: "
+                "server and client are of different versions"
+            )
+        return frame
+
+    def answer(self, epoch: int, sequence: int, tick: int, control: Control) -> None:
+        """Send a control that answers the observation of a tick."""
+        self.send(encode_control(ControlFrame(epoch, sequence, tick, _within(control))))
 
     def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
         """Tell the server that this seat is ready, or leaves."""
@@ -61,10 +98,11 @@ def take_seat(link: ClientLink, join: Join) -> Seat:
         LinkError: no answer.
     """
     welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join)))
-    request = replace(join, wanted=welcome.briefing.seat, secret=welcome.secret)
-    seat = Seat(welcome, Mailbox(), link, request)
-    link.listen(topics.OBSERVATION, seat.mailbox.put, seat.number)
-    link.announce(seat.number)
+    number = welcome.briefing.seat
+    request = replace(join, wanted=number, secret=welcome.secret)
+    seat = Seat(welcome, Mailbox(), link, request, link.sender(number))
+    link.listen(topics.OBSERVATION, seat.mailbox.put, number)
+    link.announce(number)
     return seat
 
 
@@ -81,3 +119,13 @@ def insist(ask: Callable[[], Answer], deadline: float) -> Answer:
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.1)
+
+
+def _within(control: Control) -> Control:
+    """Return a control within its limits, so that the server takes it."""
+    return Control(
+        min(max(float(control.steering), -1.0), 1.0),
+        min(max(float(control.throttle), -1.0), 1.0),
+        min(max(float(control.brake), 0.0), 1.0),
+        control.buttons,
+    )

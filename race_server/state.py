@@ -62,7 +62,7 @@ KART = _record(
             "rank grid_place surface "
             # What the stewards watch.
             "wrong_way off_track still_ticks rescue_offered lap_clean false_started "
-            "contact_kart_tick contact_wall_tick contacts wall_contacts hits "
+            "company contact_kart_tick contact_wall_tick contacts wall_contacts hits "
             # The game.
             "held items_used immune_until shield_until ghost_until "
             "penalties penalty_us retired_for "

@@ -7,7 +7,7 @@ replay all call it. It is one compiled call for any number of worlds and ticks.
 from race_server import codes
 from race_server.clock import SUBSTEPS
 from race_server.kernels.jit import kernel, large_kernel
-from race_server.stages.bodies import move_karts, touch_karts, touch_walls
+from race_server.stages.bodies import move_karts, note_company, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, take_controls, use_items
 from race_server.stages.game import play
 from race_server.stages.progress import follow_course
@@ -41,6 +41,7 @@ def step(world: World, w: int) -> None:
         report(world, w, codes.EVENT_GREEN, -1, -1, 0)
     apply_effects(world, w)
     use_items(world, w)
+    note_company(world, w)
     for _ in range(SUBSTEPS):
         move_karts(world, w)
         touch_karts(world, w)

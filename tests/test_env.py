@@ -242,6 +242,11 @@ def test_random_starts_are_on_the_track_and_apart() -> None:
         assert gaps[~np.eye(6, dtype=bool)].min() > 0.45
 
 
+def test_random_starts_on_a_shipped_track_face_the_direction_of_travel() -> None:
+    batch = Batch(race_task(random_start=True), worlds=20)
+    assert (np.abs(batch.world.karts["heading_error"]) < 0.6).all()
+
+
 def test_all_karts_of_a_race_start_in_the_same_of_two_directions() -> None:
     batch = Batch(ring_task(4, random_start=True, both_directions=True), worlds=40)
     karts = batch.world.karts

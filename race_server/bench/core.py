@@ -13,7 +13,7 @@ from race_server.kernels.jit import kernel
 from race_server.params import TT02
 from race_server.scenario.base import Rules, Scenario, make_world
 from race_server.scenario.sensors import Lidar, Radar
-from race_server.stages.bodies import move_karts, touch_karts, touch_walls
+from race_server.stages.bodies import move_karts, note_company, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, use_items
 from race_server.stages.game import play
 from race_server.stages.progress import follow_course
@@ -111,7 +111,9 @@ def _walls(world: World, rounds: int) -> None:
 def _karts(world: World, rounds: int) -> None:
     for _ in range(rounds):
         for w in range(world.karts.shape[0]):
-            touch_karts(world, w)
+            note_company(world, w)
+            for _ in range(SUBSTEPS):
+                touch_karts(world, w)
 
 
 @kernel
@@ -156,7 +158,7 @@ def profile(course: Course) -> dict[str, float]:
     rays = len(world.sight.lidar_rays)
     parts: list[tuple[str, Callable[[World, int], None], int]] = [
         ("motion", _move, substeps),
-        ("kart_contacts", _karts, substeps),
+        ("kart_contacts", _karts, DECISION_TICKS),
         ("wall_contacts", _walls, substeps),
         ("progress_and_laps", _course, DECISION_TICKS),
         ("rules_items_ranking", _rules, DECISION_TICKS),

@@ -1,6 +1,8 @@
 """`race bench`: what this machine reaches."""
 
 import json
+import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -34,6 +36,43 @@ def wire(
     from race_server.bench.wire import bench_wire
 
     _show(bench_wire(seconds=seconds), as_json=as_json)
+
+
+@app.command()
+def env(
+    cores: Annotated[int, typer.Option(min=1, help="Cores for races in batches.")] = 1,
+    seconds: Annotated[float, typer.Option(help="Seconds for each figure.")] = 2.0,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Also measure against karts, races and cores, and draw that here."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Steps per second of the training world, through each interface, next to highway-env."""
+    from race_server.bench.env import bench_env, bench_scaling, plot_scaling
+
+    figures = bench_env(cores=cores, seconds=seconds)
+    if figures["agent_steps_per_s"]["highway_lidar"] is None:
+        print(
+            "highway-env is not installed, so nothing is compared with it: "
+            "`pip install race-server[bench]` brings it.",
+            file=sys.stderr,
+        )
+    if plot is not None:
+        figures["scaling"] = bench_scaling(seconds=0.25 * seconds)
+        plot_scaling(figures["scaling"], plot)
+    _show(figures, as_json=as_json)
+
+
+@app.command()
+def learn(
+    rollouts: Annotated[int, typer.Option(min=1, help="Rollouts for each figure.")] = 8,
+    as_json: AsJson = False,
+) -> None:
+    """How fast PPO learns here, and how fast it would be if the world cost nothing."""
+    from race_server.bench.learn import bench_learn
+
+    _show(bench_learn(rollouts=rollouts), as_json=as_json)
 
 
 def _show(figures: dict[str, Any], *, as_json: bool) -> None:

@@ -176,21 +176,42 @@ def _is_solid(world: World, w: int, k: int) -> bool:
 
 
 @kernel
+def note_company(world: World, w: int) -> None:
+    """Note for every kart, as bits, which of those after it may meet it within this tick."""
+    karts = world.karts.shape[1]
+    for k in range(karts):
+        kart = world.karts[w, k]
+        size = world.vehicles[w, k].length
+        company = 0
+        for other in range(k + 1, karts):
+            dx, dy = world.karts[w, other].x - kart.x, world.karts[w, other].y - kart.y
+            # Bodies further apart than the sum of their lengths cannot touch; twice that leaves
+            # room for what both drive in a tick: no kart drives its own length in 1/60 s.
+            near = 2.0 * (size + world.vehicles[w, other].length)
+            if dx * dx + dy * dy < near * near:
+                company |= 1 << (other - k - 1)
+        kart.company = company
+
+
+@kernel
 def touch_karts(world: World, w: int) -> None:
     """Let karts meet each other."""
     if world.rules[w].kart_contact == codes.GHOST:
         return
     karts = world.karts.shape[1]
     for k in range(karts):
-        if not _is_solid(world, w, k):
+        company = world.karts[w, k].company
+        if company == 0 or not _is_solid(world, w, k):
             continue
-        x, y, size = world.karts[w, k].x, world.karts[w, k].y, world.vehicles[w, k].length
+        size = world.vehicles[w, k].length
         for other in range(k + 1, karts):
-            dx, dy = world.karts[w, other].x - x, world.karts[w, other].y - y
-            # Two bodies further apart than the sum of their lengths cannot touch: half a body's
-            # diagonal and its offset are less than its length.
+            if not company >> (other - k - 1) & 1 or not _is_solid(world, w, other):
+                continue
+            # Half a body's diagonal and its offset are less than its length.
+            dx = world.karts[w, other].x - world.karts[w, k].x
+            dy = world.karts[w, other].y - world.karts[w, k].y
             near = size + world.vehicles[w, other].length
-            if dx * dx + dy * dy < near * near and _is_solid(world, w, other):
+            if dx * dx + dy * dy < near * near:
                 _meet_kart(world, w, k, other)
 
 

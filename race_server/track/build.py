@@ -110,7 +110,7 @@ def build(plan: Plan) -> Course:
         grid=np.zeros((0, 3)),
         spots=np.zeros((0, 2)),
         obstacles=plan.obstacles,
-        starts=plan.starts * np.array([1.0, 1.0, 1.0, 1.0, *np.radians([1.0, 1.0])]),
+        starts=_starts(plan.starts, line, heading),
         width_min=float(widths.min()),
         width_mean=float(widths.mean()),
         width_max=float(widths.max()),
@@ -244,6 +244,18 @@ def _borders_beside(plan: Plan, line: Floats, heading: Floats, half_widths: Floa
     if min(len(left), len(right)) < 3:
         raise TrackError(f"{plan.name}: wider than its bends allow; make it narrower")
     return np.concatenate([segments_of(left), segments_of(right)])
+
+
+def _starts(rows: Floats, line: Floats, heading: Floats) -> Floats:
+    """Return the boxes of random starts in radians, turned to the direction of travel."""
+    starts = rows.copy()
+    starts[:, 4:] = np.radians(rows[:, 4:])
+    for start in starts:
+        middle = np.array([0.5 * (start[0] + start[1]), 0.5 * (start[2] + start[3])])
+        nearest = int(np.argmin(np.hypot(*(line - middle).T)))
+        if np.cos(start[4] - heading[nearest]) < 0.0:
+            start[4] += np.pi
+    return starts
 
 
 def _sectors(gates: int, sectors: int) -> tuple[int, ...]:

@@ -1,0 +1,112 @@
+"""How much of a learner's time goes to the world: PPO on it, and on a world that costs nothing."""
+
+import statistics
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from race_server.env.presets import race_task
+from race_server.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecEnv
+
+WORLDS, KARTS = 64, 8
+DECISIONS, BATCH_SIZE, EPOCHS, NETWORK = 32, 4096, 4, (64, 64)
+ROLLOUTS = 8  # of each figure
+ROUNDS = 2  # in turns: ours, ceiling, ours, ceiling
+
+
+def bench_learn(*, rollouts: int = ROLLOUTS) -> dict[str, Any]:
+    """Return the figures of `race bench learn`: time steps per second of `learn`, on one core.
+
+    Raises:
+        ScenarioError: Stable-Baselines3 or PyTorch is not installed.
+    """
+    try:
+        import torch
+
+        from race_server.env.sb3 import KartVecEnv
+    except ImportError as error:
+        missing = (error.name or "a package").split(".")[0]
+        raise ScenarioError(
+            f"{missing} is not installed: `pip install race-server[train]` brings it"
+        ) from error
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    ours = KartVecEnv(race_task(karts=KARTS, observation="radar", random_start=True), worlds=WORLDS)
+    try:
+        learners = {"ours": _learner(ours), "ceiling": _learner(_free_of_cost(ours))}
+        fps: dict[str, list[float]] = {name: [] for name in learners}
+        for _ in range(ROUNDS):
+            for name, learner in learners.items():
+                fps[name].append(_learn(learner, rollouts))
+    finally:
+        ours.close()
+        torch.set_num_threads(threads)
+    medians = {name: statistics.median(numbers) for name, numbers in fps.items()}
+    return {
+        "ceiling_fps": round(medians["ceiling"]),
+        "ours_fps": round(medians["ours"]),
+        "ratio": round(medians["ours"] / medians["ceiling"], 3),
+        "batch_size": BATCH_SIZE,
+        "n_steps": DECISIONS,
+        "n_epochs": EPOCHS,
+        "worlds": WORLDS,
+        "karts": KARTS,
+    }
+
+
+def _learner(env: "VecEnv") -> "PPO":
+    """Return PPO on `env`, compiled and warm after one rollout."""
+    from stable_baselines3 import PPO
+
+    learner = PPO(
+        "MlpPolicy",
+        env,
+        n_steps=DECISIONS,
+        batch_size=BATCH_SIZE,
+        n_epochs=EPOCHS,
+        policy_kwargs={"net_arch": list(NETWORK)},
+        device="cpu",
+        seed=0,
+    )
+    return learner.learn(DECISIONS * env.num_envs)
+
+
+def _learn(learner: "PPO", rollouts: int) -> float:
+    """Return time steps per second of so many rollouts, each with its gradient steps."""
+    steps = rollouts * DECISIONS * WORLDS * KARTS
+    begun = time.perf_counter()
+    learner.learn(steps, reset_num_timesteps=False)
+    return steps / (time.perf_counter() - begun)
+
+
+def _free_of_cost(like: "VecEnv") -> "VecEnv":
+    """Return an environment of the same shapes that always hands out the same arrays."""
+    from race_server.env.sb3 import KartVecEnv
+
+    class Nothing(KartVecEnv):
+        """Nothing happens, and no episode ends."""
+
+        def __init__(self) -> None:
+            super(KartVecEnv, self).__init__(
+                like.num_envs, like.observation_space, like.action_space
+            )
+            self.seen = like.reset()
+            self.rewards = np.zeros(like.num_envs, np.float32)
+            self.dones = np.zeros(like.num_envs, np.bool_)
+            self.infos: list[dict[str, Any]] = [{} for _ in range(like.num_envs)]
+
+        def reset(self) -> Any:
+            return self.seen
+
+        def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
+            return self.seen, self.rewards, self.dones, self.infos
+
+        def close(self) -> None:
+            pass
+
+    return Nothing()
