@@ -131,7 +131,7 @@ class Atlas(NamedTuple):
     groups: Records  # (Q,) GROUP: circles around runs of walls
     cell_first: NDArray[np.int32]  # (cells + 1,) first entry of each cell in `cell_walls`
     cell_walls: NDArray[np.int32]  # walls that touch each cell
-    cell_skip: Bytes  # (cells,) 0: walls here; n: no wall in the n - 1 rings of cells around
+    cell_clear: Float32s  # (cells,) [m] between a cell and the nearest wall, at least
     cell_free: Bytes  # (cells, 4) free squares of cells with this one in a corner, 0: walls here
     gates: Records  # (G,) GATE
     grid: Floats  # (S, 3) x, y, heading

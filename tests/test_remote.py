@@ -180,7 +180,7 @@ def test_a_crash_is_known_in_the_step_in_which_the_kart_is_out() -> None:
         while race.agents:
             _, rewards, over, _, infos = race.step({"kart_0": (1.0, -1.0, 0.0)})
             crashes += infos["kart_0"]["reward_terms"]["crash"]
-            assert over["kart_0"] == (crashes > 0.0) == (rewards["kart_0"] < -9.0)
+            assert over["kart_0"] == (crashes > 0.0) == (rewards["kart_0"] < -1.0)
     assert crashes == 1.0
 
 

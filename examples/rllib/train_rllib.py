@@ -5,16 +5,16 @@ All karts share one policy, and each episode is one race.
 
 import argparse
 import time
+from typing import Any
 
 from ray.rllib.algorithms.ppo import PPOConfig
-from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.tune.registry import register_env
 
 from race_server.env.parallel import parallel_env
 
 
-def race(_: dict) -> ParallelPettingZooEnv:
+def race(_: dict[str, Any]) -> ParallelPettingZooEnv:
     """Return a race that is cut off after 30 seconds."""
     return ParallelPettingZooEnv(parallel_env(max_cycles=600))
 
@@ -29,8 +29,8 @@ def main() -> None:
     config = (
         PPOConfig()
         .environment("kart_race")
-        .env_runners(num_env_runners=1, num_envs_per_env_runner=1)
-        .training(train_batch_size=4000, minibatch_size=500, num_epochs=5, lr=5e-4, gamma=0.98)
+        .env_runners(num_env_runners=1)
+        .training(train_batch_size=1800, minibatch_size=512, num_epochs=5, lr=5e-4, gamma=0.98)
         .multi_agent(policies={"kart"}, policy_mapping_fn=lambda *_, **__: "kart")
         .debugging(seed=chosen.seed)
     )
@@ -38,8 +38,8 @@ def main() -> None:
     end = time.monotonic() + chosen.seconds
     while time.monotonic() < end:
         result = algorithm.train()
-        runners = result["env_runners"]
-        print(result["training_iteration"], runners.get("episode_return_mean"), flush=True)
+        total = result["env_runners"].get("episode_return_mean", float("nan"))
+        print(f"iteration {result['training_iteration']}: return of all karts {total:.1f}")
     algorithm.stop()
 
 

@@ -16,6 +16,7 @@ from race_server.scenario.sensors import Lidar, Radar
 from race_server.stages.bodies import move_karts, note_company, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, use_items
 from race_server.stages.game import play
+from race_server.stages.grid import line_up
 from race_server.stages.progress import follow_course
 from race_server.stages.sight import scan_lidar, scan_radar
 from race_server.stages.standings import close_race, rank
@@ -49,10 +50,21 @@ class Setting:
             fitted=(self.sensors,),
         )
         world = make_world(scenario, seeds=range(self.worlds))
+        spread_out(world)
         for _ in range(400):
             advance(world, lane_keeping(world), DECISION_TICKS)
             world.event_counts[:] = 0
         return world
+
+
+def spread_out(world: World) -> None:
+    """Place the karts of every world at equal distances around the course."""
+    line = world.atlas.line
+    places = np.linspace(0, len(line), world.karts.shape[1], endpoint=False).astype(int)
+    for name in ("x", "y", "heading"):
+        world.karts[name] = line[name][places]
+    for w in range(len(world.races)):
+        line_up(world, w)
 
 
 def lane_keeping(world: World) -> Floats:
@@ -63,7 +75,7 @@ def lane_keeping(world: World) -> Floats:
     bend = line["curvature"][karts["line_index"]]
     wanted = bend - 1.5 * karts["lateral_offset"] - 2.0 * karts["heading_error"]
     controls[..., 0] = np.clip(np.arctan(wanted * TT02.wheelbase) / TT02.steering_limit, -1, 1)
-    pace = 1.2 + 0.1 * np.arange(karts.shape[1])
+    pace = 1.5 + 0.02 * np.arange(karts.shape[1])
     controls[..., 1] = np.clip(pace - karts["speed"], -1.0, 1.0)
     controls[..., 3] = (world.races["tick"][:, None] // DECISION_TICKS) % 2 * codes.USE_ITEM
     # A kart in a jam backs out in turns.

@@ -33,7 +33,7 @@ TERMS: Mapping[str, str] = MappingProxyType(
 
 REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
-        "progress": {"progress": 1.0, "wall": -0.5, "crash": -10.0, "wrong_way": -0.5},
+        "progress": {"progress": 1.0, "wall": -0.5, "crash": -1.0, "wrong_way": -0.5},
         "race": {
             "progress": 1.0,
             "places": 1.0,

@@ -65,18 +65,14 @@ def touch_walls(world: World, w: int) -> None:
 
 @kernel
 def _is_clear(world: World, course: Record, kart: Record, vehicle: Record) -> bool:
-    """Return whether the empty cells around a kart alone show that it touches no wall."""
+    """Return whether the place of a kart alone shows that it touches no wall."""
     column = math.floor((kart.x - course.x0) / course.cell)
     row = math.floor((kart.y - course.y0) / course.cell)
     if column < 0 or row < 0 or column >= course.columns or row >= course.rows:
         return True
-    rings = world.atlas.cell_skip[course.cell_start + row * course.columns + column]
-    half = 0.5 * vehicle.length + abs(vehicle.box_offset)
-    reach = half + 0.5 * vehicle.width
-    if (rings - 1) * course.cell >= reach:
-        return True
-    free = (rings - 1) * course.cell
-    return bool(rings > 0 and free * free >= half * half + 0.25 * vehicle.width * vehicle.width)
+    clear = float(world.atlas.cell_clear[course.cell_start + row * course.columns + column])
+    along = 0.5 * vehicle.length + abs(vehicle.box_offset)
+    return bool(clear * clear >= along * along + 0.25 * vehicle.width * vehicle.width)
 
 
 @kernel

@@ -15,8 +15,10 @@ from race_server.track.polyline import area_of, is_inside, loops_of
 CELL_SHARE = 0.25
 # A wall is listed in every cell that comes this close to it [m]; see `kernels/rays.py`.
 MARGIN = 1e-6
-# Longest free square, in rings of cells, that is worth knowing.
-MOST_RINGS = 60
+# Longest side of a free square, in cells, that is worth knowing.
+MOST_FREE = 60
+# Clearance from walls, in cells, beyond which it does not matter how large it is.
+CLEAR_CELLS = 6
 # Walls in one circle that a sensor looks at as a whole.
 GROUP_WALLS = 12
 
@@ -25,7 +27,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
     """Return the courses as one atlas; course c of a race's rules is `courses[c]`."""
     headers = np.zeros(len(courses), COURSE)
     lines, walls, kinds, groups = [], [], [], []
-    firsts, entries, skips, frees, gates = [], [], [], [], []
+    firsts, entries, clears, frees, gates = [], [], [], [], []
     starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0, "group": 0}
     listed = 0
     for header, course in zip(headers, courses, strict=True):
@@ -55,7 +57,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         groups.append(circles)
         firsts.append(first[:-1] + listed)
         entries.append(members)
-        skips.append(_rings(first, columns, rows))
+        clears.append(_clearances(segments, origin, cell, columns, rows))
         frees.append(_free_squares(first, columns, rows))
         gates.append(_gates_of(course))
         listed += len(members)
@@ -70,7 +72,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         groups=np.concatenate(groups),
         cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
         cell_walls=np.concatenate(entries).astype(np.int32),
-        cell_skip=np.concatenate(skips),
+        cell_clear=np.concatenate(clears),
         cell_free=np.concatenate(frees),
         gates=np.concatenate(gates),
         grid=np.concatenate([course.grid for course in courses]),
@@ -153,23 +155,29 @@ def _list_walls(
     return first, walls[order]
 
 
-def _span(a: float, b: float, cell: float, count: int) -> tuple[int, int]:
-    low, high = min(a, b) - MARGIN, max(a, b) + MARGIN
+def _span(a: float, b: float, cell: float, count: int, margin: float = MARGIN) -> tuple[int, int]:
+    low, high = min(a, b) - margin, max(a, b) + margin
     return max(int(low // cell), 0), min(int(high // cell), count - 1)
 
 
-def _rings(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
-    """Return for each cell 0 if it holds walls, else n if the n - 1 rings around hold none."""
-    filled = (np.diff(first) > 0).reshape(rows, columns)
-    rings = np.zeros((rows, columns), np.uint8)
-    for ring in range(1, MOST_RINGS + 1):
-        if filled.all():
-            break
-        rings[~filled] = ring
-        padded = np.pad(filled, 1)
-        wide = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
-        filled = wide[:-2] | wide[1:-1] | wide[2:]
-    return rings.ravel()
+def _clearances(
+    segments: Floats, origin: tuple[float, float], cell: float, columns: int, rows: int
+) -> NDArray[np.float32]:
+    """Return for each cell how far [m] every point of it is from any wall, at least."""
+    most = CLEAR_CELLS * cell
+    clear = np.full((rows, columns), most)
+    x, y = (np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell
+    for x0, y0, x1, y1 in segments - np.array([*origin, *origin]):
+        low_c, high_c = _span(x0, x1, cell, columns, most)
+        low_r, high_r = _span(y0, y1, cell, rows, most)
+        part = (slice(low_r, high_r + 1), slice(low_c, high_c + 1))
+        dx, dy = x[part[1]][None] - x0, y[part[0]][:, None] - y0
+        ex, ey = x1 - x0, y1 - y0
+        share = np.clip((dx * ex + dy * ey) / max(ex * ex + ey * ey, 1e-12), 0.0, 1.0)
+        clear[part] = np.minimum(clear[part], np.hypot(dx - share * ex, dy - share * ey))
+    # From the middle of a cell to its corners.
+    clear -= math.sqrt(0.5) * cell + MARGIN
+    return np.maximum(clear, 0.0).astype(np.float32).ravel()
 
 
 def _free_squares(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
@@ -185,7 +193,7 @@ def _free_squares(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[
 def _squares(holds: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Return the side of the free square towards +x +y; beyond the grid there is nothing."""
     rows, columns = holds.shape
-    sides = np.full((rows + 1, columns + 1), MOST_RINGS, np.int64)
+    sides = np.full((rows + 1, columns + 1), MOST_FREE, np.int64)
     for diagonal in range(rows + columns - 2, -1, -1):
         # The cells of one falling diagonal depend only on those further up and right.
         row = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
@@ -193,7 +201,7 @@ def _squares(holds: NDArray[np.bool_]) -> NDArray[np.uint8]:
         beyond = np.minimum(
             np.minimum(sides[row + 1, column], sides[row, column + 1]), sides[row + 1, column + 1]
         )
-        sides[row, column] = np.where(holds[row, column], 0, np.minimum(beyond + 1, MOST_RINGS))
+        sides[row, column] = np.where(holds[row, column], 0, np.minimum(beyond + 1, MOST_FREE))
     return sides[:-1, :-1].astype(np.uint8)
 
 
