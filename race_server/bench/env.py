@@ -48,7 +48,7 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
     )
     return {
         "cores": cores,
-        "agent_steps_per_s": {name: value and round(value, 1) for name, value in figures.items()},
+        **{name: value and round(value, 1) for name, value in figures.items()},
         "ratios": {f"{a}_over_{b}": _ratio(figures[a], figures[b]) for a, b in pairs},
         "profile": _profile(),
         "notes": {
@@ -114,12 +114,10 @@ def driving(batch: Batch) -> Floats:
     karts, vehicles = world.karts[:, :learners], world.vehicles[:, :learners]
     wheelbase = vehicles["front_axle"] + vehicles["rear_axle"]
     bend = world.atlas.line["curvature"][karts["line_index"]]
-    # Who was put down the wrong way round drives on the wrong way round.
-    facing = np.where(np.cos(karts["heading_error"]) < 0.0, -1.0, 1.0)
     aim = bend * wheelbase - 0.1 * karts["lateral_offset"] / wheelbase
-    turn = facing * (aim - 0.5 * np.sin(karts["heading_error"]))
+    turn = aim - 0.5 * np.sin(karts["heading_error"])
     steering = np.arctan(turn) / vehicles["steering_limit"]
-    pace = (0.12 + 0.01 * (np.arange(learners) % 8)) * vehicles["top_speed"]
+    pace = (0.15 + 0.002 * (np.arange(learners) % 8)) * vehicles["top_speed"]
     # A kart in a jam backs out in turns.
     jammed = (karts["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
     drive = np.where(jammed, -1.0, pace - karts["speed"])

@@ -52,7 +52,7 @@ def env(
     from race_server.bench.env import bench_env, bench_scaling, plot_scaling
 
     figures = bench_env(cores=cores, seconds=seconds)
-    if figures["agent_steps_per_s"]["highway_lidar"] is None:
+    if figures["highway_lidar"] is None:
         print(
             "highway-env is not installed, so nothing is compared with it: "
             "`pip install race-server[bench]` brings it.",
