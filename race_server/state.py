@@ -132,7 +132,7 @@ class Atlas(NamedTuple):
     cell_first: NDArray[np.int32]  # (cells + 1,) first entry of each cell in `cell_walls`
     cell_walls: NDArray[np.int32]  # walls that touch each cell
     cell_clear: Float32s  # (cells,) [m] between a cell and the nearest wall, at least
-    cell_free: Bytes  # (cells, 4) free squares of cells with this one in a corner, 0: walls here
+    cell_free: Bytes  # (cells, 8, 2) free cells along x and y for each octant of directions
     gates: Records  # (G,) GATE
     grid: Floats  # (S, 3) x, y, heading
     spots: Floats  # (I, 2) x, y

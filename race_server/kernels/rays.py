@@ -17,7 +17,7 @@ def cast_ray(
     """Return distance [m] and number of the first wall from (x, y) towards (cos, sin).
 
     The number is -1 and the distance `reach` where nothing stands nearer. Cells that hold walls
-    are visited in order; over empty ones the ray skips the whole free square ahead.
+    are visited in order; over empty ones the ray skips a whole free box ahead.
     """
     size = course.cell
     columns, rows = course.columns, course.rows
@@ -26,7 +26,7 @@ def cast_ray(
     gx, gy = (x - course.x0) * scale, (y - course.y0) * scale
     inverse_x = 1.0 / cos if cos != 0.0 else math.inf
     inverse_y = 1.0 / sin if sin != 0.0 else math.inf
-    quadrant = (0 if cos > 0.0 else 1) + (0 if sin > 0.0 else 2)
+    octant = (0 if cos > 0.0 else 1) + (0 if sin > 0.0 else 2) + (4 if abs(sin) > abs(cos) else 0)
     best, wall = reach, -1
     travelled = 0.0
     while travelled < best:
@@ -35,8 +35,8 @@ def cast_ray(
         if column < 0 or row < 0 or column >= columns or row >= rows:
             break
         cell = first_cell + row * columns + column
-        free = atlas.cell_free[cell, quadrant]
-        if free == 0:
+        wide, high = int(atlas.cell_free[cell, octant, 0]), int(atlas.cell_free[cell, octant, 1])
+        if wide == 0:
             for entry in range(atlas.cell_first[cell], atlas.cell_first[cell + 1]):
                 number = first_wall + atlas.cell_walls[entry]
                 x0, y0 = atlas.walls[number, 0], atlas.walls[number, 1]
@@ -51,10 +51,10 @@ def cast_ray(
                 if 0.0 <= share <= along and 0.0 <= distance < best * along:
                     best = distance / along
                     wall = number
-            free = 1
-        # Leave the free square ahead, which is `free` cells wide and has this one in a corner.
-        edge_x = column + free if cos > 0.0 else column - free + 1
-        edge_y = row + free if sin > 0.0 else row - free + 1
+            wide = high = 1
+        # Leave the free box ahead, which has this cell in a corner.
+        edge_x = column + wide if cos > 0.0 else column - wide + 1
+        edge_y = row + high if sin > 0.0 else row - high + 1
         leave_x = (edge_x - gx) * size * inverse_x if cos != 0.0 else math.inf
         leave_y = (edge_y - gy) * size * inverse_y if sin != 0.0 else math.inf
         travelled = min(leave_x, leave_y) + NUDGE

@@ -15,7 +15,7 @@ from race_server.track.polyline import area_of, is_inside, loops_of
 CELL_SHARE = 0.25
 # A wall is listed in every cell that comes this close to it [m]; see `kernels/rays.py`.
 MARGIN = 1e-6
-# Longest side of a free square, in cells, that is worth knowing.
+# Longest side of a free box, in cells, that is worth knowing.
 MOST_FREE = 60
 # Clearance from walls, in cells, beyond which it does not matter how large it is.
 CLEAR_CELLS = 6
@@ -58,7 +58,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
         firsts.append(first[:-1] + listed)
         entries.append(members)
         clears.append(_clearances(segments, origin, cell, columns, rows))
-        frees.append(_free_squares(first, columns, rows))
+        frees.append(_free_boxes(first, columns, rows))
         gates.append(_gates_of(course))
         listed += len(members)
         for name, count in counts.items():
@@ -180,29 +180,54 @@ def _clearances(
     return np.maximum(clear, 0.0).astype(np.float32).ravel()
 
 
-def _free_squares(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
-    """Return the side of the free square that has each cell in its corner, shape (cells, 4).
+def _free_boxes(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
+    """Return the free box that rays of each octant may skip, shape (cells, 8, 2).
 
-    In order: the squares towards +x +y, -x +y, +x -y and -x -y; 0 where the cell holds walls.
+    The box has the cell in its corner; its sides [cells] along x and y are 0 where the cell
+    holds walls. Octant: bit 0 towards -x, bit 1 towards -y, bit 2 steeper than 45°.
     """
     holds = (np.diff(first) > 0).reshape(rows, columns)
-    squares = [_squares(holds[::up, ::right])[::up, ::right] for up in (1, -1) for right in (1, -1)]
-    return np.stack([square.ravel() for square in squares], axis=1)
-
-
-def _squares(holds: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return the side of the free square towards +x +y; beyond the grid there is nothing."""
-    rows, columns = holds.shape
-    sides = np.full((rows + 1, columns + 1), MOST_FREE, np.int64)
-    for diagonal in range(rows + columns - 2, -1, -1):
-        # The cells of one falling diagonal depend only on those further up and right.
-        row = np.arange(max(0, diagonal - columns + 1), min(rows, diagonal + 1))
-        column = diagonal - row
-        beyond = np.minimum(
-            np.minimum(sides[row + 1, column], sides[row, column + 1]), sides[row + 1, column + 1]
+    boxes = np.zeros((rows, columns, 8, 2), np.uint8)
+    for octant in range(8):
+        flip = (
+            slice(None, None, -1 if octant & 2 else 1),
+            slice(None, None, -1 if octant & 1 else 1),
         )
-        sides[row, column] = np.where(holds[row, column], 0, np.minimum(beyond + 1, MOST_FREE))
-    return sides[:-1, :-1].astype(np.uint8)
+        turned = holds[flip].T if octant & 4 else holds[flip]
+        long, short = _longest_boxes(turned)
+        sides = (short.T, long.T) if octant & 4 else (long, short)
+        for axis, side in enumerate(sides):
+            boxes[:, :, octant, axis] = side[flip]
+    return boxes.reshape(-1, 8, 2)
+
+
+def _longest_boxes(holds: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return width and height of the best free box towards +x +y for rays flatter than 45°.
+
+    The best is the one that such a ray leaves latest on average over its slopes s from 0 to 1:
+    after min(width, height / s).
+    """
+    runs = np.zeros(holds.shape, np.int64)
+    ahead = np.full(len(holds), MOST_FREE)
+    for column in range(holds.shape[1] - 1, -1, -1):
+        ahead = np.where(holds[:, column], 0, np.minimum(ahead + 1, MOST_FREE))
+        runs[:, column] = ahead
+    width, best = runs.copy(), np.zeros(holds.shape)
+    long, short = np.zeros_like(runs), np.zeros_like(runs)
+    for height in range(1, MOST_FREE + 1):
+        if height > 1:
+            # One row more; beyond the grid there is nothing.
+            above = np.full(runs.shape, MOST_FREE)
+            above[: max(len(runs) - height + 1, 0)] = runs[height - 1 :]
+            width = np.minimum(width, above)
+        if not width.any():
+            break
+        bend = np.minimum(height / np.maximum(width, 1), 1.0)
+        score = width * bend - height * np.log(bend)
+        better = (score > best) & (width > 0)
+        best = np.where(better, score, best)
+        long, short = np.where(better, width, long), np.where(better, height, short)
+    return long, short
 
 
 def _line_of(course: Course) -> Records:
