@@ -97,8 +97,10 @@ def see_body(
     near = reach + radius
     if square > near * near:
         return
-    nearest = math.sqrt(square) - radius
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
+    if along < -radius and field <= math.pi:
+        return  # behind
+    nearest = math.sqrt(square) - radius
     box_cos, box_sin = 0.0, 0.0  # worked out for the first ray that is not stopped before
     turns = 1 if field > math.pi else 0
     for whole in range(-turns, turns + 1):
