@@ -26,7 +26,7 @@ from race_server.env.actions import discrete_table
 from race_server.env.batch import Batch, Task
 from race_server.env.gap import RealityGap
 from race_server.env.parallel import KartRace, env, parallel_env
-from race_server.env.presets import LEARNING_RULES, race_task
+from race_server.env.presets import LEARNING_RULES, race_task, time_trial_task
 from race_server.env.rewards import REWARDS, TERMS, reward_weights
 from race_server.env.rig import REENTER, RESET_WORLD, STAY
 from race_server.errors import ScenarioError
@@ -34,6 +34,7 @@ from race_server.messages import Control
 from race_server.observe import Observation
 from race_server.rules.items import items
 from race_server.scenario.base import Rules, Scenario
+from race_server.scenario.sensors import Lidar
 from race_server.session import Session
 from race_server.track.reverse import reversed_course
 
@@ -354,6 +355,11 @@ def test_lag_follows_an_exponential_and_play_swallows_small_moves() -> None:
         loose.step([[[0.0, command, 0.0]]])
         followed.append(loose.rig.controls[0, 0, 0])
     assert followed == pytest.approx([0.0, 0.4, 0.4, 0.3])
+
+
+def test_a_lidar_with_drop_outs_loses_its_share_of_rays() -> None:
+    batch = Batch(time_trial_task("oval", lidar=Lidar(dropout=0.3, noise=0.05)), worlds=50)
+    assert (batch.observations[..., :201] == 0.0).mean() == pytest.approx(0.3, abs=0.02)
 
 
 def test_mass_grip_and_battery_are_drawn_for_each_episode_and_logged() -> None:

@@ -25,9 +25,16 @@ LEARNING_RULES = Rules(
 
 
 def scenario_on(
-    track: str = TRACK, *, karts: int = 8, vehicle: str = "tt02", rules: Rules = LEARNING_RULES
+    track: str = TRACK,
+    *,
+    karts: int = 8,
+    vehicle: str = "tt02",
+    rules: Rules = LEARNING_RULES,
+    lidar: Lidar | None = None,
 ) -> Scenario:
     """Return a scenario for learning: fresh sensors at every decision.
+
+    lidar: another one than the 1/10 race's, for instance with more noise or with drop-outs.
 
     Raises:
         TrackError, VehicleError: one of them does not exist.
@@ -37,27 +44,46 @@ def scenario_on(
         karts=karts,
         vehicles=(vehicle_named(vehicle),),
         rules=rules,
-        lidar=replace(Lidar(), period_s=FRESH_S),
+        lidar=lidar or replace(Lidar(), period_s=FRESH_S),
         radar=replace(Radar(), period_s=FRESH_S),
     )
 
 
-def race_task(track: str = TRACK, *, karts: int = 8, **options: Any) -> Task:
+def race_task(
+    track: str = TRACK,
+    *,
+    karts: int = 8,
+    vehicle: str = "tt02",
+    lidar: Lidar | None = None,
+    **options: Any,
+) -> Task:
     """Return a race of three laps in which all karts learn; options as for `Task`."""
-    return Task((scenario_on(track, karts=karts),), **{"reward": "race", **options})
+    scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar)
+    return Task((scenario,), **{"reward": "race", **options})
 
 
-def mixed_task(track: str = TRACK, *, karts: int = 8, learners: int = 1, **options: Any) -> Task:
+def mixed_task(
+    track: str = TRACK,
+    *,
+    karts: int = 8,
+    learners: int = 1,
+    vehicle: str = "tt02",
+    lidar: Lidar | None = None,
+    **options: Any,
+) -> Task:
     """Return a race of `learners` among scripted karts; options as for `Task`."""
     defaults: dict[str, Any] = {
         "reward": "race",
         "learners": learners,
         "opponents": ("avoider", "pure_pursuit", "follow_gap"),
     }
-    return Task((scenario_on(track, karts=karts),), **{**defaults, **options})
+    scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar)
+    return Task((scenario,), **{**defaults, **options})
 
 
-def time_trial_task(track: str = TRACK, **options: Any) -> Task:
+def time_trial_task(
+    track: str = TRACK, *, vehicle: str = "tt02", lidar: Lidar | None = None, **options: Any
+) -> Task:
     """Return one kart alone against the clock, from a random place; options as for `Task`.
 
     A touch of a wall is a crash and ends the episode; so do 60 s.
@@ -70,4 +96,5 @@ def time_trial_task(track: str = TRACK, **options: Any) -> Task:
         "random_start": True,
         "most_steps": 1200,
     }
-    return Task((scenario_on(track, karts=1, rules=rules),), **{**defaults, **options})
+    scenario = scenario_on(track, karts=1, vehicle=vehicle, rules=rules, lidar=lidar)
+    return Task((scenario,), **{**defaults, **options})
