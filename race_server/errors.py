@@ -35,3 +35,7 @@ class LinkError(RaceError):
 
 class RecordingError(RaceError):
     """A recording cannot be read."""
+
+
+class ResultsError(RaceError):
+    """The results file is locked, damaged or too new, or cannot give what is asked."""

@@ -106,6 +106,21 @@ TT02 = Vehicle(
     dynamic_above=1.5,
 )
 
+# The 1/10 car in round figures, to compare minimum lap times with: turning radius 0.70 m,
+# grip and braking on a smooth floor, more motor than ours, a curvature that changes by 6 1/(m s),
+# and no losses. The motor's power is never the limit.
+TT02_FACTS = replace(
+    TT02,
+    name="tt02-facts",
+    steering_limit=float(np.arctan(TT02.wheelbase / 0.70)),
+    steering_rate=6.0 * TT02.wheelbase,
+    motor_force=3.0 * TT02.mass,
+    motor_power=3.0 * TT02.mass * 36.0 * KMH,
+    brake_force=4.0 * TT02.mass,
+    rolling=0.0,
+    drag=0.0,
+)
+
 # An electric rental kart with its driver. Size and wheelbase: the vehicle description of the
 # Japan Automotive AI Challenge kart (2024): wheelbase 1.087 m, overhangs 0.467 and 0.510 m,
 # 1.30 m wide, steering up to 0.64 rad. Mass, power and accelerations: Sodi RSX2, 186 kg and a
@@ -142,7 +157,7 @@ KART_60 = Vehicle(
 KART_30 = replace(KART_60, name="kart-30", top_speed=30.0 * KMH)
 KART_13 = replace(KART_60, name="kart-13", top_speed=13.0 * KMH)
 
-VEHICLES = {vehicle.name: vehicle for vehicle in (TT02, KART_13, KART_30, KART_60)}
+VEHICLES = {vehicle.name: vehicle for vehicle in (TT02, TT02_FACTS, KART_13, KART_30, KART_60)}
 
 
 def vehicle_named(name: str) -> Vehicle:

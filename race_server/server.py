@@ -14,6 +14,8 @@ from race_server.driver import Briefing, Driver, driver_named
 from race_server.errors import SeatError, WireError
 from race_server.messages import Event, Flag, Phase, Standing
 from race_server.observe import Observation
+from race_server.results.keeper import Keeper
+from race_server.results.writer import Writer
 from race_server.rules.items import items
 from race_server.session import Seat, Session
 from race_server.state import EFFECTS
@@ -105,6 +107,7 @@ class RaceServer:
     link: ServerLink
     pace: str = REAL
     fillers: tuple[str, ...] = ()  # drivers for the seats that stay empty, repeated in turn
+    results: Writer | None = None  # the file that keeps races and laps
     missed_ticks: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     events: list[Event] = field(default_factory=list)
@@ -114,6 +117,7 @@ class RaceServer:
         """Prepare the writers."""
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
+        self._keeper = Keeper(self.results) if self.results else None
         self._stop = False
         self._linked: set[int] = set()  # seats whose driver's link is there
         self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
@@ -164,6 +168,8 @@ class RaceServer:
         """Run one race from the countdown to the last kart's finish."""
         self.session.start()
         self.events = list(self.session.recent)
+        if self._keeper:
+            self._keeper.begin(self.session, self.pace)
         self._tell_standings()
         gc.collect()
         gc.freeze()
@@ -176,6 +182,7 @@ class RaceServer:
         finally:
             gc.enable()
             gc.unfreeze()
+            self._close_book()
         self._tell_seats()
         self._tell_watchers()
         self._tell_standings()
@@ -187,6 +194,12 @@ class RaceServer:
             self.missed_ticks,
             self._refusals(),
         )
+
+    def _close_book(self) -> None:
+        """Tell the last events and write how the race ended."""
+        if self._keeper:
+            self._tell_released(self._keeper, wait=True)
+            self._keeper.end(self.session)
 
     def _refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
@@ -219,13 +232,32 @@ class RaceServer:
 
     def _advance(self, ticks: int) -> None:
         before = self.session.tick
+        if self._keeper:
+            self._keeper.look(self.session)
         events = self.session.advance(ticks)
-        if events:
-            self.events += events
-            self.link.publish(topics.EVENTS, encode_events(self.session.epoch, events))
+        self.events += events
+        self._announce(events)
         self._tell_watchers()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._tell_standings()
+
+    def _announce(self, events: list[Event]) -> None:
+        """Tell events in order; a lap, and what comes after it, once it is in the results file.
+
+        In real time no tick waits for the file. In lock-step the world does, as for a driver.
+        """
+        if self._keeper:
+            self._keeper.keep(events)
+            self._tell_released(self._keeper, wait=self.pace == LOCKSTEP)
+        elif events:
+            self._tell_events(events)
+
+    def _tell_released(self, keeper: Keeper, *, wait: bool) -> None:
+        for events in keeper.released(wait=wait):
+            self._tell_events(events)
+
+    def _tell_events(self, events: list[Event]) -> None:
+        self.link.publish(topics.EVENTS, encode_events(self.session.epoch, events))
 
     # Hearing
 
@@ -304,7 +336,10 @@ class RaceServer:
         if request.topic is topics.RULES:
             return encode_rules(self._rules(), [item.name for item in items()])
         if request.topic is topics.RECENT:
-            return encode_events(session.epoch, list(session.recent))
+            recent = list(session.recent)
+            return encode_events(
+                session.epoch, self._keeper.told(recent) if self._keeper else recent
+            )
         return encode_standings(self._standings())
 
     # Telling

@@ -4,8 +4,10 @@ import json
 import os
 import signal
 import time
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -16,6 +18,9 @@ from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import RaceError, ScenarioError
 from race_server.messages import Flag, Phase, Standing, Status
 from race_server.transport import DEFAULT_ADDRESS
+
+if TYPE_CHECKING:
+    from race_server.results.writer import Writer
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
@@ -33,6 +38,13 @@ CatchUp = Annotated[
     bool, typer.Option("--catch-up/--no-catch-up", help="Karts behind draw stronger items.")
 ]
 SessionName = Annotated[str, typer.Option("--session", help="Name of the race session.")]
+Results = Annotated[
+    str,
+    typer.Option(
+        help="File that keeps races and laps, or none; without it $RACE_SERVER_RESULTS, or "
+        "~/.local/share/race-server/results.sqlite."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Connect = Annotated[str, typer.Option("--connect", help="Address of the server.")]
 Listen = Annotated[str, typer.Option("--listen", help="Address to listen on.")]
@@ -55,6 +67,7 @@ def start(
     ] = False,
     listen: Listen = "",
     session: SessionName = "race",
+    results: Results = "",
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
@@ -68,6 +81,8 @@ def start(
     serve += ["--seed", str(seed), "--pace", pace]
     serve += ["--items" if items else "--no-items"]
     serve += ["--catch-up" if catch_up else "--no-catch-up"]
+    serve += ["--results", results] if results else []
+    _check_results(results)
     plan = Plan(
         serve=tuple(serve),
         drivers=tuple(names[seat % len(names)] for seat in range(karts)),
@@ -81,6 +96,30 @@ def start(
         print(json.dumps(document))
     else:
         show_result(document, track, laps, session)
+
+
+def _check_results(results: str) -> None:
+    """Say before anything is started that a results file cannot be written.
+
+    Raises:
+        ResultsError: it is locked, damaged or newer than this program.
+    """
+    from race_server.results.schema import path_of
+    from race_server.results.store import Store
+
+    if path := path_of(results):
+        Store(path).close()
+
+
+def _writer(results: str, log: Console) -> "AbstractContextManager[Writer | None]":
+    """Return the writer of a results file, None for nowhere; close it after the last race."""
+    from race_server.results.schema import path_of
+    from race_server.results.store import Store
+    from race_server.results.writer import Writer
+
+    if path := path_of(results):
+        return Writer(Store(path), partial(log.print, style="yellow", markup=False, soft_wrap=True))
+    return nullcontext()
 
 
 def known_drivers(text: str) -> tuple[str, ...]:
@@ -156,6 +195,7 @@ def serve(
     ] = None,
     listen: Listen = DEFAULT_ADDRESS,
     session: SessionName = "race",
+    results: Results = "",
     as_json: AsJson = False,
 ) -> None:
     """Serve a race session: wait for drivers, race, and begin again."""
@@ -180,11 +220,11 @@ def serve(
     race = Session(session, scenario)
     fillers = known_drivers(fill)
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    with ServerLink(listen, session, karts) as link:
+    with _writer(results, log) as writer, ServerLink(listen, session, karts) as link:
         if not is_compiled():
             log.print("compiling the simulation for this machine, once: about half a minute")
         warm_up(scenario)
-        server = RaceServer(race, link, pace, fillers)
+        server = RaceServer(race, link, pace, fillers, writer)
         stopped = _stop_on_signals(server)
         log.print(f"{session}: {scenario.course.title}, {karts} seats, listening on {listen}")
         while not stopped:

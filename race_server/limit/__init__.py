@@ -1,0 +1,1 @@
+"""The reference limit: how fast a vehicle can lap a course, and along which lines."""

@@ -1,0 +1,113 @@
+"""What a results file can be asked. Rows are plain dictionaries, ready for JSON."""
+
+from pathlib import Path
+from typing import Any
+
+from race_server.results.schema import explained, open_file
+
+Row = dict[str, Any]
+
+_RACES = """
+    select race.id, started_at, session, track, track_digest, race.vehicle, laps, pace, seed,
+        rules_version, server_version, digest, ended,
+        (select count(*) from lap where lap.race = race.id) as laps_driven,
+        (select min(time_us) from lap where lap.race = race.id) as best_lap_us
+    from race
+    where (:track = '' or track = :track) and (:driver = '' or exists (
+        select 1 from entry where entry.race = race.id and entry.driver = :driver))
+    order by race.id desc limit :limit
+"""
+_ENTRIES = "select * from entry where race = ? order by rank is null, rank, seat"
+_BEST = """
+    select driver, driver_version, track, track_digest, vehicle, laps, best_lap_us, is_clean,
+        best_clean_lap_us, race, seed, rules_version
+    from (
+        select entry.driver, entry.driver_version, race.track, race.track_digest, entry.vehicle,
+            lap.time_us as best_lap_us, lap.is_clean, lap.race, race.seed, race.rules_version,
+            count(*) over peers as laps,
+            min(case when is_clean then time_us end) over peers as best_clean_lap_us,
+            row_number() over (peers order by lap.time_us, lap.race) as place
+        from lap join entry using (race, seat) join race on race.id = lap.race
+        where :track = '' or race.track = :track
+        window peers as (
+            partition by entry.driver, race.track, race.track_digest, entry.vehicle)
+    )
+    where place = 1 order by track, track_digest, vehicle, best_lap_us
+"""
+_LAPS = """
+    select race.id as race, started_at, session, track, track_digest, entry.vehicle, laps as
+        race_laps, pace, seed, rules_version, server_version, ended, lap.seat, driver,
+        driver_version, rank, status, number as lap, time_us, sectors, is_clean
+    from lap join entry using (race, seat) join race on race.id = lap.race
+    order by race.id, lap.number, lap.seat
+"""
+
+
+def races(path: Path, *, track: str = "", driver: str = "", limit: int = 20) -> list[Row]:
+    """Return the newest races with their entries, newest first; a negative limit takes all.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    words = {"track": track, "driver": driver, "limit": limit}
+    with explained(path):
+        connection = open_file(path)
+        try:
+            rows = [dict(row) for row in connection.execute(_RACES, words)]
+            for row in rows:
+                entries = [dict(entry) for entry in connection.execute(_ENTRIES, (row["id"],))]
+                row["entries"] = [
+                    {name: value for name, value in entry.items() if name != "race"}
+                    for entry in entries
+                ]
+        finally:
+            connection.close()
+    return rows
+
+
+def best_laps(path: Path, *, track: str = "") -> list[Row]:
+    """Return the best lap of each driver on each track (and edition of it) with each vehicle.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    return [_with_truth(row) for row in _ask(path, _BEST, {"track": track})]
+
+
+def all_laps(path: Path) -> list[Row]:
+    """Return every lap with all that is known of it, in order.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    return [_with_truth(row) for row in _ask(path, _LAPS)]
+
+
+def finished_races(path: Path) -> list[list[tuple[str, int]]]:
+    """Return driver and rank of each kart of each race that ran to its end, oldest first.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    rows = _ask(
+        path,
+        "select race, driver, rank from entry join race on race.id = race "
+        "where ended = 'finished' order by race, rank",
+    )
+    found: dict[int, list[tuple[str, int]]] = {}
+    for row in rows:
+        found.setdefault(row["race"], []).append((row["driver"], row["rank"]))
+    return list(found.values())
+
+
+def _ask(path: Path, question: str, words: Row | None = None) -> list[Row]:
+    with explained(path):
+        connection = open_file(path)
+        try:
+            return [dict(row) for row in connection.execute(question, words or {})]
+        finally:
+            connection.close()
+
+
+def _with_truth(row: Row) -> Row:
+    return {**row, "is_clean": bool(row["is_clean"])}

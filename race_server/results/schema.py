@@ -1,0 +1,205 @@
+"""The results file: where it lies, its tables, its migrations, and what can be wrong with it.
+
+A migration is never changed once released; a new one is added at the end. `user_version` of the
+file counts those that it has been through.
+"""
+
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from race_server.errors import ResultsError
+
+VARIABLE = "RACE_SERVER_RESULTS"
+NOWHERE = "none"
+# Written into the header, so that another program's SQLite file is told from ours: "RACE".
+APPLICATION = 0x52414345
+# Another program may hold the file for so long.
+BUSY_S = 2.0
+
+_TABLES = (
+    """
+    create table race (
+        id integer primary key autoincrement,
+        started_at text not null,      -- UTC, ISO 8601
+        session text not null,
+        track text not null,
+        track_digest text not null,
+        vehicle text not null,
+        laps integer not null,         -- to the finish; 0: no limit
+        pace text not null,
+        seed integer not null,
+        rules_version text not null,
+        server_version text not null,
+        digest text not null default '',
+        ended text check (ended in ('finished', 'stopped'))  -- null: not, or the server died
+    ) strict
+    """,
+    """
+    create table entry (
+        race integer not null references race (id),
+        seat integer not null,
+        driver text not null,
+        driver_version text not null,  -- '' where it is not known
+        vehicle text not null,
+        rank integer,                  -- this and the rest: null until the race has ended
+        status text,
+        race_time_us integer,          -- penalties included; 0: not finished
+        penalties integer,
+        penalty_us integer,
+        items_used integer,
+        primary key (race, seat)
+    ) strict, without rowid
+    """,
+    """
+    create table lap (
+        race integer not null,
+        seat integer not null,
+        number integer not null,
+        time_us integer not null,
+        sectors text not null,         -- JSON list of times in microseconds
+        is_clean integer not null check (is_clean in (0, 1)),
+        primary key (race, seat, number),
+        foreign key (race, seat) references entry (race, seat)
+    ) strict, without rowid
+    """,
+)
+_INDICES = (
+    "create index race_by_track on race (track, vehicle)",
+    "create index entry_by_driver on entry (driver)",
+)
+MIGRATIONS = (_TABLES, _INDICES)
+
+# What SQLite reports, what that means, and the way out.
+_OTHER_FILE = "name another with --results FILE, or race without: --results none"
+_MEANINGS = {
+    "SQLITE_BUSY": ("is locked by another program", f"end that program, or {_OTHER_FILE}"),
+    "SQLITE_LOCKED": ("is locked by another program", f"end that program, or {_OTHER_FILE}"),
+    "SQLITE_NOTADB": ("is damaged, or no results file", f"move it away, or {_OTHER_FILE}"),
+    "SQLITE_CORRUPT": (
+        "is damaged",
+        f"move it away (`sqlite3 FILE .recover` saves what is left), or {_OTHER_FILE}",
+    ),
+    "SQLITE_READONLY": ("cannot be written", f"make it and its folder writable, or {_OTHER_FILE}"),
+    "SQLITE_CANTOPEN": ("cannot be opened", f"see to its folder and rights, or {_OTHER_FILE}"),
+    "SQLITE_FULL": ("cannot grow: the disk is full", f"make room, or {_OTHER_FILE}"),
+}
+
+
+def default_path() -> Path | None:
+    """Return where results go unless somebody says otherwise; None for nowhere."""
+    if named := os.environ.get(VARIABLE):
+        return path_of(named)
+    data = Path(os.environ.get("XDG_DATA_HOME", ""))
+    home = data if data.is_absolute() else Path.home() / ".local" / "share"
+    return home / "race-server" / "results.sqlite"
+
+
+def path_of(words: str) -> Path | None:
+    """Return the file that an option names: the default where it is empty, None for `none`."""
+    if not words:
+        return default_path()
+    return None if words == NOWHERE else Path(words).expanduser()
+
+
+@contextmanager
+def explained(path: Path) -> Iterator[None]:
+    """Turn what goes wrong with a results file into one clear sentence.
+
+    Raises:
+        ResultsError: names the file, what is wrong and the way out.
+    """
+    try:
+        yield
+    except (sqlite3.IntegrityError, sqlite3.ProgrammingError):
+        raise  # not the file's fault
+    except sqlite3.Error as error:
+        name = getattr(error, "sqlite_errorname", "")
+        kind = "_".join(name.split("_")[:2])
+        what, way_out = _MEANINGS.get(kind, ("cannot be used", _OTHER_FILE))
+        raise ResultsError(f"results file {path} {what} ({error}); {way_out}") from error
+    except OSError as error:
+        reason = error.strerror or error
+        raise ResultsError(
+            f"results file {path} cannot be used ({reason}); {_OTHER_FILE}"
+        ) from error
+
+
+def open_file(path: Path, *, create: bool = False) -> sqlite3.Connection:
+    """Return a connection to a results file, brought up to date.
+
+    Raises:
+        ResultsError: there is none, or it is locked, damaged, newer or not ours.
+    """
+    with explained(path):
+        if create:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        elif not path.exists():
+            raise ResultsError(
+                f"results file {path} does not exist; race first, or name another with --results"
+            )
+        connection = sqlite3.connect(
+            path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
+        )
+        try:
+            connection.row_factory = sqlite3.Row
+            _prepare(connection, path)
+        except BaseException:
+            connection.close()
+            raise
+    return connection
+
+
+def version_of(connection: sqlite3.Connection) -> int:
+    """Return how many migrations a file has been through."""
+    return int(connection.execute("pragma user_version").fetchone()[0])
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    connection.execute("pragma foreign_keys = on")
+    connection.execute("pragma synchronous = normal")
+    _refuse_what_is_not_ours(connection, path)
+    if version_of(connection) < len(MIGRATIONS):
+        connection.execute("pragma journal_mode = wal")
+        _migrate(connection)
+
+
+def _refuse_what_is_not_ours(connection: sqlite3.Connection, path: Path) -> None:
+    version = version_of(connection)
+    application = connection.execute("pragma application_id").fetchone()[0]
+    tables = connection.execute("select count(*) from sqlite_schema").fetchone()[0]
+    if application != APPLICATION and (version or tables):
+        raise ResultsError(
+            f"results file {path} is the SQLite file of another program; {_OTHER_FILE}"
+        )
+    if version > len(MIGRATIONS):
+        raise ResultsError(
+            f"results file {path} is from a newer race-server (version {version}, this one knows "
+            f"{len(MIGRATIONS)}); update race-server, or {_OTHER_FILE}"
+        )
+
+
+def _migrate(connection: sqlite3.Connection) -> None:
+    """Take a file through the migrations that it lacks, all or none of them."""
+    with transaction(connection):
+        # Another program may have migrated it in the meantime.
+        for number in range(version_of(connection), len(MIGRATIONS)):
+            for statement in MIGRATIONS[number]:
+                connection.execute(statement)
+        connection.execute(f"pragma application_id = {APPLICATION}")
+        connection.execute(f"pragma user_version = {len(MIGRATIONS)}")
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """Write all of a block or nothing."""
+    connection.execute("begin immediate")
+    try:
+        yield
+        connection.execute("commit")
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("rollback")
+        raise
