@@ -167,9 +167,12 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def _refuse_what_is_not_ours(connection: sqlite3.Connection, path: Path) -> None:
+    # One look at one state of the file: another server may be making it at this moment.
+    connection.execute("begin")
     version = version_of(connection)
     application = connection.execute("pragma application_id").fetchone()[0]
     tables = connection.execute("select count(*) from sqlite_schema").fetchone()[0]
+    connection.execute("commit")
     if application != APPLICATION and (version or tables):
         raise ResultsError(
             f"results file {path} is the SQLite file of another program; {_OTHER_FILE}"
