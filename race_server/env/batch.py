@@ -121,10 +121,11 @@ class Batch:
         boxes = np.zeros((worlds, templates.boxes.shape[1]), templates.boxes.dtype)
         self.world: World = world._replace(atlas=templates.atlas, boxes=boxes)
         self.rig = self._make_rig(worlds, after, len(scenarios), first.lidar.rays)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 and worlds > 1 else None
+        self.threads = min(threads, worlds)
+        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._restarts: list[Callable[[], None]] = []
         self._decisions: list[list[Callable[[], None]]] = []
-        for part in self._cut(min(threads, worlds)):
+        for part in self._cut(self.threads):
             self._bind(*part)
         self.reset(seed)
 

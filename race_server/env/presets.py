@@ -10,9 +10,6 @@ from race_server.scenario.sensors import Lidar, Radar
 from race_server.track.load import load_course
 
 TRACK = "covapsy-train-2023"
-# Sensors that are read at every decision.
-FRESH_S = 0.05
-
 # For learning there is no countdown, and who stands or drives backwards is out after a while.
 LEARNING_RULES = Rules(
     laps=3,
@@ -31,10 +28,12 @@ def scenario_on(
     vehicle: str = "tt02",
     rules: Rules = LEARNING_RULES,
     lidar: Lidar | None = None,
+    radar: Radar | None = None,
 ) -> Scenario:
-    """Return a scenario for learning: fresh sensors at every decision.
+    """Return a scenario for learning, with the sensors of a live race unless others are given.
 
-    lidar: another one than the 1/10 race's, for instance with more noise or with drop-outs.
+    They give ten scans a second, so every other decision sees the scan of the decision before:
+    what is learned on them meets the same in a race.
 
     Raises:
         TrackError, VehicleError: one of them does not exist.
@@ -44,8 +43,8 @@ def scenario_on(
         karts=karts,
         vehicles=(vehicle_named(vehicle),),
         rules=rules,
-        lidar=lidar or replace(Lidar(), period_s=FRESH_S),
-        radar=replace(Radar(), period_s=FRESH_S),
+        lidar=lidar or Lidar(),
+        radar=radar or Radar(),
     )
 
 
@@ -55,10 +54,11 @@ def race_task(
     karts: int = 8,
     vehicle: str = "tt02",
     lidar: Lidar | None = None,
+    radar: Radar | None = None,
     **options: Any,
 ) -> Task:
     """Return a race of three laps in which all karts learn; options as for `Task`."""
-    scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar)
+    scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar, radar=radar)
     return Task((scenario,), **{"reward": "race", **options})
 
 

@@ -5,6 +5,9 @@ import math
 from race_server.kernels.jit import kernel
 
 TURN = 2.0 * math.pi
+# A quarter turn [rad] in two parts: few enough bits that small multiples of the first are exact,
+# and what is missing.
+QUARTER_HIGH, QUARTER_LOW = 1.57079632673412561417e00, 6.07710050650619224932e-11
 # `rough_angle` is off by less than this [rad].
 ROUGHNESS = 0.004
 
@@ -27,6 +30,34 @@ def clip(value: float, low: float, high: float) -> float:
 def sign(value: float) -> float:
     """Return -1, 0 or 1."""
     return 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+
+
+@kernel
+def cos_sin(angle: float) -> tuple[float, float]:
+    """Return cosine and sine of an angle [rad] of at most a few turns, to within 2e-16.
+
+    Both cost less than one call of the machine's own mathematics library, and they are the same on
+    every machine. Polynomials of degree 13 and 14 between -pi/4 and pi/4 with the coefficients of
+    FDLIBM (Sun Microsystems, 1993), after taking away quarter turns.
+    """
+    quarters = math.floor(angle * (2.0 / math.pi) + 0.5)
+    rest = (angle - quarters * QUARTER_HIGH) - quarters * QUARTER_LOW
+    z = rest * rest
+    odd = -1.98412698298579493134e-04 + z * (
+        2.75573137070700676789e-06
+        + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    )
+    odd = -1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * odd)
+    sin = rest + rest * z * odd
+    even = 2.48015872894767294178e-05 + z * (
+        -2.75573143513906633035e-07
+        + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+    )
+    even = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * even)
+    cos = 1.0 - 0.5 * z + z * z * even
+    if quarters & 1:
+        cos, sin = -sin, cos
+    return (-cos, -sin) if quarters & 2 else (cos, sin)
 
 
 @kernel

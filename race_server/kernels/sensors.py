@@ -3,7 +3,7 @@
 import math
 
 from race_server import codes
-from race_server.kernels.geometry import ROUGHNESS, TURN, ray_to_box, rough_angle
+from race_server.kernels.geometry import cos_sin, ray_to_box
 from race_server.kernels.jit import kernel
 from race_server.kernels.rays import cast_ray
 from race_server.kernels.rng import bits, normal_of, uniform
@@ -46,36 +46,12 @@ def cast_fan(
 
 
 @kernel
-def rays_towards(
-    along: float, across: float, radius: float, rays: int, field: float, turn: float
-) -> tuple[int, int]:
-    """Return the first and last ray of a fan that may touch a circle; first > last for none.
-
-    (along, across): the circle's middle in the frame of the sensor [m]; field: angle between
-    the outermost rays [rad]; turn: a whole number of turns added to its direction [rad].
-    A ray at either end may just miss it: the directions are rough.
-    """
-    square = along * along + across * across
-    if square <= radius * radius:
-        return 0, rays - 1
-    middle = rough_angle(along, across) + turn
-    # For z from 0 to 1, arcsin z is at most z (1 + (pi/2 - 1) z^2).
-    share = radius / math.sqrt(square)
-    half = share * (1.0 + (0.5 * math.pi - 1.0) * share * share) + ROUGHNESS
-    step = field / (rays - 1)
-    first = math.ceil((middle - half + 0.5 * field) / step)
-    last = math.floor((middle + half + 0.5 * field) / step)
-    return max(first, 0), min(last, rays - 1)
-
-
-@kernel
 def see_body(
     x: float,
     y: float,
     cos: float,
     sin: float,
     rays: Floats,
-    field: float,
     reach: float,
     body_x: float,
     body_y: float,
@@ -87,38 +63,33 @@ def see_body(
     ranges: Float32s,
     kinds: Bytes,
 ) -> None:
-    """Shorten the rays of a fan that the body of a kart stands in; only those are looked at.
+    """Shorten the rays of a fan that the body of a kart stands in.
 
     The body is an oriented box, `offset` [m] ahead of (body_x, body_y) along `heading` [rad].
     """
     dx, dy = body_x - x, body_y - y
-    square = dx * dx + dy * dy
     radius = abs(offset) + math.sqrt(half_length * half_length + half_width * half_width)
     near = reach + radius
-    if square > near * near:
-        return
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
-    if along < -radius and field <= math.pi:
-        return  # behind
-    nearest = math.sqrt(square) - radius
-    box_cos, box_sin = 0.0, 0.0  # worked out for the first ray that is not stopped before
-    turns = 1 if field > math.pi else 0
-    for whole in range(-turns, turns + 1):
-        first, last = rays_towards(along, across, radius, len(rays), field, whole * TURN)
-        for ray in range(first, last + 1):
-            if ranges[ray] <= nearest:
-                continue
-            if box_cos == 0.0 and box_sin == 0.0:
-                box_cos, box_sin = math.cos(heading), math.sin(heading)
-            # The sensor and its ray in the frame of the box.
-            u, v = -(dx * box_cos + dy * box_sin) - offset, dx * box_sin - dy * box_cos
-            c, s = cos * box_cos + sin * box_sin, sin * box_cos - cos * box_sin
-            rc, rs = rays[ray, 0], rays[ray, 1]
-            distance = ray_to_box(u, v, c * rc - s * rs, s * rc + c * rs, half_length, half_width)
-            if distance < ranges[ray]:
-                ranges[ray] = distance
-                if len(kinds) > 0:
-                    kinds[ray] = kind
+    if dx * dx + dy * dy > near * near or (along < -radius and rays[0, 0] >= 0.0):
+        return  # out of reach, or behind a fan of half a turn or less
+    box_cos, box_sin = 0.0, 0.0  # worked out for the first ray that may meet the box
+    for ray in range(len(rays)):
+        rc, rs = rays[ray, 0], rays[ray, 1]
+        # First the circle around the box: beside the ray, behind it, or beyond what stops it?
+        ahead, aside = along * rc + across * rs, across * rc - along * rs
+        if aside * aside > radius * radius or ahead < -radius or ranges[ray] <= ahead - radius:
+            continue
+        if box_cos == 0.0 and box_sin == 0.0:
+            box_cos, box_sin = cos_sin(heading)
+        # The sensor and its ray in the frame of the box.
+        u, v = -(dx * box_cos + dy * box_sin) - offset, dx * box_sin - dy * box_cos
+        c, s = cos * box_cos + sin * box_sin, sin * box_cos - cos * box_sin
+        distance = ray_to_box(u, v, c * rc - s * rs, s * rc + c * rs, half_length, half_width)
+        if distance < ranges[ray]:
+            ranges[ray] = distance
+            if len(kinds) > 0:
+                kinds[ray] = kind
 
 
 @kernel
@@ -128,7 +99,6 @@ def see_disc(
     cos: float,
     sin: float,
     rays: Floats,
-    field: float,
     reach: float,
     disc_x: float,
     disc_y: float,
@@ -144,19 +114,15 @@ def see_disc(
     if square > near * near or square <= radius * radius:
         return
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
-    turns = 1 if field > math.pi else 0
-    for whole in range(-turns, turns + 1):
-        first, last = rays_towards(along, across, radius, len(rays), field, whole * TURN)
-        for ray in range(first, last + 1):
-            rc, rs = rays[ray, 0], rays[ray, 1]
-            ahead = along * rc + across * rs
-            root = radius * radius - (square - ahead * ahead)
-            if ahead > 0.0 and root >= 0.0:
-                distance = ahead - math.sqrt(root)
-                if distance < ranges[ray]:
-                    ranges[ray] = distance
-                    if len(kinds) > 0:
-                        kinds[ray] = kind
+    for ray in range(len(rays)):
+        ahead = along * rays[ray, 0] + across * rays[ray, 1]
+        root = radius * radius - (square - ahead * ahead)
+        if ahead > 0.0 and root >= 0.0:
+            distance = ahead - math.sqrt(root)
+            if distance < ranges[ray]:
+                ranges[ray] = distance
+                if len(kinds) > 0:
+                    kinds[ray] = kind
 
 
 @kernel

@@ -8,7 +8,7 @@ first wall that a ray meets always shows its left side.
 
 import math
 
-from race_server.kernels.geometry import ROUGHNESS, TURN, rough_angle
+from race_server.kernels.geometry import ROUGHNESS, TURN, cos_sin, rough_angle
 from race_server.kernels.jit import kernel
 from race_server.state import Atlas, Float32s, Floats, Record
 
@@ -88,7 +88,7 @@ def sweep_body(
     near = reach + abs(offset) + half_length + half_width
     if dx * dx + dy * dy > near * near:
         return
-    box_cos, box_sin = math.cos(heading), math.sin(heading)
+    box_cos, box_sin = cos_sin(heading)
     # Middle and half axes of the box in the frame of the sensor.
     dx, dy = dx + offset * box_cos, dy + offset * box_sin
     mx, my = dx * cos + dy * sin, dy * cos - dx * sin

@@ -5,7 +5,7 @@ import math
 from race_server import codes
 from race_server.clock import SUBSTEP_S
 from race_server.kernels.contacts import box_on_box, box_on_segment, impulse, touching_point
-from race_server.kernels.geometry import wrap_angle
+from race_server.kernels.geometry import cos_sin, wrap_angle
 from race_server.kernels.jit import kernel
 from race_server.kernels.motion import move
 from race_server.rules.effects import surface_roll
@@ -65,21 +65,38 @@ def touch_walls(world: World, w: int) -> None:
 
 @kernel
 def _is_clear(world: World, course: Record, kart: Record, vehicle: Record) -> bool:
-    """Return whether the place of a kart alone shows that it touches no wall."""
-    column = math.floor((kart.x - course.x0) / course.cell)
-    row = math.floor((kart.y - course.y0) / course.cell)
+    """Return whether the place of a kart alone shows that it touches no wall.
+
+    First as a disc around the whole body, then as two, one around either half.
+    """
+    quarter, half_width = 0.25 * vehicle.length, 0.5 * vehicle.width
+    whole = 2.0 * quarter + abs(vehicle.box_offset)
+    if _is_disc_clear(world, course, kart.x, kart.y, whole * whole + half_width * half_width):
+        return True
+    cos, sin = cos_sin(kart.heading)
+    square = quarter * quarter + half_width * half_width
+    front, rear = vehicle.box_offset + quarter, vehicle.box_offset - quarter
+    return _is_disc_clear(
+        world, course, kart.x + front * cos, kart.y + front * sin, square
+    ) and _is_disc_clear(world, course, kart.x + rear * cos, kart.y + rear * sin, square)
+
+
+@kernel
+def _is_disc_clear(world: World, course: Record, x: float, y: float, square: float) -> bool:
+    """Return whether no wall comes near a place, by the square of the distance [m²]."""
+    column = math.floor((x - course.x0) / course.cell)
+    row = math.floor((y - course.y0) / course.cell)
     if column < 0 or row < 0 or column >= course.columns or row >= course.rows:
         return True
     clear = float(world.atlas.cell_clear[course.cell_start + row * course.columns + column])
-    along = 0.5 * vehicle.length + abs(vehicle.box_offset)
-    return bool(clear * clear >= along * along + 0.25 * vehicle.width * vehicle.width)
+    return bool(clear * clear >= square)
 
 
 @kernel
 def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
     kart, vehicle = world.karts[w, k], world.vehicles[w, k]
     half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    cos, sin = cos_sin(kart.heading)
     reach_x = half_length * abs(cos) + half_width * abs(sin)
     reach_y = half_length * abs(sin) + half_width * abs(cos)
     x, y = kart.x + vehicle.box_offset * cos, kart.y + vehicle.box_offset * sin
@@ -215,8 +232,8 @@ def touch_karts(world: World, w: int) -> None:
 def _meet_kart(world: World, w: int, k: int, other: int) -> None:
     a, b = world.karts[w, k], world.karts[w, other]
     va, vb = world.vehicles[w, k], world.vehicles[w, other]
-    ca, sa = math.cos(a.heading), math.sin(a.heading)
-    cb, sb = math.cos(b.heading), math.sin(b.heading)
+    ca, sa = cos_sin(a.heading)
+    cb, sb = cos_sin(b.heading)
     depth, nx, ny = box_on_box(
         a.x + va.box_offset * ca,
         a.y + va.box_offset * sa,

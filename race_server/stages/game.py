@@ -1,8 +1,7 @@
 """Item boxes and hazards that karts drive into."""
 
-import math
-
 from race_server import codes
+from race_server.kernels.geometry import cos_sin
 from race_server.kernels.jit import kernel
 from race_server.kernels.rng import ITEM_STREAM, uniform
 from race_server.rules.draw import draw_item
@@ -32,7 +31,7 @@ def _covers(kart: Record, vehicle: Record, x: float, y: float, radius: float) ->
     near = vehicle.length + radius
     if dx * dx + dy * dy > near * near:
         return False
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    cos, sin = cos_sin(kart.heading)
     along = abs(dx * cos + dy * sin - vehicle.box_offset) - 0.5 * vehicle.length
     across = abs(dy * cos - dx * sin) - 0.5 * vehicle.width
     along, across = max(along, 0.0), max(across, 0.0)

@@ -1,8 +1,7 @@
 """After the tick: what the sensors of each kart give, at their own rates."""
 
-import math
-
 from race_server import codes
+from race_server.kernels.geometry import cos_sin
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.kernels.sensors import cast_fan, disturb, see_body, see_disc
@@ -105,7 +104,7 @@ def _scan(
     """Fill ranges and kinds of a fan mounted `mount` [m] ahead of the centre of gravity."""
     kart = world.karts[w, k]
     course = world.atlas.courses[world.rules[w].course]
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    cos, sin = cos_sin(kart.heading)
     x, y = kart.x + mount * cos, kart.y + mount * sin
     cast_fan(world.atlas, course, x, y, cos, sin, rays, field, reach, ranges, kinds)
     for other in range(world.karts.shape[1]):
@@ -138,7 +137,6 @@ def _scan(
             cos,
             sin,
             rays,
-            field,
             reach,
             rival.x,
             rival.y,
@@ -160,7 +158,6 @@ def _scan(
                 cos,
                 sin,
                 rays,
-                field,
                 reach,
                 hazard.x,
                 hazard.y,

@@ -12,7 +12,7 @@ from race_server.track.course import Course, Floats, Obstacle
 from race_server.track.polyline import area_of, is_inside, loops_of
 
 # A cell is about this share of the free width: small enough that few walls share one.
-CELL_SHARE = 0.25
+CELL_SHARE = 0.18
 # A wall is listed in every cell that comes this close to it [m]; see `kernels/rays.py`.
 MARGIN = 1e-6
 # Longest side of a free box, in cells, that is worth knowing.
