@@ -106,6 +106,7 @@ def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
         EventKind.RESCUED: f"{who} is put back on the line",
         EventKind.PENALTY: f"{who}: {seconds_of(event.value):g} s penalty",
         EventKind.RACE_OVER: "the race is over",
+        EventKind.WARNING: f"{who} is warned for driving into {other}",
     }
     if event.kind is EventKind.FLAG:
         return f"{Flag(event.other).name.lower()} flag"

@@ -63,6 +63,7 @@ class EventKind(IntEnum):
     FLAG = 20  # other: Flag
     PHASE = 21  # other: Phase
     RACE_OVER = 22
+    WARNING = 23  # drove into another from behind; other: that kart; value: warnings so far
 
 
 class Retirement(IntEnum):
@@ -73,6 +74,7 @@ class Retirement(IntEnum):
     WRONG_WAY = 3
     STOPPED = 4
     TIME_OUT = 5
+    RAMMING = 6
 
 
 @dataclass(frozen=True, slots=True)

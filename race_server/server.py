@@ -10,10 +10,10 @@ import numpy as np
 
 from race_server import codes
 from race_server.clock import TICKS_PER_SECOND, Pacer, ticks_of
-from race_server.driver import Briefing, Driver, driver_named
-from race_server.errors import SeatError, WireError
+from race_server.driver import driver_named
+from race_server.errors import DriverError, SeatError, WireError
 from race_server.messages import Event, Flag, Phase, Standing
-from race_server.observe import Observation
+from race_server.paddock import Paddock, briefing_for
 from race_server.results.keeper import Keeper
 from race_server.results.writer import Writer
 from race_server.rules.items import items
@@ -23,11 +23,9 @@ from race_server.transport import Request, ServerLink
 from race_server.wire import topics
 from race_server.wire.drive import (
     EFFECT,
-    ControlFrame,
     HudFrame,
     ObservationWriter,
     decode_control,
-    encode_control,
     encode_hud,
 )
 from race_server.wire.lobby import (
@@ -91,15 +89,6 @@ class RaceResult:
 
 
 @dataclass
-class LocalDriver:
-    """A scripted driver that fills a seat from inside the server."""
-
-    seat: int
-    driver: Driver
-    sequence: int = 0
-
-
-@dataclass
 class RaceServer:
     """One session on the network."""
 
@@ -111,13 +100,13 @@ class RaceServer:
     missed_ticks: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     events: list[Event] = field(default_factory=list)
-    locals: list[LocalDriver] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Prepare the writers."""
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
         self._keeper = Keeper(self.results) if self.results else None
+        self._paddock = Paddock(self.session)
         self._stop = False
         self._linked: set[int] = set()  # seats whose driver's link is there
         self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
@@ -142,9 +131,7 @@ class RaceServer:
     def reopen(self) -> None:
         """Go back to the lobby after a race; the seats that were filled are free again."""
         self.session.reopen()
-        for local in self.locals:
-            self.session.leave(local.seat)
-        self.locals.clear()
+        self._paddock.clear()
         self._tell_standings()
 
     def wait_in_lobby(self, drivers: int) -> None:
@@ -297,7 +284,7 @@ class RaceServer:
             self.refused[_reason(error)] += 1
 
     def _take_presence(self, seat: int, *, is_there: bool) -> None:
-        if any(local.seat == seat for local in self.locals):
+        if seat in self._paddock:
             return
         if is_there:
             self._linked.add(seat)
@@ -348,12 +335,11 @@ class RaceServer:
         """Send every seat what it sees, and let the local drivers answer at once."""
         session = self.session
         session.look()
-        local = {driver.seat: driver for driver in self.locals}
         for seat in session.seats:
             if not seat.is_taken:
                 continue
-            if seat.number in local:
-                self._drive_locally(local[seat.number])
+            if seat.number in self._paddock:
+                self._drive_locally(seat)
             elif seat.is_present:
                 self._send_observation(seat)
                 self.link.publish(topics.HUD, encode_hud(self._hud(seat)), seat.number)
@@ -444,22 +430,8 @@ class RaceServer:
         )
 
     def _welcome(self, seat: Seat) -> Welcome:
-        return Welcome(
-            self._briefing(seat), seat.secret, self.session.epoch, self.session.scenario.lidar.rays
-        )
-
-    def _briefing(self, seat: Seat) -> Briefing:
-        scenario = self.session.scenario
-        return Briefing(
-            seat=seat.number,
-            vehicle=scenario.vehicle_of(seat.number),
-            laps=scenario.rules.laps,
-            preset=seat.preset,
-            decision_s=self.session.decision_ticks / TICKS_PER_SECOND,
-            items=tuple(item.name for item in items()),
-            lidar_field=scenario.lidar.field,
-            lidar_reach=scenario.lidar.reach,
-        )
+        briefing = briefing_for(self.session, seat)
+        return Welcome(briefing, seat.secret, self.session.epoch, self.session.scenario.lidar.rays)
 
     def _course(self) -> CourseSheet:
         course = self.session.scenario.course
@@ -487,31 +459,17 @@ class RaceServer:
         """Let scripted drivers take the empty seats from inside the server."""
         for seat in list(self.session.seats):
             if self.fillers and not seat.is_taken:
-                self._fill(seat.number, self.fillers[seat.number % len(self.fillers)])
+                name = self.fillers[seat.number % len(self.fillers)]
+                self._paddock.admit(name, driver_named(name), seat.number)
 
-    def _fill(self, number: int, name: str) -> None:
-        driver = driver_named(name)
-        taken = self.session.join(name, driver.preset, wanted=number)
-        taken.is_ready = True
-        driver.reset(self._briefing(taken))
-        self.locals.append(LocalDriver(taken.number, driver))
-
-    def _drive_locally(self, local: LocalDriver) -> None:
-        """Let a local driver answer; its control takes the same bytes as over the network."""
-        session = self.session
-        seat = session.seats[local.seat]
-        layout = session.layout(seat.preset)
-        seen = Observation(session.tick, layout, session.view(local.seat).copy())
+    def _drive_locally(self, seat: Seat) -> None:
         try:
-            control = local.driver.act(seen)
-        except Exception:
+            control = self._paddock.answer(seat.number)
+        except DriverError:
             self.refused[f"driver {seat.driver} failed"] += 1
-            session.drop(local.seat)
+            self.session.drop(seat.number)
             return
-        local.sequence += 1
-        sequence = max(local.sequence, seat.sequence + 1)
-        frame = ControlFrame(session.epoch, sequence, session.tick, control)
-        self._take_control(local.seat, encode_control(frame))
+        self._take_control(seat.number, control)
 
 
 _SAME_NAMES = (

@@ -61,8 +61,8 @@ KART = _record(
             "lap_start_us sector_start_us last_lap_us best_lap_us finish_us "
             "rank grid_place surface "
             # What the stewards watch.
-            "wrong_way off_track still_ticks rescue_offered lap_clean false_started "
-            "company contact_kart_tick contact_wall_tick contacts wall_contacts hits "
+            "wrong_way off_track still_ticks stopped_ticks rescue_offered lap_clean false_started "
+            "company contact_kart_tick contact_wall_tick contacts wall_contacts warnings hits "
             # The game.
             "held items_used immune_until shield_until ghost_until "
             "penalties penalty_us retired_for "
@@ -84,8 +84,9 @@ EVENT = _record(_fields("", "sequence tick kind kart other value"))
 # What is fixed for one race. Zero switches a limit off.
 RULES = _record(
     _fields(
-        "yellow_speed restitution wall_friction pick_up_radius stuck_speed wrong_way_limit",
-        "laps course wall_contact kart_contact items catch_up standing_start "
+        "yellow_speed restitution wall_friction pick_up_radius stuck_speed wrong_way_limit "
+        "wrong_way_removal ram_speed",
+        "laps course wall_contact kart_contact items catch_up standing_start ram_warnings "
         "box_respawn_ticks stuck_ticks stopped_limit_ticks finish_limit_ticks limit_ticks "
         "false_start_us short_cut_us rescue_us",
     )

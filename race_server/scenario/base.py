@@ -40,8 +40,11 @@ class Rules:
     yellow_share: float = 0.4  # of the top speed under a yellow flag
     stuck_s: float = 3.0
     stuck_speed: float = 0.1  # [m/s]
-    stopped_limit_s: float = 0.0  # a kart that stands longer is removed
+    stopped_limit_s: float = 0.0  # a kart that stands longer without being blocked is removed
     wrong_way_lengths: float = 4.5  # kart lengths driven backwards before it is called so
+    wrong_way_removal: float = 0.0  # [m] driven backwards after which a kart is removed
+    ram_speed: float = 0.0  # [m/s] a harder blow from behind brings a warning
+    ram_warnings: int = 3  # so many, and the kart is removed
     false_start_penalty_s: float = 5.0
     short_cut_penalty_s: float = 5.0
     rescue_penalty_s: float = 5.0
@@ -156,6 +159,8 @@ def _set_rules(record: Record, scenario: Scenario, course: int) -> None:
     record.yellow_speed = rules.yellow_share * vehicle.top_speed
     record.stuck_speed = rules.stuck_speed
     record.wrong_way_limit = rules.wrong_way_lengths * vehicle.length
+    record.wrong_way_removal = rules.wrong_way_removal
+    record.ram_speed, record.ram_warnings = rules.ram_speed, rules.ram_warnings
     record.box_respawn_ticks = ticks_of(rules.box_respawn_s)
     record.stuck_ticks = ticks_of(rules.stuck_s)
     record.stopped_limit_ticks = ticks_of(rules.stopped_limit_s)

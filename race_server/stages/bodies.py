@@ -8,6 +8,7 @@ from race_server.kernels.contacts import box_on_box, box_on_segment, impulse, to
 from race_server.kernels.geometry import cos_sin, wrap_angle
 from race_server.kernels.jit import kernel
 from race_server.kernels.motion import move
+from race_server.rules.conduct import is_ramming
 from race_server.rules.effects import surface_roll
 from race_server.stages.report import report, retire
 from race_server.state import Record, World
@@ -285,6 +286,29 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
         a.contacts += 1
         b.contacts += 1
         report(world, w, codes.EVENT_CONTACT_KART, k, other, round(normal * 1000.0))
+        if rules.ram_speed > 0.0:
+            _judge_blow(world, w, k, other, nx, ny, -(vax * nx + vay * ny), -closing)
+            _judge_blow(world, w, other, k, -nx, -ny, vbx * nx + vby * ny, -closing)
     if rules.kart_contact == codes.RETIRE:
         retire(world, w, k, codes.CRASH)
         retire(world, w, other, codes.CRASH)
+
+
+@kernel
+def _judge_blow(
+    world: World, w: int, k: int, other: int, nx: float, ny: float, approach: float, closing: float
+) -> None:
+    """Warn, and in the end remove, a kart that drove into another; the normal points to it."""
+    kart, hit = world.karts[w, k], world.karts[w, other]
+    cos, sin = math.cos(hit.heading), math.sin(hit.heading)
+    c, s = math.cos(kart.heading), math.sin(kart.heading)
+    front = world.vehicles[w, k].box_offset + 0.5 * world.vehicles[w, k].length
+    dx, dy = kart.x + front * c - hit.x, kart.y + front * s - hit.y
+    nose = dx * cos + dy * sin - world.vehicles[w, other].box_offset
+    rules = world.rules[w]
+    if not is_ramming(-(nx * c + ny * s), nose, closing, approach, rules.ram_speed):
+        return
+    kart.warnings += 1
+    report(world, w, codes.EVENT_WARNING, k, other, kart.warnings)
+    if 0 < rules.ram_warnings <= kart.warnings:
+        retire(world, w, k, codes.RAMMING)

@@ -1,7 +1,11 @@
 """What the stewards watch: false starts, wrong way, leaving the track, standing still."""
 
+import math
+
 from race_server import codes
+from race_server.kernels.geometry import wrap_angle
 from race_server.kernels.jit import kernel
+from race_server.rules.conduct import is_in_the_way
 from race_server.stages.report import penalise, report, retire
 from race_server.state import Record, World
 
@@ -26,6 +30,7 @@ def watch(world: World, w: int) -> None:
             _watch_direction(world, w, k)
             _watch_limits(world, w, k)
             _watch_standstill(world, w, k)
+            _watch_stop(world, w, k)
 
 
 @kernel
@@ -46,6 +51,8 @@ def _watch_direction(world: World, w: int, k: int) -> None:
     if wrong != kart.wrong_way:
         kart.wrong_way = wrong
         report(world, w, codes.EVENT_WRONG_WAY, k, -1, wrong)
+    if 0.0 < world.rules[w].wrong_way_removal < kart.backward:
+        retire(world, w, k, codes.WENT_WRONG_WAY)
 
 
 @kernel
@@ -74,8 +81,45 @@ def _watch_standstill(world: World, w: int, k: int) -> None:
         report(world, w, codes.EVENT_STUCK, k, -1, 0)
     if kart.rescue_offered and kart.buttons & codes.ACCEPT_RESCUE:
         rescue(world, w, k)
-    elif 0 < rules.stopped_limit_ticks < kart.still_ticks:
-        retire(world, w, k, codes.STOPPED)
+
+
+@kernel
+def _watch_stop(world: World, w: int, k: int) -> None:
+    """Remove a kart that stands too long. While another blocks it, its clock waits."""
+    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    if rules.stopped_limit_ticks <= 0 or race.flag == codes.RED or race.tick < race.hold_until:
+        return
+    if abs(kart.speed) > rules.stuck_speed:
+        kart.stopped_ticks = max(kart.stopped_ticks - 3, 0)
+    elif not _is_blocked(world, w, k):
+        kart.stopped_ticks += 1
+        if kart.stopped_ticks > rules.stopped_limit_ticks:
+            retire(world, w, k, codes.STOPPED)
+
+
+@kernel
+def _is_blocked(world: World, w: int, k: int) -> bool:
+    """Return whether another racing kart stands in the way of one that faces the right way.
+
+    Of two that stand nose to nose the one that faces the wrong way has no excuse.
+    """
+    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+    if abs(kart.heading_error) > 0.5 * math.pi:
+        return False
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    for o in range(world.karts.shape[1]):
+        other, body = world.karts[w, o], world.vehicles[w, o]
+        if o == k or other.status != codes.RACING:
+            continue
+        turn = wrap_angle(other.heading - kart.heading)
+        dx, dy = other.x - kart.x, other.y - kart.y
+        along = dx * cos + dy * sin + body.box_offset * math.cos(turn) - vehicle.box_offset
+        across = dy * cos - dx * sin + body.box_offset * math.sin(turn)
+        if is_in_the_way(
+            along, across, turn, vehicle.length, vehicle.width, body.length, body.width
+        ):
+            return True
+    return False
 
 
 @kernel
@@ -101,6 +145,7 @@ def rescue(world: World, w: int, k: int) -> None:
     kart.backward = 0.0
     kart.wrong_way = 0
     kart.still_ticks = 0
+    kart.stopped_ticks = 0
     kart.rescue_offered = 0
     kart.lap_clean = 0
     kart.ghost_until = race.tick + GHOST_TICKS
