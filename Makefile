@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: race test check lint setup schemas clean
+.PHONY: race test check lint setup schemas limits clean
 
 race: $(VENV)/.installed
 	@$(BIN)/race start
@@ -39,6 +39,9 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,lint]"
 	@touch $@ $(VENV)/.installed
+
+limits: $(VENV)/.installed-test
+	$(BIN)/python -m race_server.limit.ship
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -190,6 +190,30 @@ PARTS = (
     _scalar("wrong_way", "-", 0, 1, "1 while driving the wrong way", "race"),
     _scalar("rescue_offered", "-", 0, 1, "1 while the kart counts as stuck", "race"),
     _scalar("finished", "-", 0, 1, "1 once the race is over for this kart", "race"),
+    _scalar(
+        "line_offset",
+        "m",
+        -100,
+        100,
+        "distance from the reference line, left positive; all parts of a line are 0 where the "
+        "race has none",
+        "line",
+    ),
+    _scalar("line_heading", "rad", -np.pi, np.pi, "heading against the reference line", "line"),
+    _scalar(
+        "line_step",
+        "m",
+        0,
+        100,
+        "distance between two samples of the reference line; the first lies abreast of the kart",
+        "line",
+    ),
+    Part("line_ahead_x", AHEAD, "m", -1e3, 1e3, "kart", "points of the reference line"),
+    Part("line_ahead_y", AHEAD, "m", -1e3, 1e3, "kart", "points of the reference line"),
+    Part("line_curvature_ahead", AHEAD, "1/m", -10, 10, "line", "its curvature at those points"),
+    Part("line_speed_ahead", AHEAD, "m/s", 0, 100, "line", "its speed at those points"),
+    Part("line_left_ahead", AHEAD, "m", 0, 100, "line", "asphalt to its left at those points"),
+    Part("line_right_ahead", AHEAD, "m", 0, 100, "line", "asphalt to its right at those points"),
 )
 
 PART_NUMBERS = {part.name: number for number, part in enumerate(PARTS)}
@@ -218,6 +242,17 @@ _TRACK = (
     "right_ahead",
     "look_ahead",
 )
+_LINE = (
+    "line_offset",
+    "line_heading",
+    "line_step",
+    "line_ahead_x",
+    "line_ahead_y",
+    "line_curvature_ahead",
+    "line_speed_ahead",
+    "line_left_ahead",
+    "line_right_ahead",
+)
 _WORLD = (
     "karts_x",
     "karts_y",
@@ -237,6 +272,8 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "radar": ("radar", "radar_kind", *_MOTION, *_GAME),
         # For drivers that may know the course.
         "track": (*_MOTION, *_TRACK, *_WORLD, *_GAME, "gap_ahead", "gap_behind"),
+        # For drivers that may know the fastest line as well; see `race_server.limit.line`.
+        "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, "gap_ahead", "gap_behind"),
         "full": tuple(part.name for part in PARTS),
     }
 )
@@ -293,6 +330,11 @@ def layout_of(preset: str | tuple[str, ...], lidar_rays: int) -> Layout:
     numbers = tuple(PART_NUMBERS[name] for name in names)
     title = preset if isinstance(preset, str) else "+".join(preset)
     return Layout(title, MappingProxyType(slices), start, numbers)
+
+
+def wants_line(observation: str | tuple[str, ...]) -> bool:
+    """Return whether a preset, or parts by name, tell of the reference line."""
+    return not set(_LINE).isdisjoint(_parts_of(observation))
 
 
 def _parts_of(preset: str | tuple[str, ...]) -> tuple[str, ...]:

@@ -112,12 +112,15 @@ SENSORS = _record(
 # The packed course: see `track/atlas.py`.
 COURSE = _record(
     _fields(
-        "spacing length kerb verge cell x0 y0",
+        "spacing length kerb verge cell x0 y0 reference_spacing",
         "line_start line_count wall_start wall_count cell_start columns rows "
         "gate_start gate_count group_start group_count grid_start grid_count spot_start spot_count",
     )
 )
 LINE = _record(_fields("x y heading cos sin curvature left right", ""))
+# A line to drive along, at equal steps of its own, with as many samples as the centre line;
+# `beside` is its sample abreast of the centre line's. Without one `reference_spacing` is zero.
+REFERENCE = _record(_fields("x y heading cos sin curvature speed left right", "beside"))
 GROUP = _record(_fields("x y radius", "first last"))
 GATE = _record(_fields("progress", "sector"))
 
@@ -127,6 +130,7 @@ class Atlas(NamedTuple):
 
     courses: Records  # (C,) COURSE
     line: Records  # (N,) LINE
+    reference: Records  # (N,) REFERENCE, zeros where a course has none
     walls: Floats  # (P, 4) x0, y0, x1, y1 [m], the drivable side on the left
     wall_kinds: Bytes  # (P,) Hit
     groups: Records  # (Q,) GROUP: circles around runs of walls

@@ -15,8 +15,11 @@ from race_server.limit.bounds import Bounds, bounds_of
 from race_server.limit.frame import frame_of
 from race_server.limit.lines import centre_line
 from race_server.limit.profile import lap_time, speeds_on
-from race_server.limit.reference import Limit, Reference, reference_limit
-from race_server.params import KART_60, TT02, TT02_FACTS, vehicle_named
+from race_server.limit.reference import Limit, Reference, reference_limit, solve
+from race_server.limit.result import limit_of
+from race_server.limit.ship import shipments
+from race_server.limit.shipped import limits_folder, read_shipped, shipped_name
+from race_server.params import KART_60, TT02, TT02_FACTS, Vehicle, vehicle_named
 from race_server.track.course import Course
 from race_server.track.load import load_course, read_course
 from race_server.track.polyline import nearest_on
@@ -34,6 +37,7 @@ CASES = [(track, cap) for track, row in KNOWN.items() for cap in row]
 @pytest.fixture(autouse=True)
 def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(reference, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(reference, "read_shipped", lambda course, bounds: None)
     return tmp_path / "limits"
 
 
@@ -98,7 +102,7 @@ def test_the_oval_and_its_car_are_what_the_known_times_are_for() -> None:
 def kart_limit() -> Limit:
     pytest.importorskip("casadi")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reference, "_read", lambda path: None)
+        patch.setattr(reference, "known_limit", lambda course, bounds: None)
         patch.setattr(reference, "_write", lambda path, limit: None)
         return reference_limit(load_course("hangar-400"), KART_60)
 
@@ -183,7 +187,7 @@ def test_a_limit_is_solved_once(shelf: Path, monkeypatch: pytest.MonkeyPatch) ->
     course = load_course("oval-report")
     first = reference_limit(course, TT02_FACTS)
     with monkeypatch.context() as patch:
-        patch.setattr(reference, "_solve", lambda course, bounds: pytest.fail("solved again"))
+        patch.setattr(reference, "solve", lambda course, bounds: pytest.fail("solved again"))
         again = reference_limit(course, TT02_FACTS)
     for name in LINES:
         kept, line = getattr(again, name), getattr(first, name)
@@ -205,6 +209,40 @@ def test_a_damaged_file_is_solved_again(shelf: Path, damage: bytes) -> None:
     again = reference_limit(course, TT02_FACTS)
     assert again.minimum_time.time_s == pytest.approx(first.minimum_time.time_s)
     assert path.stat().st_size > 1000
+
+
+def test_every_track_of_ours_comes_with_its_limits() -> None:
+    wanted = {shipped_name(course, bounds_of(vehicle)) for course, vehicle in shipments()}
+    assert wanted == {path.name for path in limits_folder().glob("*.npz")}, "run `make limits`"
+    assert sum(path.stat().st_size for path in limits_folder().iterdir()) < 400_000
+
+
+@pytest.mark.parametrize(("track", "vehicle"), [("oval", TT02), ("hangar-400", KART_60)])
+def test_a_shipped_limit_is_what_the_solver_finds(track: str, vehicle: Vehicle) -> None:
+    course, bounds = load_course(track), bounds_of(vehicle)
+    shipped = read_shipped(course, bounds)
+    assert shipped is not None
+    found = limit_of(frame_of(course, bounds), bounds, solve(course, bounds), 0.0)
+    for name in LINES:
+        ours, fresh = getattr(shipped, name), getattr(found, name)
+        assert ours.time_s == pytest.approx(fresh.time_s, rel=2e-4), "run `make limits`"
+        assert np.allclose(ours.x, fresh.x, atol=0.01 * course.width_mean)
+        assert np.allclose(ours.speed, fresh.speed, atol=0.05)
+
+
+def test_another_cap_or_track_is_not_shipped() -> None:
+    course = load_course("oval")
+    assert read_shipped(course, bounds_of(TT02)) is not None
+    assert read_shipped(course, bounds_of(TT02, 3.0)) is None
+    assert read_shipped(replace(course, digest="another"), bounds_of(TT02)) is None
+
+
+def test_a_shipped_limit_needs_no_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    assert reference_limit(load_course("oval"), TT02).minimum_time.time_s == pytest.approx(
+        5.597, abs=1e-3
+    )
 
 
 def test_without_casadi_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

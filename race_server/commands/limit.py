@@ -57,4 +57,4 @@ def limit(
             str(sum(zone.what == "brake" for zone in line.zones)),
         )
     Console().print(table)
-    print(f"solved in {found.solve_s:.2f} s")
+    print(f"solved in {found.solve_s:.2f} s" if found.solve_s else "solved before, and shipped")

@@ -83,6 +83,8 @@ def start(
     serve += ["--catch-up" if catch_up else "--no-catch-up"]
     serve += ["--results", results] if results else []
     _check_results(results)
+    console = Console(stderr=as_json)
+    _prepare_line(track, vehicle, names, console)
     plan = Plan(
         serve=tuple(serve),
         drivers=tuple(names[seat % len(names)] for seat in range(karts)),
@@ -90,12 +92,30 @@ def start(
         session=session,
         in_process=one_process,
     )
-    console = Console(stderr=as_json)
     document = run_race(plan, console)
     if as_json:
         print(json.dumps(document))
     else:
         show_result(document, track, laps, session)
+
+
+def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: Console) -> None:
+    """Find the reference line, if a driver wants it, before the server looks for it.
+
+    Says in one sentence if another line stands in.
+    """
+    from race_server.driver import driver_named
+    from race_server.limit.line import reference_line
+    from race_server.observe import wants_line
+    from race_server.params import vehicle_named
+    from race_server.track.load import load_course
+
+    course, laps_it = load_course(track), vehicle_named(vehicle)
+    if not reference_line(course, laps_it).note:
+        return
+    if any(wants_line(driver_named(name).preset) for name in sorted(set(drivers))):
+        if note := reference_line(course, laps_it, solve=True).note:
+            console.print(note, style="yellow", markup=False, soft_wrap=True)
 
 
 def _check_results(results: str) -> None:
@@ -199,7 +219,10 @@ def serve(
     as_json: AsJson = False,
 ) -> None:
     """Serve a race session: wait for drivers, race, and begin again."""
+    from race_server.driver import driver_named
     from race_server.kernels.jit import is_compiled
+    from race_server.limit.line import with_line
+    from race_server.observe import wants_line
     from race_server.params import vehicle_named
     from race_server.scenario.base import Rules, Scenario
     from race_server.server import LOCKSTEP, REAL, RaceServer
@@ -217,8 +240,12 @@ def serve(
         seed=seed,
     )
     log = Console(stderr=True)
-    race = Session(session, scenario)
     fillers = known_drivers(fill)
+    wanted = any(wants_line(driver_named(name).preset) for name in fillers)
+    scenario = with_line(scenario, solve=wanted)
+    if scenario.line and scenario.line.note:
+        log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
+    race = Session(session, scenario)
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
     with _writer(results, log) as writer, ServerLink(listen, session, karts) as link:
         if not is_compiled():

@@ -6,6 +6,7 @@ scripted driver, and one for all the rest: controls, physics, sensors, rules, it
 resets and observations.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -17,6 +18,7 @@ import numpy as np
 from race_server import codes
 from race_server.autopilot import memory_size
 from race_server.clock import TICK_S
+from race_server.driver import driver_named
 from race_server.env.actions import CONTINUOUS, DISCRETE, MEMORY, action_kind, discrete_table
 from race_server.env.decide import decide, restart
 from race_server.env.gap import DRAWS, RealityGap
@@ -35,7 +37,8 @@ from race_server.env.rig import (
 from race_server.env.starts import start_tables
 from race_server.errors import ScenarioError
 from race_server.kernels.jit import bind
-from race_server.observe import Layout, layout_of
+from race_server.limit.line import with_line
+from race_server.observe import Layout, layout_of, wants_line
 from race_server.rules.items import items
 from race_server.scenario.base import ABSENT, Scenario, make_worlds
 from race_server.state import Bytes, Float32s, Floats, World, digest, part_of
@@ -60,11 +63,15 @@ class Task:
     crash_range: float = 0.0  # [m]; a nearer lidar range is a crash
 
     def all_scenarios(self) -> tuple[Scenario, ...]:
-        """Return the scenarios that a reset can draw."""
-        if not self.both_directions:
-            return self.scenarios
-        backward = [replace(s, course=reversed_course(s.course)) for s in self.scenarios]
-        return (*self.scenarios, *backward)
+        """Return the scenarios that a reset can draw, with their lines if somebody wants them."""
+        scenarios = self.scenarios
+        if self.both_directions:
+            backward = [replace(s, course=reversed_course(s.course), line=None) for s in scenarios]
+            scenarios = (*scenarios, *backward)
+        presets = [driver_named(name).preset for name in self.opponents]
+        if not any(wants_line(observation) for observation in (self.observation, *presets)):
+            return scenarios
+        return tuple(_lined(scenario) for scenario in scenarios)
 
 
 class Batch:
@@ -342,6 +349,14 @@ def _call_all(calls: Sequence[Callable[[], None]]) -> None:
 
 # Called with the number of decisions so far; returns the weights of the scenarios, or None.
 Curriculum = Callable[[int], Sequence[float] | None]
+
+
+def _lined(scenario: Scenario) -> Scenario:
+    """Return the scenario with a reference line; warn of one that only stands in."""
+    lined = with_line(scenario, solve=True)
+    if lined.line and lined.line.note:
+        warnings.warn(lined.line.note, stacklevel=2)
+    return lined
 
 
 def _sensors_of(layout: Layout) -> int:

@@ -39,6 +39,35 @@ def _square(atlas: Atlas, sample: int, x: float, y: float) -> float:
 
 
 @kernel
+def place_on_reference(atlas: Atlas, course: Record, x: float, y: float, start: int) -> float:
+    """Return where a point is abreast of the reference line, as a fractional sample of it.
+
+    start: the nearest sample of the centre line. The search goes downhill from the sample abreast
+    of it; the place is not negative and may lie just beyond the last sample.
+    """
+    count, first = course.line_count, course.line_start
+    index = atlas.reference[first + start].beside
+    best = _square_to_reference(atlas, first + index, x, y)
+    for step in (1, -1):
+        while True:
+            following = (index + step) % count
+            square = _square_to_reference(atlas, first + following, x, y)
+            if square >= best:
+                break
+            index, best = following, square
+    point = atlas.reference[first + index]
+    along = (x - point.x) * point.cos + (y - point.y) * point.sin
+    share = min(max(along / course.reference_spacing, -0.5), 0.5)
+    return index + share if index + share >= 0.0 else index + share + count
+
+
+@kernel
+def _square_to_reference(atlas: Atlas, sample: int, x: float, y: float) -> float:
+    dx, dy = atlas.reference[sample].x - x, atlas.reference[sample].y - y
+    return dx * dx + dy * dy
+
+
+@kernel
 def progress_of(
     atlas: Atlas, course: Record, x: float, y: float, sample: int
 ) -> tuple[float, float]:

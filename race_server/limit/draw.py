@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
-from race_server.limit.reference import Limit, Reference
+from race_server.limit.result import Limit, Reference
 from race_server.track.course import Course
 from race_server.track.draw import SUFFIXES, draw_on
 

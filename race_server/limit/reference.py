@@ -6,7 +6,6 @@ import importlib.metadata
 import tempfile
 import time
 import zipfile
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -14,72 +13,24 @@ import numpy as np
 
 from race_server.kernels.jit import cache_root
 from race_server.limit.bounds import Bounds, bounds_of
-from race_server.limit.frame import Frame, frame_of
-from race_server.limit.lines import Line, centre_line, least_curved, shortest
+from race_server.limit.frame import frame_of
+from race_server.limit.lines import least_curved, shortest
 from race_server.limit.optimal import fastest_lap
-from race_server.limit.profile import lap_time, speeds_on
 from race_server.limit.program import load_casadi
+from race_server.limit.result import (
+    NAMES,
+    Limit,
+    Reference,
+    Solution,
+    Zone,
+    limit_of,
+    profile_of,
+)
+from race_server.limit.shipped import read_shipped
 from race_server.params import Vehicle
-from race_server.track.course import Course, Floats
+from race_server.track.course import Course
 
-NAMES = ("minimum_time", "minimum_curvature", "centre_line", "shortest")
-# Accelerations [m/s²] smaller than this neither drive nor brake.
-COASTING = 0.25
-
-
-@dataclass(frozen=True)
-class Zone:
-    """A stretch of a line with one thing to do."""
-
-    what: str  # accelerate, brake or hold
-    start: float  # [m] progress along the course's centre line
-    end: float  # [m] the same; before `start` where the zone runs across the timing line
-
-
-@dataclass(frozen=True)
-class Reference:
-    """A closed line with the speed at each of its N points, for one vehicle."""
-
-    time_s: float  # of the flying lap
-    progress: Floats  # (N,) [m] along the course's centre line
-    distance: Floats  # (N,) [m] along this line
-    x: Floats  # (N,) [m]
-    y: Floats  # (N,) [m]
-    heading: Floats  # (N,) [rad] in [-pi, pi)
-    curvature: Floats  # (N,) [1/m] left positive
-    speed: Floats  # (N,) [m/s]
-    acceleration: Floats  # (N,) [m/s²] from each point to the next
-
-    @property
-    def length(self) -> float:
-        """Length of the line [m]."""
-        last = np.hypot(self.x[0] - self.x[-1], self.y[0] - self.y[-1])
-        return float(self.distance[-1] + last)
-
-    @property
-    def zones(self) -> tuple[Zone, ...]:
-        """The stretches of accelerating, braking and holding the speed, in order."""
-        kinds = np.where(np.abs(self.acceleration) < COASTING, 0.0, np.sign(self.acceleration))
-        starts = np.flatnonzero(kinds != np.roll(kinds, 1))
-        if not len(starts):
-            starts = np.array([0])
-        words = {-1.0: "brake", 0.0: "hold", 1.0: "accelerate"}
-        at = self.progress[starts]
-        return tuple(
-            Zone(words[float(kinds[first])], float(start), float(end))
-            for first, start, end in zip(starts, at, np.roll(at, -1), strict=True)
-        )
-
-
-@dataclass(frozen=True)
-class Limit:
-    """What a vehicle can reach on a course, along four lines."""
-
-    solve_s: float  # that it took to find them, when they were found
-    minimum_time: Reference
-    minimum_curvature: Reference
-    centre_line: Reference
-    shortest: Reference
+__all__ = ["NAMES", "Limit", "Reference", "Zone", "known_limit", "reference_limit"]
 
 
 def reference_limit(
@@ -88,7 +39,7 @@ def reference_limit(
     speed_cap: float | None = None,
     margin: float | None = None,
 ) -> Limit:
-    """Return the reference limit, from the user's cache or newly solved.
+    """Return the reference limit: shipped, from the user's cache, or newly solved.
 
     speed_cap: [m/s], below the vehicle's own top speed; margin: [m] between body and border, by
     default 0.05 m for a 1/10 car and in proportion for wider vehicles. The result is a local
@@ -96,64 +47,50 @@ def reference_limit(
     bend a long body's corners come nearer; fixed obstacles do not count.
 
     Raises:
-        RaceError: CasADi is not installed, no line fits, or the cap is no speed.
+        RaceError: it must be solved and CasADi is not installed, no line fits, or the cap is no
+            speed.
     """
-    load_casadi()
     bounds = bounds_of(vehicle, speed_cap, margin)
-    path = cache_root() / "limits" / f"{_digest(course, bounds)}.npz"
-    kept = _read(path)
-    if kept is not None:
-        return kept
-    limit = _solve(course, bounds)
-    _write(path, limit)
+    known = known_limit(course, bounds)
+    if known is not None:
+        return known
+    load_casadi()
+    started = time.perf_counter()
+    solution = solve(course, bounds)
+    limit = limit_of(frame_of(course, bounds), bounds, solution, time.perf_counter() - started)
+    _write(_cached(course, bounds), limit)
     return limit
 
 
-def _solve(course: Course, bounds: Bounds) -> Limit:
-    started = time.perf_counter()
+def known_limit(course: Course, bounds: Bounds) -> Limit | None:
+    """Return a limit that needs no solver: shipped, or in the user's cache; None if neither."""
+    return read_shipped(course, bounds) or _read(_cached(course, bounds))
+
+
+def solve(course: Course, bounds: Bounds) -> Solution:
+    """Return the lines of least time, least curvature and least length.
+
+    Raises:
+        RaceError: CasADi is not installed, or no line fits.
+    """
     frame = frame_of(course, bounds)
     calm = least_curved(frame, bounds)
-    _, speeds = _profile(frame, calm, bounds)
-    lap = fastest_lap(frame, bounds, calm, speeds)
-    near = shortest(frame, bounds, calm)
-    others = []
-    for line in (calm, centre_line(frame), near):
-        steps, speeds = _profile(frame, line, bounds)
-        others.append(_reference(frame, line, speeds, lap_time(steps, speeds)))
-    best = _reference(frame, lap.line, lap.speed, lap.time_s)
-    return Limit(time.perf_counter() - started, best, *others)
+    _, speeds = profile_of(frame, calm, bounds)
+    best = fastest_lap(frame, bounds, calm, speeds)
+    return Solution(best, calm, shortest(frame, bounds, calm))
 
 
-def _profile(frame: Frame, line: Line, bounds: Bounds) -> tuple[Floats, Floats]:
-    """Return the lengths (N,) [m] between a line's points and the speeds (N,) [m/s] there."""
-    steps = _steps(frame, line)
-    return steps, speeds_on(steps, line.curvature, bounds)
-
-
-def _steps(frame: Frame, line: Line) -> Floats:
-    stretch = line.stretch(frame)
-    return np.asarray(0.5 * frame.step * (stretch + np.roll(stretch, -1)))
-
-
-def _reference(frame: Frame, line: Line, speed: Floats, time_s: float) -> Reference:
-    steps = _steps(frame, line)
-    return Reference(
-        time_s=time_s,
-        progress=frame.progress,
-        distance=np.cumsum(steps) - steps,
-        x=frame.x - line.offset * np.sin(frame.heading),
-        y=frame.y + line.offset * np.cos(frame.heading),
-        heading=(frame.heading + line.bearing + np.pi) % (2.0 * np.pi) - np.pi,
-        curvature=line.curvature,
-        speed=speed,
-        acceleration=(np.roll(speed, -1) ** 2 - speed**2) / (2.0 * steps),
-    )
+def _cached(course: Course, bounds: Bounds) -> Path:
+    return cache_root() / "limits" / f"{_digest(course, bounds)}.npz"
 
 
 @cache
 def _solver() -> str:
     """Return the version of the solver and of this package's code: another one, another limit."""
-    digest = hashlib.sha256(importlib.metadata.version("casadi").encode())
+    digest = hashlib.sha256()
+    # Without the solver nothing was solved here, or it can no longer be told by what.
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        digest.update(importlib.metadata.version("casadi").encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()

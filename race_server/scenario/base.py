@@ -15,6 +15,7 @@ from race_server.stages.grid import line_up
 from race_server.state import RADAR_RAYS, Record, Sight, World, empty_world
 from race_server.track.atlas import pack
 from race_server.track.course import Course
+from race_server.track.line import ReferenceLine
 
 MOST_KARTS = 64
 # In place of the sensors of a kart: nobody drives it.
@@ -54,7 +55,10 @@ class Rules:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One race: where, who, and by which rules."""
+    """One race: where, who, and by which rules.
+
+    line: along which drivers may race; see `race_server.limit.line`.
+    """
 
     course: Course
     karts: int = 8
@@ -65,6 +69,7 @@ class Scenario:
     fitted: tuple[int, ...] = (codes.LIDAR | codes.RADAR,)  # sensors; one for all, or one each
     seed: int = 0
     grid_order: tuple[int, ...] = field(default=())  # grid place of each kart; empty: in order
+    line: ReferenceLine | None = None
 
     def vehicle_of(self, kart: int) -> Vehicle:
         """Return the vehicle of a kart."""
@@ -102,7 +107,8 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
             first.radar,
         ):
             raise ScenarioError("scenarios of one batch need the same number of karts and sensors")
-    courses = list({id(scenario.course): scenario.course for scenario in scenarios}.values())
+    # A course is packed once for each reference line that is driven on it.
+    lanes = list(dict.fromkeys((scenario.course, scenario.line) for scenario in scenarios))
     worlds = len(scenarios)
     sight = Sight(
         lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
@@ -114,17 +120,16 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
     world = empty_world(
         worlds,
         first.karts,
-        max(len(course.spots) for course in courses),
+        max(len(course.spots) for course, _ in lanes),
         item_table(),
         sensor_records(first.lidar, first.radar),
         sight,
-        pack(courses),
+        pack([course for course, _ in lanes], [line for _, line in lanes]),
     )
-    places = {id(course): number for number, course in enumerate(courses)}
     for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         for k in range(scenario.karts):
             world.vehicles[w, k] = vehicle_record(scenario.vehicle_of(k))[0]
-        _set_rules(world.rules[w], scenario, places[id(scenario.course)])
+        _set_rules(world.rules[w], scenario, lanes.index((scenario.course, scenario.line)))
         line_up_race(world, w, scenario, seed)
     return world
 

@@ -7,6 +7,8 @@ import math
 
 from race_server import codes
 from race_server.clock import TICK_S
+from race_server.kernels.course import place_on_reference
+from race_server.kernels.geometry import wrap_angle
 from race_server.kernels.jit import kernel
 from race_server.state import HAZARDS, RADAR_RAYS, Float32s, Ints, Record, World
 
@@ -73,6 +75,12 @@ def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) 
     if 21 <= number <= 24:
         _things_ahead(world, w, k, number - 21, out, place)
         return place + THINGS
+    if 38 <= number <= 40:
+        out[place] = _place_on_line(world, w, k, number - 38)
+        return place + 1
+    if 41 <= number <= 46:
+        _line_ahead(world, w, k, number - 41, out, place)
+        return place + AHEAD
     out[place] = _scalar(world, w, k, number)
     return place + 1
 
@@ -151,6 +159,65 @@ def _course_ahead(world: World, w: int, k: int, what: int, out: Float32s, place:
             out[place + index] = line.left
         else:
             out[place + index] = line.right
+
+
+@kernel
+def line_step_of(vehicle: Record) -> float:
+    """Return the distance [m] between two samples of the reference line ahead."""
+    return 0.5 * vehicle.length
+
+
+@kernel
+def _place_on_line(world: World, w: int, k: int, what: int) -> float:
+    """Return offset (what 0) or heading error (1) against the reference line, or its step (2)."""
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0:
+        return 0.0
+    if what == 2:
+        return line_step_of(world.vehicles[w, k])
+    place = place_on_reference(world.atlas, course, kart.x, kart.y, kart.line_index)
+    sample = int(place + 0.5) % course.line_count
+    point = world.atlas.reference[course.line_start + sample]
+    dx, dy = kart.x - point.x, kart.y - point.y
+    along = dx * point.cos + dy * point.sin
+    if what == 1:
+        return wrap_angle(kart.heading - point.heading - along * point.curvature)
+    return dy * point.cos - dx * point.sin - 0.5 * point.curvature * along * along
+
+
+@kernel
+def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    """Tell of the reference line from abreast of the kart on, at equal steps along it."""
+    kart, atlas = world.karts[w, k], world.atlas
+    course = atlas.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0:
+        for index in range(AHEAD):
+            out[place + index] = 0.0
+        return
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
+    here = place_on_reference(atlas, course, kart.x, kart.y, kart.line_index)
+    for index in range(AHEAD):
+        at = here + index * step
+        sample = int(at)
+        share = at - sample
+        sample %= course.line_count
+        following = sample + 1 if sample + 1 < course.line_count else 0
+        one = atlas.reference[course.line_start + sample]
+        two = atlas.reference[course.line_start + following]
+        if what <= 1:
+            dx = one.x + share * (two.x - one.x) - kart.x
+            dy = one.y + share * (two.y - one.y) - kart.y
+            out[place + index] = dx * cos + dy * sin if what == 0 else dy * cos - dx * sin
+        elif what == 2:
+            out[place + index] = one.curvature + share * (two.curvature - one.curvature)
+        elif what == 3:
+            out[place + index] = one.speed + share * (two.speed - one.speed)
+        elif what == 4:
+            out[place + index] = one.left + share * (two.left - one.left)
+        else:
+            out[place + index] = one.right + share * (two.right - one.right)
 
 
 @kernel

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server import codes
-from race_server.state import COURSE, GATE, GROUP, LINE, Atlas, Records
+from race_server.state import COURSE, GATE, GROUP, LINE, REFERENCE, Atlas, Records
 from race_server.track.course import Course, Floats, Obstacle
+from race_server.track.line import ReferenceLine
 from race_server.track.polyline import area_of, is_inside, loops_of
 
 # A cell is about this share of the free width: small enough that few walls share one.
@@ -23,19 +24,24 @@ CLEAR_CELLS = 6
 GROUP_WALLS = 12
 
 
-def pack(courses: Sequence[Course]) -> Atlas:
-    """Return the courses as one atlas; course c of a race's rules is `courses[c]`."""
+def pack(courses: Sequence[Course], references: Sequence[ReferenceLine | None] = ()) -> Atlas:
+    """Return the courses as one atlas; course c of a race's rules is `courses[c]`.
+
+    references: the line to drive along on each course, or none at all.
+    """
+    references = references or [None] * len(courses)
     headers = np.zeros(len(courses), COURSE)
-    lines, walls, kinds, groups = [], [], [], []
+    lines, paths, walls, kinds, groups = [], [], [], [], []
     firsts, entries, clears, frees, gates = [], [], [], [], []
     starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0, "group": 0}
     listed = 0
-    for header, course in zip(headers, courses, strict=True):
+    for header, course, reference in zip(headers, courses, references, strict=True):
         segments, kind = _walls_of(course)
         origin, cell, columns, rows = _grid_over(course, segments)
         first, members = _list_walls(segments, origin, cell, columns, rows)
         header.spacing, header.length, header.kerb = course.spacing, course.length, course.kerb
         header.verge = course.kerb + course.grass
+        header.reference_spacing = reference.spacing if reference else 0.0
         header.cell, header.columns, header.rows = cell, columns, rows
         header.x0, header.y0 = origin
         circles = _groups_of(segments, starts["wall"])
@@ -52,6 +58,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
             if name in counts:
                 header[f"{name}_count"] = counts[name]
         lines.append(_line_of(course))
+        paths.append(_reference_of(course, reference))
         walls.append(segments)
         kinds.append(kind)
         groups.append(circles)
@@ -67,6 +74,7 @@ def pack(courses: Sequence[Course]) -> Atlas:
     return Atlas(
         courses=headers,
         line=np.concatenate(lines),
+        reference=np.concatenate(paths),
         walls=np.concatenate(walls),
         wall_kinds=np.concatenate(kinds),
         groups=np.concatenate(groups),
@@ -237,6 +245,15 @@ def _line_of(course: Course) -> Records:
     line["cos"], line["sin"] = np.cos(line["heading"]), np.sin(line["heading"])
     line["left"], line["right"] = course.half_widths.T
     return line
+
+
+def _reference_of(course: Course, reference: ReferenceLine | None) -> Records:
+    path = np.zeros(len(course.line), REFERENCE)
+    if reference is not None:
+        for name in ("x", "y", "heading", "curvature", "speed", "left", "right", "beside"):
+            path[name] = getattr(reference, name)
+        path["cos"], path["sin"] = np.cos(path["heading"]), np.sin(path["heading"])
+    return path
 
 
 def _gates_of(course: Course) -> Records:

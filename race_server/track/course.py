@@ -19,7 +19,7 @@ class Obstacle:
     width: float  # [m]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Course:
     """A closed course. East x, north y; travel along the line is forward; left is positive.
 

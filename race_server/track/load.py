@@ -27,8 +27,13 @@ def track_folders() -> list[Path]:
     """Return the folders that hold tracks: those of RACE_TRACKS first, then our own."""
     chosen = os.environ.get("RACE_TRACKS", "")
     folders = [Path(name) for name in chosen.split(os.pathsep) if name]
+    return [*folders, own_tracks()]
+
+
+def own_tracks() -> Path:
+    """Return the folder of the tracks that come with this program."""
     package = Path(__file__).parents[1] / "tracks"
-    return [*folders, package if package.is_dir() else Path(__file__).parents[2] / "tracks"]
+    return package if package.is_dir() else Path(__file__).parents[2] / "tracks"
 
 
 def track_names() -> list[str]:
