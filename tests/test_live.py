@@ -154,7 +154,7 @@ def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> 
 def test_a_seat_whose_driver_never_shows_up_is_free_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("race_server.server.SHOW_UP_S", 0.3)
+    monkeypatch.setattr("race_server.server.desk.SHOW_UP_S", 0.3)
     session = Session("race", Scenario(COURSE, karts=2))
     address = free_address()
     with ServerLink(address, "race", 2) as link:

@@ -257,7 +257,7 @@ def test_no_server_and_no_seat_say_so() -> None:
     [
         ({"reward": "report_b"}, "reward term 'report_b' cannot be known from .*'track'"),
         ({"reward": {"range": 1.0}}, "'range' cannot be known .* choose one of lidar, full"),
-        ({"observation": "lidar"}, "'progress' cannot be known .* choose one of track, full"),
+        ({"observation": "lidar"}, "'progress' cannot be known .* choose one of track, line, full"),
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
         ({"observation": "report_b"}, "a server gives one of lidar, radar, track, full"),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),

@@ -1,0 +1,175 @@
+"""What the server tells: each seat what it sees, everybody how the race stands."""
+
+import time
+from dataclasses import asdict
+
+import numpy as np
+
+from race_server import codes
+from race_server.clock import TICKS_PER_SECOND
+from race_server.messages import Event, Flag
+from race_server.session import Seat, Session
+from race_server.state import EFFECTS
+from race_server.transport import ServerLink
+from race_server.wire import topics
+from race_server.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
+from race_server.wire.lobby import CourseSheet
+from race_server.wire.spectate import (
+    HAZARD,
+    KART,
+    SnapshotFrame,
+    SnapshotWriter,
+    StandingsFrame,
+    encode_events,
+    encode_standings,
+)
+
+
+class Herald:
+    """Puts the race into messages and sends them."""
+
+    def __init__(self, session: Session, link: ServerLink) -> None:
+        """Prepare the writers."""
+        self._session = session
+        self._link = link
+        self._snapshots = SnapshotWriter()
+        self._observations: dict[int, ObservationWriter] = {}
+
+    def tell_seat(self, seat: Seat) -> None:
+        """Send a seat what it sees, and what acts on its kart."""
+        self.tell_observation(seat)
+        self._link.publish(topics.HUD, encode_hud(hud_of(self._session, seat)), seat.number)
+
+    def tell_observation(self, seat: Seat) -> None:
+        """Send a seat what it sees."""
+        session = self._session
+        values = session.view(seat.number)
+        writer = self._observations.get(len(values))
+        if writer is None:
+            writer = self._observations[len(values)] = ObservationWriter(len(values))
+        data = writer.write(session.epoch, session.tick, seat.sequence, seat.number, values)
+        self._link.publish(topics.OBSERVATION, data, seat.number)
+
+    def tell_watchers(self) -> None:
+        """Send the race as spectators see it now."""
+        data = self._snapshots.write(snapshot_of(self._session))
+        self._link.publish(topics.SNAPSHOT, data)
+
+    def tell_standings(self) -> None:
+        """Send the table."""
+        self._link.publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
+
+    def tell_events(self, events: list[Event]) -> None:
+        """Send what happened."""
+        self._link.publish(topics.EVENTS, encode_events(self._session.epoch, events))
+
+
+def hud_of(session: Session, seat: Seat) -> HudFrame:
+    """Return what acts on a seat's kart now."""
+    tick, kart = session.tick, session.world.karts[0, seat.number]
+    acting = [effect for effect in kart.effects if effect["source"] > 0]
+    effects = np.zeros(len(acting), EFFECT)
+    for row, effect in zip(effects, acting, strict=True):
+        row["item"] = effect["source"]
+        row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
+    immune = max(int(kart.immune_until), int(kart.shield_until)) - tick
+    return HudFrame(
+        epoch=session.epoch,
+        tick=tick,
+        speed_cap=float(kart.speed_cap),
+        thrust_scale=float(kart.thrust_scale),
+        grip_scale=float(kart.grip_scale),
+        item=int(kart.held),
+        immune_s=max(immune, 0) / TICKS_PER_SECOND,
+        effects=effects,
+    )
+
+
+def snapshot_of(session: Session) -> SnapshotFrame:
+    """Return the race as spectators see it now."""
+    world, tick = session.world, session.tick
+    race = world.races[0]
+    rows = world.karts[0]
+    karts = np.zeros(len(rows), KART)
+    for name in _SAME_NAMES:
+        karts[name] = rows[name]
+    karts["item"] = rows["held"]
+    karts["seat"] = np.arange(len(rows))
+    karts["acknowledged"] = [seat.sequence for seat in session.seats]
+    karts["effects"] = (rows["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
+    safe = np.maximum(rows["immune_until"], rows["shield_until"]) > tick
+    karts["flags"] = (
+        rows["wrong_way"] + 2 * rows["off_track"] + 4 * rows["rescue_offered"] + 8 * safe
+    )
+    placed = world.hazards[0][world.hazards["until_tick"][0] > tick]
+    hazards = np.zeros(len(placed), HAZARD)
+    for name in ("x", "y", "radius", "owner"):
+        hazards[name] = placed[name]
+    hazards["item"] = placed["source"]
+    lights = max(int(race.start_tick), int(race.hold_until)) - tick
+    return SnapshotFrame(
+        monotonic_us=time.monotonic_ns() // 1000,
+        epoch=session.epoch,
+        tick=tick,
+        lights_s=max(lights, 0) / TICKS_PER_SECOND,
+        phase=session.phase,
+        flag=Flag(int(race.flag)),
+        karts=karts[rows["status"] != codes.ABSENT],
+        boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
+        hazards=hazards,
+    )
+
+
+def standings_of(session: Session) -> StandingsFrame:
+    """Return the table as it is now."""
+    race = session.world.races[0]
+    return StandingsFrame(
+        epoch=session.epoch,
+        tick=session.tick,
+        start_tick=int(race.start_tick),
+        phase=session.phase,
+        flag=Flag(int(race.flag)),
+        laps=session.scenario.rules.laps,
+        course=session.scenario.course.name,
+        rows=tuple(session.standings()),
+    )
+
+
+def sheet_of(session: Session) -> CourseSheet:
+    """Return the course as it is drawn."""
+    course = session.scenario.course
+    return CourseSheet(
+        name=course.name,
+        title=course.title,
+        digest=course.digest,
+        spacing=course.spacing,
+        line=course.line,
+        half_widths=course.half_widths,
+        kerb=course.kerb,
+        borders=course.borders,
+        gates=course.gates,
+        grid=course.grid,
+        boxes=course.spots,
+    )
+
+
+def rules_of(session: Session) -> dict[str, str]:
+    """Return the rule book as names and values."""
+    rules = asdict(session.scenario.rules)
+    return {name: str(value) for name, value in rules.items()}
+
+
+_SAME_NAMES = (
+    "x",
+    "y",
+    "heading",
+    "speed",
+    "lateral_speed",
+    "yaw_rate",
+    "steering",
+    "progress",
+    "speed_cap",
+    "laps",
+    "rank",
+    "status",
+)
