@@ -67,7 +67,8 @@ def pack(courses: Sequence[Course]) -> Atlas:
     return Atlas(
         courses=headers,
         line=np.concatenate(lines),
-        walls=np.concatenate(walls),
+        # One order of memory for all courses, or kernels are compiled for each anew.
+        walls=np.ascontiguousarray(np.concatenate(walls)),
         wall_kinds=np.concatenate(kinds),
         groups=np.concatenate(groups),
         cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
