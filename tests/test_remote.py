@@ -259,7 +259,7 @@ def test_no_server_and_no_seat_say_so() -> None:
         ({"reward": {"range": 1.0}}, "'range' cannot be known .* choose one of lidar, full"),
         ({"observation": "lidar"}, "'progress' cannot be known .* choose one of track, line, full"),
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
-        ({"observation": "report_b"}, "a server gives one of lidar, radar, track, full"),
+        ({"observation": "report_b"}, "a server gives one of lidar, radar, track, line, full"),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
         ({"action": "telepathy"}, "action 'telepathy' is unknown"),
     ],

@@ -131,7 +131,7 @@ def _check_results(results: str) -> None:
         Store(path).close()
 
 
-def _writer(results: str, log: Console) -> "AbstractContextManager[Writer | None]":
+def results_writer(results: str, log: Console) -> "AbstractContextManager[Writer | None]":
     """Return the writer of a results file, None for nowhere; close it after the last race."""
     from race_server.results.schema import path_of
     from race_server.results.store import Store
@@ -247,7 +247,7 @@ def serve(
         log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
     race = Session(session, scenario)
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    with _writer(results, log) as writer, ServerLink(listen, session, karts) as link:
+    with results_writer(results, log) as writer, ServerLink(listen, session, karts) as link:
         if not is_compiled():
             log.print("compiling the simulation for this machine, once: about half a minute")
         warm_up(scenario)

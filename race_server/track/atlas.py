@@ -75,7 +75,8 @@ def pack(courses: Sequence[Course], references: Sequence[ReferenceLine | None] =
         courses=headers,
         line=np.concatenate(lines),
         reference=np.concatenate(paths),
-        walls=np.concatenate(walls),
+        # One order of memory for all courses, or kernels are compiled for each anew.
+        walls=np.ascontiguousarray(np.concatenate(walls)),
         wall_kinds=np.concatenate(kinds),
         groups=np.concatenate(groups),
         cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),

@@ -1,0 +1,1 @@
+"""A race day: a whole event, from qualification to podium."""

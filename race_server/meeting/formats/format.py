@@ -1,0 +1,69 @@
+"""What a format is: stages in order, as plain data."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Fixed boxes of a car's size on a course, in measures of the car."""
+
+    every_lengths: float = 18.0  # of centre line for each obstacle
+    passage_widths: float = 2.4  # free beside each obstacle, between it and a border
+
+
+@dataclass(frozen=True)
+class TimeTrial:
+    """Each team alone against the clock; its best attempt counts."""
+
+    name: str
+    track: str  # a letter
+    laps: int = 2
+    attempts: int = 2
+    failure_s: float = 120.0  # the time of an attempt that failed; none may take longer
+    obstacles: Obstacles | None = None
+    best_points: int = 0  # for the fastest team, falling evenly …
+    least_points: int = 0  # … to this for the slowest
+
+
+@dataclass(frozen=True)
+class Races:
+    """Races with several karts."""
+
+    name: str
+    tracks: str  # letters: one race on each
+    laps: int
+    rounds: int = 1
+    most: int = 8  # karts in a race
+    least: int = 2
+    mixed: bool = False  # groups of equal strength; else the best in the first group
+    qualified: int = 0  # so many teams take part; 0: all
+    points: tuple[int, ...] = ()  # by place
+    finishing: int = 0  # points for finishing further behind
+    limit_s: float = 60.0  # for each lap of a race
+
+
+@dataclass(frozen=True)
+class Format:
+    """An event. Without points the last race decides, and before it the sum of the times."""
+
+    name: str
+    title: str
+    stages: tuple[TimeTrial | Races, ...]
+
+    @property
+    def letters(self) -> str:
+        """The tracks that it needs, as letters in order."""
+        used = {letter for stage in self.stages for letter in _tracks_of(stage)}
+        return "".join(sorted(used))
+
+    @property
+    def has_points(self) -> bool:
+        """Whether points decide."""
+        return any(
+            stage.best_points > 0 if isinstance(stage, TimeTrial) else bool(stage.points)
+            for stage in self.stages
+        )
+
+
+def _tracks_of(stage: TimeTrial | Races) -> str:
+    return stage.track if isinstance(stage, TimeTrial) else stage.tracks
