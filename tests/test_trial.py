@@ -7,7 +7,7 @@ import sqlite3
 import time
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +21,16 @@ from race_server.driver import Briefing, Driver, driver_named
 from race_server.errors import ResultsError, ScenarioError
 from race_server.messages import Control
 from race_server.observe import Observation
-from race_server.results.queries import all_laps, best_laps, races, trace_of, traced_laps
+from race_server.results.queries import all_laps, best_laps, laps_on, races, trace_of
+from race_server.results.store import Store, Trace
 from race_server.rules.items import items
 from race_server.session import Session
 from race_server.track.load import load_course
 from race_server.trial.cell import STANDING, Cell, cells_of, on_the_mark, scenario_of
-from race_server.trial.figures import LimitTime, intervals, losses_of, rows_of
+from race_server.trial.figures import LimitTime, Row, intervals, losses_of, rows_of
 from race_server.trial.gaps import GAPS, NONE, Gap, custom_gap, gaps_named
 from race_server.trial.ghost import delta, ghost_of, save_lap, sector_deltas
-from race_server.trial.keep import Ledger
+from race_server.trial.keep import Ledger, changes_of
 from race_server.trial.lap import PROGRESS, SPEED, TIME, Mark, TrialLap, laps_of, time_at
 from race_server.trial.limits import limits_of, trace_of_line
 from race_server.trial.patience import Stalled, patience
@@ -392,7 +393,16 @@ def test_the_best_kept_lap_is_a_ghost_and_is_no_second_ahead_of_itself(
     assert ghost.time_s == fastest.time_s
     assert sector_deltas(fastest.trace, ghost.trace, course) == pytest.approx((0, 0, 0), abs=1e-4)
     assert ghost_of("1/2", course, "tt02", path).time_s == driven.laps[1].time_s
-    assert len(traced_laps(path, track="oval", digest=course.digest)) == 2
+    assert len(laps_on(path, track="oval", digest=course.digest)) == 2
+
+
+def test_a_lap_of_a_live_race_is_a_ghost_by_its_sectors(driven: Run, tmp_path: Path) -> None:
+    path, course, lap = tmp_path / "results.sqlite", load_course("oval"), driven.laps[0]
+    with Store(path) as store:
+        store.write([change for change in changes_of(driven) if not isinstance(change, Trace)])
+    ghost = ghost_of("1/1", course, "tt02", path)
+    assert ghost.name.endswith("by its sectors")
+    assert sector_deltas(lap.trace, ghost.trace, course) == pytest.approx((0, 0, 0), abs=0.005)
 
 
 def test_an_unknown_ghost_is_answered_with_those_that_there_are(
@@ -490,3 +500,11 @@ def test_a_trial_against_an_unknown_ghost_does_not_begin(tmp_path: Path) -> None
     keep(path)
     with pytest.raises(ResultsError, match="none: run a trial first"):
         prepare(Plan((OVAL,), (NONE,), ghost="best", results=path))
+
+
+def test_the_page_on_time_trials_names_every_figure_and_gap() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "time-trial.md").read_text()
+    told = {"driver", "track", "vehicle", "gap", "seeds", "laps_wanted", "failed"}
+    intervals_told = {"spread_low_s", "spread_high_s", "limit_reason"}
+    figures = {field.name for field in fields(Row)} - told - intervals_told
+    assert [name for name in (*sorted(figures), *GAPS) if f"`{name}`" not in page] == []

@@ -39,13 +39,13 @@ Gaps = Annotated[
     ),
 ]
 Noise = Annotated[
-    float | None, typer.Option(help="One more gap, `custom`: lidar noise [m].", show_default=False)
+    float | None, typer.Option(help="One more gap, `custom`: lidar noise in m, such as 0.02.")
 ]
 Dropouts = Annotated[
     float | None, typer.Option(help="`custom`: share of lidar rays that drop out, 0 to 1.")
 ]
 DelayMs = Annotated[
-    float | None, typer.Option(help="`custom`: delay of answers [ms], a multiple of 50.")
+    float | None, typer.Option(help="`custom`: delay of answers in ms, a multiple of 50.")
 ]
 Start = Annotated[
     str,
@@ -97,7 +97,7 @@ def trial(
     ] = "",
     jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0,
     decision_limit: Annotated[
-        float, typer.Option(min=0.01, help="A driver that thinks for longer [s] has stalled.")
+        float, typer.Option(min=0.01, help="A driver that thinks for more seconds has stalled.")
     ] = 2.0,
     results: Results = "",
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
@@ -167,10 +167,10 @@ def _hold(plan: "Plan", ledger: "Ledger", console: Console, *, quiet: bool) -> "
     from race_server.trial.plan import compile_once, prepare
     from race_server.trial.pool import is_ready
 
-    trial = prepare(plan)
-    if not is_ready():
-        told = "compiling the simulation for this machine, once: about a minute"
-        with console.status(told, spinner="dots"):
+    with console.status("looking for the limits", spinner="dots") as status:
+        trial = prepare(plan)
+        if not is_ready():
+            status.update("compiling the simulation for this machine, once: about a minute")
             compile_once(plan.cells[0])
     with _progress(plan, console, quiet=quiet) as report:
         trial.drive(ledger, report)

@@ -46,11 +46,11 @@ _LAPS = """
     from lap join entry using (race, seat) join race on race.id = lap.race
     order by race.id, lap.number, lap.seat
 """
-_TRACED = """
+_ON = """
     select lap.race, lap.seat, lap.number, driver, race.track, race.track_digest, entry.vehicle,
-        time_us, is_clean, started_at
-    from trace join lap using (race, seat, number) join entry using (race, seat)
-        join race on race.id = lap.race
+        time_us, sectors, is_clean, started_at, trace.race is not null as has_trace
+    from lap join entry using (race, seat) join race on race.id = lap.race
+        left join trace using (race, seat, number)
     where race.track = :track and race.track_digest = :digest
     order by time_us, lap.race, lap.seat, lap.number
 """
@@ -114,14 +114,14 @@ def finished_races(path: Path) -> list[list[tuple[str, int]]]:
     return list(found.values())
 
 
-def traced_laps(path: Path, *, track: str, digest: str) -> list[Row]:
-    """Return the laps on one edition of a track whose traces are kept, the fastest first.
+def laps_on(path: Path, *, track: str, digest: str) -> list[Row]:
+    """Return all laps on one edition of a track, the fastest first.
 
     Raises:
         ResultsError: the file cannot be read.
     """
-    rows = _ask(path, _TRACED, {"track": track, "digest": digest})
-    return [_with_truth(row) for row in rows]
+    rows = _ask(path, _ON, {"track": track, "digest": digest})
+    return [{**_with_truth(row), "has_trace": bool(row["has_trace"])} for row in rows]
 
 
 def trace_of(path: Path, race: int, seat: int, number: int) -> dict[str, Any]:

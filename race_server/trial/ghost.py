@@ -1,7 +1,7 @@
 """Ghosts: a lap that was kept, to drive against; and what a lap gains and loses on it."""
 
 import csv
-from collections.abc import Sequence
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from race_server.clock import MICROSECONDS, lap_text
 from race_server.errors import ResultsError
-from race_server.results.queries import Row, trace_of, traced_laps
+from race_server.results.queries import Row, laps_on, trace_of
 from race_server.state import Floats
 from race_server.track.course import Course
-from race_server.trial.lap import COLUMNS, PROGRESS, TIME, time_at
+from race_server.trial.lap import COLUMNS, PROGRESS, SPEED, TIME, X, Y, time_at
 
 BEST = "best"
 # So many of the laps that there are, in a message that names some.
@@ -34,7 +34,8 @@ def ghost_of(words: str, course: Course, vehicle: str, results: Path | None) -> 
     """Return the ghost that `words` name on a course.
 
     words: `best`, the fastest clean lap of this vehicle that is kept; RACE/LAP or RACE/SEAT/LAP,
-    as `race results list` numbers races; or a .csv file as `--save-lap` writes it.
+    as `race results list` numbers races; or a .csv file as `--save-lap` writes it. Of a lap from a
+    live race only the sectors are known: it runs evenly through each.
 
     Raises:
         ResultsError: there is no such lap; the message names those that there are.
@@ -43,10 +44,10 @@ def ghost_of(words: str, course: Course, vehicle: str, results: Path | None) -> 
         return _read(Path(words), course)
     if results is None:
         raise ResultsError(f"ghost {words!r}: no results file; name one with --results, or a .csv")
-    rows = traced_laps(results, track=course.name, digest=course.digest)
+    rows = laps_on(results, track=course.name, digest=course.digest)
     for row in rows:
         if _is_wanted(words, row, vehicle):
-            return _from_file(results, row)
+            return _from_file(results, row, course)
     known = ", ".join(_name_of(row) for row in rows[:_NAMED]) or "none: run a trial first"
     more = f" and {len(rows) - _NAMED} more" if len(rows) > _NAMED else ""
     raise ResultsError(
@@ -71,10 +72,28 @@ def _name_of(row: Row) -> str:
     return f"{lap} ({row['driver']}, {row['vehicle']}, {lap_text(row['time_us'])})"
 
 
-def _from_file(results: Path, row: Row) -> Ghost:
+def _from_file(results: Path, row: Row, course: Course) -> Ghost:
+    name, time_s = _name_of(row), row["time_us"] / MICROSECONDS
+    if not row["has_trace"]:
+        return Ghost(f"{name}, by its sectors", time_s, _evenly(row, course))
     columns = trace_of(results, row["race"], row["seat"], row["number"])
-    table = np.array([columns.get(name, columns["time_s"] * 0.0) for name in COLUMNS])
-    return Ghost(_name_of(row), row["time_us"] / MICROSECONDS, table)
+    nothing = np.zeros_like(columns["time_s"])
+    return Ghost(name, time_s, np.array([columns.get(column, nothing) for column in COLUMNS]))
+
+
+def _evenly(row: Row, course: Course) -> Floats:
+    """Return a trace along the centre line that takes the time of each sector, shape (C, N)."""
+    ends, sectors = _sector_ends(course), json.loads(row["sectors"])
+    if len(sectors) != len(ends):
+        ends, sectors = (course.length,), [row["time_us"]]
+    progress = np.append(np.arange(len(course.line)) * course.spacing, course.length)
+    times = np.cumsum([0, *sectors]) / MICROSECONDS
+    trace = np.zeros((len(COLUMNS), len(progress)))
+    trace[TIME] = np.interp(progress, (0.0, *ends), times)
+    trace[PROGRESS] = progress
+    trace[[X, Y]] = np.vstack([course.line[:, :2], course.line[:1, :2]]).T
+    trace[SPEED] = np.gradient(progress, trace[TIME])
+    return trace
 
 
 def _read(path: Path, course: Course) -> Ghost:
@@ -125,12 +144,11 @@ def delta(trace: Floats, reference: Floats, progress: Floats) -> Floats:
 
 def sector_deltas(trace: Floats, reference: Floats, course: Course) -> tuple[float, ...]:
     """Return what a lap loses [s] on another in each sector."""
-    ends = [course.gates[gate] or course.length for gate in _sector_gates(course.sectors)]
-    behind = delta(trace, reference, np.array(ends, np.float64))
+    behind = delta(trace, reference, np.array(_sector_ends(course)))
     # To the microsecond: zero is then no minus zero.
     return tuple(round(float(lost), 6) + 0.0 for lost in np.diff(behind, prepend=0.0))
 
 
-def _sector_gates(sectors: Sequence[int]) -> list[int]:
-    """Return the gates that end sectors, the timing line last."""
-    return [*sorted(gate for gate in sectors if gate), 0]
+def _sector_ends(course: Course) -> tuple[float, ...]:
+    """Return the progress [m] at which each sector ends, the timing line last."""
+    return (*(float(course.gates[gate]) for gate in sorted(course.sectors) if gate), course.length)

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from rich.text import Text
 from race_server.clock import MICROSECONDS, lap_text
 from race_server.errors import ResultsError
 from race_server.trial.figures import Loss, Row
+from race_server.trial.gaps import NONE
 from race_server.trial.report_b import LAPS, RACE_DAY, VALIDATION_TRACK
 from race_server.trial.run import Run
 
@@ -50,6 +51,8 @@ def _ratio_text(ratio: float | None) -> str:
 def _interval_text(low: float | None, high: float | None) -> str:
     if low is None or high is None:
         return ""
+    if high >= 60.0:
+        return f"{seconds_text(low)}–{seconds_text(high)}"
     return f"{low:.2f}–{high:.2f}"
 
 
@@ -76,28 +79,32 @@ def _who(row: Row, gaps: dict[str, str]) -> str:
     return row.driver if len(gaps) == 1 else f"{row.driver}, {row.gap}"
 
 
+_INTERVAL, _STANDING = "95 %", ("from rest", "total")
+# The columns of a table, and what each shows of a row.
+_FIGURES: dict[str, Callable[[Row], str]] = {
+    "laps": lambda row: f"{row.laps}/{row.laps_wanted}",
+    "clean": lambda row: f"{100.0 * row.clean_lap_rate:.0f} %",
+    "median": lambda row: seconds_text(row.median_lap_s),
+    _INTERVAL: lambda row: _interval_text(row.median_low_s, row.median_high_s),
+    "best": lambda row: seconds_text(row.best_lap_s),
+    "spread": lambda row: _NOTHING if row.spread_s is None else f"{row.spread_s:.3f}",
+    "ratio": lambda row: _ratio_text(row.ratio),
+    "crashes": lambda row: str(row.crashes),
+    "from rest": lambda row: seconds_text(row.standing_lap_s),
+    "total": lambda row: seconds_text(row.total_s),
+}
+
+
 def _rows_table(title: str, rows: Sequence[Row], *, with_gap: bool) -> Table:
     is_standing = any(row.standing_lap_s for row in rows)
-    figures = ["laps", "clean", "median", "95 %", "best", "spread", "ratio", "crashes"]
-    if is_standing:
-        figures += ["from rest", "total"]
-    words = ["driver", "gap"] if with_gap else ["driver"]
-    table = _table(title, words, figures)
+    hidden = {_INTERVAL} if is_standing and with_gap else set()  # or eighty columns are too few
+    hidden |= set() if is_standing else set(_STANDING)
+    names = [name for name in _FIGURES if name not in hidden]
+    table = _table(title, ["driver", "gap"] if with_gap else ["driver"], names)
     for row in rows:
-        cells = [row.driver, row.gap] if with_gap else [row.driver]
-        cells += [
-            f"{row.laps}/{row.laps_wanted}",
-            f"{100.0 * row.clean_lap_rate:.0f} %",
-            seconds_text(row.median_lap_s),
-            _interval_text(row.median_low_s, row.median_high_s),
-            seconds_text(row.best_lap_s),
-            _NOTHING if row.spread_s is None else f"{row.spread_s:.3f}",
-            _ratio_text(row.ratio),
-            str(row.crashes),
-        ]
-        if is_standing:
-            cells += [seconds_text(row.standing_lap_s), seconds_text(row.total_s)]
-        table.add_row(*cells, style="red" if row.failed else "")
+        words = [row.driver, row.gap] if with_gap else [row.driver]
+        figures = [_FIGURES[name](row) for name in names]
+        table.add_row(*words, *figures, style="red" if row.failed else "")
     return table
 
 
@@ -169,7 +176,7 @@ def beside_report_b(rows: Sequence[Row], words: dict[str, str]) -> Group:
 
 def _our_lap(row: Row, words: dict[str, str]) -> tuple[str, ...]:
     particular = words.get(row.driver, "")
-    if row.gap != "none":
+    if row.gap != NONE.name:
         particular += f" (gap: {row.gap})"
     remark = f"{100.0 * row.clean_lap_rate:.0f} % of {row.laps_wanted} laps clean"
     if row.ratio:
@@ -196,7 +203,8 @@ def _race_day(rows: Sequence[Row]) -> Table:
         if row.total_s and row.standing_lap_s and row.laps_wanted == 2 * row.seeds
     ]
     for row in ours:
-        table.add_row(f"{row.driver}, {row.track}", f"{row.total_s:.1f}", _NOTHING)
+        gap = "" if row.gap == NONE.name else f" (gap: {row.gap})"
+        table.add_row(f"{row.driver}, {row.track}{gap}", f"{row.total_s:.1f}", _NOTHING)
     if not ours:
         table.add_row("ours: with --start standing --laps 2", "", "")
     return table
