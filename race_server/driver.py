@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from inspect import getdoc
 from typing import Protocol, cast
 
 from race_server.errors import DriverError
@@ -48,6 +49,18 @@ DriverFactory = Callable[[], Driver]
 def driver_names() -> list[str]:
     """Return the names of all installed drivers."""
     return sorted({point.name for point in entry_points(group=ENTRY_POINTS)})
+
+
+def description_of(name: str) -> str:
+    """Return the first sentence of a driver's own description; empty where there is none."""
+    for point in entry_points(group=ENTRY_POINTS):
+        if point.name == name:
+            try:
+                text = getdoc(point.load()) or ""
+            except Exception:  # a driver that cannot be loaded says so when it is to drive
+                return ""
+            return text.split("\n\n")[0].split(". ")[0].replace("\n", " ").rstrip(".")
+    return ""
 
 
 def driver_named(name: str) -> Driver:

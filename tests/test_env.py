@@ -325,6 +325,15 @@ def test_a_discrete_action_is_a_row_of_the_table() -> None:
     assert batch.rig.controls[0, 0, :2] == pytest.approx([0.5, 1.0])
 
 
+def test_a_control_as_action_reaches_the_kart_as_it_is() -> None:
+    batch = Batch(ring_task(1, action="control"))
+    batch.step([[[0.25, -0.5, 0.125, 2.0]]])
+    kart = batch.world.karts[0, 0]
+    assert batch.rig.controls[0, 0].tolist() == [0.25, -0.5, 0.125, 2.0]
+    assert (kart.steering_command, kart.throttle, kart.brake) == (0.25, -0.5, 0.125)
+    assert kart.buttons == codes.ACCEPT_RESCUE
+
+
 def test_an_action_that_is_delayed_by_two_decisions_acts_two_decisions_later() -> None:
     batch = Batch(ring_task(1, gap=RealityGap(action_delay=(2, 2))))
     steering = []

@@ -9,8 +9,13 @@ from race_server.errors import ScenarioError
 from race_server.kernels.jit import kernel
 from race_server.state import Float32s, Floats, Record
 
-CONTINUOUS, INCREMENTS, DISCRETE = range(3)
-ACTIONS = {"continuous": CONTINUOUS, "report_b": INCREMENTS, "discrete": DISCRETE}
+CONTINUOUS, INCREMENTS, DISCRETE, CONTROL = range(4)
+ACTIONS = {
+    "continuous": CONTINUOUS,
+    "report_b": INCREMENTS,
+    "discrete": DISCRETE,
+    "control": CONTROL,
+}
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
 # speed that is set is at least 0.1 m/s, so that a policy cannot stall.
@@ -63,6 +68,10 @@ def read_action(
     """Fill `control` (4,) steering, throttle, brake, buttons from one kart's action."""
     if kind == INCREMENTS:
         _add_increments(action, kart, vehicle, memory, control)
+        return
+    if kind == CONTROL:
+        for index in range(4):
+            control[index] = float(action[index])
         return
     drive, steering, item = 0.0, 0.0, 0.0
     if kind == CONTINUOUS:

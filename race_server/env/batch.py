@@ -19,7 +19,14 @@ from race_server import codes
 from race_server.autopilot import memory_size
 from race_server.clock import TICK_S
 from race_server.driver import driver_named
-from race_server.env.actions import CONTINUOUS, DISCRETE, MEMORY, action_kind, discrete_table
+from race_server.env.actions import (
+    CONTINUOUS,
+    CONTROL,
+    DISCRETE,
+    MEMORY,
+    action_kind,
+    discrete_table,
+)
 from race_server.env.decide import decide, restart
 from race_server.env.gap import DRAWS, RealityGap
 from race_server.env.opponents import opponents_of
@@ -169,7 +176,7 @@ class Batch:
         task, karts, learners, size = self.task, self.karts, self.learners, self.layout.size
         gap = task.gap.ranges()
         kind = action_kind(task.action)
-        numbers = {CONTINUOUS: 3, DISCRETE: 1}.get(kind, 2)
+        numbers = {CONTINUOUS: 3, DISCRETE: 1, CONTROL: 4}.get(kind, 2)
         settings = np.zeros(1, SETTINGS)
         settings["crash_range"] = task.crash_range
         settings["decision_ticks"] = task.decision_ticks

@@ -23,7 +23,7 @@ RULE_BOOK = 1
 # An announcement is held back no longer than this, whatever the file does.
 HOLD_S = 3.0
 # After one of these a lap is not clean, see `lap_clean` in the stages of the world.
-_DIRTY = {
+DIRTY = {
     EventKind.CONTACT_WALL,
     EventKind.SHORT_CUT,
     EventKind.OFF_TRACK,
@@ -69,7 +69,7 @@ class Keeper:
 
     def _lap_of(self, event: Event) -> Lap | None:
         """Return the lap that an event completes."""
-        if event.kind in _DIRTY:
+        if event.kind in DIRTY:
             self._dirty.add(event.kart)
         elif event.kind is EventKind.SECTOR:
             self._sectors.setdefault(event.kart, []).append(event.value)

@@ -1,9 +1,14 @@
 """What a results file can be asked. Rows are plain dictionaries, ready for JSON."""
 
+import json
+import zlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from race_server.results.schema import explained, open_file
+from race_server.results.store import TRACE_TYPE
 
 Row = dict[str, Any]
 
@@ -41,6 +46,15 @@ _LAPS = """
     from lap join entry using (race, seat) join race on race.id = lap.race
     order by race.id, lap.number, lap.seat
 """
+_ON = """
+    select lap.race, lap.seat, lap.number, driver, race.track, race.track_digest, entry.vehicle,
+        time_us, sectors, is_clean, started_at, trace.race is not null as has_trace
+    from lap join entry using (race, seat) join race on race.id = lap.race
+        left join trace using (race, seat, number)
+    where race.track = :track and race.track_digest = :digest
+    order by time_us, lap.race, lap.seat, lap.number
+"""
+_TRACE = "select columns, numbers from trace where race = ? and seat = ? and number = ?"
 
 
 def races(path: Path, *, track: str = "", driver: str = "", limit: int = 20) -> list[Row]:
@@ -100,7 +114,32 @@ def finished_races(path: Path) -> list[list[tuple[str, int]]]:
     return list(found.values())
 
 
-def _ask(path: Path, question: str, words: Row | None = None) -> list[Row]:
+def laps_on(path: Path, *, track: str, digest: str) -> list[Row]:
+    """Return all laps on one edition of a track, the fastest first.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    rows = _ask(path, _ON, {"track": track, "digest": digest})
+    return [{**_with_truth(row), "has_trace": bool(row["has_trace"])} for row in rows]
+
+
+def trace_of(path: Path, race: int, seat: int, number: int) -> dict[str, Any]:
+    """Return the trace of a lap by column, each shape (N,); empty where none is kept.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    rows = _ask(path, _TRACE, (race, seat, number))
+    if not rows:
+        return {}
+    names = json.loads(rows[0]["columns"])
+    numbers = np.frombuffer(zlib.decompress(rows[0]["numbers"]), TRACE_TYPE)
+    table = numbers.reshape(len(names), -1).astype(np.float64)
+    return dict(zip(names, table, strict=True))
+
+
+def _ask(path: Path, question: str, words: Row | tuple[int, ...] | None = None) -> list[Row]:
     with explained(path):
         connection = open_file(path)
         try:

@@ -70,7 +70,22 @@ _INDICES = (
     "create index race_by_track on race (track, vehicle)",
     "create index entry_by_driver on entry (driver)",
 )
-MIGRATIONS = (_TABLES, _INDICES)
+# Where a kart was in a lap, so that others can drive against it. A table of its own: few laps have
+# one, and questions about laps need not read past ten kilobytes each.
+_TRACES = (
+    """
+    create table trace (
+        race integer not null,
+        seat integer not null,
+        number integer not null,
+        columns text not null,         -- JSON list of names
+        numbers blob not null,         -- zlib of float32, little-endian, column by column
+        primary key (race, seat, number),
+        foreign key (race, seat, number) references lap (race, seat, number)
+    ) strict
+    """,
+)
+MIGRATIONS = (_TABLES, _INDICES, _TRACES)
 
 # What SQLite reports, what that means, and the way out.
 _OTHER_FILE = "name another with --results FILE, or race without: --results none"

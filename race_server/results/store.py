@@ -2,13 +2,17 @@
 
 import json
 import sqlite3
+import zlib
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+
 from race_server.messages import Standing
 from race_server.results.schema import explained, open_file, transaction
+from race_server.state import Float32s
 
 FINISHED, STOPPED = "finished", "stopped"
 
@@ -51,6 +55,16 @@ class Lap:
     is_clean: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Where a kart was in a lap; comes after that lap."""
+
+    seat: int
+    number: int
+    columns: tuple[str, ...]
+    numbers: Float32s  # (columns, N)
+
+
 @dataclass(frozen=True)
 class Outcome:
     """A race that is over."""
@@ -60,7 +74,10 @@ class Outcome:
     standings: tuple[Standing, ...]
 
 
-Change = Race | Lap | Outcome
+Change = Race | Lap | Trace | Outcome
+
+# How the numbers of a trace lie in the file, whatever machine wrote them.
+TRACE_TYPE = np.dtype("<f4")
 
 
 class Store:
@@ -107,6 +124,8 @@ class Store:
                     race = self._add_race(change)
                 elif isinstance(change, Lap):
                     self._add_lap(race, change)
+                elif isinstance(change, Trace):
+                    self._add_trace(race, change)
                 else:
                     self._end_race(race, change)
         self._race = race
@@ -133,6 +152,13 @@ class Store:
         self._connection.execute(
             "insert into lap values (?, ?, ?, ?, ?, ?)",
             (race, lap.seat, lap.number, lap.time_us, sectors, int(lap.is_clean)),
+        )
+
+    def _add_trace(self, race: int, trace: Trace) -> None:
+        packed = zlib.compress(trace.numbers.astype(TRACE_TYPE).tobytes())
+        self._connection.execute(
+            "insert into trace values (?, ?, ?, ?, ?)",
+            (race, trace.seat, trace.number, json.dumps(trace.columns), packed),
         )
 
     def _end_race(self, race: int, outcome: Outcome) -> None:
