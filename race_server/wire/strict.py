@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from race_server.errors import WireError
 
-_U32 = struct.Struct("<I")
-_I32 = struct.Struct("<i")
-_U16 = struct.Struct("<H")
+U32 = struct.Struct("<I")
+I32 = struct.Struct("<i")
+U16 = struct.Struct("<H")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Table:
         entry = 4 + 2 * slot
         if entry + 2 > self.vtable_size:
             return 0
-        offset = int(_U16.unpack_from(self.data, self.vtable + entry)[0])
+        offset = int(U16.unpack_from(self.data, self.vtable + entry)[0])
         if offset == 0:
             return 0
         if offset + size > self.size:
@@ -59,10 +59,10 @@ class Table:
         place = self.field(slot, 4)
         if place == 0:
             raise WireError(f"field {slot} is missing")
-        place += int(_U32.unpack_from(self.data, place)[0])
+        place += int(U32.unpack_from(self.data, place)[0])
         if place + 4 > len(self.data):
             raise WireError(f"field {slot} leaves the message")
-        count = int(_U32.unpack_from(self.data, place)[0])
+        count = int(U32.unpack_from(self.data, place)[0])
         if count > most:
             raise WireError(f"field {slot} has {count} items; {most} are the most")
         if place + 4 + count * item_size > len(self.data):
@@ -91,14 +91,14 @@ def root_of(data: bytes, identifier: bytes, most: int) -> Table:
         raise WireError(f"message of {size} bytes is too short")
     if data[4:8] != identifier:
         raise WireError(f"message is {data[4:8]!r}, expected {identifier!r}")
-    position = int(_U32.unpack_from(data, 0)[0])
+    position = int(U32.unpack_from(data, 0)[0])
     if position < 8 or position + 4 > size:
         raise WireError("root leaves the message")
-    vtable = position - int(_I32.unpack_from(data, position)[0])
+    vtable = position - int(I32.unpack_from(data, position)[0])
     if vtable < 8 or vtable + 4 > size:
         raise WireError("vtable leaves the message")
-    vtable_size = int(_U16.unpack_from(data, vtable)[0])
-    table_size = int(_U16.unpack_from(data, vtable + 2)[0])
+    vtable_size = int(U16.unpack_from(data, vtable)[0])
+    table_size = int(U16.unpack_from(data, vtable + 2)[0])
     if vtable_size < 4 or vtable + vtable_size > size or position + table_size > size:
         raise WireError("table leaves the message")
     return Table(data, position, vtable, vtable_size, table_size)
