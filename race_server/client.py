@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError, LinkError
+from race_server.guard.keys import ClientKeys
 from race_server.messages import Control
 from race_server.observe import Observation
 from race_server.seat import SILENCE_S, Seat, insist, take_seat
@@ -29,15 +30,16 @@ def drive(
     session: str = "race",
     wanted: int = -1,
     timeout_s: float = 20.0,
+    keys: ClientKeys | None = None,
 ) -> Briefing:
     """Drive one race to its end and return the briefing that the driver had.
 
     Raises:
-        LinkError: no server, or it did not come back.
+        LinkError: no server, it did not come back, or it does not let us in.
         SeatError: no seat.
         DriverError: the driver raised; its seat is left.
     """
-    with ClientLink(address, session, timeout_s=timeout_s) as link:
+    with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
         _call(name, "reset", partial(driver.reset, seat.welcome.briefing))

@@ -52,8 +52,22 @@ class JoinRequest(object):
             return self._tab.Get(flatbuffers.number_types.Uint64Flags, o + self._tab.Pos)
         return 0
 
+    # JoinRequest
+    def Version(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(12))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint16Flags, o + self._tab.Pos)
+        return 0
+
+    # JoinRequest
+    def Serial(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(14))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint32Flags, o + self._tab.Pos)
+        return 0
+
 def JoinRequestStart(builder):
-    builder.StartObject(4)
+    builder.StartObject(6)
 
 def Start(builder):
     JoinRequestStart(builder)
@@ -81,6 +95,18 @@ def JoinRequestAddSecret(builder, secret):
 
 def AddSecret(builder, secret):
     JoinRequestAddSecret(builder, secret)
+
+def JoinRequestAddVersion(builder, version):
+    builder.PrependUint16Slot(4, version, 0)
+
+def AddVersion(builder, version):
+    JoinRequestAddVersion(builder, version)
+
+def JoinRequestAddSerial(builder, serial):
+    builder.PrependUint32Slot(5, serial, 0)
+
+def AddSerial(builder, serial):
+    JoinRequestAddSerial(builder, serial)
 
 def JoinRequestEnd(builder):
     return builder.EndObject()
