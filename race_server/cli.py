@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from race_server.commands import bench, day, limit, race, results, track, trial
+from race_server.commands import bench, day, limit, race, recording, results, track, trial
 from race_server.errors import RaceError
 
 app = typer.Typer(
@@ -22,6 +22,8 @@ app.command()(race.watch)
 app.command()(limit.limit)
 app.command()(day.day)
 app.command()(trial.trial)
+app.command()(recording.replay)
+app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
 app.add_typer(results.app, name="results")

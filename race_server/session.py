@@ -4,6 +4,7 @@ Who drives what is decided here; what happens on the track is decided by the wor
 feeds joins, controls and ticks in, and takes events, observations and standings out.
 """
 
+import hashlib
 import secrets
 from collections import deque
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from race_server import codes
+from race_server.acts import Act, ActKind, carry_out
 from race_server.clock import ticks_of
 from race_server.errors import SeatError, WireError
 from race_server.kernels.jit import bind
@@ -19,8 +21,8 @@ from race_server.messages import Control, Event, EventKind, Flag, Phase, Standin
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
 from race_server.stages.observation import observe_karts
-from race_server.state import Float32s, Floats, World, digest
-from race_server.step import advance, show_flag, withdraw
+from race_server.state import Float32s, Floats, Ints, World, digest
+from race_server.step import advance
 
 # Without a fresh control the last one counts for so long, then the kart brakes.
 GRACE_TICKS = ticks_of(0.25)
@@ -39,7 +41,7 @@ class Seat:
     number: int
     driver: str = ""
     preset: str = ""
-    secret: int = 0
+    key: bytes = b""  # digest of the driver's secret
     is_taken: bool = False
     is_ready: bool = False
     is_present: bool = False
@@ -48,6 +50,25 @@ class Seat:
     answered_tick: int = -1  # tick of the observation that it answers
     sequence: int = 0  # of the newest control taken
     away_since: int = -1
+
+    def fits(self, secret: int) -> bool:
+        """Return whether a secret is that of the seat's driver."""
+        return secrets.compare_digest(self.key, key_of(secret))
+
+
+def key_of(secret: int) -> bytes:
+    """Return the digest by which a secret is known, and which may be written down."""
+    return hashlib.blake2b(secret.to_bytes(8, "little"), digest_size=16).digest()
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """The controls that act from a tick on, of those seats whose control changed."""
+
+    tick: int
+    seats: Ints  # (n,)
+    controls: Float32s  # (n, 4) steering, throttle, brake, buttons
+    sequences: Ints  # (n,) of the drivers' messages
 
 
 @dataclass
@@ -63,12 +84,15 @@ class Session:
     world: World = field(init=False)
     recent: deque[Event] = field(default_factory=lambda: deque(maxlen=RECENT_EVENTS))
     laps_us: dict[int, list[int]] = field(default_factory=dict)
+    is_recorded: bool = False
+    log: list[Inputs | Act] = field(default_factory=list)  # while recorded; who records empties it
 
     def __post_init__(self) -> None:
         """Build the world once; each start puts it back."""
         self.seats = [Seat(number) for number in range(self.scenario.karts)]
         self.world = make_world(self.scenario)
         self._controls: Floats = np.zeros((1, self.scenario.karts, 4))
+        self._loaded: Float32s = np.zeros((self.scenario.karts, 4), np.float32)
         self._advances: dict[int, Callable[[], None]] = {}
         names = list(PRESETS)
         self._layouts: list[Layout] = [layout_of(name, self.scenario.lidar.rays) for name in names]
@@ -95,14 +119,14 @@ class Session:
             known = ", ".join(PRESETS)
             raise SeatError(f"observation {preset!r} is unknown; choose one of {known}")
         for own in self.seats:
-            if secret and own.is_taken and own.secret == secret:
+            if secret and own.is_taken and own.fits(secret):
                 self.come_back(own.number)
                 return own
         if self.phase is not Phase.LOBBY:
             raise SeatError("the race has begun; join again in the next lobby")
         seat = self._free_seat(wanted)
         seat.driver, seat.preset = driver, preset
-        seat.secret = secret or secrets.randbits(63) | 1
+        seat.key = key_of(secret or secrets.randbits(63) | 1)
         seat.is_taken, seat.is_ready, seat.is_present = True, False, True
         return seat
 
@@ -130,7 +154,7 @@ class Session:
         """Free a seat in the lobby; in a race its kart stops and is out."""
         seat = self.seat(number)
         if self.phase in {Phase.COUNTDOWN, Phase.RUNNING}:
-            withdraw(self.world, 0, number)
+            self.do(ActKind.WITHDRAW, number)
             seat.is_present = False
             seat.control = STOP
         else:
@@ -170,6 +194,9 @@ class Session:
         """Put the karts on the grid and begin the countdown of a new epoch."""
         self.epoch += 1
         self.recent.clear()
+        self.log.clear()
+        self._controls[:] = 0.0
+        self._loaded[:] = 0.0
         self.laps_us = {seat.number: [] for seat in self.seats}
         fitted = tuple(_sensors_for(seat) for seat in self.seats)
         line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
@@ -228,6 +255,25 @@ class Session:
         for seat in self.seats:
             if seat.is_taken:
                 self._load_control(seat, now)
+        changed = np.flatnonzero((self._loaded != self._controls[0]).any(axis=1))
+        if len(changed):
+            self._controls[0] = self._loaded
+            if self.is_recorded:
+                sequences = np.array([self.seats[number].sequence for number in changed])
+                self.log.append(Inputs(now, changed, self._loaded[changed], sequences))
+        return self._move(ticks)
+
+    def drive_again(self, inputs: Inputs) -> None:
+        """Let the controls of a recording act from this tick on."""
+        self._controls[0, inputs.seats] = inputs.controls
+        for seat, sequence in zip(inputs.seats, inputs.sequences, strict=True):
+            self.seats[seat].sequence = int(sequence)
+
+    def move_again(self, ticks: int) -> list[Event]:
+        """Move the race on under the controls of a recording, and return what happened."""
+        return self._move(ticks)
+
+    def _move(self, ticks: int) -> list[Event]:
         if ticks not in self._advances:
             self._advances[ticks] = bind(advance, self.world, self._controls, ticks)
         self._advances[ticks]()
@@ -240,13 +286,14 @@ class Session:
 
     def _load_control(self, seat: Seat, now: int) -> None:
         if 0 <= seat.away_since <= now - AWAY_TICKS:
-            withdraw(self.world, 0, seat.number)
+            self.do(ActKind.WITHDRAW, seat.number)
             seat.away_since = -1
         stale = now - seat.control_tick > GRACE_TICKS + self.decision_ticks
         # Nobody waits for the answers of a kart that is through: they must not matter.
         racing = self.world.karts["status"][0, seat.number] == codes.RACING
         control = seat.control if racing and not stale else STOP
-        self._controls[0, seat.number] = (
+        # As on the wire, so that a recording holds exactly what acted.
+        self._loaded[seat.number] = (
             control.steering,
             control.throttle,
             control.brake,
@@ -255,7 +302,14 @@ class Session:
 
     def show_flag(self, flag: Flag) -> None:
         """Show a flag to all karts."""
-        show_flag(self.world, 0, int(flag))
+        self.do(ActKind.FLAG, value=float(flag))
+
+    def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
+        """Do something to the race from outside, and log it."""
+        act = Act(self.tick, kind, kart, value)
+        if self.is_recorded:
+            self.log.append(act)
+        carry_out(self.world, act)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call and remember them for late comers."""

@@ -21,6 +21,7 @@ from race_server.errors import ResultsError
 from race_server.messages import Event, EventKind, Standing, Status
 from race_server.results import keeper, schema
 from race_server.results.export import export
+from race_server.results.keeper import Keeper
 from race_server.results.queries import all_laps, best_laps, finished_races, races
 from race_server.results.ratings import ratings
 from race_server.results.schema import MIGRATIONS, default_path, open_file, version_of
@@ -99,10 +100,10 @@ def test_the_file_is_in_wal_mode_and_its_tables_are_strict(path: Path) -> None:
 
 
 def test_a_change_that_fails_takes_the_whole_transaction_back(path: Path) -> None:
-    lap = Lap(0, 1, 8, (), True)
+    lap, stranger = Lap(0, 1, 8, (), True), Lap(7, 1, 8, (), True)
     with Store(path) as store:
         with pytest.raises(sqlite3.IntegrityError):
-            store.write([a_race("ann"), lap, lap])
+            store.write([a_race("ann"), lap, stranger])
         assert races(path) == []
         store.write([a_race("ann"), lap])
     assert len(all_laps(path)) == 1
@@ -231,7 +232,7 @@ def run_race(
         ServerLink(address, "race", 2) as link,
         spectator(address, receive),
     ):
-        server = RaceServer(session, link, pace, ("pure_pursuit", "follow_gap"), writer)
+        server = RaceServer(session, link, pace, ("pure_pursuit", "follow_gap"), Keeper(writer))
         result = server.run(0)
     assert result is not None
     return result

@@ -90,11 +90,13 @@ def test_nobody_joins_a_race_that_has_begun() -> None:
 
 
 def test_a_driver_that_was_away_gets_its_seat_back_with_its_secret() -> None:
-    session = racing()
-    secret = session.seats[1].secret
+    session = lobby()
+    for number in range(2):
+        session.join(f"driver {number}", "track", secret=700 + number)
+    session.start()
     session.drop(1)
     assert not session.seats[1].is_present
-    assert session.join("driver 1", "track", wanted=1, secret=secret).number == 1
+    assert session.join("driver 1", "track", wanted=1, secret=701).number == 1
     assert session.seats[1].is_present
 
 

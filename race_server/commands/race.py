@@ -4,7 +4,7 @@ import json
 import os
 import signal
 import time
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,12 +15,16 @@ from rich.live import Live
 
 from race_server.board import Headline, leaderboard
 from race_server.clock import TICKS_PER_SECOND
-from race_server.errors import RaceError, ScenarioError
-from race_server.messages import Flag, Phase, Standing, Status
+from race_server.errors import RaceError, RecordingError, ScenarioError
+from race_server.messages import Event, Flag, Phase, Standing, Status
 from race_server.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
+    from race_server.recording.logbook import Logbook
+    from race_server.recording.reader import Recording
+    from race_server.results.keeper import Keeper
     from race_server.results.writer import Writer
+    from race_server.session import Session
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
@@ -43,6 +47,13 @@ Results = Annotated[
     typer.Option(
         help="File that keeps races and laps, or none; without it $RACE_SERVER_RESULTS, or "
         "~/.local/share/race-server/results.sqlite."
+    ),
+]
+Record = Annotated[
+    str,
+    typer.Option(
+        help="Folder for recordings, or none; without it $RACE_SERVER_RECORDINGS, or "
+        "~/.local/share/race-server/recordings."
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
@@ -68,6 +79,7 @@ def start(
     listen: Listen = "",
     session: SessionName = "race",
     results: Results = "",
+    record: Record = "",
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
@@ -82,6 +94,8 @@ def start(
     serve += ["--items" if items else "--no-items"]
     serve += ["--catch-up" if catch_up else "--no-catch-up"]
     serve += ["--results", results] if results else []
+    serve += ["--record", record] if record else []
+    serve += ["--fresh"]
     _check_results(results)
     console = Console(stderr=as_json)
     _prepare_line(track, vehicle, names, console)
@@ -216,14 +230,22 @@ def serve(
     listen: Listen = DEFAULT_ADDRESS,
     session: SessionName = "race",
     results: Results = "",
+    record: Record = "",
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Do not take up a race whose server was killed.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Serve a race session: wait for drivers, race, and begin again."""
+    """Serve a race session: wait for drivers, race, and begin again.
+
+    Started again after it was killed in a race, it takes up the race where it was.
+    """
     from race_server.driver import driver_named
     from race_server.kernels.jit import is_compiled
     from race_server.limit.line import with_line
     from race_server.observe import wants_line
     from race_server.params import vehicle_named
+    from race_server.results.keeper import Keeper
     from race_server.scenario.base import Rules, Scenario
     from race_server.server import LOCKSTEP, REAL, RaceServer
     from race_server.session import Session
@@ -245,17 +267,25 @@ def serve(
     scenario = with_line(scenario, solve=wanted)
     if scenario.line and scenario.line.note:
         log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
-    race = Session(session, scenario)
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    with results_writer(results, log) as writer, ServerLink(listen, session, karts) as link:
-        if not is_compiled():
-            log.print("compiling the simulation for this machine, once: about half a minute")
-        warm_up(scenario)
-        server = RaceServer(race, link, pace, fillers, writer)
+    if not is_compiled():
+        log.print("compiling the simulation for this machine, once: about half a minute")
+    with ExitStack() as stack:
+        writer = stack.enter_context(results_writer(results, log))
+        keeper = Keeper(writer) if writer else None
+        logbook = stack.enter_context(_logbook(record, session, log))
+        race, taken_up = _take_up(logbook, keeper, log, fresh=fresh) or (None, None)
+        if race is None:
+            race = Session(session, scenario)
+            warm_up(scenario)
+        karts = len(race.seats)
+        link = stack.enter_context(ServerLink(listen, session, karts))
+        server = RaceServer(race, link, pace, fillers, keeper, logbook)
         stopped = _stop_on_signals(server)
-        log.print(f"{session}: {scenario.course.title}, {karts} seats, listening on {listen}")
+        log.print(f"{session}: {race.scenario.course.title}, {karts} seats, listening on {listen}")
         while not stopped:
-            outcome = server.run(min(awaited, karts))
+            outcome = server.go_on(*taken_up) if taken_up else server.run(min(awaited, karts))
+            taken_up = None
             if outcome is None:
                 break
             document = outcome.as_json()
@@ -268,6 +298,43 @@ def serve(
             if once:
                 break
             server.reopen()
+
+
+def _logbook(words: str, session: str, log: Console) -> "AbstractContextManager[Logbook | None]":
+    """Return where a session's recordings go, None for nowhere."""
+    from race_server.recording.logbook import Logbook, folder_of
+
+    if folder := folder_of(words):
+        say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
+        return Logbook(folder, session, say)
+    return nullcontext()
+
+
+def _take_up(
+    logbook: "Logbook | None", keeper: "Keeper | None", log: Console, *, fresh: bool
+) -> "tuple[Session, tuple[Recording, list[Event]]] | None":
+    """Return the session of a race whose server was killed, with its recording and its events."""
+    from race_server.server.resume import take_up
+
+    recording = logbook.unfinished() if logbook else None
+    if logbook is None or recording is None:
+        return None
+    if fresh:
+        logbook.put_aside("a race whose server was killed is not taken up")
+        return None
+    begun = time.perf_counter()
+    try:
+        session, events = take_up(recording, keeper)
+    except RecordingError as error:
+        logbook.put_aside(str(error))
+        return None
+    log.print(
+        f"taking up the race that was begun at {recording.start.started_at}: "
+        f"{session.tick / TICKS_PER_SECOND:.1f} s, {len(recording.laps)} laps, rebuilt in "
+        f"{time.perf_counter() - begun:.2f} s",
+        markup=False,
+    )
+    return session, (recording, events)
 
 
 def warm_up(scenario: Any) -> None:

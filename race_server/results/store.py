@@ -133,6 +133,13 @@ class Store:
             self._tidy()
 
     def _add_race(self, race: Race) -> int:
+        """Return the number of a new race, or of one that a server which was killed has begun."""
+        begun = self._connection.execute(
+            "select id from race where session = ? and started_at = ? and ended is null",
+            (race.session, race.started_at),
+        ).fetchone()
+        if begun is not None:
+            return int(begun[0])
         values = astuple(race)[:-1]
         number = self._connection.execute(
             "insert into race (started_at, session, track, track_digest, vehicle, laps, pace, "
@@ -150,7 +157,8 @@ class Store:
     def _add_lap(self, race: int, lap: Lap) -> None:
         sectors = json.dumps(lap.sectors)
         self._connection.execute(
-            "insert into lap values (?, ?, ?, ?, ?, ?)",
+            # Of a race that is taken up the same laps come again.
+            "insert into lap values (?, ?, ?, ?, ?, ?) on conflict do nothing",
             (race, lap.seat, lap.number, lap.time_us, sectors, int(lap.is_clean)),
         )
 

@@ -60,6 +60,8 @@ class Desk:
         if is_there:
             self._linked.add(seat)
             self._expected.pop(seat, None)
+            if self._session.phase is not Phase.LOBBY and self._session.seats[seat].is_taken:
+                self._session.come_back(seat)
         else:
             self._linked.discard(seat)
             self._session.drop(seat)
@@ -91,12 +93,12 @@ class Desk:
         seat = session.join(join.driver, join.preset, wanted=join.wanted, secret=join.secret)
         if session.phase is Phase.LOBBY and seat.number not in self._linked:
             self._expected[seat.number] = time.monotonic()
-        return encode_welcome(self._welcome(seat))
+        return encode_welcome(self._welcome(seat, join.secret))
 
     def _act_on_seat(self, request: Request) -> bytes:
         act = decode_seat_act(request.payload)
         seat = self._session.seat(act.seat)
-        if act.secret != seat.secret:
+        if not seat.fits(act.secret):
             raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)
@@ -104,10 +106,10 @@ class Desk:
             seat.is_ready = act.ready
         return encode_reply("")
 
-    def _welcome(self, seat: Seat) -> Welcome:
+    def _welcome(self, seat: Seat, secret: int) -> Welcome:
         session = self._session
         briefing = briefing_for(session, seat)
-        return Welcome(briefing, seat.secret, session.epoch, session.scenario.lidar.rays)
+        return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays)
 
 
 def reason_of(error: Exception) -> str:

@@ -3,7 +3,6 @@
 import gc
 import time
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from race_server.clock import Pacer, ticks_of
@@ -11,10 +10,13 @@ from race_server.driver import driver_named
 from race_server.errors import DriverError, WireError
 from race_server.messages import Event, Phase
 from race_server.paddock import Paddock
-from race_server.results.keeper import Keeper
-from race_server.results.writer import Writer
+from race_server.recording.logbook import Logbook
+from race_server.recording.reader import Recording
+from race_server.results.keeper import Keeper, utc_now
 from race_server.server.desk import Desk, reason_of
+from race_server.server.gate import Gate, Tickets
 from race_server.server.herald import Herald
+from race_server.server.journal import Journal
 from race_server.server.outcome import RaceResult
 from race_server.session import Seat, Session
 from race_server.transport import ServerLink
@@ -37,17 +39,19 @@ class RaceServer:
     link: ServerLink
     pace: str = REAL
     fillers: tuple[str, ...] = ()  # drivers for the seats that stay empty, repeated in turn
-    results: Writer | None = None  # the file that keeps races and laps
+    keeper: Keeper | None = None  # writes races and laps into the results file
+    logbook: Logbook | None = None  # where recordings go
     missed_ticks: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Open the desk and send for the herald."""
-        self._keeper = Keeper(self.results) if self.results else None
+        self._journal: Journal | None = None
+        self._gate = Gate()
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
-        self._desk = Desk(self.session, self.refused, self._told)
+        self._desk = Desk(self.session, self.refused, self._gate.told)
         self._stop = False
 
     # One race from the lobby to the results
@@ -86,9 +90,35 @@ class RaceServer:
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
         self.session.start()
-        self.events = list(self.session.recent)
-        if self._keeper:
-            self._keeper.begin(self.session, self.pace)
+        self._open_book()
+        return self._race_on(list(self.session.recent))
+
+    def go_on(self, recording: Recording, events: list[Event]) -> RaceResult:
+        """Race on from where a server that was killed has left the race.
+
+        The session stands there already, see `race_server.server.resume`; events: so far.
+        """
+        assert self.logbook is not None
+        self._journal = Journal.of_old_race(self.logbook, self.session, recording)
+        self._herald.journal = self._journal
+        for row in recording.start.seats:
+            if row.is_local:
+                self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
+        if self.pace == LOCKSTEP:
+            self._wait_for_return()
+        return self._race_on(events)
+
+    def _wait_for_return(self) -> None:
+        """Wait until everybody is back; in lock-step the world must not run away from them."""
+        deadline = time.monotonic() + ANSWER_S
+        while not self._stop and time.monotonic() < deadline:
+            self._hear()
+            if all(seat.is_present for seat in self.session.seats if seat.is_taken):
+                return
+            self.link.wait(LOBBY_POLL_S)
+
+    def _race_on(self, events: list[Event]) -> RaceResult:
+        self.events = events
         self._herald.tell_standings()
         gc.collect()
         gc.freeze()
@@ -114,11 +144,25 @@ class RaceServer:
             self._refusals(),
         )
 
+    def _open_book(self) -> None:
+        """Begin to write down: the race with its laps, and everything that acts on it."""
+        started_at = utc_now()
+        self._gate.clear()
+        if self.keeper:
+            self.keeper.begin(self.session, self.pace, started_at)
+        if self.logbook:
+            self._journal = self._herald.journal = Journal.of_new_race(
+                self.logbook, self.session, self.pace, started_at, self._paddock
+            )
+
     def _close_book(self) -> None:
         """Tell the last events and write how the race ended."""
-        if self._keeper:
-            self._tell_released(self._keeper, wait=True)
-            self._keeper.end(self.session)
+        self._tell_released(wait=True)
+        if self.keeper:
+            self.keeper.end(self.session)
+        if self._journal:
+            self._journal.end()
+        self._journal = self._herald.journal = None
 
     def _refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
@@ -151,32 +195,34 @@ class RaceServer:
 
     def _advance(self, ticks: int) -> None:
         before = self.session.tick
-        if self._keeper:
-            self._keeper.look(self.session)
+        if self.keeper:
+            self.keeper.look(self.session)
         events = self.session.advance(ticks)
         self.events += events
+        if self._journal:
+            self._journal.note(before, events)
         self._announce(events)
         self._herald.tell_watchers()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._herald.tell_standings()
 
     def _announce(self, events: list[Event]) -> None:
-        """Tell events in order; a lap, and what comes after it, once it is in the results file.
+        """Tell events in order, each once it is written down.
 
-        In real time no tick waits for the file. In lock-step the world does, as for a driver.
+        In real time no tick waits for the disk. In lock-step the world does, as for a driver.
         """
-        if self._keeper:
-            self._keeper.keep(events)
-            self._tell_released(self._keeper, wait=self.pace == LOCKSTEP)
-        elif events:
-            self._herald.tell_events(events)
+        if events:
+            tickets: Tickets = ()
+            if self.keeper:
+                tickets += ((self.keeper, self.keeper.keep(events)),)
+            if self._journal:
+                tickets += (self._journal.ticket(),)
+            self._gate.hold(events, tickets)
+        self._tell_released(wait=self.pace == LOCKSTEP)
 
-    def _tell_released(self, keeper: Keeper, *, wait: bool) -> None:
-        for events in keeper.released(wait=wait):
+    def _tell_released(self, *, wait: bool) -> None:
+        for events in self._gate.released(wait=wait):
             self._herald.tell_events(events)
-
-    def _told(self, events: Iterable[Event]) -> list[Event]:
-        return self._keeper.told(events) if self._keeper else list(events)
 
     # Hearing and telling
 
