@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
+from race_server import codes
+from race_server.stages.report import penalise
 from race_server.state import World
 from race_server.step import show_flag, withdraw
 
@@ -17,6 +19,7 @@ class ActKind(IntEnum):
 
     WITHDRAW = 1  # a kart is out of the race
     FLAG = 2  # value: Flag
+    PENALTY = 3  # value: [s] that the stewards add to a kart's race time
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,12 @@ def _show_flag(world: World, _: int, flag: float) -> None:
     show_flag(world, 0, int(flag))
 
 
+def _penalise(world: World, kart: int, seconds: float) -> None:
+    penalise(world, 0, kart, round(seconds * 1e6), codes.EVENT_PENALTY)
+
+
 _ACTS: dict[ActKind, Callable[[World, int, float], None]] = {
     ActKind.WITHDRAW: _withdraw,
     ActKind.FLAG: _show_flag,
+    ActKind.PENALTY: _penalise,
 }

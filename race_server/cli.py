@@ -4,7 +4,19 @@ import sys
 
 import typer
 
-from race_server.commands import bench, day, limit, race, recording, results, track, trial
+from race_server.commands import (
+    admin,
+    bench,
+    day,
+    drill,
+    keys,
+    limit,
+    race,
+    recording,
+    results,
+    track,
+    trial,
+)
 from race_server.errors import RaceError
 
 app = typer.Typer(
@@ -27,6 +39,9 @@ app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
 app.add_typer(results.app, name="results")
+app.add_typer(keys.app, name="keys")
+app.add_typer(admin.app, name="admin")
+app.add_typer(drill.app, name="drill")
 
 
 def main() -> None:

@@ -4,7 +4,6 @@ Who drives what is decided here; what happens on the track is decided by the wor
 feeds joins, controls and ticks in, and takes events, observations and standings out.
 """
 
-import hashlib
 import secrets
 from collections import deque
 from collections.abc import Callable
@@ -14,6 +13,7 @@ import numpy as np
 
 from race_server import codes
 from race_server.acts import Act, ActKind, carry_out
+from race_server.badge import key_of
 from race_server.clock import ticks_of
 from race_server.errors import SeatError, WireError
 from race_server.kernels.jit import bind
@@ -41,7 +41,7 @@ class Seat:
     number: int
     driver: str = ""
     preset: str = ""
-    key: bytes = b""  # digest of the driver's secret
+    key: bytes = b""  # follows from the driver's secret
     is_taken: bool = False
     is_ready: bool = False
     is_present: bool = False
@@ -54,11 +54,6 @@ class Seat:
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""
         return secrets.compare_digest(self.key, key_of(secret))
-
-
-def key_of(secret: int) -> bytes:
-    """Return the digest by which a secret is known, and which may be written down."""
-    return hashlib.blake2b(secret.to_bytes(8, "little"), digest_size=16).digest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +81,7 @@ class Session:
     laps_us: dict[int, list[int]] = field(default_factory=dict)
     is_recorded: bool = False
     log: list[Inputs | Act] = field(default_factory=list)  # while recorded; who records empties it
+    closed: dict[int, str] = field(default_factory=dict)  # seats that nobody may take, and why
 
     def __post_init__(self) -> None:
         """Build the world once; each start puts it back."""
@@ -106,11 +102,20 @@ class Session:
 
     # Seats
 
-    def join(self, driver: str, preset: str, *, wanted: int = -1, secret: int = 0) -> Seat:
+    def join(
+        self,
+        driver: str,
+        preset: str,
+        *,
+        wanted: int = -1,
+        secret: int = 0,
+        owns: bool = False,
+    ) -> Seat:
         """Give a driver a seat, or the one that it already has.
 
         secret: chosen by the driver; who sends the same one again is given the same seat, so a
-        join whose answer was lost may simply be repeated.
+        join whose answer was lost may simply be repeated. owns: the wanted seat is known to be
+        the driver's, which may then take it up with a new secret once its old link is gone.
 
         Raises:
             SeatError: no seat is free, the wanted one is taken, or the race has begun.
@@ -119,10 +124,16 @@ class Session:
             known = ", ".join(PRESETS)
             raise SeatError(f"observation {preset!r} is unknown; choose one of {known}")
         for own in self.seats:
-            if secret and own.is_taken and own.fits(secret):
+            if secret and own.is_taken and own.fits(secret) and wanted in {-1, own.number}:
                 self.come_back(own.number)
                 return own
+        if owns and self._is_deserted(wanted, preset):
+            self.seats[wanted].key = key_of(secret)
+            self.come_back(wanted)
+            return self.seats[wanted]
         if self.phase is not Phase.LOBBY:
+            if wanted in self.closed:
+                raise SeatError(f"seat {wanted} is closed: {self.closed[wanted]}")
             raise SeatError("the race has begun; join again in the next lobby")
         seat = self._free_seat(wanted)
         seat.driver, seat.preset = driver, preset
@@ -130,14 +141,24 @@ class Session:
         seat.is_taken, seat.is_ready, seat.is_present = True, False, True
         return seat
 
+    def _is_deserted(self, number: int, preset: str) -> bool:
+        """Return whether a seat races without its driver, who would see what is seen there."""
+        if not 0 <= number < len(self.seats) or number in self.closed:
+            return False
+        seat = self.seats[number]
+        return seat.is_taken and not seat.is_present and seat.preset == preset
+
     def _free_seat(self, wanted: int) -> Seat:
-        if wanted >= len(self.seats):
-            raise SeatError(f"seat {wanted} does not exist; seats are 0 to {len(self.seats) - 1}")
+        if wanted >= 0:
+            self._check_number(wanted)
+        if wanted in self.closed:
+            raise SeatError(f"seat {wanted} is closed: {self.closed[wanted]}")
         if wanted >= 0 and self.seats[wanted].is_taken:
             raise SeatError(f"seat {wanted} is taken by {self.seats[wanted].driver}")
-        free = [seat for seat in self.seats if not seat.is_taken]
+        free = [s for s in self.seats if not s.is_taken and s.number not in self.closed]
         if not free:
-            raise SeatError(f"all {len(self.seats)} seats are taken")
+            shut = f" or closed ({len(self.closed)})" if self.closed else ""
+            raise SeatError(f"all {len(self.seats)} seats are taken{shut}")
         return self.seats[wanted] if wanted >= 0 else free[0]
 
     def seat(self, number: int) -> Seat:
@@ -171,6 +192,27 @@ class Session:
             seat.is_present = False
             seat.away_since = self.tick
             seat.control = STOP
+
+    def close(self, number: int, reason: str) -> None:
+        """Let nobody take a seat; who has it keeps it."""
+        self._check_number(number)
+        self.closed[number] = reason
+
+    def unclose(self, number: int) -> None:
+        """Let a seat be taken again."""
+        self._check_number(number)
+        self.closed.pop(number, None)
+
+    def kick(self, number: int, reason: str) -> None:
+        """Take a seat from its driver, who may not come back."""
+        seat = self.seat(number)
+        self.close(number, reason)
+        seat.key = b""
+        self.leave(number)
+
+    def _check_number(self, number: int) -> None:
+        if not 0 <= number < len(self.seats):
+            raise SeatError(f"seat {number} does not exist; seats are 0 to {len(self.seats) - 1}")
 
     def come_back(self, number: int) -> None:
         """Take note that a driver is there again."""
@@ -303,6 +345,14 @@ class Session:
     def show_flag(self, flag: Flag) -> None:
         """Show a flag to all karts."""
         self.do(ActKind.FLAG, value=float(flag))
+
+    def penalise(self, number: int, seconds: float) -> None:
+        """Add a penalty to the race time of a seat.
+
+        Raises:
+            SeatError: nobody sits there.
+        """
+        self.do(ActKind.PENALTY, self.seat(number).number, seconds)
 
     def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
         """Do something to the race from outside, and log it."""

@@ -22,6 +22,7 @@ import zenoh
 
 from race_server.badge import key_of_badge
 from race_server.errors import LinkError
+from race_server.guard.access import common_name, seat_name
 from race_server.guard.doubt import reason_out
 from race_server.guard.keys import ClientKeys, ServerKeys
 from race_server.guard.settings import Door, as_json, client_settings, server_settings
@@ -136,11 +137,13 @@ class ServerLink(_Link):
         self._seen: list[dict[bytes, None]] = [{} for _ in range(seats)]  # badges of links there
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
+        self._turn = 0  # where the next round of answers begins
         self._presence: deque[tuple[int, bool]] = deque(maxlen=MOST_NEWS)
         self._publishers: dict[tuple[str, int], Any] = {}
         self._kept: list[Any] = [self._hear_seat(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
+        self._kept.append(self._hear_links())
 
     def admit(self, seat: int, key: bytes) -> None:
         """Hear one connection for a seat, and no other: that whose badge fits the key."""
@@ -235,6 +238,23 @@ class ServerLink(_Link):
         elif is_there and self._badges[seat] in seen:
             self.dropped["second login", seat] += 1
 
+    def _hear_links(self) -> Any:
+        """Count how often a certificate is logged in: a stolen one may only listen."""
+        open_links: Counter[str] = Counter()
+        owners = {
+            common_name(self._name, seat_name(seat)): seat for seat in range(len(self._inputs))
+        }
+
+        def store(event: zenoh.LinkEvent) -> None:
+            name = event.link.auth_identifier
+            if name in owners:
+                is_new = event.kind == zenoh.SampleKind.PUT
+                open_links[name] += 1 if is_new else -1
+                if is_new and open_links[name] > 1:
+                    self.dropped["second login", owners[name]] += 1
+
+        return self._session.info.declare_link_events_listener(store, history=True)
+
     def take_inputs(self) -> list[tuple[int, bytes]]:
         """Return the newest controls of each seat since the last call, oldest first."""
         self._arrived.clear()
@@ -246,11 +266,10 @@ class ServerLink(_Link):
 
     def take_requests(self) -> Iterable[Request]:
         """Yield requests that wait for an answer, one of each key in turn, a bounded number."""
-        left = MOST_ANSWERS
-        for waiting in list(self._requests.values()):
-            if waiting and left > 0:
-                left -= 1
-                yield waiting.popleft()
+        waiting = [requests for requests in list(self._requests.values()) if requests]
+        self._turn += 1
+        for place in range(min(len(waiting), MOST_ANSWERS)):
+            yield waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)].popleft()
 
     def take_presence(self) -> Iterable[tuple[int, bool]]:
         """Yield seats whose driver's link came up (True) or went away (False)."""

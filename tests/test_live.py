@@ -238,24 +238,26 @@ def test_a_driver_that_raises_is_out_and_the_race_goes_on() -> None:
 
 
 def test_rubbish_on_the_control_topic_is_counted_and_the_race_goes_on() -> None:
-    with served() as live:
-        stop = threading.Event()
-
-        def attack() -> None:
-            with ClientLink(live.address, "race") as link:
-                send = link.sender(0)
-                while not stop.wait(0.002):
-                    send(os.urandom(100))
-                    send(os.urandom(4000))
-
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        drive_all(live.address, NAMES)
-        stop.set()
-        attacker.join(10.0)
-    assert live.results[0].refused
-    assert live.server.link.oversized > 0
-    assert {row.status for row in live.results[0].standings} == {Status.FINISHED}
+    with served() as live, ClientLink(live.address, "race") as link:
+        rude = take_seat(link, Join("rude", "track", 1))
+        stranger = link.sender(0, "no badge of that seat")
+        rude.act(topics.READY)
+        other = threading.Thread(
+            target=drive,
+            args=(driver_named("pure_pursuit"), "good"),
+            kwargs={"address": live.address, "wanted": 0},
+        )
+        other.start()
+        for _ in range(100):
+            for size in (100, 300, 4000):
+                rude.send(os.urandom(size))
+                stranger(os.urandom(size))
+            time.sleep(0.002)
+        rude.act(topics.LEAVE)
+        other.join(90.0)
+    refused = live.results[0].refused
+    assert {"foreign", "oversized", "control without the seat's badge"} <= set(refused)
+    assert min(live.results[0].standings, key=lambda row: row.seat).status is Status.FINISHED
 
 
 def test_rubbish_in_a_request_gets_a_refusal() -> None:

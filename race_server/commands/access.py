@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from race_server.errors import KeysError
 from race_server.guard.keys import ClientKeys, read_client_keys
 from race_server.transport import DEFAULT_ADDRESS
 
@@ -31,6 +32,21 @@ class Access:
     keys: ClientKeys | None
     address: str
     session: str
+
+    def seat(self, wanted: int) -> int:
+        """Return the seat to ask for.
+
+        Raises:
+            KeysError: the keys are another seat's, or no driver's.
+        """
+        if self.keys is None:
+            return wanted
+        if self.keys.seat < 0 or wanted not in {-1, self.keys.seat}:
+            raise KeysError(
+                f"the keys in {self.keys.folder} are those of {self.keys.role}: they cannot drive "
+                + (f"seat {wanted}" if wanted >= 0 else "a kart")
+            )
+        return self.keys.seat
 
 
 def access(folder: Path | None, connect: str, session: str) -> Access:

@@ -15,17 +15,22 @@ from rich.live import Live
 
 from race_server.board import Headline, leaderboard
 from race_server.clock import TICKS_PER_SECOND
+from race_server.commands.access import Connect, KeysFolder, access
+from race_server.commands.access import SessionName as SessionWanted
 from race_server.errors import RaceError, RecordingError, ScenarioError
 from race_server.messages import Event, Flag, Phase, Standing, Status
 from race_server.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
+    from race_server.guard.keys import ServerKeys
     from race_server.recording.logbook import Logbook
     from race_server.recording.reader import Recording
     from race_server.results.keeper import Keeper
     from race_server.results.writer import Writer
     from race_server.session import Session
 
+# Encrypted, to all of this machine's networks.
+OPEN_ADDRESS = "tls/0.0.0.0:7447"
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
 Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
@@ -57,7 +62,6 @@ Record = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Connect = Annotated[str, typer.Option("--connect", help="Address of the server.")]
 Listen = Annotated[str, typer.Option("--listen", help="Address to listen on.")]
 
 
@@ -227,7 +231,18 @@ def serve(
     result: Annotated[
         Path | None, typer.Option(help="Write the result of the last race to this file.")
     ] = None,
-    listen: Listen = DEFAULT_ADDRESS,
+    listen: Annotated[
+        str,
+        typer.Option(
+            "--listen", help=f"Address to listen on; {DEFAULT_ADDRESS}, or {OPEN_ADDRESS} if open."
+        ),
+    ] = "",
+    is_open: Annotated[
+        bool, typer.Option("--open", help="Let other machines in, those with keys.")
+    ] = False,
+    keys: Annotated[
+        Path | None, typer.Option("--keys", help="Folder that `race keys new` made, with --open.")
+    ] = None,
     session: SessionName = "race",
     results: Results = "",
     record: Record = "",
@@ -241,6 +256,8 @@ def serve(
     Started again after it was killed in a race, it takes up the race where it was.
     """
     from race_server.driver import driver_named
+    from race_server.guard.settings import Door, check_door
+    from race_server.guard.token import local_token
     from race_server.kernels.jit import is_compiled
     from race_server.limit.line import with_line
     from race_server.observe import wants_line
@@ -267,6 +284,9 @@ def serve(
     scenario = with_line(scenario, solve=wanted)
     if scenario.line and scenario.line.note:
         log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
+    held = _server_keys(keys, session, karts, is_open=is_open)
+    address = listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
+    check_door(Door(address, session, karts, held))
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
     if not is_compiled():
         log.print("compiling the simulation for this machine, once: about half a minute")
@@ -279,10 +299,13 @@ def serve(
             race = Session(session, scenario)
             warm_up(scenario)
         karts = len(race.seats)
-        link = stack.enter_context(ServerLink(listen, session, karts))
-        server = RaceServer(race, link, pace, fillers, keeper, logbook)
+        link = stack.enter_context(
+            ServerLink(address, session, karts, keys=held, real_time=pace == REAL)
+        )
+        token = held.token if held else stack.enter_context(local_token(address, session))
+        server = RaceServer(race, link, pace, fillers, keeper, logbook, token)
         stopped = _stop_on_signals(server)
-        log.print(f"{session}: {race.scenario.course.title}, {karts} seats, listening on {listen}")
+        log.print(f"{session}: {race.scenario.course.title}, {karts} seats, listening on {address}")
         while not stopped:
             outcome = server.go_on(*taken_up) if taken_up else server.run(min(awaited, karts))
             taken_up = None
@@ -298,6 +321,29 @@ def serve(
             if once:
                 break
             server.reopen()
+
+
+def _server_keys(
+    folder: Path | None, session: str, karts: int, *, is_open: bool
+) -> "ServerKeys | None":
+    """Return the keys to serve with, None for a session that is closed to other machines.
+
+    Raises:
+        KeysError: `--open` and `--keys` do not come together, or the keys cannot be used.
+    """
+    from race_server.errors import KeysError
+    from race_server.guard.keys import read_server_keys
+
+    if not is_open and folder is None:
+        return None
+    if folder is None:
+        raise KeysError(
+            f"--open needs keys: make them with `race keys new {session} --seats {karts} "
+            f"--host ADDRESS` and serve with --open --keys keys-{session}"
+        )
+    if not is_open:
+        raise KeysError(f"--keys {folder} lets other machines in: say so with --open")
+    return read_server_keys(folder, session, karts)
 
 
 def _logbook(words: str, session: str, log: Console) -> "AbstractContextManager[Logbook | None]":
@@ -365,9 +411,10 @@ def _stop_on_signals(server: Any) -> list[int]:
 
 def drive(
     name: Annotated[str, typer.Argument(help="An installed driver.")],
-    connect: Connect = DEFAULT_ADDRESS,
-    session: SessionName = "race",
-    seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any.")] = -1,
+    connect: Connect = "",
+    session: SessionWanted = "",
+    seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any, or that in the keys.")] = -1,
+    keys: KeysFolder = None,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
 ) -> None:
     """Take a seat and drive one race."""
@@ -376,14 +423,22 @@ def drive(
     from race_server.client import drive as drive_race
     from race_server.driver import driver_named
 
+    given = access(keys, connect, session)
     drive_race(
-        driver_named(name), name, address=connect, session=session, wanted=seat, timeout_s=patience
+        driver_named(name),
+        name,
+        address=given.address,
+        session=given.session,
+        wanted=given.seat(seat),
+        timeout_s=patience,
+        keys=given.keys,
     )
 
 
 def watch(
-    connect: Connect = DEFAULT_ADDRESS,
-    session: SessionName = "race",
+    connect: Connect = "",
+    session: SessionWanted = "",
+    keys: KeysFolder = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the live leaderboard of a race; with --json the standings once."""
@@ -393,7 +448,8 @@ def watch(
     from race_server.transport import ClientLink
     from race_server.watch import Watcher
 
-    with ClientLink(connect, session) as link:
+    given = access(keys, connect, session)
+    with ClientLink(given.address, given.session, keys=given.keys) as link:
         watcher = Watcher(link)
         if as_json:
             print(json.dumps(asdict(watcher.standings) if watcher.standings else {}))
@@ -401,8 +457,8 @@ def watch(
         _, items = watcher.rules()
         with Live(refresh_per_second=8) as live:
             while watcher.standings is None or watcher.standings.phase is not Phase.FINISHED:
-                live.update(board_of(watcher, session, items))
+                live.update(board_of(watcher, given.session, items))
                 time.sleep(0.12)
                 if watcher.snapshot() is None and not watcher.refresh():
-                    raise RaceError(f"the server at {connect} has gone")
-            live.update(board_of(watcher, session, items))
+                    raise RaceError(f"the server at {given.address} has gone")
+            live.update(board_of(watcher, given.session, items))

@@ -2,7 +2,6 @@
 
 import gc
 import time
-from collections import Counter
 from dataclasses import dataclass, field
 
 from race_server.clock import Pacer, ticks_of
@@ -18,6 +17,8 @@ from race_server.server.gate import Gate, Tickets
 from race_server.server.herald import Herald
 from race_server.server.journal import Journal
 from race_server.server.outcome import RaceResult
+from race_server.server.refusals import Refusals
+from race_server.server.steward import Steward
 from race_server.session import Seat, Session
 from race_server.transport import ServerLink
 from race_server.wire.drive import decode_control
@@ -41,8 +42,9 @@ class RaceServer:
     fillers: tuple[str, ...] = ()  # drivers for the seats that stay empty, repeated in turn
     keeper: Keeper | None = None  # writes races and laps into the results file
     logbook: Logbook | None = None  # where recordings go
+    token: str = ""  # the steward's; without one there is no steward
     missed_ticks: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
+    refused: Refusals = field(default_factory=Refusals)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -51,7 +53,10 @@ class RaceServer:
         self._gate = Gate()
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
-        self._desk = Desk(self.session, self.refused, self._gate.told)
+        self._steward = Steward(self.session, self.token)
+        self._desk = Desk(
+            self.session, self.link, self._steward, self.refused, self._gate.told
+        )
         self._stop = False
 
     # One race from the lobby to the results
@@ -65,7 +70,18 @@ class RaceServer:
         if self._stop:
             return None
         self._fill_empty_seats()
-        return self.race()
+        return self._begin_again(self.race())
+
+    def _begin_again(self, result: RaceResult) -> RaceResult:
+        """Race anew with who is there for as long as the steward breaks races off for it."""
+        while self._steward.wants_restart and not self._stop:
+            self._steward.wants_restart = False
+            self.reopen()
+            for seat in self.session.seats:
+                seat.is_ready = seat.is_taken
+            self._fill_empty_seats()
+            result = self.race()
+        return result
 
     def stop(self) -> None:
         """End the race at the next tick; what was driven counts."""
@@ -81,6 +97,7 @@ class RaceServer:
         """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
         while not self._stop:
             self._hear()
+            self.refused.note_dropped(self.link.dropped)
             self._desk.free_deserted_seats()
             taken = sum(seat.is_taken for seat in self.session.seats)
             if taken >= drivers and (taken == 0 or self.session.can_start()):
@@ -104,9 +121,11 @@ class RaceServer:
         for row in recording.start.seats:
             if row.is_local:
                 self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
+            else:
+                self.link.admit(row.number, row.key)
         if self.pace == LOCKSTEP:
             self._wait_for_return()
-        return self._race_on(events)
+        return self._begin_again(self._race_on(events))
 
     def _wait_for_return(self) -> None:
         """Wait until everybody is back; in lock-step the world must not run away from them."""
@@ -166,17 +185,17 @@ class RaceServer:
 
     def _refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
-        counts = dict(self.refused)
-        for reason in ("oversized", "foreign"):
-            if count := getattr(self.link, reason):
-                counts[reason] = count
-        return counts
+        self.refused.note_dropped(self.link.dropped)
+        return dict(self.refused)
 
     def _race_in_real_time(self) -> None:
         pacer = Pacer()
         pacer.start()
         session = self.session
         while self._goes_on():
+            if self._steward.is_paused:
+                self._stand_still()
+                pacer.start()
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
             self._hear()
@@ -186,12 +205,31 @@ class RaceServer:
 
     def _race_in_lockstep(self) -> None:
         while self._goes_on():
+            if self._steward.is_paused:
+                self._stand_still()
             self._tell_seats()
             self._hear_all()
             self._advance(self.session.decision_ticks)
 
     def _goes_on(self) -> bool:
-        return not self._stop and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        ends = self._stop or self._steward.wants_restart
+        return not ends and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+
+    def _stand_still(self) -> None:
+        """Let no time pass while the clock stands; drivers are told now and then that we are here."""
+        again = 0.0
+        while self._steward.is_paused and self._goes_on():
+            self._hear()
+            if time.monotonic() > again:
+                again = time.monotonic() + REPEAT_S
+                self._repeat([seat.number for seat in self.session.seats if seat.is_present])
+            self.link.wait(LOBBY_POLL_S)
+
+    def _repeat(self, seats: list[int]) -> None:
+        """Tell seats again what they see."""
+        for number in seats:
+            if number not in self._paddock:
+                self._herald.tell_observation(self.session.seats[number])
 
     def _advance(self, ticks: int) -> None:
         before = self.session.tick
@@ -205,6 +243,7 @@ class RaceServer:
         self._herald.tell_watchers()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._herald.tell_standings()
+            self.refused.note_dropped(self.link.dropped)
 
     def _announce(self, events: list[Event]) -> None:
         """Tell events in order, each once it is written down.
@@ -242,8 +281,7 @@ class RaceServer:
                 return
             if now > again:
                 again = now + REPEAT_S
-                for seat in waiting:
-                    self._herald.tell_observation(self.session.seats[seat])
+                self._repeat(waiting)
             self.link.wait(0.05)
 
     def _hear(self) -> None:
@@ -260,7 +298,7 @@ class RaceServer:
             frame = decode_control(data)
             self.session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
         except WireError as error:
-            self.refused[reason_of(error)] += 1
+            self.refused.note(reason_of(error), seat)
 
     def _tell_seats(self) -> None:
         """Send every seat what it sees, and let the local drivers answer at once."""
@@ -286,7 +324,7 @@ class RaceServer:
         try:
             control = self._paddock.answer(seat.number)
         except DriverError:
-            self.refused[f"driver {seat.driver} failed"] += 1
+            self.refused.note(f"driver {seat.driver} failed", seat.number)
             self.session.drop(seat.number)
             return
         self._take_control(seat.number, control)

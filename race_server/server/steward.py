@@ -91,21 +91,19 @@ class Steward:
 
     def _kick(self, decision: Decision) -> str:
         driver = self._session.seat(decision.seat).driver
-        self._session.shut(decision.seat, "its driver was sent away by the steward")
-        self._session.leave(decision.seat)
+        self._session.kick(decision.seat, "the steward sent its driver away")
         return f"seat {decision.seat}, {driver}, sent away"
 
     def _close(self, decision: Decision) -> str:
-        self._session.shut(decision.seat, "closed by the steward")
+        self._session.close(decision.seat, "by the steward")
         return f"seat {decision.seat} closed"
 
     def _open(self, decision: Decision) -> str:
-        self._session.unshut(decision.seat)
+        self._session.unclose(decision.seat)
         return f"seat {decision.seat} open"
 
     def _restart(self, _: Decision) -> str:
-        if self._session.phase is Phase.LOBBY:
-            raise SeatError("there is no race to start anew: the session is in its lobby")
+        self._need_race()
         self.is_paused = False
         self.wants_restart = True
         return "the race starts anew"

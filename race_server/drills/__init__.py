@@ -1,0 +1,1 @@
+"""Drills: trouble made on purpose, and what came of it in figures."""
