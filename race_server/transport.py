@@ -46,7 +46,12 @@ QUERY_TIMEOUT_S = 2.0
 ASK_S = 2.0 / topics.QUERY_HZ
 
 
-def _open(settings: dict[str, Any]) -> zenoh.Session:
+def open_session(settings: dict[str, Any]) -> zenoh.Session:
+    """Return a zenoh session.
+
+    Raises:
+        ZError: it cannot be opened.
+    """
     config = zenoh.Config()
     for key, value in as_json(settings):
         config.insert_json5(key, value)
@@ -121,7 +126,7 @@ class ServerLink(_Link):
         door = Door(address, session_name, seats, keys, real_time)
         settings = server_settings(door)
         try:
-            super().__init__(_open(settings))
+            super().__init__(open_session(settings))
         except zenoh.ZError as error:
             raise LinkError(
                 f"cannot listen on {address}: it is in use or not of this machine; "
@@ -276,6 +281,15 @@ class ServerLink(_Link):
         while self._presence:
             yield self._presence.popleft()
 
+    def overhear(self, store: Callable[[str, bytes], None]) -> None:
+        """Call `store` with key and payload of whatever reaches this session from outside."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            store(str(sample.key_expr), sample.payload.to_bytes())
+
+        remote = zenoh.Locality.REMOTE
+        self._kept.append(self._session.declare_subscriber("**", receive, allowed_origin=remote))
+
     def wait(self, timeout_s: float) -> bool:
         """Return True once something has arrived since `take_inputs`, False at the timeout."""
         return self._arrived.wait(timeout_s)
@@ -318,7 +332,7 @@ class ClientLink(_Link):
         key_of(topics.SNAPSHOT, session_name)
         settings = client_settings(address, keys, timeout_s)
         try:
-            super().__init__(_open(settings))
+            super().__init__(open_session(settings))
         except zenoh.ZError as error:
             raise LinkError(
                 f"no server answers at {address} within {timeout_s:g} s. "
