@@ -4,7 +4,18 @@ import sys
 
 import typer
 
-from race_server.commands import bench, day, limit, race, recording, results, track, trial
+from race_server.commands import (
+    bench,
+    day,
+    drill,
+    limit,
+    race,
+    recording,
+    results,
+    serve,
+    track,
+    trial,
+)
 from race_server.errors import RaceError
 
 app = typer.Typer(
@@ -16,7 +27,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(race.start)
-app.command()(race.serve)
+app.command()(serve.serve)
 app.command()(race.drive)
 app.command()(race.watch)
 app.command()(limit.limit)
@@ -26,6 +37,7 @@ app.command()(recording.replay)
 app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
+app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")
 
 

@@ -2,11 +2,9 @@
 
 import json
 import os
-import signal
 import time
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,16 +13,12 @@ from rich.live import Live
 
 from race_server.board import Headline, leaderboard
 from race_server.clock import TICKS_PER_SECOND
-from race_server.errors import RaceError, RecordingError, ScenarioError
-from race_server.messages import Event, Flag, Phase, Standing, Status
+from race_server.errors import RaceError, ScenarioError
+from race_server.messages import Flag, Phase, Standing, Status
 from race_server.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
-    from race_server.recording.logbook import Logbook
-    from race_server.recording.reader import Recording
-    from race_server.results.keeper import Keeper
     from race_server.results.writer import Writer
-    from race_server.session import Session
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
@@ -84,7 +78,7 @@ def start(
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
     from race_server.driver import driver_names
-    from race_server.start import Plan, run_race
+    from race_server.start import Plan, free_address, run_race
 
     names = known_drivers(drivers)
     if not names:
@@ -102,7 +96,7 @@ def start(
     plan = Plan(
         serve=tuple(serve),
         drivers=tuple(names[seat % len(names)] for seat in range(karts)),
-        address=listen or _free_address(),
+        address=listen or free_address(),
         session=session,
         in_process=one_process,
     )
@@ -174,15 +168,6 @@ def known_drivers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _free_address() -> str:
-    """Return an address of this machine that nobody listens on."""
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
 def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:
     """Print the table of results."""
     rows = [
@@ -205,162 +190,6 @@ def show_result(document: dict[str, Any], track: str, laps: int, session: str) -
         f"digest {document['digest']}",
         style="dim",
     )
-
-
-def serve(
-    track: Track = "covapsy-train-2023",
-    vehicle: VehicleName = "tt02",
-    karts: Karts = 8,
-    laps: Laps = 3,
-    seed: Seed = 1,
-    pace: Pace = "real",
-    items: Items = True,
-    catch_up: CatchUp = True,
-    fill: Annotated[
-        str, typer.Option(help="Comma-separated drivers for seats that stay empty, in turn.")
-    ] = "",
-    wait_for: Annotated[
-        int,
-        typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
-    ] = -1,
-    once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
-    result: Annotated[
-        Path | None, typer.Option(help="Write the result of the last race to this file.")
-    ] = None,
-    listen: Listen = DEFAULT_ADDRESS,
-    session: SessionName = "race",
-    results: Results = "",
-    record: Record = "",
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Do not take up a race whose server was killed.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Serve a race session: wait for drivers, race, and begin again.
-
-    Started again after it was killed in a race, it takes up the race where it was.
-    """
-    from race_server.driver import driver_named
-    from race_server.kernels.jit import is_compiled
-    from race_server.limit.line import with_line
-    from race_server.observe import wants_line
-    from race_server.params import vehicle_named
-    from race_server.results.keeper import Keeper
-    from race_server.scenario.base import Rules, Scenario
-    from race_server.server import LOCKSTEP, REAL, RaceServer
-    from race_server.session import Session
-    from race_server.track.load import load_course
-    from race_server.transport import ServerLink
-
-    if pace not in {REAL, LOCKSTEP}:
-        raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
-    scenario = Scenario(
-        load_course(track),
-        karts=karts,
-        vehicles=(vehicle_named(vehicle),),
-        rules=Rules(laps=laps, items=items, catch_up=catch_up),
-        seed=seed,
-    )
-    log = Console(stderr=True)
-    fillers = known_drivers(fill)
-    wanted = any(wants_line(driver_named(name).preset) for name in fillers)
-    scenario = with_line(scenario, solve=wanted)
-    if scenario.line and scenario.line.note:
-        log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
-    awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    if not is_compiled():
-        log.print("compiling the simulation for this machine, once: about half a minute")
-    with ExitStack() as stack:
-        writer = stack.enter_context(results_writer(results, log))
-        keeper = Keeper(writer) if writer else None
-        logbook = stack.enter_context(_logbook(record, session, log))
-        race, taken_up = _take_up(logbook, keeper, log, fresh=fresh) or (None, None)
-        if race is None:
-            race = Session(session, scenario)
-            warm_up(scenario)
-        karts = len(race.seats)
-        link = stack.enter_context(ServerLink(listen, session, karts))
-        server = RaceServer(race, link, pace, fillers, keeper, logbook)
-        stopped = _stop_on_signals(server)
-        log.print(f"{session}: {race.scenario.course.title}, {karts} seats, listening on {listen}")
-        while not stopped:
-            outcome = server.go_on(*taken_up) if taken_up else server.run(min(awaited, karts))
-            taken_up = None
-            if outcome is None:
-                break
-            document = outcome.as_json()
-            if result is not None:
-                result.write_text(json.dumps(document))
-            if as_json:
-                print(json.dumps(document), flush=True)
-            else:
-                show_result(document, track, laps, session)
-            if once:
-                break
-            server.reopen()
-
-
-def _logbook(words: str, session: str, log: Console) -> "AbstractContextManager[Logbook | None]":
-    """Return where a session's recordings go, None for nowhere."""
-    from race_server.recording.logbook import Logbook, folder_of
-
-    if folder := folder_of(words):
-        say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
-        return Logbook(folder, session, say)
-    return nullcontext()
-
-
-def _take_up(
-    logbook: "Logbook | None", keeper: "Keeper | None", log: Console, *, fresh: bool
-) -> "tuple[Session, tuple[Recording, list[Event]]] | None":
-    """Return the session of a race whose server was killed, with its recording and its events."""
-    from race_server.server.resume import take_up
-
-    recording = logbook.unfinished() if logbook else None
-    if logbook is None or recording is None:
-        return None
-    if fresh:
-        logbook.put_aside("a race whose server was killed is not taken up")
-        return None
-    begun = time.perf_counter()
-    try:
-        session, events = take_up(recording, keeper)
-    except RecordingError as error:
-        logbook.put_aside(str(error))
-        return None
-    log.print(
-        f"taking up the race that was begun at {recording.start.started_at}: "
-        f"{session.tick / TICKS_PER_SECOND:.1f} s, {len(recording.laps)} laps, rebuilt in "
-        f"{time.perf_counter() - begun:.2f} s",
-        markup=False,
-    )
-    return session, (recording, events)
-
-
-def warm_up(scenario: Any) -> None:
-    """Compile, or load, every kernel that a race needs, before anybody waits for it."""
-    from race_server.session import Session
-
-    rehearsal = Session("rehearsal", scenario)
-    rehearsal.join("nobody", "full")
-    rehearsal.start()
-    rehearsal.look()
-    rehearsal.advance(1)
-    rehearsal.show_flag(Flag.YELLOW)
-    rehearsal.leave(0)
-
-
-def _stop_on_signals(server: Any) -> list[int]:
-    """Let Ctrl-C and SIGTERM end the race at the next tick; the result is still written."""
-    received: list[int] = []
-
-    def stop(number: int, _frame: object) -> None:
-        received.append(number)
-        server.stop()
-
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
-    return received
 
 
 def drive(
