@@ -17,6 +17,7 @@ from agents.traffic import (
     lane_past_hazards,
     leader,
     move_over,
+    wait_in_line,
 )
 from race_server.autopilot import DECISION, SHIFT, Autopilot
 from race_server.kernels.jit import kernel, large_kernel
@@ -76,13 +77,14 @@ def follow(
     acceleration = min(acceleration, behind_leader(seen, at, vehicle))
     force = press_for(seen, at, vehicle, acceleration, control)
     control[0] = steering_on_line(seen, at, vehicle, lane, force)
+    wait_in_line(seen, at, vehicle, gear, memory)
     finish_decision(seen, at, vehicle, gear, kinds, memory, control)
 
 
 @large_kernel
 def behind_leader(seen: Floats, at: Ints, vehicle: Record) -> float:
     """Return the model's acceleration [m/s²] behind the kart ahead, infinite if there is none."""
-    gap, pace, _ = leader(seen, at, vehicle, seen[at[OFFSET]], 0.1 * vehicle.length)
+    gap, pace, _ = leader(seen, at, vehicle, seen[at[OFFSET]], 0.5 * vehicle.length)
     if gap == math.inf:
         return math.inf
     speed = max(seen[at[SPEED]], 0.0)

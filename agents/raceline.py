@@ -1,10 +1,8 @@
 """Drives the reference line at its speeds and passes who is slower where there is room."""
 
-import math
-
+from agents.idm import behind_leader
 from agents.tactics import SPEED, finish_decision
 from agents.tracking import (
-    OFFSET,
     acceleration_on_line,
     press_for,
     speed_on_line,
@@ -19,17 +17,11 @@ from agents.traffic import (
     lane_past_hazards,
     leader,
     move_over,
+    wait_in_line,
 )
 from race_server.autopilot import DECISION, SHIFT, Autopilot
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.state import Floats, Ints, Record, Records
-
-# Share of the brakes that is counted on behind another kart.
-BRAKE_SHARE = 0.5
-# Lengths that are kept to the kart ahead.
-DISTANCE = 0.3
-# Share of the speed of a kart beside that is driven to fall in behind it.
-YIELDING = 0.85
 
 
 @kernel
@@ -48,11 +40,10 @@ def race(
     lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
     memory[SHIFT] = lane
     acceleration = acceleration_on_line(seen, at, vehicle, gear, lane)
-    here, there = seen[at[OFFSET]], wanted
-    acceleration = min(acceleration, keep_clear(seen, at, vehicle, gear, here, 0.3, 0.0))
-    acceleration = min(acceleration, keep_clear(seen, at, vehicle, gear, there, 0.1, YIELDING))
+    acceleration = min(acceleration, behind_leader(seen, at, vehicle))
     force = press_for(seen, at, vehicle, acceleration, control)
     control[0] = steering_on_line(seen, at, vehicle, lane, force)
+    wait_in_line(seen, at, vehicle, gear, memory)
     finish_decision(seen, at, vehicle, gear, kinds, memory, control)
 
 
@@ -68,30 +59,6 @@ def open_lane(seen: Floats, at: Ints, vehicle: Record, now: float) -> float:
         return 0.0
     past = lane_past(seen, at, vehicle, across, ABREAST * vehicle.width, reach, now)
     return 0.0 if past == NOWHERE else past
-
-
-@large_kernel
-def keep_clear(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    lane: float,
-    nose: float,
-    least: float,
-) -> float:
-    """Return the most acceleration [m/s²] that does not run into the kart ahead in a lane.
-
-    nose: lengths that its middle is ahead at least; least: share of its speed to keep anyway.
-    """
-    gap, pace, _ = leader(seen, at, vehicle, lane, nose * vehicle.length)
-    braking = BRAKE_SHARE * vehicle.brake_force / vehicle.mass
-    free = gap - DISTANCE * vehicle.length
-    pace = max(pace, 0.0)
-    # Too close already: fall back by what is missing, within a second.
-    fit = math.sqrt(pace * pace + 2.0 * braking * max(free, 0.0)) + min(free, 0.0)
-    fit = max(fit, least * pace)
-    return (fit - seen[at[SPEED]]) / (3.0 * gear[DECISION])
 
 
 @kernel

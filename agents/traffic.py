@@ -3,6 +3,7 @@
 import math
 
 from agents.tactics import KARTS_X, SPEED
+from race_server.autopilot import DECISION, STANDING
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.observe import AHEAD, NEARBY, PART_NUMBERS, THINGS
 from race_server.state import Floats, Ints, Record
@@ -34,6 +35,8 @@ ROOM_STEPS = 8
 SLOWER = 0.2
 # How steeply a kart changes lanes.
 SLOPE = 0.18
+# Share of the time in a queue that does not count as being stuck.
+WAITING = 0.8
 NOWHERE = 1e3
 
 
@@ -80,6 +83,14 @@ def leader(
                     pace = seen[at[KARTS_SPEED_X] + index] * ux
                     pace += seen[at[KARTS_SPEED_Y] + index] * uy
     return gap, pace, across
+
+
+@kernel
+def wait_in_line(seen: Floats, at: Ints, vehicle: Record, gear: Floats, memory: Floats) -> None:
+    """Let a kart that stands behind another one wait longer before it backs out."""
+    gap, _, _ = leader(seen, at, vehicle, seen[at[OFFSET]], 0.3 * vehicle.length)
+    if gap < vehicle.length:
+        memory[STANDING] = max(memory[STANDING] - WAITING * gear[DECISION], 0.0)
 
 
 @large_kernel
@@ -155,19 +166,20 @@ def move_over(
 ) -> float:
     """Return the lane [m] after one decision of `step` [s] on the way to another one.
 
-    Before the start it is where the kart stands. Nobody moves into a kart beside it, and a lane
-    that ends is left at once.
+    Before the start it is where the kart stands. Nobody moves into a kart beside it; a lane that
+    ends is left at once, unless somebody is there.
     """
     if seen[at[LIGHTS]] > 0.0:
         return seen[at[OFFSET]]
-    side = 1.0 if wanted > lane else -1.0
-    if is_beside(seen, at, vehicle, side):
-        wanted = lane
-    most = SLOPE * max(seen[at[SPEED]], 1.0) * step
-    lane += min(max(wanted - lane, -most), most)
     left = room(seen, at, vehicle, at[LEFT], 0.0)
     right = room(seen, at, vehicle, at[RIGHT], 0.0)
-    return min(max(lane, -right), left)
+    side = 1.0 if wanted > lane else -1.0
+    crowded = is_beside(seen, at, vehicle, side)
+    if crowded:
+        wanted = min(max(lane, -right), left)
+    most = SLOPE * max(seen[at[SPEED]], 1.0) * step
+    lane += min(max(wanted - lane, -most), most)
+    return lane if crowded else min(max(lane, -right), left)
 
 
 @kernel
