@@ -62,7 +62,9 @@ CLEARANCE, FLATNESS, TRAJECTORY, CHANGE = 1.0, 0.6, 0.2, 0.08
 # The wanted direction: edges hide what a body of so many half-widths [widths] cannot reach.
 GAP_HALF, GAP_JUMP, GAP_DEEP = 0.4, 0.5, 0.9
 
-LEAD_S = 0.1  # what is decided now has its effect so much later
+# What is decided now has its effect so much later. In truth 0.1 s; counting less brakes and turns
+# earlier, which costs 2 % of lap time and saved every touch of a wall.
+LEAD_S = 0.05
 BEND_SHARE, BRAKE_SHARE, END_SHARE = 0.75, 0.6, 0.65
 STOP_GAP = 0.7  # body lengths
 # What is found about an arc, by place in the row of numbers to work with.
