@@ -156,10 +156,11 @@ def known_drivers(text: str) -> tuple[str, ...]:
     Raises:
         ScenarioError: one of them is not installed.
     """
-    from race_server.driver import driver_names
+    from race_server.driver import driver_names, installed_name
 
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    unknown = sorted(set(names) - set(driver_names())) if names else []
+    wanted = {installed_name(name) for name in names}
+    unknown = sorted(wanted - set(driver_names())) if names else []
     if unknown:
         raise ScenarioError(
             f"driver {', '.join(unknown)} is unknown; "
