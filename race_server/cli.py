@@ -14,6 +14,7 @@ from race_server.commands import (
     race,
     recording,
     results,
+    serve,
     track,
     trial,
 )
@@ -28,7 +29,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(race.start)
-app.command()(race.serve)
+app.command()(serve.serve)
 app.command()(race.drive)
 app.command()(race.watch)
 app.command()(limit.limit)
@@ -38,10 +39,10 @@ app.command()(recording.replay)
 app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
+app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
-app.add_typer(drill.app, name="drill")
 
 
 def main() -> None:

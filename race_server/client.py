@@ -6,9 +6,9 @@ from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
+from race_server.admission.keys import ClientKeys
 from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError, LinkError
-from race_server.guard.keys import ClientKeys
 from race_server.messages import Control
 from race_server.observe import Observation
 from race_server.seat import SILENCE_S, Seat, insist, take_seat

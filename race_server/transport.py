@@ -20,12 +20,12 @@ from typing import Any, Self
 
 import zenoh
 
+from race_server.admission.access import common_name, seat_name
+from race_server.admission.doubt import reason_out
+from race_server.admission.keys import ClientKeys, ServerKeys
+from race_server.admission.settings import Door, as_json, client_settings, server_settings
 from race_server.badge import key_of_badge
 from race_server.errors import LinkError
-from race_server.guard.access import common_name, seat_name
-from race_server.guard.doubt import reason_out
-from race_server.guard.keys import ClientKeys, ServerKeys
-from race_server.guard.settings import Door, as_json, client_settings, server_settings
 from race_server.wire import topics
 from race_server.wire.topics import Topic, key_of
 
@@ -231,7 +231,7 @@ class ServerLink(_Link):
         key = key_of(topics.ALIVE, self._name, topics.EVERY)
         return self._session.liveliness().declare_subscriber(key, store, history=True)
 
-    def _note_link(self, seat: int, badge: bytes, is_there: bool) -> None:  # noqa: FBT001
+    def _note_link(self, seat: int, badge: bytes, is_there: bool) -> None:
         seen, is_holder = self._seen[seat], self._is_holder(seat, badge)
         if not is_there:
             seen.pop(badge, None)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
+from race_server.admission.keys import ClientKeys, read_client_keys
 from race_server.errors import KeysError
-from race_server.guard.keys import ClientKeys, read_client_keys
 from race_server.transport import DEFAULT_ADDRESS
 
 SESSION = "race"

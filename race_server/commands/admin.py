@@ -113,7 +113,7 @@ def _decide(
 
 
 def _marshal(keys: Path | None, connect: str, session: str) -> tuple[Marshal, ClientLink]:
-    from race_server.guard.token import read_token
+    from race_server.admission.token import read_token
 
     given = access(keys, connect, session)
     if given.keys is not None and not given.keys.token:

@@ -1,49 +1,74 @@
-"""`race drill`: trouble made on purpose. Each prints whether the server stood it."""
+"""`race drill`: what may go wrong, done on purpose."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
-app = typer.Typer(help="Make trouble on purpose, and see what comes of it.", no_args_is_help=True)
+app = typer.Typer(help="Drills: what may go wrong in a session, done on purpose.")
 
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Seed = Annotated[int, typer.Option(help="Of the moments that are chosen at random.")]
+
+
+@app.command()
+def crash(
+    times: Annotated[int, typer.Option(min=1, help="So often the server is killed.")] = 10,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Kill the server of a live race of eight, and see that the race goes on and no lap is lost."""
+    from race_server.drills.crash import drill_crash
+
+    with progress("killing the server", times) as tell:
+        document = drill_crash(times, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
 
 
 @app.command()
 def deny(as_json: AsJson = False) -> None:
-    """Try everything that nobody may do to an open session, and what everybody may."""
+    """Try everything that nobody may do to an open session, and everything that people may."""
     from race_server.drills.deny import drill_deny
 
-    end_drill(drill_deny, as_json=as_json)
+    with Console(stderr=True).status("knocking at every door", spinner="dots"):
+        document = drill_deny()
+    if not as_json:
+        _show_findings(document["matrix"])
+    finish(document, as_json=as_json)
 
 
-def end_drill(drill: Callable[[], dict[str, Any]], *, as_json: bool) -> None:
-    """Run a drill, print what it found, and exit with 1 where it is not ok."""
-    if as_json:
-        document = drill()
-        print(json.dumps(document))
-    else:
-        with Console(stderr=True).status("drilling", spinner="dots"):
-            document = drill()
-        _show(document)
-    if not document["ok"]:
-        raise typer.Exit(1)
+@contextmanager
+def progress(what: str, total: int) -> Iterator[Any]:
+    """Show how far a drill has come, on stderr; yields what is to be told."""
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
 
 
-def _show(document: dict[str, Any]) -> None:
+def _show_findings(rows: list[dict[str, Any]]) -> None:
     table = Table("act", "expected", "seen")
-    for row in document.get("matrix", ()):
+    for row in rows:
         seen = row["seen"] if row["ok"] else f"[red]{row['seen']}[/]"
         table.add_row(row["act"], row["expected"], seen)
-    console = Console()
-    if table.rows:
+    Console().print(table)
+
+
+def finish(document: dict[str, Any], *, as_json: bool) -> None:
+    """Print what a drill found, and end with 1 where it is not well."""
+    if as_json:
+        print(json.dumps(document))
+    else:
+        table = Table("figure", "value")
+        for name, value in document.items():
+            if not isinstance(value, (list, dict)) and name not in {"ok", "why"}:
+                table.add_row(name.replace("_", " "), str(value))
+        console = Console()
         console.print(table)
-    for name, figure in document.items():
-        if name not in {"matrix", "ok", "why"}:
-            console.print(f"{name}: {figure}", highlight=False)
-    verdict = "[green]ok[/]" if document["ok"] else f"[red]not ok[/]: {document['why']}"
-    console.print(verdict, highlight=False)
+        console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
+    if not document["ok"]:
+        raise typer.Exit(1)

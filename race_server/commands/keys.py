@@ -27,7 +27,7 @@ def new(
     ] = None,
 ) -> None:
     """Make certificates and passwords for the server, each seat, spectators and the steward."""
-    from race_server.guard.issue import Order, issue_keys
+    from race_server.admission.issue import Order, issue_keys
 
     target = folder or Path(f"keys-{session}")
     order = Order(session, seats, spectators, tuple(host or ()), port, days)
@@ -40,7 +40,9 @@ def new(
             style="yellow",
         )
     console.print(f"serve:  race serve --open --keys {target} --session {session} --karts {seats}")
-    console.print(f"drive:  race drive NAME --keys {handed[0].folder}   (connects to {handed[0].address})")
+    console.print(
+        f"drive:  race drive NAME --keys {handed[0].folder}   (connects to {handed[0].address})"
+    )
     console.print(f"{target / 'README.md'} says what to hand to whom.")
 
 
@@ -49,7 +51,7 @@ def check(
     folder: Annotated[Path, typer.Argument(help="Folder of one person, or of the server.")],
 ) -> None:
     """Say whose keys these are, whether they can be read, and until when they are good."""
-    from race_server.guard.keys import read_keys
+    from race_server.admission.keys import read_keys
 
     held = read_keys(folder)
     print(f"{folder}: {held.role} of session {held.session}, good until {held.expires}")

@@ -2,11 +2,9 @@
 
 import json
 import os
-import signal
 import time
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,20 +15,12 @@ from race_server.board import Headline, leaderboard
 from race_server.clock import TICKS_PER_SECOND
 from race_server.commands.access import Connect, KeysFolder, access
 from race_server.commands.access import SessionName as SessionWanted
-from race_server.errors import RaceError, RecordingError, ScenarioError
-from race_server.messages import Event, Flag, Phase, Standing, Status
-from race_server.transport import DEFAULT_ADDRESS
+from race_server.errors import RaceError, ScenarioError
+from race_server.messages import Flag, Phase, Standing, Status
 
 if TYPE_CHECKING:
-    from race_server.guard.keys import ServerKeys
-    from race_server.recording.logbook import Logbook
-    from race_server.recording.reader import Recording
-    from race_server.results.keeper import Keeper
     from race_server.results.writer import Writer
-    from race_server.session import Session
 
-# Encrypted, to all of this machine's networks.
-OPEN_ADDRESS = "tls/0.0.0.0:7447"
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
 Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
@@ -88,7 +78,7 @@ def start(
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
     from race_server.driver import driver_names
-    from race_server.start import Plan, run_race
+    from race_server.start import Plan, free_address, run_race
 
     names = known_drivers(drivers)
     if not names:
@@ -106,7 +96,7 @@ def start(
     plan = Plan(
         serve=tuple(serve),
         drivers=tuple(names[seat % len(names)] for seat in range(karts)),
-        address=listen or _free_address(),
+        address=listen or free_address(),
         session=session,
         in_process=one_process,
     )
@@ -166,25 +156,17 @@ def known_drivers(text: str) -> tuple[str, ...]:
     Raises:
         ScenarioError: one of them is not installed.
     """
-    from race_server.driver import driver_names
+    from race_server.driver import driver_names, installed_name
 
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    unknown = sorted(set(names) - set(driver_names())) if names else []
+    wanted = {installed_name(name) for name in names}
+    unknown = sorted(wanted - set(driver_names())) if names else []
     if unknown:
         raise ScenarioError(
             f"driver {', '.join(unknown)} is unknown; "
             f"installed drivers are {', '.join(driver_names())}"
         )
     return names
-
-
-def _free_address() -> str:
-    """Return an address of this machine that nobody listens on."""
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:
@@ -211,209 +193,13 @@ def show_result(document: dict[str, Any], track: str, laps: int, session: str) -
     )
 
 
-def serve(
-    track: Track = "covapsy-train-2023",
-    vehicle: VehicleName = "tt02",
-    karts: Karts = 8,
-    laps: Laps = 3,
-    seed: Seed = 1,
-    pace: Pace = "real",
-    items: Items = True,
-    catch_up: CatchUp = True,
-    fill: Annotated[
-        str, typer.Option(help="Comma-separated drivers for seats that stay empty, in turn.")
-    ] = "",
-    wait_for: Annotated[
-        int,
-        typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
-    ] = -1,
-    once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
-    result: Annotated[
-        Path | None, typer.Option(help="Write the result of the last race to this file.")
-    ] = None,
-    listen: Annotated[
-        str,
-        typer.Option(
-            "--listen", help=f"Address to listen on; {DEFAULT_ADDRESS}, or {OPEN_ADDRESS} if open."
-        ),
-    ] = "",
-    is_open: Annotated[
-        bool, typer.Option("--open", help="Let other machines in, those with keys.")
-    ] = False,
-    keys: Annotated[
-        Path | None, typer.Option("--keys", help="Folder that `race keys new` made, with --open.")
-    ] = None,
-    session: SessionName = "race",
-    results: Results = "",
-    record: Record = "",
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Do not take up a race whose server was killed.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Serve a race session: wait for drivers, race, and begin again.
-
-    Started again after it was killed in a race, it takes up the race where it was.
-    """
-    from race_server.driver import driver_named
-    from race_server.guard.settings import Door, check_door
-    from race_server.guard.token import local_token
-    from race_server.kernels.jit import is_compiled
-    from race_server.limit.line import with_line
-    from race_server.observe import wants_line
-    from race_server.params import vehicle_named
-    from race_server.results.keeper import Keeper
-    from race_server.scenario.base import Rules, Scenario
-    from race_server.server import LOCKSTEP, REAL, RaceServer
-    from race_server.session import Session
-    from race_server.track.load import load_course
-    from race_server.transport import ServerLink
-
-    if pace not in {REAL, LOCKSTEP}:
-        raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
-    scenario = Scenario(
-        load_course(track),
-        karts=karts,
-        vehicles=(vehicle_named(vehicle),),
-        rules=Rules(laps=laps, items=items, catch_up=catch_up),
-        seed=seed,
-    )
-    log = Console(stderr=True)
-    fillers = known_drivers(fill)
-    wanted = any(wants_line(driver_named(name).preset) for name in fillers)
-    scenario = with_line(scenario, solve=wanted)
-    if scenario.line and scenario.line.note:
-        log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
-    held = _server_keys(keys, session, karts, is_open=is_open)
-    address = listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
-    check_door(Door(address, session, karts, held))
-    awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    if not is_compiled():
-        log.print("compiling the simulation for this machine, once: about half a minute")
-    with ExitStack() as stack:
-        writer = stack.enter_context(results_writer(results, log))
-        keeper = Keeper(writer) if writer else None
-        logbook = stack.enter_context(_logbook(record, session, log))
-        race, taken_up = _take_up(logbook, keeper, log, fresh=fresh) or (None, None)
-        if race is None:
-            race = Session(session, scenario)
-            warm_up(scenario)
-        karts = len(race.seats)
-        link = stack.enter_context(
-            ServerLink(address, session, karts, keys=held, real_time=pace == REAL)
-        )
-        token = held.token if held else stack.enter_context(local_token(address, session))
-        server = RaceServer(race, link, pace, fillers, keeper, logbook, token)
-        stopped = _stop_on_signals(server)
-        log.print(f"{session}: {race.scenario.course.title}, {karts} seats, listening on {address}")
-        while not stopped:
-            outcome = server.go_on(*taken_up) if taken_up else server.run(min(awaited, karts))
-            taken_up = None
-            if outcome is None:
-                break
-            document = outcome.as_json()
-            if result is not None:
-                result.write_text(json.dumps(document))
-            if as_json:
-                print(json.dumps(document), flush=True)
-            else:
-                show_result(document, track, laps, session)
-            if once:
-                break
-            server.reopen()
-
-
-def _server_keys(
-    folder: Path | None, session: str, karts: int, *, is_open: bool
-) -> "ServerKeys | None":
-    """Return the keys to serve with, None for a session that is closed to other machines.
-
-    Raises:
-        KeysError: `--open` and `--keys` do not come together, or the keys cannot be used.
-    """
-    from race_server.errors import KeysError
-    from race_server.guard.keys import read_server_keys
-
-    if not is_open and folder is None:
-        return None
-    if folder is None:
-        raise KeysError(
-            f"--open needs keys: make them with `race keys new {session} --seats {karts} "
-            f"--host ADDRESS` and serve with --open --keys keys-{session}"
-        )
-    if not is_open:
-        raise KeysError(f"--keys {folder} lets other machines in: say so with --open")
-    return read_server_keys(folder, session, karts)
-
-
-def _logbook(words: str, session: str, log: Console) -> "AbstractContextManager[Logbook | None]":
-    """Return where a session's recordings go, None for nowhere."""
-    from race_server.recording.logbook import Logbook, folder_of
-
-    if folder := folder_of(words):
-        say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
-        return Logbook(folder, session, say)
-    return nullcontext()
-
-
-def _take_up(
-    logbook: "Logbook | None", keeper: "Keeper | None", log: Console, *, fresh: bool
-) -> "tuple[Session, tuple[Recording, list[Event]]] | None":
-    """Return the session of a race whose server was killed, with its recording and its events."""
-    from race_server.server.resume import take_up
-
-    recording = logbook.unfinished() if logbook else None
-    if logbook is None or recording is None:
-        return None
-    if fresh:
-        logbook.put_aside("a race whose server was killed is not taken up")
-        return None
-    begun = time.perf_counter()
-    try:
-        session, events = take_up(recording, keeper)
-    except RecordingError as error:
-        logbook.put_aside(str(error))
-        return None
-    log.print(
-        f"taking up the race that was begun at {recording.start.started_at}: "
-        f"{session.tick / TICKS_PER_SECOND:.1f} s, {len(recording.laps)} laps, rebuilt in "
-        f"{time.perf_counter() - begun:.2f} s",
-        markup=False,
-    )
-    return session, (recording, events)
-
-
-def warm_up(scenario: Any) -> None:
-    """Compile, or load, every kernel that a race needs, before anybody waits for it."""
-    from race_server.session import Session
-
-    rehearsal = Session("rehearsal", scenario)
-    rehearsal.join("nobody", "full")
-    rehearsal.start()
-    rehearsal.look()
-    rehearsal.advance(1)
-    rehearsal.show_flag(Flag.YELLOW)
-    rehearsal.leave(0)
-
-
-def _stop_on_signals(server: Any) -> list[int]:
-    """Let Ctrl-C and SIGTERM end the race at the next tick; the result is still written."""
-    received: list[int] = []
-
-    def stop(number: int, _frame: object) -> None:
-        received.append(number)
-        server.stop()
-
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
-    return received
-
-
 def drive(
     name: Annotated[str, typer.Argument(help="An installed driver.")],
     connect: Connect = "",
     session: SessionWanted = "",
-    seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any, or that in the keys.")] = -1,
+    seat: Annotated[
+        int, typer.Option(help="The seat wanted; -1 for any, or that of the keys.")
+    ] = -1,
     keys: KeysFolder = None,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
 ) -> None:

@@ -1,1 +1,1 @@
-"""Drills: trouble made on purpose, and what came of it in figures."""
+"""Drills: what may go wrong in a session, done on purpose, with figures."""

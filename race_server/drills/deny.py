@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from race_server.admission.settings import Door, check_door
 from race_server.drills import logins, messages, requests
 from race_server.drills.intruder import Ears
 from race_server.drills.report import Finding, document_of
 from race_server.drills.stage import Stage, staged
 from race_server.errors import LinkError
-from race_server.guard.settings import Door, check_door
 from race_server.seat import Seat, take_seat
 from race_server.transport import ClientLink
 from race_server.wire import topics

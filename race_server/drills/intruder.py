@@ -9,16 +9,16 @@ from typing import Any, Self
 
 import zenoh
 
+from race_server.admission.keys import ClientKeys
+from race_server.admission.settings import client_settings
 from race_server.drills.stage import SESSION
-from race_server.guard.keys import ClientKeys
-from race_server.guard.settings import client_settings
 from race_server.transport import open_session
 
 # What is let through arrives within a millisecond on this machine.
 SETTLE_S = 0.25
 ANSWER_S = 0.4
 LOGIN_S = 0.7
-# Requests closer than this may fall to the limit on their rate instead of what is tried.
+# What comes sooner after another may fall to the limit on its rate, instead of to what is tried.
 PACE_S = 0.02
 
 _numbers = itertools.count()
@@ -71,6 +71,7 @@ class Intruder:
 
     def put(self, name: str) -> bytes:
         """Put a marked payload on a key and return it."""
+        time.sleep(PACE_S)
         payload = mark()
         self.session.put(key(name), payload)
         return payload

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from race_server.admission.issue import Order, issue_keys
+from race_server.admission.keys import ClientKeys, read_client_keys
 from race_server.drills.intruder import SETTLE_S, Intruder, is_let_in, key
 from race_server.drills.report import Finding
 from race_server.drills.requests import refusal_of
 from race_server.drills.stage import SESSION, Stage
 from race_server.errors import KeysError
-from race_server.guard.issue import Order, issue_keys
-from race_server.guard.keys import ClientKeys, read_client_keys
 from race_server.messages import Control
 from race_server.wire.drive import ControlFrame, encode_control
 from race_server.wire.lobby import Join, encode_join
@@ -34,7 +34,11 @@ def try_logins(scene: "Scene") -> None:
     with TemporaryDirectory() as name:
         rogue = _rogue(Path(name), own)
         for act, keys, changes in (
-            ("certificate of another authority", replace(rogue, folder=rogue.folder), _trust(own, rogue)),
+            (
+                "certificate of another authority",
+                replace(rogue, folder=rogue.folder),
+                _trust(own, rogue),
+            ),
             ("a server that these keys do not trust", rogue, {}),
             ("no certificate", own, {TLS: {"root_ca_certificate": str(own.folder / "ca.pem")}}),
             ("wrong password", replace(own, password="guessed"), {}),
@@ -42,7 +46,9 @@ def try_logins(scene: "Scene") -> None:
             ("no password", own, {USER: {}}),
         ):
             scene.deny(act, "let in" if is_let_in(stage.address, keys, **changes) else "")
-    with Intruder(stage.address, replace(own, user=own.user, folder=stage.folder / "seat-1")) as odd:
+    with Intruder(
+        stage.address, replace(own, user=own.user, folder=stage.folder / "seat-1")
+    ) as odd:
         payload = odd.put("in/0")
         time.sleep(SETTLE_S)
         scene.deny("own password with another's certificate", scene.reached(payload))
@@ -133,7 +139,10 @@ def try_passwords_only(stage: Stage) -> list[Finding]:
     ):
         seen = "let in" if is_let_in(stage.address, keys) else ""
         findings.append(Finding(act, "denied", seen or "denied", not seen))
-    with Intruder(stage.address, own) as seat, Intruder(stage.address, stage.keys("spectator")) as other:
+    with (
+        Intruder(stage.address, own) as seat,
+        Intruder(stage.address, stage.keys("spectator")) as other,
+    ):
         answer = seat.ask(key("q/join/0"), encode_join(Join("own", "track", 0)))
         granted = answer is not None and not refusal_of(answer)
         findings.append(
@@ -141,6 +150,11 @@ def try_passwords_only(stage: Stage) -> list[Finding]:
         )
         taken = other.ask(key("q/join/0"), encode_join(Join("thief", "track", 0)))
         findings.append(
-            Finding("join as spectator, unencrypted", "denied", "granted" if taken else "denied", not taken)
+            Finding(
+                "join as spectator, unencrypted",
+                "denied",
+                "granted" if taken else "denied",
+                not taken,
+            )
         )
     return findings

@@ -106,9 +106,7 @@ def try_presence(scene: "Scene") -> None:
         found = list(liveliness.get(key("alive/**"), timeout=SETTLE_S))
         scene.deny("ask who is there", f"{len(found)} answers" if found else "")
         ears = Ears()
-        liveliness.declare_subscriber(
-            key("alive/**"), lambda sample: ears.hear(b""), history=True
-        )
+        liveliness.declare_subscriber(key("alive/**"), lambda sample: ears.hear(b""), history=True)
         time.sleep(SETTLE_S)
         scene.deny("listen to who comes and goes", "heard" if ears.count else "")
 

@@ -126,7 +126,7 @@ def _flag(scene: "Scene") -> int:
     return int(scene.stage.server.session.world.races[0].flag)
 
 
-def _unless(done: bool) -> str:  # noqa: FBT001
+def _unless(done: bool) -> str:
     return "" if done else "it had no effect"
 
 

@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from race_server.guard.issue import Order, issue_keys
-from race_server.guard.keys import ClientKeys, read_client_keys, read_server_keys
+from race_server.admission.issue import Order, issue_keys
+from race_server.admission.keys import ClientKeys, read_client_keys, read_server_keys
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import REAL, RaceServer
+from race_server.server.rehearsal import warm_up
 from race_server.session import Session
 from race_server.track.load import load_course
 from race_server.transport import ClientLink, ServerLink
@@ -53,7 +54,9 @@ def staged(seats: int, spectators: int, protocol: str = "tls") -> Iterator[Stage
         issue_keys(Order(SESSION, seats, spectators, port=port), folder)
         held = read_server_keys(folder, SESSION, seats)
         rules = Rules(laps=0, countdown_s=1.0, limit_s=300.0)
-        session = Session(SESSION, Scenario(load_course(COURSE), karts=seats, rules=rules))
+        scenario = Scenario(load_course(COURSE), karts=seats, rules=rules)
+        warm_up(scenario)
+        session = Session(SESSION, scenario)
         address = f"{protocol}/127.0.0.1:{port}"
         with ServerLink(address, SESSION, seats, keys=held, real_time=True) as link:
             server = RaceServer(session, link, REAL, token=held.token)

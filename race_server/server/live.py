@@ -54,9 +54,7 @@ class RaceServer:
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
         self._steward = Steward(self.session, self.token)
-        self._desk = Desk(
-            self.session, self.link, self._steward, self.refused, self._gate.told
-        )
+        self._desk = Desk(self.session, self.link, self._steward, self.refused, self._gate.told)
         self._stop = False
 
     # One race from the lobby to the results
@@ -216,7 +214,7 @@ class RaceServer:
         return not ends and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
 
     def _stand_still(self) -> None:
-        """Let no time pass while the clock stands; drivers are told now and then that we are here."""
+        """Let no time pass while the clock stands; drivers hear now and then that we are here."""
         again = 0.0
         while self._steward.is_paused and self._goes_on():
             self._hear()

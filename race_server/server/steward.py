@@ -65,7 +65,9 @@ class Steward:
         try:
             flag = Flag(int(decision.value))
         except ValueError as error:
-            raise SeatError(f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red") from error
+            raise SeatError(
+                f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red"
+            ) from error
         self._session.show_flag(flag)
         return f"{flag.name.lower()} flag"
 

@@ -55,7 +55,15 @@ STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, 
 
 # The seat is in the key, so that access rules tell seats apart; `any` where a free one will do.
 JOIN = Topic(
-    "q/join/{seat}", "JoinRequest → Briefing or Reply", b"RJRQ", "query", "", 512, False, True, QUERY_HZ
+    "q/join/{seat}",
+    "JoinRequest → Briefing or Reply",
+    b"RJRQ",
+    "query",
+    "",
+    512,
+    False,
+    True,
+    QUERY_HZ,
 )
 READY = Topic(
     "q/ready/{seat}", "SeatRequest → Reply", b"RSRQ", "query", "", 128, False, True, QUERY_HZ

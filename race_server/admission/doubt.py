@@ -3,8 +3,8 @@
 import socket
 import ssl
 
-from race_server.guard.keys import CA, CERTIFICATE, KEY, ClientKeys
-from race_server.guard.settings import host_of, is_encrypted
+from race_server.admission.keys import CA, CERTIFICATE, KEY, ClientKeys
+from race_server.admission.settings import host_of, is_encrypted
 
 # A server that refuses a certificate says so at once.
 LISTEN_S = 1.0
@@ -18,7 +18,9 @@ def reason_out(address: str, keys: ClientKeys | None) -> str:
     try:
         link = socket.create_connection((host_of(place), _port_of(place)), timeout=LISTEN_S)
     except (OSError, ValueError) as error:
-        return f"Nothing listens there ({error}): is `race serve` running, and is the address right?"
+        return (
+            f"Nothing listens there ({error}): is `race serve` running, and is the address right?"
+        )
     with link:
         if is_encrypted(address) and keys is not None:
             refusal = _refusal(link, host_of(place), keys)

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from race_server.admission.keys import write_private
 from race_server.errors import KeysError
-from race_server.guard.keys import write_private
 
 
 def token_path(address: str, session: str) -> Path:
@@ -31,7 +31,9 @@ def local_token(address: str, session: str) -> Iterator[str]:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         write_private(path, token)
     except OSError as error:
-        raise KeysError(f"{path}: the steward's token cannot be written ({error.strerror})") from error
+        raise KeysError(
+            f"{path}: the steward's token cannot be written ({error.strerror})"
+        ) from error
     try:
         yield token
     finally:

@@ -5,10 +5,10 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+from race_server.admission.access import ANYONE, access_control, roles_of
+from race_server.admission.keys import CA, CERTIFICATE, KEY, PASSWORDS, ClientKeys, ServerKeys
+from race_server.admission.limits import rate_limit, size_filter
 from race_server.errors import KeysError, LinkError
-from race_server.guard.access import ANYONE, access_control, roles_of
-from race_server.guard.keys import CA, CERTIFICATE, KEY, PASSWORDS, ClientKeys, ServerKeys
-from race_server.guard.limits import rate_limit, size_filter
 
 LEASE_MS = 2000
 # Beyond seats and spectators: a steward, and links that are about to end.
@@ -45,7 +45,10 @@ def server_settings(door: Door) -> dict[str, Any]:
         "listen/exit_on_failure": True,
         "connect/endpoints": [],
         "access_control": access_control(
-            door.session, roles, passwords=keys is not None, certificates=keys is not None and encrypted
+            door.session,
+            roles,
+            passwords=keys is not None,
+            certificates=keys is not None and encrypted,
         ),
         "low_pass_filter": size_filter(door.session),
         "downsampling": rate_limit(door.session, door.seats, real_time=door.real_time),

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from race_server.errors import KeysError
-from race_server.guard.access import SPECTATOR, STEWARD, common_name, seat_name
-from race_server.guard.keys import (
+from race_server.admission.access import SPECTATOR, STEWARD, common_name, seat_name
+from race_server.admission.keys import (
     CA,
     CERTIFICATE,
     KEY,
@@ -23,6 +22,7 @@ from race_server.guard.keys import (
     write_keys,
     write_private,
 )
+from race_server.errors import KeysError
 from race_server.wire import topics
 
 try:
@@ -62,7 +62,9 @@ class Authority:
         self._begin = datetime.now(UTC) - BEFORE
         self.end = datetime.now(UTC).replace(microsecond=0) + timedelta(days=days)
         builder = self._builder(self._name, self._key.public_key())
-        builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        builder = builder.add_extension(
+            x509.BasicConstraints(ca=True, path_length=0), critical=True
+        )
         self.certificate = builder.sign(self._key, hashes.SHA256())
 
     def _builder(
@@ -154,14 +156,13 @@ def _issue(order: Order, folder: Path) -> list[ClientKeys]:
     authority.certify(server, common_name(order.session, "server"), hosts)
     lines = "".join(f"{keys.user}:{keys.password}\n" for keys in handed)
     write_private(server / PASSWORDS, lines)
-    write_keys(
-        ServerKeys(server, order.session, order.seats, order.spectators, expires, token)
-    )
+    write_keys(ServerKeys(server, order.session, order.seats, order.spectators, expires, token))
     write_private(folder / "README.md", _readme(order, handed[0].address, authority.end))
     return handed
 
 
 def _readme(order: Order, address: str, end: datetime) -> str:
+    serve = f"race serve --open --keys . --session {order.session} --karts {order.seats}"
     return f"""# Keys of the race session {order.session}
 
 They end on {end:%Y-%m-%d %H:%M} UTC. Hand every folder to one person, over a way that others
@@ -169,7 +170,7 @@ cannot read: a stick, or an encrypted message. Whoever has a folder is that pers
 
 | folder | who gets it | used with |
 | --- | --- | --- |
-| `server` | nobody: it stays on the machine that serves | `race serve --open --keys . --session {order.session} --karts {order.seats}` |
+| `server` | nobody: it stays on the machine that serves | `{serve}` |
 | `seat-0` to `seat-{order.seats - 1}` | the driver of that seat | `race drive NAME --keys seat-0` |
 | `spectator` | all who watch, {order.spectators} at once | `race watch --keys spectator` |
 | `steward` | who shows flags and gives penalties | `race admin flag yellow --keys steward` |
