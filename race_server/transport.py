@@ -38,6 +38,7 @@ def _config(mode: str, where: str, address: str, *, timeout_ms: int) -> zenoh.Co
         f"{where}/endpoints": [address],
         f"{where}/timeout_ms": timeout_ms,
         "scouting/multicast/enabled": False,
+        "scouting/delay": 0,  # nobody is looked for; half a second by default
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
@@ -46,7 +47,7 @@ def _config(mode: str, where: str, address: str, *, timeout_ms: int) -> zenoh.Co
         settings["connect/exit_on_failure"] = True
         settings["connect/retry"] = {
             "period_init_ms": 100,
-            "period_max_ms": 500,
+            "period_max_ms": 200,
             "period_increase_factor": 1.5,
         }
         settings["listen/endpoints"] = []

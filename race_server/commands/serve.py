@@ -7,6 +7,7 @@ import time
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -99,6 +100,7 @@ def serve(
     if not guard:
         _serve(service, log, fresh=fresh)
         return
+    _load()
     # Only who is started by hand begins anew; who replaces a killed one takes its race up.
     status = guarded(
         lambda killed: _serve_and_tell(service, log, fresh=fresh and killed == 0),
@@ -123,6 +125,12 @@ class Service:
     result: Path | None
     once: bool
     as_json: bool
+
+
+def _load() -> None:
+    """Import all that serving needs, so that a server that replaces another one has it."""
+    for module in ("results.keeper", "results.store", "results.writer", "server.resume"):
+        import_module(f"race_server.{module}")
 
 
 def _serve_and_tell(service: Service, log: Console, *, fresh: bool) -> int:
