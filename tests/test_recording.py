@@ -228,7 +228,7 @@ def test_the_commands_tell_of_a_recording(recorded: Path, tmp_path: Path) -> Non
 
 GUARD = """
 import os, signal, sys
-from race_server.guard import guarded
+from race_server.watchdog import guarded
 most = int(sys.argv[1])
 def work(killed):
     if killed < most:

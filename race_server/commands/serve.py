@@ -34,9 +34,9 @@ from race_server.commands.race import (
     show_result,
 )
 from race_server.errors import RaceError, RecordingError, ScenarioError
-from race_server.guard import guarded
 from race_server.messages import Event, Flag
 from race_server.transport import DEFAULT_ADDRESS
+from race_server.watchdog import guarded
 
 if TYPE_CHECKING:
     from race_server.recording.logbook import Logbook
