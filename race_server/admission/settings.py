@@ -83,7 +83,7 @@ def client_settings(address: str, keys: ClientKeys | None, timeout_s: float) -> 
         "connect/exit_on_failure": True,
         "connect/retry": {
             "period_init_ms": 100,
-            "period_max_ms": 500,
+            "period_max_ms": 200,
             "period_increase_factor": 1.5,
         },
         "listen/endpoints": [],
@@ -112,6 +112,7 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
         f"{where}/endpoints": [address],
         f"{where}/timeout_ms": timeout_ms,
         "scouting/multicast/enabled": False,
+        "scouting/delay": 0,  # nobody is looked for; half a second by default
         "scouting/gossip/enabled": False,
         "adminspace/enabled": False,
         # Shared memory goes past the limit on messages' sizes.

@@ -7,6 +7,7 @@ import time
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,9 +33,9 @@ from race_server.commands.race import (
     show_result,
 )
 from race_server.errors import KeysError, RaceError, RecordingError, ScenarioError
-from race_server.guard import guarded
 from race_server.messages import Event
 from race_server.transport import DEFAULT_ADDRESS
+from race_server.watchdog import guarded
 
 if TYPE_CHECKING:
     from race_server.admission.keys import ServerKeys
@@ -127,6 +128,7 @@ def serve(
     if not guard:
         _serve(service, log, fresh=fresh)
         return
+    _load()
     # Only who is started by hand begins anew; who replaces a killed one takes its race up.
     status = guarded(
         lambda killed: _serve_and_tell(service, log, fresh=fresh and killed == 0),
@@ -152,6 +154,12 @@ class Service:
     once: bool
     as_json: bool
     keys: "ServerKeys | None"  # None: closed to other machines
+
+
+def _load() -> None:
+    """Import all that serving needs, so that a server that replaces another one has it."""
+    for module in ("results.keeper", "results.store", "results.writer", "server.resume"):
+        import_module(f"race_server.{module}")
 
 
 def _serve_and_tell(service: Service, log: Console, *, fresh: bool) -> int:

@@ -13,8 +13,14 @@ from pathlib import Path
 from typing import IO, Self
 
 from race_server.errors import RecordingError
-from race_server.recording.reader import Line, Recording, read_lines, read_recording
-from race_server.recording.recorder import NANOSECONDS, Recorder
+from race_server.recording.reader import (
+    NANOSECONDS,
+    Line,
+    Recording,
+    read_lines,
+    read_recording,
+)
+from race_server.recording.recorder import Recorder
 from race_server.wire.journal import StartFrame
 
 VARIABLE = "RACE_SERVER_RECORDINGS"

@@ -5,8 +5,8 @@ from pathlib import Path
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError
 from race_server.recording.channels import START
-from race_server.recording.reader import Line, read_lines
-from race_server.recording.recorder import NANOSECONDS, Recorder
+from race_server.recording.reader import NANOSECONDS, Line, read_lines
+from race_server.recording.recorder import Recorder
 from race_server.wire.journal import decode_start
 
 

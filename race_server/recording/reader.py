@@ -10,6 +10,7 @@ from mcap.records import Channel, Chunk, DataEnd, Footer, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from race_server.acts import Act, ActKind
+from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, WireError
 from race_server.recording.channels import ACTS, CHANNELS, DIGEST, INPUTS, LAPS, START, ChannelKind
 from race_server.session import Inputs
@@ -24,6 +25,7 @@ from race_server.wire.journal import (
 
 # A chunk of ours is far smaller; a damaged length must not fill the memory.
 MOST_RECORD = 1 << 26
+NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +48,7 @@ class Recording:
     laps: list[tuple[int, int, int, int]] = field(default_factory=list)  # seat, number, µs, tick
     is_complete: bool = False  # the race was over; without it the server died, or the file is cut
     is_torn: bool = False  # the file ends in the middle of something
-
-    @property
-    def last_tick(self) -> int:
-        """The newest tick that the recording knows of."""
-        ticks = [entry.tick for entry in self.entries[-1:]] + [
-            tick for tick, _ in self.digests[-1:]
-        ]
-        return max(ticks, default=0)
+    last_tick: int = 0  # the newest that the recording tells of
 
 
 def read_lines(path: Path) -> Iterator[Line | None]:
@@ -120,6 +115,7 @@ def read_recording(path: Path) -> Recording:
         RecordingError: no such file, no recording, or without the beginning of a race.
     """
     recording: Recording | None = None
+    begun_ns = 0
     for line in read_lines(path):
         if line is None:
             if recording:
@@ -128,8 +124,11 @@ def read_recording(path: Path) -> Recording:
         try:
             if line.kind is START:
                 recording = Recording(path, decode_start(line.data))
+                begun_ns = line.time_ns
             elif recording:
                 _take(recording, line)
+                tick = round((line.time_ns - begun_ns) * TICKS_PER_SECOND / NANOSECONDS)
+                recording.last_tick = max(recording.last_tick, tick)
         except (WireError, ValueError) as error:
             raise RecordingError(
                 f"recording {path} is damaged, or from a newer race-server: {error}"

@@ -30,7 +30,7 @@ from race_server.recording.channels import (
     START,
     ChannelKind,
 )
-from race_server.recording.reader import Line
+from race_server.recording.reader import NANOSECONDS, Line
 from race_server.session import Inputs
 from race_server.wire.journal import (
     ACT,
@@ -49,7 +49,6 @@ CHUNK_BYTES = 64 * 1024
 # Messages that wait for a disk that has stopped; a race goes on without its recording then.
 MOST_WAITING = 1 << 16
 CLOSE_S = 10.0
-NANOSECONDS = 1_000_000_000
 
 # A message, or what makes one: encoding is left to the thread.
 Content = bytes | Callable[[], bytes]

@@ -1,6 +1,6 @@
-"""A guard that starts a process again when something kills it.
+"""A watchdog that starts a process again when something kills it.
 
-The guard has everything loaded and compiled before it forks, so that the next process is at work
+The watchdog has everything loaded and compiled before it forks, so that the next process is at work
 within milliseconds. It holds no file, no lock and no network itself.
 """
 
