@@ -131,6 +131,8 @@ class Session:
             self.seats[wanted].key = key_of(secret)
             self.come_back(wanted)
             return self.seats[wanted]
+        if owns and 0 <= wanted < len(self.seats) and self.seats[wanted].is_present:
+            raise SeatError(f"seat {wanted} is in use: somebody is logged in with its keys already")
         if self.phase is not Phase.LOBBY:
             if wanted in self.closed:
                 raise SeatError(f"seat {wanted} is closed: {self.closed[wanted]}")

@@ -63,12 +63,14 @@ def write_private(path: Path, text: str | bytes) -> None:
 def read_server_keys(folder: Path, session: str, seats: int) -> ServerKeys:
     """Return the keys of a server: from the folder that `race keys new` made, or its `server`.
 
+    session: "" for that of the keys.
+
     Raises:
         KeysError: unreadable, expired, or made for another session or fewer seats.
     """
     inner = folder / "server"
     held = _read(inner if inner.is_dir() else folder, ServerKeys)
-    if held.session != session:
+    if session and held.session != session:
         raise KeysError(
             f"the keys in {folder} are for session {held.session!r}, not {session!r}: "
             f"serve with --session {held.session}, or make new ones with `race keys new {session}`"
@@ -76,7 +78,8 @@ def read_server_keys(folder: Path, session: str, seats: int) -> ServerKeys:
     if held.seats < seats:
         raise KeysError(
             f"the keys in {folder} are for {held.seats} seats, the race has {seats}: "
-            f"serve with --karts {held.seats}, or make more with `race keys new --seats {seats}`"
+            f"serve with --karts {held.seats}, or make more with "
+            f"`race keys new {held.session} --seats {seats}`"
         )
     return held
 

@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 
 from race_server.clock import TICKS_PER_SECOND
+from race_server.commands.access import SESSION
 from race_server.commands.race import (
     AsJson,
     CatchUp,
@@ -25,7 +26,6 @@ from race_server.commands.race import (
     Record,
     Results,
     Seed,
-    SessionName,
     Track,
     VehicleName,
     known_drivers,
@@ -79,7 +79,9 @@ def serve(
     keys: Annotated[
         Path | None, typer.Option(help="Folder that `race keys new` made, with --open.")
     ] = None,
-    session: SessionName = "race",
+    session: Annotated[
+        str, typer.Option("--session", help="Name of the session; that of the keys, or race.")
+    ] = "",
     results: Results = "",
     record: Record = "",
     fresh: Annotated[
@@ -100,6 +102,7 @@ def serve(
     from race_server.server.rehearsal import warm_up
 
     held = _server_keys(keys, session, karts, is_open=is_open)
+    session = held.session if held else session or SESSION
     address = listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
     check_door(Door(address, session, karts, held))
     if pace not in {REAL, LOCKSTEP}:
@@ -262,8 +265,8 @@ def _server_keys(
         return None
     if folder is None:
         raise KeysError(
-            f"--open needs keys: make them with `race keys new {session} --seats {karts} "
-            f"--host ADDRESS` and serve with --open --keys keys-{session}"
+            f"--open needs keys: make them with `race keys new {session or SESSION} --seats "
+            f"{karts} --host ADDRESS` and serve with --open --keys keys-{session or SESSION}"
         )
     if not is_open:
         raise KeysError(f"--keys {folder} lets other machines in: say so with --open")
