@@ -150,6 +150,17 @@ class ServerLink(_Link):
         self._kept.append(self._hear_presence())
         self._kept.append(self._hear_links())
 
+    def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback whose failures are counted: zenoh prints them and goes on."""
+
+        def call(news: Any) -> None:
+            try:
+                store(news)
+            except Exception:
+                self.dropped["message that made us stumble", -1] += 1
+
+        return call
+
     def admit(self, seat: int, key: bytes) -> None:
         """Hear one connection for a seat, and no other: that whose badge fits the key."""
         if key == self._keys[seat]:
@@ -189,7 +200,9 @@ class ServerLink(_Link):
             self._arrived.set()
 
         key = key_of(topics.CONTROL, self._name, seat)
-        return self._session.declare_subscriber(key, store, allowed_origin=zenoh.Locality.REMOTE)
+        return self._session.declare_subscriber(
+            key, self._counted(store), allowed_origin=zenoh.Locality.REMOTE
+        )
 
     def _hear_queries(self, topic: Topic) -> Any:
         def store(query: zenoh.Query) -> None:
@@ -210,7 +223,7 @@ class ServerLink(_Link):
             self._arrived.set()
 
         key = key_of(topic, self._name, topics.EVERY)
-        return self._session.declare_queryable(key, store, complete=True)
+        return self._session.declare_queryable(key, self._counted(store), complete=True)
 
     def _seat_in(self, topic: Topic, key: str) -> int | None:
         """Return the seat that a key names, -1 for none; None for a key that is not the topic's."""
@@ -229,7 +242,9 @@ class ServerLink(_Link):
             self._note_link(int(place), badge.encode(), sample.kind == zenoh.SampleKind.PUT)
 
         key = key_of(topics.ALIVE, self._name, topics.EVERY)
-        return self._session.liveliness().declare_subscriber(key, store, history=True)
+        return self._session.liveliness().declare_subscriber(
+            key, self._counted(store), history=True
+        )
 
     def _note_link(self, seat: int, badge: bytes, is_there: bool) -> None:
         seen, is_holder = self._seen[seat], self._is_holder(seat, badge)
@@ -258,7 +273,7 @@ class ServerLink(_Link):
                 if is_new and open_links[name] > 1:
                     self.dropped["second login", owners[name]] += 1
 
-        return self._session.info.declare_link_events_listener(store, history=True)
+        return self._session.info.declare_link_events_listener(self._counted(store), history=True)
 
     def take_inputs(self) -> list[tuple[int, bytes]]:
         """Return the newest controls of each seat since the last call, oldest first."""

@@ -17,6 +17,8 @@ SPARE_SESSIONS = 4
 LOCAL_SPECTATORS = 64
 # Nothing that a client sends is longer; what is, is dropped before it is put together.
 MOST_MESSAGE = 65536
+# Who connects and then says nothing is let go after so long; a hundred may wait.
+ACCEPT_MS = 5000
 _ENCRYPTED = ("tls", "quic")
 
 
@@ -53,6 +55,7 @@ def server_settings(door: Door) -> dict[str, Any]:
         "low_pass_filter": size_filter(door.session),
         "downsampling": rate_limit(door.session, door.seats, real_time=door.real_time),
         "transport/unicast/max_sessions": most_sessions(door),
+        "transport/unicast/accept_timeout": ACCEPT_MS,
         "transport/link/rx/max_message_size": MOST_MESSAGE,
     }
     if keys is not None:

@@ -117,13 +117,20 @@ def try_limits(scene: "Scene") -> None:
     own = key("in/2")
     with _as(scene, "seat-2") as seat:
         for act, size in (("control of 1 kB", 1024), ("control of 3 MB", MEGABYTES)):
-            scene.arrived.count = 0
             seat.session.put(own, bytes(size), attachment=badge)
             time.sleep(SETTLE_S)
             arrived = any(len(payload) == size for payload in scene.arrived.heard)
             scene.deny(act, "reached the server" if arrived else "")
         answer = seat.ask(key("q/join/2"), bytes(4096))
         scene.deny("request of 4 kB", "answered" if answer else "")
+    # Shared memory, where the receiver takes it, goes past the limit on a message's size.
+    shared = {"transport/shared_memory/enabled": True}
+    keys = scene.stage.keys("seat-2")
+    with Intruder(scene.stage.address, keys, **shared) as seat:
+        seat.session.put(own, bytes(MEGABYTES + 1), attachment=badge)
+        time.sleep(SETTLE_S)
+        arrived = any(len(payload) > MEGABYTES for payload in scene.arrived.heard)
+        scene.deny("control of 3 MB in shared memory", "reached the server" if arrived else "")
     with _as(scene, "seat-2") as seat:
         before = scene.stage.server.link.dropped["foreign", 2]
         _send_fast(seat, own, badge)
