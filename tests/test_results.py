@@ -4,7 +4,6 @@ import csv
 import json
 import os
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -30,6 +29,7 @@ from race_server.results.writer import Writer
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
+from race_server.start import free_address
 from race_server.transport import ClientLink, ServerLink
 from race_server.wire import topics
 from race_server.wire.spectate import decode_events
@@ -207,12 +207,6 @@ def test_the_file_lies_where_the_variable_or_the_desktop_standard_says(
 
 
 # What a live race writes
-
-
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def run_race(
