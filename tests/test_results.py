@@ -355,6 +355,7 @@ def test_laps_that_were_announced_outlive_a_server_that_is_killed(path: Path) ->
     command = [sys.executable, "-m", "race_server", "serve", "--track", "oval", "--karts", "2"]
     command += ["--laps", "500", "--pace", "lockstep", "--no-items", "--fill", "pure_pursuit"]
     command += ["--wait-for", "0", "--listen", address, "--results", str(path)]
+    command += ["--no-guard"]
     announced: list[Event] = []
     enough = threading.Event()
 
