@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import random
 import signal
 import socket
 import subprocess
@@ -76,9 +77,14 @@ def team() -> Iterator[Team]:
 
 def free_address() -> str:
     """Return an address of this machine that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    # Below the ports that systems give to outgoing connections: one of those may be taken again
+    # before the server listens.
+    chance = random.SystemRandom()
+    while True:
+        port = chance.randrange(10_240, 32_000)
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return f"tcp/127.0.0.1:{port}"
 
 
 @dataclass(frozen=True)

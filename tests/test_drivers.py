@@ -14,6 +14,7 @@ from agents.follow_gap import middle_of_gap
 from agents.scan import repair, widen_edges
 from race_server.driver import driver_named, driver_names
 from race_server.errors import DriverError
+from race_server.limit.line import with_line
 from race_server.messages import EventKind, Status
 from race_server.scenario.base import Rules, Scenario
 
@@ -41,6 +42,7 @@ def test_an_unknown_driver_is_named_with_the_known_ones() -> None:
 @pytest.mark.parametrize("name", DRIVERS)
 def test_alone_each_driver_laps_without_touching_a_wall(name: str) -> None:
     scenario = Scenario(COURSE, karts=1, rules=Rules(laps=2, items=False, limit_s=120.0))
+    scenario = with_line(scenario)
     session, _ = run_race(scenario, [name])
     kart = session.world.karts[0, 0]
     assert kart.status == Status.FINISHED

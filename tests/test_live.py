@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -22,6 +21,7 @@ from race_server.scenario.base import Rules, Scenario
 from race_server.seat import take_seat
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
+from race_server.start import free_address
 from race_server.transport import ClientLink, ServerLink
 from race_server.watch import Watcher
 from race_server.wire import topics
@@ -31,12 +31,6 @@ pytestmark = pytest.mark.net
 
 COURSE = ring(radius=6.0, half_width=0.7)
 NAMES = ["pure_pursuit", "follow_gap"]
-
-
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @dataclass

@@ -4,7 +4,6 @@ import csv
 import json
 import os
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -30,6 +29,7 @@ from race_server.results.writer import Writer
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
+from race_server.start import free_address
 from race_server.transport import ClientLink, ServerLink
 from race_server.wire import topics
 from race_server.wire.spectate import decode_events
@@ -209,12 +209,6 @@ def test_the_file_lies_where_the_variable_or_the_desktop_standard_says(
 # What a live race writes
 
 
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
 def run_race(
     path: Path, pace: str, log: list[str], hear: Callable[[Event], None], laps: int = 2
 ) -> RaceResult:
@@ -361,6 +355,7 @@ def test_laps_that_were_announced_outlive_a_server_that_is_killed(path: Path) ->
     command = [sys.executable, "-m", "race_server", "serve", "--track", "oval", "--karts", "2"]
     command += ["--laps", "500", "--pace", "lockstep", "--no-items", "--fill", "pure_pursuit"]
     command += ["--wait-for", "0", "--listen", address, "--results", str(path)]
+    command += ["--no-guard"]
     announced: list[Event] = []
     enough = threading.Event()
 

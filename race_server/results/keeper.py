@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import entry_points
@@ -38,12 +38,15 @@ class Keeper:
         self._dirty: set[int] = set()
 
     def begin(self, session: Session, pace: str, started_at: str = "") -> None:
-        """Open a race in the file, or the one of this session that began at this time again.
-
-        started_at: UTC, ISO 8601; now, if it is empty.
-        """
+        """Open a race in the file. started_at: UTC, ISO 8601; now, if it is empty."""
         self._sectors.clear()
         self._writer.submit(_race_of(session, pace, started_at or utc_now()))
+
+    def take_up(self, session: Session, pace: str, started_at: str) -> None:
+        """Open a race again that a server which was killed has begun."""
+        self._sectors.clear()
+        race = _race_of(session, pace, started_at)
+        self._writer.submit(replace(race, is_taken_up=True))
 
     def end(self, session: Session) -> None:
         """Close a race in the file, and wait until that is done."""

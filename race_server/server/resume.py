@@ -21,7 +21,7 @@ def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[
     session = rerun.session
     events = list(session.recent)
     if keeper:
-        keeper.begin(session, recording.start.pace, recording.start.started_at)
+        keeper.take_up(session, recording.start.pace, recording.start.started_at)
         keeper.look(session)
     for happened in rerun.run():
         events += happened
