@@ -22,9 +22,9 @@ import zenoh
 
 from race_server.admission.access import common_name, seat_name
 from race_server.admission.doubt import reason_out
+from race_server.admission.holders import Holders
 from race_server.admission.keys import ClientKeys, ServerKeys
 from race_server.admission.settings import Door, as_json, client_settings, server_settings
-from race_server.badge import key_of_badge
 from race_server.errors import LinkError
 from race_server.wire import topics
 from race_server.wire.topics import Topic, key_of
@@ -37,10 +37,6 @@ MOST_INPUTS = 8
 MOST_QUERIES = 8
 # So many requests are answered in one go; the others wait for the next tick.
 MOST_ANSWERS = 8
-# More news of links than this is old news.
-MOST_NEWS = 256
-# So many links of one seat are told apart.
-MOST_BADGES = 8
 QUERY_TIMEOUT_S = 2.0
 # A client asks on one key half as often as the server takes it.
 ASK_S = 2.0 / topics.QUERY_HZ
@@ -133,17 +129,15 @@ class ServerLink(_Link):
                 "choose another address with --listen, such as tcp/127.0.0.1:7448"
             ) from error
         self.address = address
+        self.holders = Holders(seats)
         self.is_open = keys is not None
         self.dropped: Counter[tuple[str, int]] = Counter()  # by reason and seat
         self._name = session_name
         self._inputs: list[deque[bytes]] = [deque(maxlen=MOST_INPUTS) for _ in range(seats)]
-        self._keys: list[bytes] = [b""] * seats  # of who joined
-        self._badges: list[bytes] = [b""] * seats  # that fit them, once they were shown
-        self._seen: list[dict[bytes, None]] = [{} for _ in range(seats)]  # badges of links there
+        self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
         self._turn = 0  # where the next round of answers begins
-        self._presence: deque[tuple[int, bool]] = deque(maxlen=MOST_NEWS)
         self._publishers: dict[tuple[str, int], Any] = {}
         self._kept: list[Any] = [self._hear_seat(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
@@ -161,32 +155,12 @@ class ServerLink(_Link):
 
         return call
 
-    def admit(self, seat: int, key: bytes) -> None:
-        """Hear one connection for a seat, and no other: that whose badge fits the key."""
-        if key == self._keys[seat]:
-            return
-        self._keys[seat], self._badges[seat] = key, b""
-        for badge in list(self._seen[seat]):
-            if self._is_holder(seat, badge):
-                self._presence.append((seat, True))
-
-    def _is_holder(self, seat: int, badge: bytes) -> bool:
-        """Return whether a badge is that of the connection which holds the seat."""
-        known = self._badges[seat]
-        if not known and key_of_badge(badge) == self._keys[seat]:
-            known = self._badges[seat] = badge
-        return bool(known) and badge == known
-
-    def is_doubled(self, seat: int) -> bool:
-        """Return whether two links at once show that they are a seat's."""
-        return len(self._seen[seat]) > 1
-
     def _hear_seat(self, seat: int) -> Any:
         most = topics.CONTROL.most_bytes
 
         def store(sample: zenoh.Sample) -> None:
             badge = sample.attachment
-            if badge is None or not self._is_holder(seat, badge.to_bytes()):
+            if badge is None or not self.holders.is_holder(seat, badge.to_bytes()):
                 self.dropped["control without the seat's badge", seat] += 1
                 return
             if len(sample.payload) > most:
@@ -230,33 +204,22 @@ class ServerLink(_Link):
         if not topic.is_seats:
             return -1 if key == key_of(topic, self._name) else None
         place = key.rsplit("/", 1)[1]
-        if place == topics.ANY:
-            return -1
-        return int(place) if place.isdecimal() and int(place) < len(self._inputs) else None
+        return -1 if place == topics.ANY else self._seats.get(place)
 
     def _hear_presence(self) -> Any:
         def store(sample: zenoh.Sample) -> None:
             *_, place, badge = str(sample.key_expr).split("/")
-            if not place.isdecimal() or int(place) >= len(self._inputs):
+            seat, is_there = self._seats.get(place), sample.kind == zenoh.SampleKind.PUT
+            if seat is None:
                 return
-            self._note_link(int(place), badge.encode(), sample.kind == zenoh.SampleKind.PUT)
+            if not self.holders.note_link(seat, badge.encode(), is_there=is_there):
+                self.dropped["second login", seat] += 1
+            self._arrived.set()
 
         key = key_of(topics.ALIVE, self._name, topics.EVERY)
         return self._session.liveliness().declare_subscriber(
             key, self._counted(store), history=True
         )
-
-    def _note_link(self, seat: int, badge: bytes, is_there: bool) -> None:
-        seen, is_holder = self._seen[seat], self._is_holder(seat, badge)
-        if not is_there:
-            seen.pop(badge, None)
-        elif is_holder or len(seen) < MOST_BADGES:
-            seen[badge] = None
-        if is_holder:
-            self._presence.append((seat, is_there))
-            self._arrived.set()
-        elif is_there and self._badges[seat] in seen:
-            self.dropped["second login", seat] += 1
 
     def _hear_links(self) -> Any:
         """Count how often a certificate is logged in: a stolen one may only listen."""
@@ -293,8 +256,8 @@ class ServerLink(_Link):
 
     def take_presence(self) -> Iterable[tuple[int, bool]]:
         """Yield seats whose driver's link came up (True) or went away (False)."""
-        while self._presence:
-            yield self._presence.popleft()
+        while self.holders.news:
+            yield self.holders.news.popleft()
 
     def overhear(self, store: Callable[[str, bytes], None]) -> None:
         """Call `store` with key and payload of whatever reaches this session from outside."""

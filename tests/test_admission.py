@@ -13,6 +13,7 @@ import pytest
 from courses import ring
 
 from race_server.admission.access import ANYONE, access_control, keys_allowed, roles_of
+from race_server.admission.holders import Holders
 from race_server.admission.issue import Order, issue_keys
 from race_server.admission.keys import read_client_keys, read_server_keys
 from race_server.admission.limits import rate_limit, size_filter
@@ -134,6 +135,20 @@ def test_an_address_that_others_can_reach_needs_keys(address: str, *, local: boo
 def test_the_key_tells_neither_badge_nor_secret() -> None:
     assert key_of(7) == key_of_badge(badge_of(7).encode())
     assert key_of(7).hex() != badge_of(7)
+
+
+def test_only_the_badge_that_fits_holds_a_seat_whichever_comes_first() -> None:
+    own, thief = badge_of(7).encode(), badge_of(8).encode()
+    holders = Holders(2)
+    assert holders.note_link(1, own, is_there=True)
+    assert not holders.news
+    holders.admit(1, key_of(7))
+    assert list(holders.news) == [(1, True)]
+    assert holders.is_holder(1, own)
+    assert not holders.is_holder(1, thief)
+    assert not holders.note_link(1, thief, is_there=True)
+    assert holders.note_link(1, thief, is_there=False)
+    assert list(holders.news) == [(1, True)]
 
 
 # Keys in folders

@@ -54,7 +54,7 @@ def logbook(folder: Path) -> Iterator[Logbook]:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of a whole race of three scripted drivers, with a yellow flag in it."""
+    """A recording of a whole race of three scripted drivers, with a flag and penalties in it."""
     folder = tmp_path_factory.mktemp("recordings")
     session, address = Session("cup", scenario()), free_address()
     with logbook(folder) as book, ServerLink(address, "cup", 3) as link:
@@ -64,6 +64,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         def advance_and_flag(count: int = 1) -> object:
             if (turn := next(ticks)) in {100, 130}:
                 session.show_flag(Flag.YELLOW if turn == 100 else Flag.GREEN)
+                session.penalise(1, 2.5)
             return advance(count)
 
         session.advance = advance_and_flag  # type: ignore[method-assign, assignment]
@@ -94,7 +95,9 @@ def test_what_is_done_from_outside_is_recorded(recorded: Path) -> None:
     acts = [entry for entry in read_recording(recorded).entries if isinstance(entry, Act)]
     assert [(act.kind, act.value) for act in acts] == [
         (ActKind.FLAG, float(Flag.YELLOW)),
+        (ActKind.PENALTY, 2.5),
         (ActKind.FLAG, float(Flag.GREEN)),
+        (ActKind.PENALTY, 2.5),
     ]
 
 

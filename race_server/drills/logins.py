@@ -101,7 +101,7 @@ def try_double_login(scene: "Scene") -> None:
         scene.deny("control with copied keys", "it counted" if seat.sequence > sequence else "")
         token = thief.session.liveliness().declare_token(key("alive/0/00"))
         time.sleep(SETTLE_S)
-        seen = server.link.is_doubled(0)
+        seen = server.link.holders.is_doubled(0)
         scene.allow("a token of one's own seat is seen", "" if seen else "it was not")
         token.undeclare()
         time.sleep(SETTLE_S)

@@ -100,7 +100,7 @@ def try_presence(scene: "Scene") -> None:
         ]
         time.sleep(SETTLE_S)
         for number, act in ((1, "liveliness token of another seat"), (2, "token of a spectator")):
-            scene.deny(act, "seen by the server" if server.link.is_doubled(number) else "")
+            scene.deny(act, "seen by the server" if server.link.holders.is_doubled(number) else "")
         for token in tokens:
             token.undeclare()
         found = list(liveliness.get(key("alive/**"), timeout=SETTLE_S))

@@ -115,7 +115,7 @@ class Desk:
         owns = self._link.is_open and request.seat >= 0
         seat = session.join(join.driver, join.preset, wanted=wanted, secret=join.secret, owns=owns)
         self._note_serial(join.secret, join.serial)
-        self._link.admit(seat.number, seat.key)
+        self._link.holders.admit(seat.number, seat.key)
         if session.phase is Phase.LOBBY and seat.number not in self._linked:
             self._expected[seat.number] = time.monotonic()
         return encode_welcome(self._welcome(seat, join.secret))
@@ -137,7 +137,7 @@ class Desk:
         decision = decode_decision(payload)
         self._steward.decide(decision)
         if 0 <= decision.seat < len(self._session.seats):
-            self._link.admit(decision.seat, self._session.seats[decision.seat].key)
+            self._link.holders.admit(decision.seat, self._session.seats[decision.seat].key)
         return encode_reply("")
 
     def _check_serial(self, secret: int, serial: int) -> None:

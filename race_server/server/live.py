@@ -120,7 +120,7 @@ class RaceServer:
             if row.is_local:
                 self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
             else:
-                self.link.admit(row.number, row.key)
+                self.link.holders.admit(row.number, row.key)
         if self.pace == LOCKSTEP:
             self._wait_for_return()
         return self._begin_again(self._race_on(events))
