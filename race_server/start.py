@@ -21,6 +21,7 @@ from race_server.board import Headline, event_text, leaderboard
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import LinkError, RaceError
 from race_server.kernels.jit import is_compiled
+from race_server.logs import words_of
 from race_server.messages import Event, EventKind, Flag, Phase
 from race_server.transport import ClientLink
 from race_server.watch import Watcher
@@ -158,7 +159,7 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink
 
 def _tail(log_path: Path) -> str:
     lines = [line for line in log_path.read_text(errors="replace").splitlines() if line.strip()]
-    return lines[-1] if lines else "it said nothing"
+    return words_of(lines[-1]) if lines else "it said nothing"
 
 
 def _show(watcher: Watcher, group: Team, console: Console, plan: Plan, log_path: Path) -> None:

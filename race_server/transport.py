@@ -189,6 +189,10 @@ class ServerLink(_Link):
         while self._presence:
             yield self._presence.popleft()
 
+    def clients(self) -> int:
+        """Return how many links of others are open."""
+        return len(self._session.info.transports())
+
     def wait(self, timeout_s: float) -> bool:
         """Return True once something has arrived since `take_inputs`, False at the timeout."""
         return self._arrived.wait(timeout_s)

@@ -3,8 +3,8 @@
 import json
 import os
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -139,14 +139,19 @@ def _check_results(results: str) -> None:
         Store(path).close()
 
 
-def results_writer(results: str, log: Console) -> "AbstractContextManager[Writer | None]":
-    """Return the writer of a results file, None for nowhere; close it after the last race."""
+def results_writer(
+    results: str, say: Callable[[str], None]
+) -> "AbstractContextManager[Writer | None]":
+    """Return the writer of a results file, None for nowhere; close it after the last race.
+
+    say: is told once if the file fails.
+    """
     from race_server.results.schema import path_of
     from race_server.results.store import Store
     from race_server.results.writer import Writer
 
     if path := path_of(results):
-        return Writer(Store(path), partial(log.print, style="yellow", markup=False, soft_wrap=True))
+        return Writer(Store(path), say)
     return nullcontext()
 
 
