@@ -28,6 +28,8 @@ from race_server.watch import Watcher
 
 # Events that are worth a line under the leaderboard.
 _TOLD = 8
+# What spectators see is marked as old from this age on.
+OLD_S = 0.5
 START_S = 120.0
 
 
@@ -199,6 +201,10 @@ def board_of(watcher: Watcher, session: str, items: Sequence[str]) -> Group:
         names[row.seat] = f"{row.driver} {row.seat}"
     told = [text for event in list(watcher.events) if (text := _line(event, names, items))]
     lines = [Text(text, style="dim") for text in told[-_TOLD:]]
+    age = watcher.age_s()
+    if age is not None:
+        style = "dim" if age < OLD_S else "bold red"
+        lines.append(Text(f"as it was {1e3 * age:.0f} ms ago", style=style))
     return Group(leaderboard(headline, frame.rows), *lines)
 
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from race_server import codes
 from race_server.clock import TICKS_PER_SECOND
 from race_server.logs import Log
 from race_server.messages import Phase
@@ -63,6 +64,7 @@ class Diary:
 
     def _look_at_seats(self, log: Log) -> None:
         races = self._session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        statuses = self._session.world.karts["status"][0]
         for seat, known in zip(self._session.seats, self._known, strict=True):
             driver = seat.driver if seat.is_taken else ""
             who = driver or known.driver
@@ -71,8 +73,10 @@ class Diary:
             elif driver and seat.is_present != known.is_present:
                 if seat.is_present:
                     log.say("came back", seat=seat.number, driver=who)
-                else:
+                elif statuses[seat.number] == codes.RACING:
                     log.warn("dropped: its link is gone", seat=seat.number, driver=who)
+                else:
+                    log.say("gone after its race", seat=seat.number, driver=who)
             stands = bool(driver) and races and seat.silence is Silence.STOPPED
             if stands and not known.stands and seat.is_present and seat.control_tick >= 0:
                 log.warn("silent: its kart stands", seat=seat.number, driver=who)
