@@ -11,12 +11,14 @@ import pytest
 from courses import ring
 
 from race_server.clock import TICK_S
-from race_server.errors import LinkError
+from race_server.drills.damage import decode_all
+from race_server.errors import LinkError, RaceError, SeatError, WireError
 from race_server.logs import Log, words_of
 from race_server.messages import Control, Event, EventKind, Retirement
 from race_server.reception import ClockOffset, Reception
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import RaceServer
+from race_server.server.desk import reason_of
 from race_server.server.meters import Histogram, Meters
 from race_server.server.metrics import exposed
 from race_server.session import Session
@@ -78,7 +80,7 @@ def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
         "race_clients 0.0",
     ):
         assert line in lines
-    assert "race_input_age_seconds{seat=\"1\"}" not in text  # it was never heard
+    assert 'race_input_age_seconds{seat="1"}' not in text  # it was never heard
 
 
 def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
@@ -96,9 +98,9 @@ def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
 
 def test_a_port_for_metrics_that_is_in_use_is_named(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
+        again = exposed(racing, port)
         with pytest.raises(LinkError, match=f"port {port} .*another with --metrics"):
-            with exposed(racing, port):
-                pass
+            again.__enter__()
 
 
 def test_a_time_falls_into_the_first_bin_that_holds_it() -> None:
@@ -113,6 +115,18 @@ def test_the_first_control_of_a_race_and_a_repeated_one_lose_nothing() -> None:
     meters.note_control(0, before=0, sequence=9)
     meters.note_control(0, before=9, sequence=10)
     assert meters.lost == [0]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (WireError("message is b'R\\'xQ', expected b'RSRQ'"), "message is , expected"),
+        (SeatError("observation 'a:b' is unknown; choose lidar"), "observation is unknown; choose"),
+        (WireError("control 7 again, already at 9"), "control again, already at"),
+    ],
+)
+def test_a_sender_cannot_make_up_reasons_for_refusals(error: RaceError, reason: str) -> None:
+    assert reason_of(error).startswith(reason)
 
 
 # The log
@@ -213,3 +227,13 @@ def test_a_driver_is_told_why_it_is_out() -> None:
     assert reception.outcome == ""
     reception.note_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
     assert reception.outcome == "out: stood for too long"
+
+
+# What is damaged
+
+
+def test_hostile_messages_end_in_a_wire_error_or_in_values_within_limits() -> None:
+    toll = decode_all(20_000, seed=3)
+    assert toll.decoded == 20_000
+    assert set(toll.errors) == {"WireError"}
+    assert toll.accepted > 0

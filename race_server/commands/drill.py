@@ -30,6 +30,21 @@ def crash(
     finish(document, as_json=as_json)
 
 
+@app.command()
+def hostile(
+    messages: Annotated[int, typer.Option(min=1000, help="So many are sent and decoded.")] = 20_000,
+    rate: Annotated[int, typer.Option(min=1, help="So many a second.")] = 5000,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Send damaged and crafted messages on every inbound topic while a race of eight runs."""
+    from race_server.drills.hostile import drill_hostile
+
+    with progress("sending", messages) as tell:
+        document = drill_hostile(messages, rate=rate, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
+
+
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Any]:
     """Show how far a drill has come, on stderr; yields what is to be told."""

@@ -1,5 +1,6 @@
 """The lobby's desk: answers requests, and keeps account of whose link is there."""
 
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -25,6 +26,7 @@ from race_server.wire.spectate import encode_events, encode_standings
 
 # A seat is given away again if its driver's link does not show up in the lobby for so long.
 SHOW_UP_S = 10.0
+_QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
 class Desk:
@@ -113,6 +115,9 @@ class Desk:
 
 
 def reason_of(error: Exception) -> str:
-    """Return what kind of refusal an error is, without the numbers that differ each time."""
-    words = str(error).split(":", 1)[0]
+    """Return what kind of refusal an error is, without what differs each time.
+
+    Nothing that a sender makes up may get into it: each kind is counted on its own.
+    """
+    words = _QUOTED.sub("", str(error)).split(":", 1)[0]
     return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]
