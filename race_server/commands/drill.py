@@ -45,6 +45,21 @@ def hostile(
     finish(document, as_json=as_json)
 
 
+@app.command()
+def load(
+    karts: Annotated[int, typer.Option(min=1, max=64, help="Karts in the race.")] = 64,
+    spectators: Annotated[int, typer.Option(min=1, help="Who watch it.")] = 200,
+    minutes: Annotated[float, typer.Option(min=0.05, max=14.0, help="For each server.")] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race before a full hall; next to it the same over websockets and JSON."""
+    from race_server.drills.load import drill_load
+
+    with progress("racing", round(2 * 60 * minutes)) as tell:
+        document = drill_load(karts, spectators, minutes, tell=tell)
+    finish(document, as_json=as_json, columns=("race_server", "websockets_orjson"))
+
+
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Any]:
     """Show how far a drill has come, on stderr; yields what is to be told."""
@@ -53,8 +68,11 @@ def progress(what: str, total: int) -> Iterator[Any]:
         yield lambda done: bar.update(task, completed=done)
 
 
-def finish(document: dict[str, Any], *, as_json: bool) -> None:
-    """Print what a drill found, and end with 1 where it is not well."""
+def finish(document: dict[str, Any], *, as_json: bool, columns: tuple[str, ...] = ()) -> None:
+    """Print what a drill found, and end with 1 where it is not well.
+
+    columns: parts of the document that hold the same figures, to be shown side by side.
+    """
     if as_json:
         print(json.dumps(document))
     else:
@@ -64,6 +82,11 @@ def finish(document: dict[str, Any], *, as_json: bool) -> None:
                 table.add_row(name.replace("_", " "), str(value))
         console = Console()
         console.print(table)
+        if columns and (parts := [document[name] or {} for name in columns]):
+            side_by_side = Table("figure", *columns)
+            for name in parts[0]:
+                side_by_side.add_row(name, *(str(part.get(name, "")) for part in parts))
+            console.print(side_by_side)
         console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
     if not document["ok"]:
         raise typer.Exit(1)

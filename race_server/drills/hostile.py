@@ -3,7 +3,8 @@
 They are decoded twice: here, where each can be timed and every exception seen, and by a real
 server in the middle of a race, whose clock must not notice. There they come from an outsider who
 holds no seat and from an insider who does. Who may speak for a seat at all is another question:
-the outsider's controls are of another race, so that none is taken for a driver's.
+what the outsider sends is never a whole control of this very race, which might be taken for the
+driver's own.
 """
 
 import random
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -18,7 +20,7 @@ import zenoh
 from race_server.drills.damage import Inbound, decode_all, inbound, mutated
 from race_server.drills.damage import crafted as crafted_for
 from race_server.drills.hall import SESSION, Figures, hall, quantile
-from race_server.errors import LinkError, RaceError
+from race_server.errors import LinkError, RaceError, WireError
 from race_server.messages import Control, Phase
 from race_server.seat import take_seat
 from race_server.start import START_S
@@ -158,7 +160,8 @@ def attack(address: str, messages: int, rate: int, seed: int) -> None:
     sys.stdin.readline()
     with link, zenoh.open(_plain_config(address)) as outside:
         own = Inbound(topics.CONTROL, _control_of(seat.welcome.epoch + 1), decode_control)
-        puts, asks = [*_puts(outside), (own, seat.send)], list(_asks(outside))
+        puts = [*_puts(outside, seat.welcome.epoch + 1), (own, seat.send)]
+        asks = list(_asks(outside))
         _send_all(puts, asks, outside, messages, rate, random.Random(seed))
 
 
@@ -178,11 +181,20 @@ def _control_of(epoch: int) -> bytes:
     return encode_control(ControlFrame(epoch, 1, 1, Control(0.2, 0.2)))
 
 
-def _puts(outside: zenoh.Session) -> Iterator[Way]:
-    """Yield how an outsider can send to each seat."""
+def _puts(outside: zenoh.Session, epoch: int) -> Iterator[Way]:
+    """Yield how an outsider can send to each seat. epoch: that of the race."""
     kind = Inbound(topics.CONTROL, _control_of(FOREIGN_EPOCH), decode_control)
     for seat in range(KARTS):
-        yield kind, outside.declare_publisher(key_of(kind.topic, SESSION, seat)).put
+        put = outside.declare_publisher(key_of(kind.topic, SESSION, seat)).put
+        yield kind, partial(_put_foreign, put, epoch)
+
+
+def _put_foreign(put: Callable[[bytes], None], epoch: int, message: bytes) -> None:
+    """Send a message unless damage has made it a control of the race."""
+    try:
+        put(message if decode_control(message).epoch != epoch else b"")
+    except WireError:
+        put(message)
 
 
 def _asks(outside: zenoh.Session) -> Iterator[Way]:
