@@ -2,7 +2,11 @@
 
 import io
 import json
+import os
+import random
 import socket
+import threading
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
@@ -12,6 +16,9 @@ from courses import ring
 
 from race_server.clock import TICK_S
 from race_server.drills.damage import decode_all
+from race_server.drills.hall import quantile
+from race_server.drills.network import drill_network
+from race_server.drills.wire import Weather, Wire
 from race_server.errors import LinkError, RaceError, SeatError, WireError
 from race_server.logs import Log, words_of
 from race_server.messages import Control, Event, EventKind, Retirement
@@ -237,3 +244,58 @@ def test_hostile_messages_end_in_a_wire_error_or_in_values_within_limits() -> No
     assert toll.decoded == 20_000
     assert set(toll.errors) == {"WireError"}
     assert toll.accepted > 0
+
+
+@pytest.mark.parametrize(("share", "end"), [(0.5, 0.001), (0.9, 0.002), (1.0, float("inf"))])
+def test_a_quantile_is_the_end_of_its_bin(share: float, end: float) -> None:
+    before = {f't_bucket{{le="{end}"}}': 100.0 for end in ("0.001", "0.002", "+Inf")}
+    after = {
+        't_bucket{le="0.001"}': 106.0,
+        't_bucket{le="0.002"}': 109.0,
+        't_bucket{le="+Inf"}': 110.0,
+    }
+    assert quantile(before, after, "t", share) == end
+    assert quantile(after, after, "t", share) is None
+
+
+# A bad wire
+
+
+def ends_of(weather: Weather) -> tuple[Wire, socket.socket, socket.socket]:
+    pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in range(2)]
+    devices = (pairs[0][1].detach(), pairs[1][1].detach())
+    return Wire(("a", "b"), devices, weather, random.Random(5)), pairs[0][0], pairs[1][0]
+
+
+def test_a_wire_delays_every_packet_and_carries_it_to_the_other_end() -> None:
+    wire, here, there = ends_of(Weather(delay_s=0.05))
+    thread = threading.Thread(target=wire.carry)
+    thread.start()
+    begun = time.monotonic()
+    here.send(b"to there")
+    there.send(b"to here")
+    assert (there.recv(99), here.recv(99)) == (b"to there", b"to here")
+    assert 0.05 <= time.monotonic() - begun < 1.0
+    wire.cut()
+    thread.join()
+    for device in (*wire.devices, here.detach(), there.detach()):
+        os.close(device)
+
+
+def test_a_wire_loses_the_share_of_packets_that_it_is_told() -> None:
+    wire, here, there = ends_of(Weather(loss=0.2))
+    for _ in range(2000):
+        here.send(b"x")
+        wire._take(wire.devices[0])
+    assert wire.passed + wire.lost == 2000
+    assert wire.lost == pytest.approx(400, abs=60)
+    for device in (*wire.devices, here.detach(), there.detach()):
+        os.close(device)
+
+
+def test_without_root_the_drill_of_the_network_is_skipped_with_a_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    document = drill_network(Weather(0.2, 0.1, 0.05))
+    assert document == {"ok": True, "why": "", "skipped": "network namespaces need root"}

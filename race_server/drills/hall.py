@@ -1,6 +1,7 @@
 """Where a drill takes place: a real server in its own process, watched by its own metrics."""
 
 import json
+import math
 import signal
 import socket
 import subprocess
@@ -156,10 +157,9 @@ def quantile(before: Figures, after: Figures, name: str, share: float) -> float 
     return next((end for end, count in bins if count >= share * total), None) if total else None
 
 
-def labelled(figures: Figures, name: str) -> Figures:
-    """Return the figures of one name by the value of their only label."""
-    start = f"{name}{{"
-    return {key.split('"')[1]: v for key, v in figures.items() if key.startswith(start)}
+def milliseconds(seconds: float | None) -> float | None:
+    """Return seconds in milliseconds, None where they are beyond the last bin."""
+    return None if seconds is None or math.isinf(seconds) else round(1e3 * seconds, 3)
 
 
 def _name_of(name: str, labels: Mapping[str, str]) -> str:

@@ -19,7 +19,7 @@ import zenoh
 
 from race_server.drills.damage import Inbound, decode_all, inbound, mutated
 from race_server.drills.damage import crafted as crafted_for
-from race_server.drills.hall import SESSION, Figures, hall, quantile
+from race_server.drills.hall import SESSION, Figures, hall, milliseconds, quantile
 from race_server.errors import LinkError, RaceError, WireError
 from race_server.messages import Control, Phase
 from race_server.seat import take_seat
@@ -127,8 +127,8 @@ def _compare(before: Figures, middle: Figures, after: Figures, faults: list[str]
         "missed_ticks": round(missed),
         "quiet_ticks": round(quiet),
         "quiet_missed_ticks": round(quiet_missed),
-        "tick_p99_ms": _milliseconds(quantile(middle, after, name, 0.99)),
-        "quiet_tick_p99_ms": _milliseconds(quantile(before, middle, name, 0.99)),
+        "tick_p99_ms": milliseconds(quantile(middle, after, name, 0.99)),
+        "quiet_tick_p99_ms": milliseconds(quantile(before, middle, name, 0.99)),
         "server_memory_mb": round(after["process_resident_memory_bytes"] / 1e6, 1),
     }
 
@@ -136,10 +136,6 @@ def _compare(before: Figures, middle: Figures, after: Figures, faults: list[str]
 def _ticks(before: Figures, after: Figures) -> tuple[float, float]:
     driven, missed = "race_ticks_total", "race_ticks_missed_total"
     return after[driven] - before[driven], after[missed] - before[missed]
-
-
-def _milliseconds(seconds: float | None) -> float | None:
-    return None if seconds is None else round(1e3 * seconds, 3)
 
 
 # The attacker, a process of its own

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
 from typing import Any
 
-from race_server.drills.hall import Figures, Hall, free_port, hall, quantile
+from race_server.drills.hall import Figures, Hall, free_port, hall, milliseconds, quantile
 from race_server.errors import RaceError
 from race_server.messages import Phase
 from race_server.server.meters import DURATIONS, LATENESSES
@@ -190,7 +190,7 @@ def _column(
     ticks = after["race_ticks_total"] - before["race_ticks_total"]
     missed = after["race_ticks_missed_total"] - before["race_ticks_missed_total"]
     times = {
-        f"{name}_p{round(100 * share)}_ms": _milliseconds(quantile(before, after, key, share))
+        f"{name}_p{round(100 * share)}_ms": milliseconds(quantile(before, after, key, share))
         for name, key in (("tick", DURATION), ("lateness", LATENESS))
         for share in (0.5, 0.99)
     }
@@ -205,10 +205,6 @@ def _column(
         "memory_start_mb": round(memory[0], 1),
         "memory_end_mb": round(memory[1], 1),
     }
-
-
-def _milliseconds(seconds: float | None) -> float | None:
-    return None if seconds is None else round(1e3 * seconds, 3)
 
 
 def _pass_time(seconds: float, tell: Callable[[int], None]) -> None:
