@@ -14,24 +14,18 @@ import numpy as np
 from race_server import codes
 from race_server.acts import Act, ActKind, carry_out
 from race_server.badge import key_of
-from race_server.clock import ticks_of
 from race_server.errors import SeatError, WireError
 from race_server.kernels.jit import bind
 from race_server.messages import Control, Event, EventKind, Flag, Phase, Standing, Status
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
+from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
 from race_server.stages.observation import observe_karts
 from race_server.state import Float32s, Floats, Ints, World, digest
 from race_server.step import advance
 
-# Without a fresh control the last one counts for so long, then the kart brakes.
-GRACE_TICKS = ticks_of(0.25)
-# A driver that is away for so long has withdrawn.
-AWAY_TICKS = ticks_of(10.0)
 # Late joiners are told of so many events.
 RECENT_EVENTS = 256
-
-STOP = Control(brake=1.0)
 
 
 @dataclass
@@ -50,6 +44,7 @@ class Seat:
     answered_tick: int = -1  # tick of the observation that it answers
     sequence: int = 0  # of the newest control taken
     away_since: int = -1
+    silence: Silence = Silence.FRESH  # how the driver's silence acts on the kart
 
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""
@@ -193,7 +188,6 @@ class Session:
         elif seat.is_present:
             seat.is_present = False
             seat.away_since = self.tick
-            seat.control = STOP
 
     def close(self, number: int, reason: str) -> None:
         """Let nobody take a seat; who has it keeps it."""
@@ -247,7 +241,7 @@ class Session:
         names = list(PRESETS)
         for seat in self.seats:
             seat.control, seat.control_tick, seat.answered_tick = STOP, -1, -1
-            seat.sequence, seat.away_since = 0, -1
+            seat.sequence, seat.away_since, seat.silence = 0, -1, Silence.FRESH
             self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else -1
         self._turn(Phase.COUNTDOWN)
 
@@ -276,6 +270,8 @@ class Session:
             raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
         seat.sequence, seat.answered_tick = sequence, tick
         seat.control, seat.control_tick = control, self.tick
+        if seat.is_present:
+            seat.away_since = -1
 
     def waits_for(self) -> list[int]:
         """Return the racing seats that have not yet answered the observation of this tick."""
@@ -292,8 +288,8 @@ class Session:
     def advance(self, ticks: int = 1) -> list[Event]:
         """Move the race on and return what happened.
 
-        The same control acts for all `ticks`; a kart whose driver has been silent for longer
-        than the grace brakes.
+        The same control acts for all `ticks`; see `race_server.silence` for karts whose driver
+        is not heard.
         """
         now = self.tick
         for seat in self.seats:
@@ -329,13 +325,19 @@ class Session:
         return events
 
     def _load_control(self, seat: Seat, now: int) -> None:
-        if 0 <= seat.away_since <= now - AWAY_TICKS:
-            self.do(ActKind.WITHDRAW, seat.number)
-            seat.away_since = -1
-        stale = now - seat.control_tick > GRACE_TICKS + self.decision_ticks
-        # Nobody waits for the answers of a kart that is through: they must not matter.
         racing = self.world.karts["status"][0, seat.number] == codes.RACING
-        control = seat.control if racing and not stale else STOP
+        if racing and 0 <= seat.away_since <= now - AWAY_TICKS:
+            self.do(ActKind.WITHDRAW, seat.number)
+            seat.away_since, racing = -1, False
+        # A control that came after a link was gone shows that the driver is there.
+        is_linked = seat.is_present or seat.control_tick > seat.away_since
+        overdue = now - seat.control_tick - self.decision_ticks
+        seat.silence = silence_after(overdue, is_linked=is_linked)
+        hangs = racing and seat.silence is Silence.STOPPED and seat.control_tick >= 0
+        if hangs and seat.away_since < 0:  # its link is there, but it answers no more
+            seat.away_since = now
+        # Nobody waits for the answers of a kart that is through: they must not matter.
+        control = control_under(seat.silence, seat.control) if racing else STOP
         # As on the wire, so that a recording holds exactly what acted.
         self._loaded[seat.number] = (
             control.steering,

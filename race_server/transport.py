@@ -268,6 +268,10 @@ class ServerLink(_Link):
         remote = zenoh.Locality.REMOTE
         self._kept.append(self._session.declare_subscriber("**", receive, allowed_origin=remote))
 
+    def clients(self) -> int:
+        """Return how many links of others are open."""
+        return len(self._session.info.transports())
+
     def wait(self, timeout_s: float) -> bool:
         """Return True once something has arrived since `take_inputs`, False at the timeout."""
         return self._arrived.wait(timeout_s)

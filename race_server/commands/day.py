@@ -1,6 +1,7 @@
 """`race day`: a whole event, from qualification to podium."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -66,7 +67,8 @@ def day(
     if sheet is not None:
         check_poster(sheet)
     log = Console(stderr=True)
-    with writer_for(results, log) as writer:
+    say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
+    with writer_for(results, say) as writer:
         if not is_compiled():
             log.print("compiling the simulation and the drivers for this machine, once")
         columns = (

@@ -42,8 +42,56 @@ def deny(as_json: AsJson = False) -> None:
     finish(document, as_json=as_json)
 
 
+def hostile(
+    messages: Annotated[int, typer.Option(min=1000, help="So many are sent and decoded.")] = 20_000,
+    rate: Annotated[int, typer.Option(min=1, help="So many a second.")] = 5000,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Send damaged and crafted messages on every inbound topic while a race of eight runs."""
+    from race_server.drills.hostile import drill_hostile
+
+    with progress("sending", messages) as tell:
+        document = drill_hostile(messages, rate=rate, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def network(
+    loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.2,
+    delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 100.0,
+    jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 50.0,
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Race over a network that loses, delays and shuffles packets both ways; needs root."""
+    from race_server.drills.network import drill_network
+    from race_server.drills.wire import Weather
+
+    weather = Weather(loss, delay / 1e3, jitter / 1e3)
+    with progress("racing", None) as tell:
+        document = drill_network(weather, laps=laps, seed=seed, tell=tell)
+    finish(document, as_json=as_json, rows="drivers")
+
+
+@app.command()
+def load(
+    karts: Annotated[int, typer.Option(min=1, max=64, help="Karts in the race.")] = 64,
+    spectators: Annotated[int, typer.Option(min=1, help="Who watch it.")] = 200,
+    minutes: Annotated[float, typer.Option(min=0.05, max=14.0, help="For each server.")] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race before a full hall; next to it the same over websockets and JSON."""
+    from race_server.drills.load import drill_load
+
+    with progress("racing", round(2 * 60 * minutes)) as tell:
+        document = drill_load(karts, spectators, minutes, tell=tell)
+    finish(document, as_json=as_json, columns=("race_server", "websockets_orjson"))
+
+
 @contextmanager
-def progress(what: str, total: int) -> Iterator[Any]:
+def progress(what: str, total: int | None) -> Iterator[Any]:
     """Show how far a drill has come, on stderr; yields what is to be told."""
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
@@ -58,17 +106,41 @@ def _show_findings(rows: list[dict[str, Any]]) -> None:
     Console().print(table)
 
 
-def finish(document: dict[str, Any], *, as_json: bool) -> None:
-    """Print what a drill found, and end with 1 where it is not well."""
+def finish(
+    document: dict[str, Any], *, as_json: bool, columns: tuple[str, ...] = (), rows: str = ""
+) -> None:
+    """Print what a drill found, and end with 1 where it is not well.
+
+    columns: parts of the document that hold the same figures, to be shown side by side; rows:
+    the part that is a list of such.
+    """
     if as_json:
         print(json.dumps(document))
     else:
+        console = Console()
         table = Table("figure", "value")
         for name, value in document.items():
             if not isinstance(value, (list, dict)) and name not in {"ok", "why"}:
                 table.add_row(name.replace("_", " "), str(value))
-        console = Console()
         console.print(table)
+        if columns:
+            console.print(_side_by_side({name: document[name] or {} for name in columns}))
+        if document.get(rows):
+            console.print(_listed(document[rows]))
         console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
     if not document["ok"]:
         raise typer.Exit(1)
+
+
+def _side_by_side(parts: dict[str, dict[str, Any]]) -> Table:
+    table = Table("figure", *(name.replace("_", " ") for name in parts))
+    for name in next(iter(parts.values())):
+        table.add_row(name.replace("_", " "), *(str(part.get(name, "")) for part in parts.values()))
+    return table
+
+
+def _listed(rows: list[dict[str, Any]]) -> Table:
+    table = Table(*(name.replace("_", " ") for name in rows[0]))
+    for row in rows:
+        table.add_row(*(str(row.get(name, "")) for name in rows[0]))
+    return table

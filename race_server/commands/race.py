@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 from rich.live import Live
+from rich.status import Status as Spinner
 
 from race_server.board import Headline, leaderboard
 from race_server.clock import TICKS_PER_SECOND
@@ -19,6 +21,7 @@ from race_server.errors import RaceError, ScenarioError
 from race_server.messages import Flag, Phase, Standing, Status
 
 if TYPE_CHECKING:
+    from race_server.reception import Reception
     from race_server.results.writer import Writer
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
@@ -139,14 +142,19 @@ def _check_results(results: str) -> None:
         Store(path).close()
 
 
-def results_writer(results: str, log: Console) -> "AbstractContextManager[Writer | None]":
-    """Return the writer of a results file, None for nowhere; close it after the last race."""
+def results_writer(
+    results: str, say: Callable[[str], None]
+) -> "AbstractContextManager[Writer | None]":
+    """Return the writer of a results file, None for nowhere; close it after the last race.
+
+    say: is told once if the file fails.
+    """
     from race_server.results.schema import path_of
     from race_server.results.store import Store
     from race_server.results.writer import Writer
 
     if path := path_of(results):
-        return Writer(Store(path), partial(log.print, style="yellow", markup=False, soft_wrap=True))
+        return Writer(Store(path), say)
     return nullcontext()
 
 
@@ -202,15 +210,21 @@ def drive(
     ] = -1,
     keys: KeysFolder = None,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout: what was heard.")
+    ] = False,
 ) -> None:
     """Take a seat and drive one race."""
     # Before any kernel is imported: a driver decides 20 times a second and needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_server.client import drive as drive_race
     from race_server.driver import driver_named
+    from race_server.reception import Reception
 
     given = access(keys, connect, session)
-    drive_race(
+    reception, console = Reception(), Console(stderr=True)
+    drive_now = partial(
+        drive_race,
         driver_named(name),
         name,
         address=given.address,
@@ -218,7 +232,22 @@ def drive(
         wanted=given.seat(seat),
         timeout_s=patience,
         keys=given.keys,
+        reception=reception if as_json or console.is_terminal else None,
     )
+    if console.is_terminal:
+        with console.status(f"{name}: waiting for the race") as status:
+            taken = drive_now(tell=partial(_show_reception, status, name)).seat
+        console.print(f"{name}, seat {taken}: {reception.outcome or 'the race is over'}")
+    else:
+        taken = drive_now().seat
+    if as_json:
+        print(json.dumps({"driver": name, "seat": taken, **reception.as_json()}))
+
+
+def _show_reception(status: Spinner, name: str, reception: "Reception") -> None:
+    """Show a few times a second how old it is what a driver sees."""
+    if reception.heard % 5 == 1:
+        status.update(f"{name} {reception}")
 
 
 def watch(
@@ -230,6 +259,7 @@ def watch(
     """Show the live leaderboard of a race; with --json the standings once."""
     from dataclasses import asdict
 
+    from race_server.seat import SILENCE_S
     from race_server.start import board_of
     from race_server.transport import ClientLink
     from race_server.watch import Watcher
@@ -245,6 +275,9 @@ def watch(
             while watcher.standings is None or watcher.standings.phase is not Phase.FINISHED:
                 live.update(board_of(watcher, given.session, items))
                 time.sleep(0.12)
-                if watcher.snapshot() is None and not watcher.refresh():
-                    raise RaceError(f"the server at {given.address} has gone")
+                if watcher.silence_s() > SILENCE_S and not watcher.refresh():
+                    silent = watcher.silence_s()
+                    raise RaceError(
+                        f"the server at {given.address} has gone: silent for {silent:.0f} s"
+                    )
             live.update(board_of(watcher, given.session, items))

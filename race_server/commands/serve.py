@@ -6,13 +6,11 @@ import sys
 import time
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
 from race_server.clock import TICKS_PER_SECOND
 from race_server.commands.access import SESSION
@@ -33,6 +31,7 @@ from race_server.commands.race import (
     show_result,
 )
 from race_server.errors import KeysError, RaceError, RecordingError, ScenarioError
+from race_server.logs import Log
 from race_server.messages import Event
 from race_server.transport import DEFAULT_ADDRESS
 from race_server.watchdog import guarded
@@ -90,6 +89,17 @@ def serve(
     guard: Annotated[
         bool, typer.Option("--guard/--no-guard", help="Start the server again when it is killed.")
     ] = True,
+    metrics: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Show /metrics for Prometheus and /healthz on this port of loopback; 0 for any.",
+        ),
+    ] = None,
+    log_json: Annotated[
+        bool, typer.Option("--log-json", help="Log JSON lines, even to a terminal.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Serve a race session: wait for drivers, race, and begin again.
@@ -107,11 +117,11 @@ def serve(
     check_door(Door(address, session, karts, held))
     if pace not in {REAL, LOCKSTEP}:
         raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
-    log = Console(stderr=True)
+    log = Log(as_json=log_json)
     fillers = known_drivers(fill)
     scenario = _scenario(track, vehicle, karts, laps, seed, fillers, log, items, catch_up)
     if not is_compiled():
-        log.print("compiling the simulation for this machine, once: about half a minute")
+        log.say("compiling the simulation for this machine, once: about half a minute")
     warm_up(scenario)
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
     service = Service(
@@ -125,6 +135,7 @@ def serve(
         record,
         result,
         once,
+        metrics,
         as_json,
         held,
     )
@@ -135,7 +146,7 @@ def serve(
     # Only who is started by hand begins anew; who replaces a killed one takes its race up.
     status = guarded(
         lambda killed: _serve_and_tell(service, log, fresh=fresh and killed == 0),
-        lambda words: log.print(words, style="yellow", markup=False, soft_wrap=True),
+        log.warn,
     )
     if status:
         raise typer.Exit(status)
@@ -155,6 +166,7 @@ class Service:
     record: str
     result: Path | None
     once: bool
+    metrics: int | None  # port
     as_json: bool
     keys: "ServerKeys | None"  # None: closed to other machines
 
@@ -165,7 +177,7 @@ def _load() -> None:
         import_module(f"race_server.{module}")
 
 
-def _serve_and_tell(service: Service, log: Console, *, fresh: bool) -> int:
+def _serve_and_tell(service: Service, log: Log, *, fresh: bool) -> int:
     """Serve, and return the exit status; what goes wrong is said as everywhere."""
     try:
         _serve(service, log, fresh=fresh)
@@ -175,7 +187,7 @@ def _serve_and_tell(service: Service, log: Console, *, fresh: bool) -> int:
     return 0
 
 
-def _serve(service: Service, log: Console, *, fresh: bool) -> None:
+def _serve(service: Service, log: Log, *, fresh: bool) -> None:
     from race_server.admission.token import local_token
     from race_server.results.keeper import Keeper
     from race_server.server import REAL, RaceServer
@@ -183,7 +195,8 @@ def _serve(service: Service, log: Console, *, fresh: bool) -> None:
     from race_server.transport import ServerLink
 
     with ExitStack() as stack:
-        writer = stack.enter_context(results_writer(service.results, log))
+        stack.enter_context(log)
+        writer = stack.enter_context(results_writer(service.results, log.warn))
         keeper = Keeper(writer) if writer else None
         logbook = stack.enter_context(_logbook(service.record, service.session, log))
         race, taken_up = _take_up(logbook, keeper, log, fresh=fresh) or (None, None)
@@ -193,9 +206,20 @@ def _serve(service: Service, log: Console, *, fresh: bool) -> None:
         real_time = service.pace == REAL
         link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
         token = keys.token if keys else stack.enter_context(local_token(address, name))
-        server = RaceServer(race, link, service.pace, service.fillers, keeper, logbook, token)
+        server = RaceServer(race, link, service.pace, service.fillers, keeper, logbook, token, log)
         stopped = _stop_on_signals(server)
-        log.print(f"{race.name}: {course.title}, {karts} seats, listening on {service.listen}")
+        log.say(
+            "listening",
+            address=service.listen,
+            session=race.name,
+            course=course.title,
+            seats=karts,
+        )
+        if service.metrics is not None:
+            from race_server.server.metrics import LOOPBACK, exposed
+
+            port = stack.enter_context(exposed(server, service.metrics))
+            log.say("metrics", address=f"http://{LOOPBACK}:{port}/metrics")
         while not stopped:
             awaited = min(service.awaited, karts)
             outcome = server.go_on(*taken_up) if taken_up else server.run(awaited)
@@ -225,7 +249,7 @@ def _scenario(
     laps: int,
     seed: int,
     fillers: tuple[str, ...],
-    log: Console,
+    log: Log,
     items: bool,
     catch_up: bool,
 ) -> "Scenario":
@@ -247,7 +271,7 @@ def _scenario(
     wanted = any(wants_line(driver_named(name).preset) for name in fillers)
     scenario = with_line(scenario, solve=wanted)
     if scenario.line and scenario.line.note:
-        log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
+        log.warn(scenario.line.note)
     return scenario
 
 
@@ -273,18 +297,17 @@ def _server_keys(
     return read_server_keys(folder, session, karts)
 
 
-def _logbook(words: str, session: str, log: Console) -> "AbstractContextManager[Logbook | None]":
+def _logbook(words: str, session: str, log: Log) -> "AbstractContextManager[Logbook | None]":
     """Return where a session's recordings go, None for nowhere."""
     from race_server.recording.logbook import Logbook, folder_of
 
     if folder := folder_of(words):
-        say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
-        return Logbook(folder, session, say)
+        return Logbook(folder, session, log.warn)
     return nullcontext()
 
 
 def _take_up(
-    logbook: "Logbook | None", keeper: "Keeper | None", log: Console, *, fresh: bool
+    logbook: "Logbook | None", keeper: "Keeper | None", log: Log, *, fresh: bool
 ) -> "tuple[Session, tuple[Recording, list[Event]]] | None":
     """Return the session of a race whose server was killed, with its recording and its events."""
     from race_server.server.resume import take_up
@@ -301,11 +324,12 @@ def _take_up(
     except RecordingError as error:
         logbook.put_aside(str(error))
         return None
-    log.print(
-        f"taking up the race that was begun at {recording.start.started_at}: "
-        f"{session.tick / TICKS_PER_SECOND:.1f} s, {len(recording.laps)} laps, rebuilt in "
-        f"{time.perf_counter() - begun:.2f} s",
-        markup=False,
+    log.warn(
+        "taking up a race whose server was killed",
+        begun_at=recording.start.started_at,
+        seconds=round(session.tick / TICKS_PER_SECOND, 1),
+        laps=len(recording.laps),
+        rebuilt_s=round(time.perf_counter() - begun, 2),
     )
     return session, (recording, events)
 

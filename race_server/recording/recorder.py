@@ -109,8 +109,13 @@ class Recorder:
         """Hand a message of another recording over and return its ticket."""
         return self._hand_over((line.kind.key, line.time_ns, line.data))
 
+    @property
+    def backlog(self) -> int:
+        """How many messages have been handed over and are not yet written."""
+        return self._taken - self._settled
+
     def _hand_over(self, entry: Entry) -> int:
-        if not self._is_failing and self._taken - self._settled < MOST_WAITING:
+        if not self._is_failing and self.backlog < MOST_WAITING:
             self._taken += 1
             self._queue.put(entry)
         return self._taken

@@ -1,5 +1,6 @@
 """The lobby's desk: answers requests, and keeps account of whose link is there."""
 
+import re
 import time
 from collections.abc import Callable, Iterable
 
@@ -31,6 +32,7 @@ from race_server.wire.spectate import encode_events, encode_standings
 SHOW_UP_S = 10.0
 # So many drivers' last serials are remembered.
 MOST_SERIALS = 1024
+_QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
 class Desk:
@@ -168,6 +170,9 @@ def _agreed(named: int, claimed: int) -> int:
 
 
 def reason_of(error: Exception) -> str:
-    """Return what kind of refusal an error is, without the numbers that differ each time."""
-    words = str(error).split(":", 1)[0]
+    """Return what kind of refusal an error is, without what differs each time.
+
+    Nothing that a sender makes up may get into it: each kind is counted on its own.
+    """
+    words = _QUOTED.sub("", str(error)).split(":", 1)[0]
     return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]

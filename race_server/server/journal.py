@@ -74,6 +74,11 @@ class Journal:
         """Return what an announcement has to wait for."""
         return self._recorder, self._recorder.hurry()
 
+    @property
+    def backlog(self) -> int:
+        """How many messages wait for the disk."""
+        return self._recorder.backlog
+
     def end(self) -> None:
         """Write the last digest and close the recording."""
         session = self._session

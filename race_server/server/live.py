@@ -7,15 +7,18 @@ from dataclasses import dataclass, field
 from race_server.clock import Pacer, ticks_of
 from race_server.driver import driver_named
 from race_server.errors import DriverError, WireError
+from race_server.logs import Log
 from race_server.messages import Event, Phase
 from race_server.paddock import Paddock
 from race_server.recording.logbook import Logbook
 from race_server.recording.reader import Recording
 from race_server.results.keeper import Keeper, utc_now
 from race_server.server.desk import Desk, reason_of
+from race_server.server.diary import Diary
 from race_server.server.gate import Gate, Tickets
 from race_server.server.herald import Herald
 from race_server.server.journal import Journal
+from race_server.server.meters import Meters
 from race_server.server.outcome import RaceResult
 from race_server.server.refusals import Refusals
 from race_server.server.steward import Steward
@@ -43,12 +46,15 @@ class RaceServer:
     keeper: Keeper | None = None  # writes races and laps into the results file
     logbook: Logbook | None = None  # where recordings go
     token: str = ""  # the steward's; without one there is no steward
+    log: Log | None = None  # where it says what happens
     missed_ticks: int = 0
     refused: Refusals = field(default_factory=Refusals)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Open the desk and send for the herald."""
+        self.meters = Meters(len(self.session.seats))
+        self._diary = Diary(self.session, self.refused, self.meters, self.log)
         self._journal: Journal | None = None
         self._gate = Gate()
         self._paddock = Paddock(self.session)
@@ -152,14 +158,16 @@ class RaceServer:
         self._tell_seats()
         self._herald.tell_watchers()
         self._herald.tell_standings()
-        return RaceResult(
+        result = RaceResult(
             self.session.digest(),
             self.session.tick,
             self.session.standings(),
             self.events,
             self.missed_ticks,
-            self._refusals(),
+            self.refusals(),
         )
+        self._diary.close(result)
+        return result
 
     def _open_book(self) -> None:
         """Begin to write down: the race with its laps, and everything that acts on it."""
@@ -181,7 +189,11 @@ class RaceServer:
             self._journal.end()
         self._journal = self._herald.journal = None
 
-    def _refusals(self) -> dict[str, int]:
+    def recorder_backlog(self) -> int:
+        """Return how many messages wait to be recorded."""
+        return self._journal.backlog if self._journal else 0
+
+    def refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
         self.refused.note_dropped(self.link.dropped)
         return dict(self.refused)
@@ -194,11 +206,15 @@ class RaceServer:
             if self._steward.is_paused:
                 self._stand_still()
                 pacer.start()
+            begun = time.perf_counter()
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
             self._hear()
             self._advance(1)
+            duration = time.perf_counter() - begun
             pacer.wait()
+            missed = self.missed_ticks + pacer.missed
+            self.meters.note_tick(duration, pacer.lateness_s, missed)
         self.missed_ticks += pacer.missed
 
     def _race_in_lockstep(self) -> None:
@@ -234,6 +250,7 @@ class RaceServer:
         if self.keeper:
             self.keeper.look(self.session)
         events = self.session.advance(ticks)
+        self._measure(ticks)
         self.events += events
         if self._journal:
             self._journal.note(before, events)
@@ -242,6 +259,12 @@ class RaceServer:
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._herald.tell_standings()
             self.refused.note_dropped(self.link.dropped)
+
+    def _measure(self, ticks: int) -> None:
+        self.meters.ticks += ticks
+        for seat in self.session.seats:
+            if seat.silence and seat.is_taken:
+                self.meters.silent[seat.number] += ticks
 
     def _announce(self, events: list[Event]) -> None:
         """Tell events in order, each once it is written down.
@@ -283,6 +306,8 @@ class RaceServer:
             self.link.wait(0.05)
 
     def _hear(self) -> None:
+        self.meters.turned_at = time.monotonic()
+        self._diary.look(self.meters.turned_at)
         for seat, data in self.link.take_inputs():
             self._take_control(seat, data)
         for request in self.link.take_requests():
@@ -292,11 +317,14 @@ class RaceServer:
                 self._desk.take_presence(seat, is_there=is_there)
 
     def _take_control(self, seat: int, data: bytes) -> None:
+        before = self.session.seats[seat].sequence
         try:
             frame = decode_control(data)
             self.session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
         except WireError as error:
             self.refused.note(reason_of(error), seat)
+        else:
+            self.meters.note_control(seat, before, frame.sequence)
 
     def _tell_seats(self) -> None:
         """Send every seat what it sees, and let the local drivers answer at once."""
