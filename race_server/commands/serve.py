@@ -122,7 +122,7 @@ def serve(
     scenario = _scenario(track, vehicle, karts, laps, seed, fillers, log, items, catch_up)
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about half a minute")
-    warm_up(scenario)
+    warm_up(scenario, fillers)
     awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
     service = Service(
         scenario,
