@@ -50,8 +50,7 @@ def fastest_lap(frame: Frame, bounds: Bounds, start: Line, speed: Floats) -> Lap
 
     stretch = follow_track(program, frame, offset, bearing, curvature)
     slowness = stretch / pace
-    lateral = pace**2 * curvature
-    slipping = slip_of(program, lateral, drive, brake, bounds)
+    slipping = slip_of(program, pace, curvature, drive, brake, bounds)
     losses = bounds.rolling + bounds.drag * pace**2 + slipping
     program.evolve(pace, slowness * (drive - brake - losses))
     program.evolve(curvature, slowness * turning)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from race_server.limit.bounds import SLOWEST, Bounds
-from race_server.limit.tyres import cornering_drag
+from race_server.limit.tyres import cornering_drag, front_effort
 from race_server.track.course import Floats
 
 # The best force of the motor is found to this share of the most.
@@ -14,7 +14,7 @@ _NEAR = 0.02
 
 def grip_left(speed: float, curvature: float, bounds: Bounds) -> float:
     """Return the share of the longitudinal grip that is left beside the lateral force [-]."""
-    used = speed * speed * abs(curvature) / bounds.lateral
+    used = speed * speed * abs(curvature) * front_effort(curvature, bounds) / bounds.lateral
     return math.sqrt(max(1.0 - used * used, 0.0))
 
 
@@ -26,10 +26,9 @@ def driving(speed: float, curvature: float, bounds: Bounds) -> float:
     """
     motor = min(bounds.drive, bounds.power / speed)
     most = min(motor, bounds.drive_grip * grip_left(speed, curvature, bounds))
-    lateral = speed * speed * abs(curvature)
 
     def gain(force: float) -> float:
-        return force - cornering_drag(lateral, force, bounds)
+        return force - cornering_drag(speed, curvature, force, bounds)
 
     low, high = 0.0, most
     if gain(most) < gain((1.0 - _NEAR) * most):
@@ -45,7 +44,7 @@ def driving(speed: float, curvature: float, bounds: Bounds) -> float:
 def braking(speed: float, curvature: float, bounds: Bounds) -> float:
     """Return the most deceleration [m/s²] at a speed [m/s] in a bend [1/m]."""
     force = min(bounds.brake, bounds.brake_grip * grip_left(speed, curvature, bounds))
-    slip = cornering_drag(speed * speed * curvature, -force, bounds)
+    slip = cornering_drag(speed, curvature, -force, bounds)
     return force + bounds.rolling + bounds.drag * speed * speed + slip
 
 
@@ -56,9 +55,10 @@ def speeds_on(lengths: Floats, curvature: Floats, bounds: Bounds) -> Floats:
     faster than its bend allows; between stations the rest of the grip accelerates or brakes
     (for example Heilmeier et al., Minimum curvature trajectory planning, 2019, section 3.2).
     """
-    bends = np.sqrt(bounds.lateral / np.maximum(np.abs(curvature), 1e-9))
-    speeds = np.maximum(np.minimum(bends, bounds.top_speed), SLOWEST).tolist()
     steps, curves = lengths.tolist(), curvature.tolist()
+    tightness = [max(abs(curve) * front_effort(curve, bounds), 1e-9) for curve in curves]
+    bends = np.sqrt(bounds.lateral / np.array(tightness))
+    speeds = np.maximum(np.minimum(bends, bounds.top_speed), SLOWEST).tolist()
     # Begin at the slowest station, at the speed that a lap before leaves there: a bend that never
     # ends slows down by the drag of its tyres. The second time round takes in what the first
     # changed.
