@@ -27,11 +27,12 @@ THRUST_SCALE = PART_NUMBERS["thrust_scale"]
 GRIP_SCALE = PART_NUMBERS["grip_scale"]
 
 # Shares of the line's speed: on the straight, and where it takes all the grip for the bend. A line
-# of minimum time asks for all of it, and a tyre that slides gives no more and brakes the kart.
+# of minimum time knows what slip costs, but leaves no grip to correct an error with.
 STRAIGHT_SHARE = 0.99
-BEND_SHARE = 0.96
-# Share of the line's braking that is planned with.
-BRAKE_SHARE = 0.9
+BEND_SHARE = 0.98
+# Share of the line's braking that is planned with: it brakes into bends with all tyres at their
+# limit, and a kart that does so cannot be steered.
+BRAKE_SHARE = 0.8
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
 # slides turns the kart round, a front axle only makes its bend wider.
 REAR_SHARE = 0.95
@@ -40,7 +41,7 @@ LEAD_S = 0.04
 # Errors are taken so long from now [s]: half a decision, and this share of the time to turn.
 DELAY_S, DELAY_SHARE = 0.05, 0.1
 # Feedback: natural frequency [rad/s] and damping ratio of the offset; damping of the yaw rate.
-FREQUENCY, DAMPING, YAW_DAMPING = 6.0, 0.9, 1.0
+FREQUENCY, DAMPING, YAW_DAMPING = 6.5, 0.9, 0.6
 # An offset is never closed at a steeper angle [rad] than this.
 STEEPEST = 0.35
 # Share of the slip at which a tyre slides altogether that the front wheels may have.
@@ -196,9 +197,11 @@ def steering_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, forc
     angle -= gain * (offset + look * math.sin(heading))
     angle -= YAW_DAMPING * wheelbase / speed * turning
     if speed > vehicle.dynamic_above:
-        # Turned further than it slips at most, a front wheel only brakes.
+        # Turned further than it slips at most, a front wheel only brakes. Stiff tyres hardly slip,
+        # but the kart follows them at once.
         way = math.atan2(seen[at[LATERAL_SPEED]] + front_axle * seen[at[YAW_RATE]], speed)
-        angle = min(max(angle, way - SLIP_SHARE * slide), way + SLIP_SHARE * slide)
+        most = max(SLIP_SHARE * slide, vehicle.steering_rate * DELAY_S)
+        angle = min(max(angle, way - most), way + most)
     return min(max(angle / vehicle.steering_limit, -1.0), 1.0)
 
 

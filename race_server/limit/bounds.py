@@ -21,6 +21,10 @@ class Bounds:
     lateral: float  # [m/s²] most acceleration across the line, where none is along it
     drive_grip: float  # [m/s²] most that the driven tyres pass on, where none is across
     brake_grip: float  # [m/s²] the same for the braked tyres
+    slide: float  # [-] slip at which a tyre slides altogether, with no force along it
+    front_load: float  # [-] share of the weight on the front axle
+    front_drive: float  # [-] share of the driving force there
+    front_brake: float  # [-] share of the braking force there
     drive: float  # [m/s²] of the motor
     brake: float  # [m/s²] of the brakes
     power: float  # [W/kg] of the motor
@@ -44,7 +48,7 @@ def bounds_of(
     share w of the weight (and so of the lateral force) on an axle, it slides at
     (s a)² + (w a_lateral)² = (w grip g)². The axle that slides first decides, which makes the
     vehicle's limit an ellipse with the half-axes grip g w / s and grip g. Four driven wheels with
-    s = w make it a circle.
+    s = w make it a circle. What a bend costs by slip follows in `limit/tyres.py`.
 
     Raises:
         VehicleError: the cap leaves no speed to lap at, or the margin is no length.
@@ -60,6 +64,10 @@ def bounds_of(
         lateral=grip if slips else _ENDLESS,
         drive_grip=grip * _load_per_force(vehicle.front_drive, front_load),
         brake_grip=grip * _load_per_force(vehicle.front_brake, front_load),
+        slide=3.0 * vehicle.grip / vehicle.cornering if slips else 0.0,
+        front_load=front_load,
+        front_drive=vehicle.front_drive,
+        front_brake=vehicle.front_brake,
         drive=vehicle.motor_force / vehicle.mass,
         brake=vehicle.brake_force / vehicle.mass,
         power=vehicle.motor_power / vehicle.mass,

@@ -8,6 +8,7 @@ from race_server.limit.bounds import SLOWEST, Bounds
 from race_server.limit.frame import Frame
 from race_server.limit.lines import CALM, STEEPEST, Line, follow_track
 from race_server.limit.program import Program, following
+from race_server.limit.tyres import slip_of
 from race_server.track.course import Floats
 
 # Weight of the squared difference of the curvature's rate between stations: the trapezoidal rule
@@ -31,7 +32,8 @@ def fastest_lap(frame: Frame, bounds: Bounds, start: Line, speed: Floats) -> Lap
     accelerations of motor and brakes, and the rate u of the curvature. With k the curvature of the
     centre line and stretch = (1 - n k) / cos b:
     dt/ds = stretch / v; v' = stretch a / v; c' = stretch u / v; n' and b' as for any line.
-    Within: the friction ellipse, motor force and power, brakes, steering angle and rate, width.
+    Within: the friction of each axle, motor force and power, brakes, steering angle and rate,
+    width. From a come off rolling resistance, air drag and the drag of the tyres' slip.
     Formulation: Perantoni and Limebeer, Optimal control for a Formula One car, 2014, with the
     vehicle as a point mass; trapezoidal collocation; all states close with the lap.
     """
@@ -48,11 +50,10 @@ def fastest_lap(frame: Frame, bounds: Bounds, start: Line, speed: Floats) -> Lap
 
     stretch = follow_track(program, frame, offset, bearing, curvature)
     slowness = stretch / pace
-    losses = bounds.rolling + bounds.drag * pace**2
+    slipping = slip_of(program, pace, curvature, drive, brake, bounds)
+    losses = bounds.rolling + bounds.drag * pace**2 + slipping
     program.evolve(pace, slowness * (drive - brake - losses))
     program.evolve(curvature, slowness * turning)
-    along = drive / bounds.drive_grip + brake / bounds.brake_grip
-    program.keep_negative(along**2 + (pace**2 * curvature / bounds.lateral) ** 2 - 1.0)
     program.keep_negative(drive * pace / bounds.power - 1.0)
     # tan(steering) = wheelbase · curvature, so that a steering rate turns the curvature faster
     # the further the wheels are turned.

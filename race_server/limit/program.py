@@ -68,6 +68,11 @@ class Program:
         self._terms.append(following(state) - state - self.step * mean)
         self._term_lows.append(0.0)
 
+    def keep_zero(self, terms: Any) -> None:
+        """Ask that terms (N,) be zero."""
+        self._terms.append(terms)
+        self._term_lows.append(0.0)
+
     def keep_negative(self, terms: Any) -> None:
         """Ask that terms (N,) be zero or less."""
         self._terms.append(terms)
