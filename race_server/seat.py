@@ -41,7 +41,7 @@ class Seat:
     mailbox: Mailbox
     link: ClientLink
     request: Join  # asks for this very seat again
-    send: Callable[[bytes], None]  # a control, as a message
+    send: Callable[[bytes], None]  # a control, as a message; of a real kart a pose
 
     @property
     def number(self) -> int:
@@ -100,7 +100,8 @@ def take_seat(link: ClientLink, join: Join) -> Seat:
     welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join)))
     number = welcome.briefing.seat
     request = replace(join, wanted=number, secret=welcome.secret)
-    seat = Seat(welcome, Mailbox(), link, request, link.sender(number))
+    topic = topics.POSE if join.tracked else topics.CONTROL
+    seat = Seat(welcome, Mailbox(), link, request, link.sender(number, topic))
     link.listen(topics.OBSERVATION, seat.mailbox.put, number)
     link.announce(number)
     return seat

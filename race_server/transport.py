@@ -9,6 +9,7 @@ are closed at exit as well.
 import atexit
 import json
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -123,29 +124,42 @@ class ServerLink(_Link):
         self.foreign = 0
         self._name = session_name
         self._inputs: list[deque[bytes]] = [deque(maxlen=MOST_INPUTS) for _ in range(seats)]
+        self._poses: list[deque[tuple[bytes, int]]] = [
+            deque(maxlen=MOST_INPUTS) for _ in range(seats)
+        ]
         self._arrived = threading.Event()
         self._requests: deque[Request] = deque(maxlen=MOST_QUERIES)
         self._presence: deque[tuple[int, bool]] = deque()
         self._publishers: dict[tuple[str, int], Any] = {}
         self._kept: list[Any] = [self._hear_seat(seat) for seat in range(seats)]
+        self._kept += [self._hear_kart(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
 
     def _hear_seat(self, seat: int) -> Any:
-        most = topics.CONTROL.most_bytes
+        return self._hear(topics.CONTROL, seat, self._inputs[seat].append)
 
+    def _hear_kart(self, seat: int) -> Any:
+        mailbox = self._poses[seat]
+
+        def note(data: bytes) -> None:
+            mailbox.append((data, time.monotonic_ns() // 1000))
+
+        return self._hear(topics.POSE, seat, note)
+
+    def _hear(self, topic: Topic, seat: int, keep: Callable[[bytes], None]) -> Any:
         def store(sample: zenoh.Sample) -> None:
-            if len(sample.payload) > most:
+            if len(sample.payload) > topic.most_bytes:
                 self.oversized += 1
                 return
             data = sample.payload.to_bytes()
-            if data[4:8] != topics.CONTROL.identifier:
+            if data[4:8] != topic.identifier:
                 self.foreign += 1
                 return
-            self._inputs[seat].append(data)
+            keep(data)
             self._arrived.set()
 
-        key = key_of(topics.CONTROL, self._name, seat)
+        key = key_of(topic, self._name, seat)
         return self._session.declare_subscriber(key, store, allowed_origin=zenoh.Locality.REMOTE)
 
     def _hear_queries(self, topic: Topic) -> Any:
@@ -177,6 +191,17 @@ class ServerLink(_Link):
         for seat, mailbox in enumerate(self._inputs):
             while mailbox:
                 found.append((seat, mailbox.popleft()))
+        return found
+
+    def take_poses(self) -> list[tuple[int, bytes, int]]:
+        """Return the newest poses of each seat since the last call, oldest first.
+
+        The third number is when each arrived [µs] by `time.monotonic`.
+        """
+        found = []
+        for seat, mailbox in enumerate(self._poses):
+            while mailbox:
+                found.append((seat, *mailbox.popleft()))
         return found
 
     def take_requests(self) -> Iterable[Request]:
@@ -261,10 +286,10 @@ class ClientLink(_Link):
         token = self._session.liveliness().declare_token(key_of(topics.ALIVE, self._name, seat))
         self._kept.append(token)
 
-    def sender(self, seat: int) -> Callable[[bytes], None]:
-        """Return what sends a control of a seat."""
+    def sender(self, seat: int, topic: Topic = topics.CONTROL) -> Callable[[bytes], None]:
+        """Return what sends the controls, or another topic's messages, of a seat."""
         publisher = self._session.declare_publisher(
-            key_of(topics.CONTROL, self._name, seat),
+            key_of(topic, self._name, seat),
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
             express=True,

@@ -272,13 +272,17 @@ def serve(
 
 def warm_up(scenario: Any) -> None:
     """Compile, or load, every kernel that a race needs, before anybody waits for it."""
+    import numpy as np
+
     from race_server.session import Session
+    from race_server.state import PLACEMENT
 
     rehearsal = Session("rehearsal", scenario)
     rehearsal.join("nobody", "full")
     rehearsal.start()
     rehearsal.look()
     rehearsal.advance(1)
+    rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.show_flag(Flag.YELLOW)
     rehearsal.leave(0)
 

@@ -88,7 +88,13 @@ class Desk:
 
     def _seat_driver(self, payload: bytes) -> bytes:
         join, session = decode_join(payload), self._session
-        seat = session.join(join.driver, join.preset, wanted=join.wanted, secret=join.secret)
+        seat = session.join(
+            join.driver,
+            join.preset,
+            wanted=join.wanted,
+            secret=join.secret,
+            tracked=join.tracked,
+        )
         if session.phase is Phase.LOBBY and seat.number not in self._linked:
             self._expected[seat.number] = time.monotonic()
         return encode_welcome(self._welcome(seat))

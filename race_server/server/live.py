@@ -19,6 +19,7 @@ from race_server.server.outcome import RaceResult
 from race_server.session import Seat, Session
 from race_server.transport import ServerLink
 from race_server.wire.drive import decode_control
+from race_server.wire.pose import decode_pose
 
 REAL, LOCKSTEP = "real", "lockstep"
 STANDINGS_TICKS = ticks_of(0.5)
@@ -44,6 +45,7 @@ class RaceServer:
 
     def __post_init__(self) -> None:
         """Open the desk and send for the herald."""
+        self.session.takes_tracked = self.pace == REAL
         self._keeper = Keeper(self.results) if self.results else None
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
@@ -85,7 +87,7 @@ class RaceServer:
 
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
-        self.session.start()
+        self.session.start(_now_us())
         self.events = list(self.session.recent)
         if self._keeper:
             self._keeper.begin(self.session, self.pace)
@@ -112,6 +114,7 @@ class RaceServer:
             self.events,
             self.missed_ticks,
             self._refusals(),
+            self.session.fleet.figures(_now_us()),
         )
 
     def _close_book(self) -> None:
@@ -135,7 +138,10 @@ class RaceServer:
         while self._goes_on():
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
+            else:
+                self._repeat_orders()
             self._hear()
+            self.session.follow(_now_us())
             self._advance(1)
             pacer.wait()
         self.missed_ticks += pacer.missed
@@ -203,6 +209,8 @@ class RaceServer:
     def _hear(self) -> None:
         for seat, data in self.link.take_inputs():
             self._take_control(seat, data)
+        for seat, data, arrived_us in self.link.take_poses():
+            self._take_pose(seat, data, arrived_us)
         for request in self.link.take_requests():
             self._desk.answer(request)
         for seat, is_there in self.link.take_presence():
@@ -215,6 +223,27 @@ class RaceServer:
             self.session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
         except WireError as error:
             self.refused[reason_of(error)] += 1
+
+    def _take_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
+        try:
+            frame = decode_pose(data)
+            self.session.take_pose(
+                seat,
+                frame.epoch,
+                frame.sequence,
+                frame.pose,
+                arrived_us=arrived_us,
+                acknowledged=frame.acknowledged,
+                buttons=frame.buttons,
+            )
+        except WireError as error:
+            self.refused[reason_of(error)] += 1
+
+    def _repeat_orders(self) -> None:
+        """Tell real karts again what they have not acknowledged yet."""
+        for number, tracker in self.session.fleet.trackers.items():
+            if tracker.orders.is_open and self.session.seats[number].is_present:
+                self._herald.tell_hud(self.session.seats[number])
 
     def _tell_seats(self) -> None:
         """Send every seat what it sees, and let the local drivers answer at once."""
@@ -244,3 +273,8 @@ class RaceServer:
             self.session.drop(seat.number)
             return
         self._take_control(seat.number, control)
+
+
+def _now_us() -> int:
+    """Return the time of the clock by which real karts are followed [µs]."""
+    return time.monotonic_ns() // 1000

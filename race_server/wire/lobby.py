@@ -41,6 +41,7 @@ class Join:
     preset: str
     wanted: int = -1
     secret: int = field(default_factory=new_secret)
+    tracked: bool = False  # a real kart
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,7 @@ def encode_join(join: Join) -> bytes:
     JoinRequest.AddPreset(builder, preset)
     JoinRequest.AddWanted(builder, join.wanted)
     JoinRequest.AddSecret(builder, join.secret)
+    JoinRequest.AddTracked(builder, join.tracked)
     builder.Finish(JoinRequest.End(builder), topics.JOIN.identifier)
     return bytes(builder.Output())
 
@@ -104,7 +106,8 @@ def decode_join(data: bytes) -> Join:
     driver = table.text(0, 32)
     if not driver or not driver.isprintable():
         raise WireError(f"driver name {driver!r}: use 1 to 32 printable characters")
-    return Join(driver, table.text(1, 16), wanted, table.scalar(3, U64))
+    tracked = table.scalar(4, struct.Struct("<B")) != 0
+    return Join(driver, table.text(1, 16), wanted, table.scalar(3, U64), tracked)
 
 
 def encode_seat_act(act: SeatAct) -> bytes:

@@ -25,6 +25,7 @@ class Topic:
 
 
 CONTROL = Topic("in/{seat}", "ControlMessage", b"RCTL", "up", "20 Hz", 256, True, True)
+POSE = Topic("pose/{seat}", "PoseMessage", b"RPOS", "up", "10–100 Hz", 256, True, True)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, True, True)
@@ -44,6 +45,7 @@ ALIVE = Topic("alive/{seat}", "liveliness token", b"", "up", "", 0, False, True)
 
 TOPICS = (
     CONTROL,
+    POSE,
     OBSERVATION,
     HUD,
     SNAPSHOT,

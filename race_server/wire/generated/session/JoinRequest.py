@@ -52,8 +52,15 @@ class JoinRequest(object):
             return self._tab.Get(flatbuffers.number_types.Uint64Flags, o + self._tab.Pos)
         return 0
 
+    # JoinRequest
+    def Tracked(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(12))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def JoinRequestStart(builder):
-    builder.StartObject(4)
+    builder.StartObject(5)
 
 def Start(builder):
     JoinRequestStart(builder)
@@ -81,6 +88,12 @@ def JoinRequestAddSecret(builder, secret):
 
 def AddSecret(builder, secret):
     JoinRequestAddSecret(builder, secret)
+
+def JoinRequestAddTracked(builder, tracked):
+    builder.PrependBoolSlot(4, tracked, 0)
+
+def AddTracked(builder, tracked):
+    JoinRequestAddTracked(builder, tracked)
 
 def JoinRequestEnd(builder):
     return builder.EndObject()
