@@ -1,6 +1,7 @@
 """`race`: the words a person types. Errors are one line on stderr and exit code 2."""
 
 import sys
+from importlib.metadata import entry_points
 
 import typer
 
@@ -25,6 +26,9 @@ app.command()(trial.trial)
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
 app.add_typer(results.app, name="results")
+# Other packages bring commands of their own.
+for point in entry_points(group="race_server.commands"):
+    app.command(point.name)(point.load())
 
 
 def main() -> None:
