@@ -181,7 +181,10 @@ class ControlUnit:
 
         Who lets the pedal go, or backs away, may try again.
         """
-        verdict = watch_obstacles(self.echoes, now, will, self.limits)
+        if self._driver.throttle < 0.0 and speed < STANDS:
+            self._is_braking = False
+            return Verdict()
+        verdict = watch_obstacles(self.echoes, speed, now, will, self.limits)
         if verdict.brake > 0.0:
             self._is_braking = True
             return verdict

@@ -165,10 +165,15 @@ class Fusion:
         return True
 
     def _doubt(self, sensor: str, residual: Floats, slope: Floats) -> None:
-        """Count a refusal; after too many in a row doubt the state by as much as it misses."""
+        """Count a refusal; after too many in a row doubt the state by as much as it misses.
+
+        But not the gyro's bias, which drifts and never jumps.
+        """
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > MOST_REFUSED:
             self._refused[sensor] = 0
+            slope = slope.copy()
+            slope[:, BIAS] = 0.0
             self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
 
     @property

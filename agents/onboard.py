@@ -16,7 +16,7 @@ from agents.reflex import Command
 from race_server.clock import Pacer
 from race_server.driver import Driver
 from race_server.errors import LinkError, SeatError, WireError
-from race_server.messages import Control
+from race_server.messages import Control, Flag, Trust
 from race_server.observe import Observation
 from race_server.seat import Seat, insist, take_seat
 from race_server.transport import ClientLink
@@ -26,8 +26,8 @@ from race_server.wire.lobby import CourseSheet, Join, decode_course
 from race_server.wire.pose import PoseFrame, encode_pose
 
 PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
-# After the link broke the kart asks for its seat as often as this.
-RETRY_S = 1.0
+# After the link broke the kart asks for its seat as often as this, and gives up after so long.
+RETRY_S, GIVE_UP_S = 1.0, 10.0
 
 Clock = Callable[[], float]
 
@@ -114,11 +114,14 @@ def take_part(
     timeout_s: float = 20.0,
     delay_s: float = 0.0,
     clock: Clock = time.monotonic,
+    caution: float = 1.0,
     each_turn: Callable[[Onboard, ControlUnit, float], bool] | None = None,
 ) -> None:
     """Drive one race with a real kart.
 
-    each_turn: is called after each decision; the kart leaves once it returns False.
+    caution: share of the tyres' grip that the driver is told of; what the figures promise, a kart
+    that exists seldom has. each_turn: is called after each decision; the kart leaves once it
+    returns False.
 
     Raises:
         LinkError: no server.
@@ -134,7 +137,8 @@ def take_part(
         hardware = hardware_of(seat, sheet, link)
         onboard = Onboard(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
-        driver.reset(briefing)
+        known = replace(briefing.vehicle, grip=caution * briefing.vehicle.grip)
+        driver.reset(replace(briefing, vehicle=known))
         persist(partial(seat.act, topics.READY))
         _drive(driver, onboard, unit, hardware, each_turn or _until_home)
 
@@ -153,7 +157,9 @@ def _until_home(onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
 def is_home(unit: ControlUnit) -> bool:
     """Return whether the kart was told to stop after the start, and stands."""
     hud = unit.hud
-    told = hud is not None and hud.lights_s == 0.0 and hud.speed_cap == 0.0 and hud.flag != 2
+    if hud is None or hud.trust is Trust.PARKED or hud.flag is Flag.RED:
+        return False
+    told = hud.lights_s == 0.0 and hud.speed_cap == 0.0
     return told and unit.fusion is not None and abs(unit.fusion.state[3]) < 0.05
 
 
@@ -166,13 +172,13 @@ def _drive(
 ) -> None:
     pacer = Pacer(PERIOD_S)
     pacer.start()
-    asked = onboard.clock()
-    while True:
+    heard_s = asked = onboard.clock()
+    while unit.hud is None or onboard.clock() - heard_s < GIVE_UP_S:
         now = onboard.clock()
         unit.sense(hardware.read(now))
         if (heard := onboard.hear(now)) is not None:
             unit.hear(*heard)
-            asked = now
+            heard_s = asked = now
         seen = onboard.see()
         control = hardware.hands(driver.act(seen) if seen is not None else None, now)
         if control is not None:

@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
+CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
 STRAIGHT = 1e-4  # [1/m] bends flatter than this are driven as straight lines
 
 
@@ -49,6 +50,8 @@ class Limits:
     restart: float  # [m] that must be free before a kart that braked for something drives on
     top_speed: float  # [m/s] never more, boost or not
     reverse_speed: float  # [m/s]
+    sharpest: float  # [1/m] curvature at full lock
+    grip: float  # [m/s²] across that the tyres hold for certain
     slow_speed: float  # [m/s] where something is wrong
     fence: float  # [m] beyond the kerb that are no danger yet
     coast_s: float = 0.3  # the driver's input is older: no motor
@@ -67,6 +70,8 @@ class Limits:
             restart=1.5 * vehicle.length,
             top_speed=1.25 * vehicle.top_speed,
             reverse_speed=vehicle.reverse_speed,
+            sharpest=math.tan(vehicle.steering_limit) / vehicle.wheelbase,
+            grip=0.7 * vehicle.grip * GRAVITY,
             slow_speed=0.15 * vehicle.top_speed,
             fence=0.5 * vehicle.length,
         )
@@ -128,26 +133,42 @@ def way_along(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
 
 
 def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
-    """Return which echoes will be hit along an arc unless the kart brakes fully now."""
+    """Return which echoes will be hit along an arc unless the kart brakes fully now.
+
+    To borders a kart need not keep its distance: drivers use all of the track.
+    """
     along, aside = way_along(echoes.x, echoes.y, curvature)
-    gap = along - limits.nose - limits.stand_off
-    ahead = (along > 0.0) & (np.abs(aside) < limits.half_width) & (echoes.closing > 0.0)
+    gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
+    ahead = (along > 0.0) & (np.abs(aside) < limits.half_width) & (echoes.closing > CREEP)
     needed = echoes.closing * (limits.reaction_s + echoes.closing / (2.0 * limits.braking))
     return ahead & (gap < needed)
 
 
-def watch_obstacles(echoes: Echoes, now: float, wanted: float, limits: Limits) -> Verdict:
+def watch_obstacles(
+    echoes: Echoes, speed: float, now: float, wanted: float, limits: Limits
+) -> Verdict:
     """Brake for what stands in the way.
 
-    now, wanted: curvature [1/m] that the kart drives, and that its driver steers to. People, karts
-    and things are avoided by neither: whatever lies on one of the two ways counts. The border of a
-    bend lies on the way of every kart that is about to turn: it counts if it lies on both.
+    now, wanted: curvature [1/m] that the kart drives, and that its driver steers to. Whatever
+    stands on one of these two ways counts, be it a person, a kart or a thing. The border of a bend
+    lies on the way of every kart that is about to turn: it counts where no way leads past it.
     """
-    drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
     is_border = echoes.kinds == codes.BORDER
-    if bool(np.where(is_border, drives & will, drives | will).any()):
+    drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
+    if bool(((drives | will) & ~is_border).any()):
         return STOP_FOR_OBSTACLE
-    return Verdict()
+    if not (drives & is_border).any() or not (will & is_border).any():
+        return Verdict()
+    for curvature in ways_out(speed, limits):
+        if not (is_in_danger(echoes, curvature, limits) & is_border).any():
+            return Verdict()
+    return STOP_FOR_OBSTACLE
+
+
+def ways_out(speed: float, limits: Limits) -> list[float]:
+    """Return the curvatures [1/m] that a kart may still steer, from right to left."""
+    most = min(limits.sharpest, limits.grip / max(speed * speed, 1e-6))
+    return [most * share for share in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)]
 
 
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:

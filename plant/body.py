@@ -14,8 +14,8 @@ CREEP = 0.05  # [m/s] below this the wheels' own speed is no divisor
 class Lags:
     """How slowly actuators follow, as time constants [s]."""
 
-    steering: float = 0.06
-    motor: float = 0.12
+    steering: float = 0.04
+    motor: float = 0.1
     brake: float = 0.05
 
 
@@ -111,7 +111,7 @@ class Body:
         """Return the same after a step on tyres whose force saturates as a hyperbolic tangent."""
         vehicle, u, v, r = self.vehicle, self.speed, self.lateral_speed, self.yaw_rate
         a, b, pace = vehicle.front_axle, vehicle.rear_axle, max(abs(self.speed), CREEP)
-        front_slip = math.atan2(v + a * r, pace) - math.copysign(self.steering, u) * (u != 0.0)
+        front_slip = math.atan2(v + a * r, pace) - (self.steering if u >= 0.0 else -self.steering)
         rear_slip = math.atan2(v - b * r, pace)
         used = along / (vehicle.grip * vehicle.mass * GRAVITY)
         left = vehicle.grip * math.sqrt(max(1.0 - used * used, 0.05))

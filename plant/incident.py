@@ -127,6 +127,7 @@ class Diary:
     figures: dict[str, Any] = field(default_factory=dict)
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
+    _cap: float = math.inf
     _errors: list[float] = field(default_factory=list)
 
     def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
@@ -157,8 +158,9 @@ class Diary:
         assert unit.hud is not None
         cap, speed = unit.hud.speed_cap, abs(self.plant.body.speed)
         slowed = cap < 0.99 * unit.vehicle.top_speed
-        if slowed and (not self._orders or self._orders[-1][0] != cap):
+        if slowed and (self._cap != cap):
             self._orders.append([cap, now_s, 0.0])
+        self._cap = cap
         if slowed and now_s - self._orders[-1][1] > 1.0:
             self._orders[-1][2] = max(self._orders[-1][2], speed - cap)
 
@@ -170,7 +172,9 @@ class Diary:
             "pose_error_median_m": errors[len(errors) // 2],
             "pose_error_p99_m": errors[int(0.99 * (len(errors) - 1))],
             "slowdowns": len(kept),
-            "worst_excess_after_1s": max((order[2] for order in kept), default=0.0),
+            "worst_excess_share": max(
+                (order[2] / max(order[0], 1.0) for order in kept), default=0.0
+            ),
             "scrapes": self.plant.scrapes,
             "pedestrian": self.passage.figures if self.passage else None,
             "cut": self.cut.figures if self.cut else None,

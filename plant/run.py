@@ -36,6 +36,7 @@ class Setting:
     delay_s: float = 0.0  # each way
     sensors: Sensors = field(default_factory=Sensors)
     seed: int = 0
+    caution: float = 0.6
     pedestrian_s: float | None = None
     cut_s: float | None = None
     report: Path | None = None
@@ -91,6 +92,7 @@ def run_plant(setting: Setting) -> None:
             wanted=setting.seat,
             timeout_s=setting.patience_s,
             delay_s=setting.delay_s,
+            caution=setting.caution,
             clock=lambda: time.monotonic() + offset_s,
             each_turn=lambda *turn: diaries[0].turn(*turn),
         )

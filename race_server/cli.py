@@ -5,7 +5,7 @@ from importlib.metadata import entry_points
 
 import typer
 
-from race_server.commands import bench, day, limit, race, results, track, trial
+from race_server.commands import bench, day, drill, limit, race, results, track, trial
 from race_server.errors import RaceError
 
 app = typer.Typer(
@@ -26,6 +26,7 @@ app.command()(trial.trial)
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
 app.add_typer(results.app, name="results")
+app.add_typer(drill.app, name="drill")
 # Other packages bring commands of their own.
 for point in entry_points(group="race_server.commands"):
     app.command(point.name)(point.load())

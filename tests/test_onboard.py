@@ -47,6 +47,8 @@ LIMITS = Limits(
     restart=3.0,
     top_speed=20.0,
     reverse_speed=1.5,
+    sharpest=0.5,
+    grip=6.0,
     slow_speed=2.0,
     fence=1.0,
 )
@@ -187,12 +189,12 @@ def test_the_reflex_brakes_when_the_way_to_stop_is_all_that_is_left(
     gap: float, brakes: bool
 ) -> None:
     # 12 m to stop from 10 m/s and half a metre to stand off.
-    verdict = watch_obstacles(wall_ahead(gap, 10.0), 0.0, 0.0, LIMITS)
+    verdict = watch_obstacles(wall_ahead(gap, 10.0), 10.0, 0.0, 0.0, LIMITS)
     assert (verdict.brake == 1.0) is brakes
 
 
 def test_full_throttle_does_not_help_against_the_reflex() -> None:
-    verdict = watch_obstacles(wall_ahead(5.0, 10.0), 0.0, 0.0, LIMITS)
+    verdict = watch_obstacles(wall_ahead(5.0, 10.0), 10.0, 0.0, 0.0, LIMITS)
     command = combine(Control(0.3, 1.0), 10.0, [verdict], LIMITS, game_speed=99.0, thrust=5.0)
     assert (command.steering, command.throttle, command.brake) == (0.3, 0.0, 1.0)
     assert command.cause is Cause.OBSTACLE
@@ -224,7 +226,7 @@ def test_something_beside_the_way_is_no_danger() -> None:
     beside = Echoes(
         np.array([6.0]), np.array([0.8]), np.array([10.0]), np.array([codes.OBSTACLE], np.uint8)
     )
-    assert watch_obstacles(beside, 0.0, 0.0, LIMITS) == Verdict()
+    assert watch_obstacles(beside, 10.0, 0.0, 0.0, LIMITS) == Verdict()
 
 
 def test_something_on_the_arc_is_a_danger_and_straight_ahead_is_none() -> None:
@@ -234,16 +236,25 @@ def test_something_on_the_arc_is_a_danger_and_straight_ahead_is_none() -> None:
     assert abs(aside[1]) == pytest.approx(10.0 * (math.sqrt(2.0) - 1.0))
 
 
-def test_the_border_of_a_bend_is_no_danger_to_who_steers_into_the_bend() -> None:
-    border = wall_ahead(5.0, 10.0, codes.BORDER)
-    assert watch_obstacles(border, 0.0, 0.2, LIMITS) == Verdict()
-    assert watch_obstacles(border, 0.0, 0.0, LIMITS).brake == 1.0
-    person = wall_ahead(5.0, 10.0, codes.OBSTACLE)
-    assert watch_obstacles(person, 0.0, 0.2, LIMITS).brake == 1.0
+def wall_of(points: list[tuple[float, float]]) -> Echoes:
+    x, y = np.array(points).T
+    return Echoes(x + LIMITS.nose, y, np.full(len(x), 10.0), np.full(len(x), codes.BORDER, "u1"))
+
+
+def test_the_border_of_a_bend_is_no_danger_while_a_way_leads_past_it() -> None:
+    # At 10 m/s and 6 m/s² across the sharpest way has a radius of 16.7 m: 3 m aside after 10 m.
+    post = wall_of([(9.0, 0.0)])
+    assert watch_obstacles(post, 10.0, 0.0, 0.0, LIMITS) == Verdict()
+    wall = wall_of([(9.0, 0.5 * side) for side in range(-12, 13)])
+    assert watch_obstacles(wall, 10.0, 0.0, 0.0, LIMITS).brake == 1.0
+    person = wall_ahead(9.0, 10.0, codes.OBSTACLE)
+    assert watch_obstacles(person, 10.0, 0.0, 0.2, LIMITS).brake == 1.0
 
 
 def test_a_kart_that_moves_away_is_followed_without_braking() -> None:
-    assert watch_obstacles(wall_ahead(1.0, -0.5, codes.KART_HIT), 0.0, 0.0, LIMITS) == Verdict()
+    assert (
+        watch_obstacles(wall_ahead(1.0, -0.5, codes.KART_HIT), 10.0, 0.0, 0.0, LIMITS) == Verdict()
+    )
 
 
 def test_a_kart_that_stands_before_a_person_does_not_creep() -> None:

@@ -95,7 +95,7 @@ def start(
     plan = Plan(
         serve=tuple(serve),
         drivers=tuple(names[seat % len(names)] for seat in range(karts)),
-        address=listen or _free_address(),
+        address=listen or free_address(),
         session=session,
         in_process=one_process,
         real=tuple(Real(seat) for seat in spread(mixed, karts)),
@@ -168,7 +168,7 @@ def known_drivers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _free_address() -> str:
+def free_address() -> str:
     """Return an address of this machine that nobody listens on."""
     import socket
 

@@ -84,7 +84,8 @@ def hud_of(session: Session, seat: Seat) -> HudFrame:
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
-        speed_cap=float(kart.speed_cap),
+        # Who is home or out is to stop, from the tick on in which that happened.
+        speed_cap=float(kart.speed_cap) if kart.status == codes.RACING else 0.0,
         thrust_scale=float(kart.thrust_scale),
         grip_scale=float(kart.grip_scale),
         item=int(kart.held),

@@ -1,0 +1,1 @@
+"""Drills: things that must hold, shown on a running race."""
