@@ -120,16 +120,28 @@ def braking_time(closing: float, limits: Limits) -> float:
 
 
 def way_along(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
-    """Return how far along an arc each point lies and how far beside it [m].
+    """Return how far along an arc each point lies and how far beside it [m], inside positive.
 
     The arc begins at the origin along x; curvature [1/m] is positive to the left.
     """
     if abs(curvature) < STRAIGHT:
-        return x, y
+        return x, -np.abs(y)
     radius = 1.0 / abs(curvature)
     side = y if curvature > 0.0 else -y
     turned = np.arctan2(x, radius - side)
     return radius * turned, radius - np.hypot(x, radius - side)
+
+
+def is_on_way(along: Floats, aside: Floats, curvature: float, limits: Limits) -> NDArray[np.bool_]:
+    """Return which points of `way_along` the body sweeps over.
+
+    In a bend the outer front corner swings out beyond the way of the rear axle.
+    """
+    outer = limits.half_width
+    if abs(curvature) > STRAIGHT:
+        radius = 1.0 / abs(curvature)
+        outer = math.hypot(radius + limits.half_width, limits.nose) - radius
+    return (along > 0.0) & (aside < limits.half_width) & (aside > -outer)
 
 
 def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
@@ -139,7 +151,7 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
-    ahead = (along > 0.0) & (np.abs(aside) < limits.half_width) & (echoes.closing > CREEP)
+    ahead = is_on_way(along, aside, curvature, limits) & (echoes.closing > CREEP)
     needed = echoes.closing * (limits.reaction_s + echoes.closing / (2.0 * limits.braking))
     return ahead & (gap < needed)
 
@@ -174,7 +186,7 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
     """Hold a kart that stands right before somebody from driving on. room: [m] to be free."""
     along, aside = way_along(echoes.x, echoes.y, wanted)
-    close = (np.abs(aside) < limits.half_width) & (along > 0.0)
+    close = is_on_way(along, aside, wanted, limits)
     close &= (along - limits.nose < room) & (echoes.kinds != codes.BORDER)
     return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
 

@@ -66,7 +66,7 @@ class Passage:
             body.x + ahead * math.cos(body.heading), body.y + ahead * math.sin(body.heading)
         )
         bend = math.remainder(course - body.heading, 2.0 * math.pi)
-        is_fast = body.speed > 0.25 * body.vehicle.top_speed
+        is_fast = body.speed > 0.45 * body.vehicle.top_speed
         if not is_fast or abs(bend) > MOST_BEND or abs(curvature * ahead) > MOST_BEND:
             return
         middle = body.heading + 0.5 * curvature * ahead
@@ -98,7 +98,7 @@ class Cut:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
         if not onboard.is_cut:
-            if raced_s < self.after_s or body.speed < 0.25 * body.vehicle.top_speed:
+            if raced_s < self.after_s or body.speed < 0.45 * body.vehicle.top_speed:
                 return
             onboard.is_cut = True
             plant.throttle = 1.0

@@ -28,7 +28,7 @@ def mixed(
     ] = 12.0,
     cut_link: Annotated[
         float, typer.Option(help="A radio goes off after so many s of racing.")
-    ] = 75.0,
+    ] = 110.0,
     delay_ms: Annotated[
         float, typer.Option(help="Added to each message of a real kart, each way.")
     ] = 0.0,

@@ -32,7 +32,7 @@ class Setting:
     laps: int = 2
     seed: int = 1
     pedestrian_s: float = 12.0  # of racing
-    cut_s: float = 75.0
+    cut_s: float = 110.0
     delay_ms: float = 0.0  # added to each message of a real kart
 
 
