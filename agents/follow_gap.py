@@ -15,11 +15,23 @@ from race_server.params import GRAVITY
 from race_server.state import Floats, Ints, Record, Records
 
 LIDAR = PART_NUMBERS["lidar"]
+YAW_RATE = PART_NUMBERS["yaw_rate"]
+SPEED_CAP = PART_NUMBERS["speed_cap"]
+GRIP_SCALE = PART_NUMBERS["grip_scale"]
 # Directions further off than this [rad] are behind the shoulder.
 SHOULDER = math.radians(80.0)
 BESIDE = math.radians(60.0)
-NARROW = math.radians(12.0)
-DEEP_SHARE = 0.85
+NARROW = math.radians(12.6)
+DEEP_SHARE = 0.93
+# An edge hides half-widths of so many body widths; it is a rise of so many body lengths.
+HALF_WIDTHS, EDGE_LENGTHS = 0.85, 1.5
+# Steers to a point in the gap so far away: body lengths, and time at the present speed [s].
+LOOK_LENGTHS, LOOK_S = 1.5, 0.1
+LEAD_S = 0.06  # the gap is where it will be seen so much later
+ROOM, PUSH = 0.7, 0.1  # body widths beside the lidar; share of the tightest bend to get it
+STOP_GAP = 0.3  # body lengths
+# Of the grip. A bend is only begun at the curvature asked for, hence more than there is.
+BEND_SHARE, BRAKE_SHARE, END_SHARE = 1.2, 0.6, 0.8
 
 
 @kernel
@@ -33,18 +45,24 @@ def follow(
     control: Floats,
 ) -> None:
     """Steer to the deepest gap; as fast as the kart can stop or turn in the free space ahead."""
-    rays, field = at[-1], gear[FIELD]
+    rays, field, speed = at[-1], gear[FIELD], seen[at[SPEED]]
     free = KEPT + rays
     repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
     step = field / (rays - 1)
-    half, jump = 0.75 * vehicle.width, 0.5 * vehicle.length
+    half, jump = HALF_WIDTHS * vehicle.width, EDGE_LENGTHS * vehicle.length
     widen_edges(memory, KEPT, rays, step, half, jump, memory, free)
     depth = nearest_deepest(memory, free, rays, field)
     angle = middle_of_gap(memory, free, rays, field, DEEP_SHARE * depth)
-    steering = _keep_off_the_sides(memory, rays, field, gear[REACH], vehicle, angle)
-    control[0] = steering / vehicle.steering_limit
-    target = _speed(memory, free, rays, field, vehicle, depth, steering)
-    press_pedals(seen[at[SPEED]], target, 2.0, control)
+    angle -= LEAD_S * seen[at[YAW_RATE]]
+    look = min(LOOK_LENGTHS * vehicle.length + LOOK_S * max(speed, 0.0), depth)
+    # The circle through a point at this distance and angle.
+    bend = 2.0 * math.sin(angle) / max(look, 1e-3)
+    bend = _keep_off_the_sides(memory, rays, field, gear[REACH], vehicle, bend)
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    control[0] = math.atan(bend * wheelbase) / vehicle.steering_limit
+    front = _front(memory, free, rays, field, angle, depth)
+    target = _speed(vehicle, front, bend, seen[at[GRIP_SCALE]])
+    press_pedals(speed, min(target, seen[at[SPEED_CAP]]), 2.5, control)
     finish_decision(seen, at, vehicle, gear, kinds, memory, control)
 
 
@@ -83,36 +101,40 @@ def middle_of_gap(free: Floats, base: int, rays: int, field: float, deep: float)
 
 @kernel
 def _keep_off_the_sides(
-    ranges: Floats, rays: int, field: float, reach: float, vehicle: Record, angle: float
+    ranges: Floats, rays: int, field: float, reach: float, vehicle: Record, bend: float
 ) -> float:
-    """Return the steering angle [rad]: to the gap, but never into what is right beside."""
-    limit, beside = vehicle.steering_limit, 0.9 * vehicle.width
+    """Return the curvature [1/m]: to the gap, but never into what is right beside."""
+    tightest = math.tan(vehicle.steering_limit) / (vehicle.front_axle + vehicle.rear_axle)
+    room = ROOM * vehicle.width
     left = nearest(ranges, KEPT, rays, field, BESIDE, math.pi, reach)
     right = nearest(ranges, KEPT, rays, field, -math.pi, -BESIDE, reach)
-    if left < beside:
-        angle = min(angle, 0.0) - 0.5 * limit * (1.0 - left / beside)
-    if right < beside:
-        angle = max(angle, 0.0) + 0.5 * limit * (1.0 - right / beside)
-    return min(max(angle, -limit), limit)
+    if left < room:
+        bend = min(bend, 0.0) - PUSH * tightest * (1.0 - left / room)
+    if right < room:
+        bend = max(bend, 0.0) + PUSH * tightest * (1.0 - right / room)
+    return min(max(bend, -tightest), tightest)
 
 
 @kernel
-def _speed(
-    free: Floats,
-    base: int,
-    rays: int,
-    field: float,
-    vehicle: Record,
-    depth: float,
-    steering: float,
-) -> float:
-    """Return the speed [m/s] that the free space ahead and the bend allow."""
-    front = nearest(free, base, rays, field, -NARROW, NARROW, depth)
-    grip = vehicle.grip * GRAVITY
-    stop = math.sqrt(grip * max(front - 0.6 * vehicle.length, 0.0))
-    bend = math.tan(abs(steering)) / (vehicle.front_axle + vehicle.rear_axle)
-    turn = math.sqrt(0.6 * grip / max(bend, 1e-3))
-    return min(min(stop + 0.4, turn + 0.3 * depth), vehicle.top_speed)
+def _front(free: Floats, base: int, rays: int, field: float, angle: float, depth: float) -> float:
+    """Return the way [m] that is free towards the gap; less where the nose points at a wall."""
+    front = nearest(free, base, rays, field, angle - NARROW, angle + NARROW, depth)
+    ahead = nearest(free, base, rays, field, -NARROW, NARROW, depth)
+    return min(front, ahead + 0.5 * front)
+
+
+@kernel
+def _speed(vehicle: Record, front: float, bend: float, grip_scale: float) -> float:
+    """Return the speed [m/s] that the free way `front` [m] and the bend [1/m] allow."""
+    grip = vehicle.grip * GRAVITY * grip_scale
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    way = max(front - STOP_GAP * vehicle.length, 0.0)
+    # At the end of the free way there is room for the tightest bend, unless it is here already.
+    end = END_SHARE * math.sqrt(grip * wheelbase / math.tan(vehicle.steering_limit))
+    end = min(end, 0.5 * end + 2.0 * way)
+    braking = BRAKE_SHARE * min(grip, vehicle.brake_force / vehicle.mass)
+    target = math.sqrt(end * end + 2.0 * braking * way)
+    return min(target, math.sqrt(BEND_SHARE * grip / max(abs(bend), 1e-3)), vehicle.top_speed)
 
 
 @kernel

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from agents.control_unit import ControlUnit, Fence, Readings
 from agents.reflex import Command
+from race_server.admission.keys import ClientKeys
 from race_server.clock import Pacer
 from race_server.driver import Driver
 from race_server.errors import LinkError, SeatError, WireError
@@ -110,6 +111,7 @@ def take_part(
     name: str,
     address: str,
     session: str = "race",
+    keys: ClientKeys | None = None,
     wanted: int = -1,
     timeout_s: float = 20.0,
     delay_s: float = 0.0,
@@ -127,7 +129,7 @@ def take_part(
         LinkError: no server.
         SeatError: no seat.
     """
-    with ClientLink(address, session, timeout_s=timeout_s) as link:
+    with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         join = Join(name[:32], driver.preset, wanted, tracked=True)
         seat = persist(partial(take_seat, link, join))

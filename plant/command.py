@@ -6,16 +6,16 @@ from typing import Annotated
 
 import typer
 
-from race_server.commands.race import Connect, SessionName
-from race_server.transport import DEFAULT_ADDRESS
+from race_server.commands.access import Connect, KeysFolder, SessionName, access
 
 
 def plant(
     driver: Annotated[str, typer.Option(help="The installed driver at the wheel.")] = (
         "pure_pursuit"
     ),
-    connect: Connect = DEFAULT_ADDRESS,
-    session: SessionName = "race",
+    connect: Connect = "",
+    session: SessionName = "",
+    keys: KeysFolder = None,
     seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any.")] = -1,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
     deviation: Annotated[
@@ -39,11 +39,13 @@ def plant(
     from plant.kart import Sensors
     from plant.run import Setting, run_plant
 
+    given = access(keys, connect, session)
     setting = Setting(
         driver=driver,
-        seat=seat,
-        address=connect,
-        session=session,
+        seat=given.seat(seat),
+        address=given.address,
+        session=given.session,
+        keys=given.keys,
         patience_s=patience,
         delay_s=delay_ms / 1000.0,
         sensors=Sensors(fix_deviation=deviation),

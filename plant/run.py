@@ -12,6 +12,7 @@ from agents.onboard import take_part
 from plant.incident import Cut, Diary, Passage
 from plant.kart import Plant, Sensors
 from plant.radar import Floats, Surroundings
+from race_server.admission.keys import ClientKeys
 from race_server.driver import driver_named
 from race_server.errors import WireError
 from race_server.messages import Status
@@ -32,6 +33,7 @@ class Setting:
     seat: int = -1
     address: str = ""
     session: str = "race"
+    keys: ClientKeys | None = None
     patience_s: float = 20.0
     delay_s: float = 0.0  # each way
     sensors: Sensors = field(default_factory=Sensors)
@@ -89,6 +91,7 @@ def run_plant(setting: Setting) -> None:
             name=f"real {setting.driver}",
             address=setting.address,
             session=setting.session,
+            keys=setting.keys,
             wanted=setting.seat,
             timeout_s=setting.patience_s,
             delay_s=setting.delay_s,

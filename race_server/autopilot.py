@@ -21,8 +21,10 @@ from race_server.rules.items import items
 # What a kernel is told of its gear, by place in `gear`.
 FIELD, REACH, DECISION = range(3)
 
-# Numbers that a driver keeps from one decision to the next; behind them is room for two scans.
-STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, KEPT = range(7)
+# Numbers that a driver keeps from one decision to the next. Behind them is room for two scans,
+# for the points of a scan, and for a row of WORK numbers.
+STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE, KEPT = range(9)
+WORK = 128
 
 # (seen, at, vehicle, gear, kinds, memory, control) -> None
 Decide = Callable[..., None]
@@ -30,7 +32,7 @@ Decide = Callable[..., None]
 
 def memory_size(rays: int) -> int:
     """Return how many numbers a driver needs to keep and to work with."""
-    return KEPT + 2 * rays
+    return KEPT + 4 * rays + WORK
 
 
 def starts_of(layout: Layout) -> np.ndarray[Any, np.dtype[np.int64]]:

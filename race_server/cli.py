@@ -5,7 +5,20 @@ from importlib.metadata import entry_points
 
 import typer
 
-from race_server.commands import bench, day, drill, limit, race, results, track, trial
+from race_server.commands import (
+    admin,
+    bench,
+    day,
+    drill,
+    keys,
+    limit,
+    race,
+    recording,
+    results,
+    serve,
+    track,
+    trial,
+)
 from race_server.errors import RaceError
 
 app = typer.Typer(
@@ -17,16 +30,20 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(race.start)
-app.command()(race.serve)
+app.command()(serve.serve)
 app.command()(race.drive)
 app.command()(race.watch)
 app.command()(limit.limit)
 app.command()(day.day)
 app.command()(trial.trial)
+app.command()(recording.replay)
+app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
 app.add_typer(bench.app, name="bench")
-app.add_typer(results.app, name="results")
 app.add_typer(drill.app, name="drill")
+app.add_typer(results.app, name="results")
+app.add_typer(keys.app, name="keys")
+app.add_typer(admin.app, name="admin")
 # Other packages bring commands of their own.
 for point in entry_points(group="race_server.commands"):
     app.command(point.name)(point.load())

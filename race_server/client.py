@@ -6,19 +6,25 @@ from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
+from race_server.admission.keys import ClientKeys
+from race_server.clock import ticks_of
 from race_server.driver import Briefing, Driver
-from race_server.errors import DriverError, LinkError
+from race_server.errors import DriverError, LinkError, WireError
 from race_server.messages import Control
 from race_server.observe import Observation
+from race_server.reception import Reception
 from race_server.seat import SILENCE_S, Seat, insist, take_seat
 from race_server.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.wire import topics
 from race_server.wire.lobby import Join
+from race_server.wire.spectate import decode_events
 
 Answer = TypeVar("Answer")
 
 # For so long a driver tries to get its seat back after the link broke.
 RETRY_S = 30.0
+# For so long it waits to be told how the race has ended for it.
+OUTCOME_S = 1.0
 
 
 def drive(
@@ -29,29 +35,63 @@ def drive(
     session: str = "race",
     wanted: int = -1,
     timeout_s: float = 20.0,
+    keys: ClientKeys | None = None,
+    reception: Reception | None = None,
+    tell: Callable[[Reception], None] = lambda _: None,
 ) -> Briefing:
     """Drive one race to its end and return the briefing that the driver had.
 
+    reception: takes what is heard; tell: is called with it after each observation.
+
     Raises:
-        LinkError: no server, or it did not come back.
+        LinkError: no server, it did not come back, or it does not let us in.
         SeatError: no seat.
         DriverError: the driver raised; its seat is left.
     """
-    with ClientLink(address, session, timeout_s=timeout_s) as link:
+    with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
         _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
         try:
-            persist(partial(seat.act, topics.READY))
-            _answer(driver, name, seat)
+            heard = _listen(seat, reception)
+            persist(partial(_get_ready, seat, heard))
+            _answer(driver, name, seat, heard, tell)
         except DriverError:
             seat.act(topics.LEAVE)
             raise
         return seat.welcome.briefing
 
 
-def _answer(driver: Driver, name: str, seat: Seat) -> None:
+def _get_ready(seat: Seat, reception: Reception) -> None:
+    begun = time.monotonic()
+    seat.act(topics.READY)
+    reception.offset.note_round_trip(time.monotonic() - begun)
+
+
+def _listen(seat: Seat, reception: Reception | None) -> Reception:
+    """Return what takes note of what a seat hears; with events where somebody wants to know."""
+    if reception is None:
+        return Reception()
+
+    def hear_events(data: bytes) -> None:
+        with suppress(WireError):
+            for event in decode_events(data)[1]:
+                reception.note_event(event, seat.number)
+
+    seat.link.listen(topics.EVENTS, hear_events)
+    reception.hears_events = True
+    return reception
+
+
+def _answer(
+    driver: Driver,
+    name: str,
+    seat: Seat,
+    reception: Reception,
+    tell: Callable[[Reception], None],
+) -> None:
     """Answer observations until the race is over for this kart."""
+    decision_ticks = max(ticks_of(seat.welcome.briefing.decision_s), 1)
     sequence = 0
     epoch = answered = -1
     last = time.monotonic()
@@ -62,10 +102,14 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
                 raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
             with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
                 seat.come_back()
+                reception.reconnects += epoch >= 0
             continue
         last = time.monotonic()
         if frame.epoch != epoch:
             epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
+            reception.begin()
+        reception.note(frame.tick, last, decision_ticks)
+        tell(reception)
         if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
             answered = frame.tick
             observation = Observation(frame.tick, seat.layout, frame.values)
@@ -73,6 +117,7 @@ def _answer(driver: Driver, name: str, seat: Seat) -> None:
         sequence += 1
         seat.answer(frame.epoch, sequence, frame.tick, control)
         if observation.scalar("finished") > 0.0:
+            reception.wait_for_outcome(OUTCOME_S)
             return
 
 

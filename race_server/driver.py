@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from inspect import getdoc
+from inspect import getdoc, signature
 from typing import Protocol, cast
 
 from race_server.errors import DriverError
@@ -43,7 +43,8 @@ class Driver(Protocol):
         """Return what to do until the next observation."""
 
 
-DriverFactory = Callable[[], Driver]
+# Called with what stands behind the colon of a name, or with nothing.
+DriverFactory = Callable[..., Driver]
 
 
 def driver_names() -> list[str]:
@@ -63,21 +64,45 @@ def description_of(name: str) -> str:
     return ""
 
 
+def installed_name(name: str) -> str:
+    """Return the name under which a driver is installed: what stands before a colon."""
+    return name.partition(":")[0]
+
+
 def driver_named(name: str) -> Driver:
     """Return a new driver of the class that an installed package offers under `name`.
 
+    ``NAME:ARGUMENT`` hands the class an argument, for instance ``unstuck:follow_gap``.
+
     Raises:
-        DriverError: there is none, or it cannot be imported or made.
+        DriverError: there is none, it takes no argument or needs one, or it cannot be imported
+            or made.
     """
-    points = [point for point in entry_points(group=ENTRY_POINTS) if point.name == name]
+    installed, colon, argument = name.partition(":")
+    points = [point for point in entry_points(group=ENTRY_POINTS) if point.name == installed]
     if not points:
         known = ", ".join(driver_names())
-        raise DriverError(f"driver {name!r} is unknown; installed drivers are {known}")
+        raise DriverError(f"driver {installed!r} is unknown; installed drivers are {known}")
+    arguments = (argument,) if colon else ()
     try:
         factory = cast("DriverFactory", points[0].load())
-        return factory()
+        _check_arguments(factory, installed, arguments)
+        return factory(*arguments)
+    except DriverError:
+        raise
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise DriverError(
             f"driver {name!r} from {points[0].value} cannot start: {reason}"
+        ) from error
+
+
+def _check_arguments(factory: DriverFactory, installed: str, arguments: tuple[str, ...]) -> None:
+    try:
+        signature(factory).bind(*arguments)
+    except TypeError as error:
+        raise DriverError(
+            f"driver {installed!r} takes no argument; leave out {':' + arguments[0]!r}"
+            if arguments
+            else f"driver {installed!r} needs an argument; write {installed}:ARGUMENT"
         ) from error

@@ -33,6 +33,10 @@ class LinkError(RaceError):
     """No server answers at an address, or an address cannot be listened on."""
 
 
+class KeysError(RaceError):
+    """Keys cannot be read or made, have expired, or belong to another session."""
+
+
 class RecordingError(RaceError):
     """A recording cannot be read."""
 

@@ -40,7 +40,7 @@ class Paddock:
         self._session = session
         self._locals: dict[int, _Local] = {}
 
-    def __contains__(self, seat: int) -> bool:
+    def __contains__(self, seat: object) -> bool:
         return seat in self._locals
 
     def admit(self, name: str, driver: Driver, seat: int) -> None:
@@ -52,11 +52,24 @@ class Paddock:
         """
         taken = self._session.join(name, driver.preset, wanted=seat)
         taken.is_ready = True
-        self._locals[seat] = _Local(driver)
+        self._get_ready(name, driver, taken)
+
+    def _get_ready(self, name: str, driver: Driver, taken: Seat) -> None:
+        self._locals[taken.number] = _Local(driver)
         try:
             driver.reset(briefing_for(self._session, taken))
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error
+
+    def readmit(self, name: str, driver: Driver, seat: int) -> None:
+        """Give a driver a seat of its name in a race that is taken up.
+
+        Raises:
+            DriverError: the driver raised.
+        """
+        taken = self._session.seats[seat]
+        self._session.come_back(seat)
+        self._get_ready(name, driver, taken)
 
     def answer(self, seat: int) -> bytes:
         """Return a driver's control for what it sees now: the same bytes as over the network.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
+from race_server.badge import badge_of
 from race_server.errors import LinkError, WireError
 from race_server.messages import Control
 from race_server.observe import Layout, layout_of
@@ -25,6 +26,7 @@ from race_server.wire.lobby import (
     decode_welcome,
     encode_join,
     encode_seat_act,
+    new_serial,
 )
 
 Answer = TypeVar("Answer")
@@ -78,7 +80,7 @@ class Seat:
     def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
         """Tell the server that this seat is ready, or leaves."""
         request = SeatAct(self.number, self.welcome.secret, ready)
-        check_reply(self.link.ask(topic, encode_seat_act(request)))
+        check_reply(self.link.ask(topic, encode_seat_act(request), self.number))
 
     def come_back(self) -> Welcome:
         """Ask for the seat again and return the welcome as it is now.
@@ -87,7 +89,8 @@ class Seat:
             SeatError: it is no longer this driver's.
             LinkError: no answer; zenoh goes on trying to connect.
         """
-        return decode_welcome(self.link.ask(topics.JOIN, encode_join(self.request)))
+        request = replace(self.request, serial=new_serial())
+        return decode_welcome(self.link.ask(topics.JOIN, encode_join(request), self.number))
 
 
 def take_seat(link: ClientLink, join: Join) -> Seat:
@@ -97,13 +100,15 @@ def take_seat(link: ClientLink, join: Join) -> Seat:
         SeatError: the server refuses, with its reason.
         LinkError: no answer.
     """
-    welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join)))
+    join = replace(join, serial=new_serial())
+    welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join), join.wanted))
     number = welcome.briefing.seat
     request = replace(join, wanted=number, secret=welcome.secret)
+    badge = badge_of(welcome.secret)
     topic = topics.POSE if join.tracked else topics.CONTROL
-    seat = Seat(welcome, Mailbox(), link, request, link.sender(number, topic))
+    seat = Seat(welcome, Mailbox(), link, request, link.sender(number, badge, topic))
     link.listen(topics.OBSERVATION, seat.mailbox.put, number)
-    link.announce(number)
+    link.announce(number, badge)
     return seat
 
 

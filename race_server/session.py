@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from race_server import codes
-from race_server.clock import ticks_of
+from race_server.acts import Act, ActKind, carry_out
+from race_server.badge import key_of
 from race_server.errors import SeatError, WireError
 from race_server.fleet import Fleet
 from race_server.kernels.jit import bind
@@ -30,18 +31,13 @@ from race_server.messages import (
 )
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
+from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
 from race_server.stages.observation import observe_karts
-from race_server.state import Float32s, Floats, World, digest
-from race_server.step import advance, place_karts, show_flag, withdraw
+from race_server.state import Float32s, Floats, Ints, World, digest
+from race_server.step import advance, place_karts
 
-# Without a fresh control the last one counts for so long, then the kart brakes.
-GRACE_TICKS = ticks_of(0.25)
-# A driver that is away for so long has withdrawn.
-AWAY_TICKS = ticks_of(10.0)
 # Late joiners are told of so many events.
 RECENT_EVENTS = 256
-
-STOP = Control(brake=1.0)
 
 
 @dataclass
@@ -51,7 +47,7 @@ class Seat:
     number: int
     driver: str = ""
     preset: str = ""
-    secret: int = 0
+    key: bytes = b""  # follows from the driver's secret
     is_taken: bool = False
     is_ready: bool = False
     is_present: bool = False
@@ -61,6 +57,21 @@ class Seat:
     answered_tick: int = -1  # tick of the observation that it answers
     sequence: int = 0  # of the newest control taken
     away_since: int = -1
+    silence: Silence = Silence.FRESH  # how the driver's silence acts on the kart
+
+    def fits(self, secret: int) -> bool:
+        """Return whether a secret is that of the seat's driver."""
+        return secrets.compare_digest(self.key, key_of(secret))
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """The controls that act from a tick on, of those seats whose control changed."""
+
+    tick: int
+    seats: Ints  # (n,)
+    controls: Float32s  # (n, 4) steering, throttle, brake, buttons
+    sequences: Ints  # (n,) of the drivers' messages
 
 
 @dataclass
@@ -78,6 +89,9 @@ class Session:
     fleet: Fleet = field(init=False)
     recent: deque[Event] = field(default_factory=lambda: deque(maxlen=RECENT_EVENTS))
     laps_us: dict[int, list[int]] = field(default_factory=dict)
+    is_recorded: bool = False
+    log: list[Inputs | Act] = field(default_factory=list)  # while recorded; who records empties it
+    closed: dict[int, str] = field(default_factory=dict)  # seats that nobody may take, and why
 
     def __post_init__(self) -> None:
         """Build the world once; each start puts it back."""
@@ -85,6 +99,7 @@ class Session:
         self.world = make_world(self.scenario)
         self.fleet = Fleet(self.scenario.course)
         self._controls: Floats = np.zeros((1, self.scenario.karts, 4))
+        self._loaded: Float32s = np.zeros((self.scenario.karts, 4), np.float32)
         self._advances: dict[int, Callable[[], None]] = {}
         names = list(PRESETS)
         self._layouts: list[Layout] = [layout_of(name, self.scenario.lidar.rays) for name in names]
@@ -106,11 +121,14 @@ class Session:
         wanted: int = -1,
         secret: int = 0,
         tracked: bool = False,
+        owns: bool = False,
     ) -> Seat:
         """Give a driver a seat, or the one that it already has.
 
         secret: chosen by the driver; who sends the same one again is given the same seat, so a
-        join whose answer was lost may simply be repeated. tracked: a real kart, which exists.
+        join whose answer was lost may simply be repeated. owns: the wanted seat is known to be
+        the driver's, which may then take it up with a new secret once its old link is gone.
+        tracked: a real kart, which exists.
 
         Raises:
             SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
@@ -120,30 +138,48 @@ class Session:
             known = ", ".join(PRESETS)
             raise SeatError(f"observation {preset!r} is unknown; choose one of {known}")
         for own in self.seats:
-            if secret and own.is_taken and own.secret == secret:
+            if secret and own.is_taken and own.fits(secret) and wanted in {-1, own.number}:
                 self.come_back(own.number)
                 return own
+        if owns and self._is_deserted(wanted, preset):
+            self.seats[wanted].key = key_of(secret)
+            self.come_back(wanted)
+            return self.seats[wanted]
+        if owns and 0 <= wanted < len(self.seats) and self.seats[wanted].is_present:
+            raise SeatError(f"seat {wanted} is in use: somebody is logged in with its keys already")
         if self.phase is not Phase.LOBBY:
+            if wanted in self.closed:
+                raise SeatError(f"seat {wanted} is closed: {self.closed[wanted]}")
             raise SeatError("the race has begun; join again in the next lobby")
         if tracked and not self.takes_tracked:
             raise SeatError("a real kart cannot wait for others; serve with --pace real")
         seat = self._free_seat(wanted)
         seat.driver, seat.preset = driver, preset
-        seat.secret = secret or secrets.randbits(63) | 1
+        seat.key = key_of(secret or secrets.randbits(63) | 1)
         seat.is_taken, seat.is_ready, seat.is_present = True, False, True
         seat.is_tracked = tracked
         if tracked:
             self.fleet.admit(seat.number, self.scenario.vehicle_of(seat.number))
         return seat
 
+    def _is_deserted(self, number: int, preset: str) -> bool:
+        """Return whether a seat races without its driver, who would see what is seen there."""
+        if not 0 <= number < len(self.seats) or number in self.closed:
+            return False
+        seat = self.seats[number]
+        return seat.is_taken and not seat.is_present and seat.preset == preset
+
     def _free_seat(self, wanted: int) -> Seat:
-        if wanted >= len(self.seats):
-            raise SeatError(f"seat {wanted} does not exist; seats are 0 to {len(self.seats) - 1}")
+        if wanted >= 0:
+            self._check_number(wanted)
+        if wanted in self.closed:
+            raise SeatError(f"seat {wanted} is closed: {self.closed[wanted]}")
         if wanted >= 0 and self.seats[wanted].is_taken:
             raise SeatError(f"seat {wanted} is taken by {self.seats[wanted].driver}")
-        free = [seat for seat in self.seats if not seat.is_taken]
+        free = [s for s in self.seats if not s.is_taken and s.number not in self.closed]
         if not free:
-            raise SeatError(f"all {len(self.seats)} seats are taken")
+            shut = f" or closed ({len(self.closed)})" if self.closed else ""
+            raise SeatError(f"all {len(self.seats)} seats are taken{shut}")
         return self.seats[wanted] if wanted >= 0 else free[0]
 
     def seat(self, number: int) -> Seat:
@@ -160,7 +196,7 @@ class Session:
         """Free a seat in the lobby; in a race its kart stops and is out."""
         seat = self.seat(number)
         if self.phase in {Phase.COUNTDOWN, Phase.RUNNING}:
-            withdraw(self.world, 0, number)
+            self.do(ActKind.WITHDRAW, number)
             seat.is_present = False
             seat.control = STOP
         else:
@@ -180,7 +216,27 @@ class Session:
         elif seat.is_present:
             seat.is_present = False
             seat.away_since = self.tick
-            seat.control = STOP
+
+    def close(self, number: int, reason: str) -> None:
+        """Let nobody take a seat; who has it keeps it."""
+        self._check_number(number)
+        self.closed[number] = reason
+
+    def unclose(self, number: int) -> None:
+        """Let a seat be taken again."""
+        self._check_number(number)
+        self.closed.pop(number, None)
+
+    def kick(self, number: int, reason: str) -> None:
+        """Take a seat from its driver, who may not come back."""
+        seat = self.seat(number)
+        self.close(number, reason)
+        seat.key = b""
+        self.leave(number)
+
+    def _check_number(self, number: int) -> None:
+        if not 0 <= number < len(self.seats):
+            raise SeatError(f"seat {number} does not exist; seats are 0 to {len(self.seats) - 1}")
 
     def come_back(self, number: int) -> None:
         """Take note that a driver is there again."""
@@ -207,13 +263,16 @@ class Session:
         """
         self.epoch += 1
         self.recent.clear()
+        self.log.clear()
+        self._controls[:] = 0.0
+        self._loaded[:] = 0.0
         self.laps_us = {seat.number: [] for seat in self.seats}
         fitted = tuple(_sensors_for(seat) for seat in self.seats)
         line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
         names = list(PRESETS)
         for seat in self.seats:
             seat.control, seat.control_tick, seat.answered_tick = STOP, -1, -1
-            seat.sequence, seat.away_since = 0, -1
+            seat.sequence, seat.away_since, seat.silence = 0, -1, Silence.FRESH
             self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else -1
         self.fleet.begin(self.world, now_us)
         self._turn(Phase.COUNTDOWN)
@@ -242,6 +301,8 @@ class Session:
             raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
         seat.sequence, seat.answered_tick = sequence, tick
         seat.control, seat.control_tick = control, self.tick
+        if seat.is_present:
+            seat.away_since = -1
 
     def _check(self, seat: Seat, what: str, epoch: int, sequence: int) -> None:
         if not seat.is_taken or epoch != self.epoch:
@@ -272,6 +333,8 @@ class Session:
         seat.sequence = sequence
         # The kart moves by its poses; of a control only the buttons are left.
         seat.control, seat.control_tick = replace(STOP, buttons=buttons), self.tick
+        if seat.is_present:
+            seat.away_since = -1
         self.fleet.orders(number).acknowledge(acknowledged, arrived_us)
         return self.fleet.take(number, pose, arrived_us)
 
@@ -304,13 +367,32 @@ class Session:
     def advance(self, ticks: int = 1) -> list[Event]:
         """Move the race on and return what happened.
 
-        The same control acts for all `ticks`; a kart whose driver has been silent for longer
-        than the grace brakes.
+        The same control acts for all `ticks`; see `race_server.silence` for karts whose driver
+        is not heard.
         """
         now = self.tick
         for seat in self.seats:
             if seat.is_taken:
                 self._load_control(seat, now)
+        changed = np.flatnonzero((self._loaded != self._controls[0]).any(axis=1))
+        if len(changed):
+            self._controls[0] = self._loaded
+            if self.is_recorded:
+                sequences = np.array([self.seats[number].sequence for number in changed])
+                self.log.append(Inputs(now, changed, self._loaded[changed], sequences))
+        return self._move(ticks)
+
+    def drive_again(self, inputs: Inputs) -> None:
+        """Let the controls of a recording act from this tick on."""
+        self._controls[0, inputs.seats] = inputs.controls
+        for seat, sequence in zip(inputs.seats, inputs.sequences, strict=True):
+            self.seats[seat].sequence = int(sequence)
+
+    def move_again(self, ticks: int) -> list[Event]:
+        """Move the race on under the controls of a recording, and return what happened."""
+        return self._move(ticks)
+
+    def _move(self, ticks: int) -> list[Event]:
         if ticks not in self._advances:
             self._advances[ticks] = bind(advance, self.world, self._controls, ticks)
         self._advances[ticks]()
@@ -322,14 +404,22 @@ class Session:
         return events
 
     def _load_control(self, seat: Seat, now: int) -> None:
-        if 0 <= seat.away_since <= now - AWAY_TICKS:
-            withdraw(self.world, 0, seat.number)
-            seat.away_since = -1
-        stale = now - seat.control_tick > GRACE_TICKS + self.decision_ticks
-        # Nobody waits for the answers of a kart that is through: they must not matter.
         racing = self.world.karts["status"][0, seat.number] == codes.RACING
-        control = seat.control if racing and not stale else STOP
-        self._controls[0, seat.number] = (
+        if racing and 0 <= seat.away_since <= now - AWAY_TICKS:
+            self.do(ActKind.WITHDRAW, seat.number)
+            seat.away_since, racing = -1, False
+        # A control that came after a link was gone shows that the driver is there.
+        is_linked = seat.is_present or seat.control_tick > seat.away_since
+        overdue = now - seat.control_tick - self.decision_ticks
+        seat.silence = silence_after(overdue, is_linked=is_linked)
+        hangs = racing and seat.silence is Silence.STOPPED and seat.control_tick >= 0
+        hangs = hangs and not seat.is_tracked  # of real karts the fleet knows more
+        if hangs and seat.away_since < 0:  # its link is there, but it answers no more
+            seat.away_since = now
+        # Nobody waits for the answers of a kart that is through: they must not matter.
+        control = control_under(seat.silence, seat.control) if racing else STOP
+        # As on the wire, so that a recording holds exactly what acted.
+        self._loaded[seat.number] = (
             control.steering,
             control.throttle,
             control.brake,
@@ -338,7 +428,22 @@ class Session:
 
     def show_flag(self, flag: Flag) -> None:
         """Show a flag to all karts."""
-        show_flag(self.world, 0, int(flag))
+        self.do(ActKind.FLAG, value=float(flag))
+
+    def penalise(self, number: int, seconds: float) -> None:
+        """Add a penalty to the race time of a seat.
+
+        Raises:
+            SeatError: nobody sits there.
+        """
+        self.do(ActKind.PENALTY, self.seat(number).number, seconds)
+
+    def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
+        """Do something to the race from outside, and log it."""
+        act = Act(self.tick, kind, kart, value)
+        if self.is_recorded:
+            self.log.append(act)
+        carry_out(self.world, act)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call and remember them for late comers."""

@@ -2,7 +2,9 @@
 
 import contextlib
 import json
+import random
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -20,12 +22,15 @@ from race_server.board import Headline, event_text, leaderboard
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import LinkError, RaceError
 from race_server.kernels.jit import is_compiled
+from race_server.logs import words_of
 from race_server.messages import Event, EventKind, Flag, Phase
 from race_server.transport import ClientLink
 from race_server.watch import Watcher
 
 # Events that are worth a line under the leaderboard.
 _TOLD = 8
+# What spectators see is marked as old from this age on.
+OLD_S = 0.5
 START_S = 120.0
 
 
@@ -71,6 +76,18 @@ def team() -> Iterator[Team]:
         yield group
     finally:
         group.end()
+
+
+def free_address() -> str:
+    """Return an address of this machine that nobody listens on."""
+    # Below the ports that systems give to outgoing connections: one of those may be taken again
+    # before the server listens.
+    chance = random.SystemRandom()
+    while True:
+        port = chance.randrange(10_240, 32_000)
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return f"tcp/127.0.0.1:{port}"
 
 
 @dataclass(frozen=True)
@@ -175,7 +192,7 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink
 
 def _tail(log_path: Path) -> str:
     lines = [line for line in log_path.read_text(errors="replace").splitlines() if line.strip()]
-    return lines[-1] if lines else "it said nothing"
+    return words_of(lines[-1]) if lines else "it said nothing"
 
 
 def _show(watcher: Watcher, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
@@ -215,6 +232,10 @@ def board_of(watcher: Watcher, session: str, items: Sequence[str]) -> Group:
         names[row.seat] = f"{row.driver} {row.seat}"
     told = [text for event in list(watcher.events) if (text := _line(event, names, items))]
     lines = [Text(text, style="dim") for text in told[-_TOLD:]]
+    age = watcher.age_s()
+    if age is not None:
+        style = "dim" if age < OLD_S else "bold red"
+        lines.append(Text(f"as it was {1e3 * age:.0f} ms ago", style=style))
     return Group(leaderboard(headline, frame.rows), *lines)
 
 

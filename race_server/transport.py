@@ -1,62 +1,61 @@
 """zenoh, and nothing else that knows it.
 
 The server's session is the router: it listens on one address, with scouting, gossip and shared
-memory off. Callbacks do no more than put bytes into bounded mailboxes; the server's loop empties
-them. A session that is not closed keeps its process alive, so both ends are context managers and
-are closed at exit as well.
+memory off; `guard` says who may do what there. Callbacks do no more than put bytes into bounded
+mailboxes, one for each key, so that nobody crowds others out; the server's loop empties them. A
+session that is not closed keeps its process alive, so both ends are context managers and are closed
+at exit as well.
 """
 
 import atexit
-import json
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
 import zenoh
 
+from race_server.admission.access import common_name, seat_name
+from race_server.admission.doubt import reason_out
+from race_server.admission.holders import Holders
+from race_server.admission.keys import ClientKeys, ServerKeys
+from race_server.admission.settings import Door, as_json, client_settings, server_settings
 from race_server.errors import LinkError
 from race_server.wire import topics
 from race_server.wire.topics import Topic, key_of
 
 DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
-LEASE_MS = 2000
 # So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
 # comes after an honest control must not hide it.
 MOST_INPUTS = 8
-# More unanswered requests than this are dropped; the asker's timeout tells it.
-MOST_QUERIES = 256
+_WITHOUT_BADGE = {
+    topics.CONTROL: "control without the seat's badge",
+    topics.POSE: "pose without the seat's badge",
+}
+# More unanswered requests on one key are dropped; the asker's timeout tells it.
+MOST_QUERIES = 8
+# So many requests are answered in one go; the others wait for the next tick.
+MOST_ANSWERS = 8
 QUERY_TIMEOUT_S = 2.0
+# A client asks on one key half as often as the server takes it.
+ASK_S = 2.0 / topics.QUERY_HZ
 
 
-def _config(mode: str, where: str, address: str, *, timeout_ms: int) -> zenoh.Config:
+def open_session(settings: dict[str, Any]) -> zenoh.Session:
+    """Return a zenoh session.
+
+    Raises:
+        ZError: it cannot be opened.
+    """
     config = zenoh.Config()
-    settings: dict[str, Any] = {
-        "mode": mode,
-        f"{where}/endpoints": [address],
-        f"{where}/timeout_ms": timeout_ms,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": LEASE_MS,
-    }
-    if where == "connect":
-        settings["connect/exit_on_failure"] = True
-        settings["connect/retry"] = {
-            "period_init_ms": 100,
-            "period_max_ms": 500,
-            "period_increase_factor": 1.5,
-        }
-        settings["listen/endpoints"] = []
-    else:
-        settings["connect/endpoints"] = []
-        settings["listen/exit_on_failure"] = True
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+    for key, value in as_json(settings):
+        config.insert_json5(key, value)
+    return zenoh.open(config)
 
 
 @dataclass(frozen=True)
@@ -64,12 +63,14 @@ class Request:
     """A query that waits for an answer."""
 
     topic: Topic
+    seat: int  # in the key, and so who asks; -1 where the key names none
     payload: bytes
     _query: Any
 
     def answer(self, payload: bytes) -> None:
         """Send the answer and end the query."""
-        self._query.reply(self._query.key_expr, payload)
+        with suppress(zenoh.ZError):  # who asked has gone
+            self._query.reply(self._query.key_expr, payload)
         self._query.drop()
 
 
@@ -103,38 +104,64 @@ class _Link:
 class ServerLink(_Link):
     """The server's end: hears all seats, tells everybody."""
 
-    def __init__(self, address: str, session_name: str, seats: int) -> None:
+    def __init__(
+        self,
+        address: str,
+        session_name: str,
+        seats: int,
+        *,
+        keys: ServerKeys | None = None,
+        real_time: bool = False,
+    ) -> None:
         """Listen on `address`.
 
+        keys: without them only this machine is listened to. real_time: nobody needs more than a
+        control a tick, so a seat that sends far more is not heard out.
+
         Raises:
-            LinkError: it cannot be listened on.
+            LinkError: it cannot be listened on, or would be open to everybody.
             WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
+        door = Door(address, session_name, seats, keys, real_time)
+        settings = server_settings(door)
         try:
-            config = _config("router", "listen", address, timeout_ms=0)
-            super().__init__(zenoh.open(config))
+            super().__init__(open_session(settings))
         except zenoh.ZError as error:
             raise LinkError(
                 f"cannot listen on {address}: it is in use or not of this machine; "
                 "choose another address with --listen, such as tcp/127.0.0.1:7448"
             ) from error
         self.address = address
-        self.oversized = 0
-        self.foreign = 0
+        self.holders = Holders(seats)
+        self.is_open = keys is not None
+        self.dropped: Counter[tuple[str, int]] = Counter()  # by reason and seat
         self._name = session_name
         self._inputs: list[deque[bytes]] = [deque(maxlen=MOST_INPUTS) for _ in range(seats)]
         self._poses: list[deque[tuple[bytes, int]]] = [
             deque(maxlen=MOST_INPUTS) for _ in range(seats)
         ]
+        self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
         self._arrived = threading.Event()
-        self._requests: deque[Request] = deque(maxlen=MOST_QUERIES)
-        self._presence: deque[tuple[int, bool]] = deque()
+        self._requests: dict[str, deque[Request]] = {}
+        self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
         self._kept: list[Any] = [self._hear_seat(seat) for seat in range(seats)]
         self._kept += [self._hear_kart(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
+        self._kept.append(self._hear_links())
+
+    def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback whose failures are counted: zenoh prints them and goes on."""
+
+        def call(news: Any) -> None:
+            try:
+                store(news)
+            except Exception:
+                self.dropped["message that made us stumble", -1] += 1
+
+        return call
 
     def _hear_seat(self, seat: int) -> Any:
         return self._hear(topics.CONTROL, seat, self._inputs[seat].append)
@@ -149,40 +176,84 @@ class ServerLink(_Link):
 
     def _hear(self, topic: Topic, seat: int, keep: Callable[[bytes], None]) -> Any:
         def store(sample: zenoh.Sample) -> None:
+            badge = sample.attachment
+            if badge is None or not self.holders.is_holder(seat, badge.to_bytes()):
+                self.dropped[_WITHOUT_BADGE[topic], seat] += 1
+                return
             if len(sample.payload) > topic.most_bytes:
-                self.oversized += 1
+                self.dropped["oversized", seat] += 1
                 return
             data = sample.payload.to_bytes()
             if data[4:8] != topic.identifier:
-                self.foreign += 1
+                self.dropped["foreign", seat] += 1
                 return
             keep(data)
             self._arrived.set()
 
         key = key_of(topic, self._name, seat)
-        return self._session.declare_subscriber(key, store, allowed_origin=zenoh.Locality.REMOTE)
+        return self._session.declare_subscriber(
+            key, self._counted(store), allowed_origin=zenoh.Locality.REMOTE
+        )
 
     def _hear_queries(self, topic: Topic) -> Any:
         def store(query: zenoh.Query) -> None:
+            key = str(query.key_expr)
+            seat = self._seat_in(topic, key)
+            if seat is None:
+                self.dropped["request on no key of ours", -1] += 1
+                return
             payload = query.payload.to_bytes() if query.payload is not None else b""
             if len(payload) > topic.most_bytes:
-                self.oversized += 1
+                self.dropped["oversized", seat] += 1
                 return
-            self._requests.append(Request(topic, payload, query))
+            waiting = self._requests.setdefault(key, deque())
+            if len(waiting) >= MOST_QUERIES:
+                self.dropped["too many requests", seat] += 1
+                return
+            waiting.append(Request(topic, seat, payload, query))
             self._arrived.set()
 
-        key = key_of(topic, self._name)
-        return self._session.declare_queryable(key, store, complete=True)
+        key = key_of(topic, self._name, topics.EVERY)
+        return self._session.declare_queryable(key, self._counted(store), complete=True)
+
+    def _seat_in(self, topic: Topic, key: str) -> int | None:
+        """Return the seat that a key names, -1 for none; None for a key that is not the topic's."""
+        if not topic.is_seats:
+            return -1 if key == key_of(topic, self._name) else None
+        place = key.rsplit("/", 1)[1]
+        return -1 if place == topics.ANY else self._seats.get(place)
 
     def _hear_presence(self) -> Any:
         def store(sample: zenoh.Sample) -> None:
-            seat = str(sample.key_expr).rsplit("/", 1)[1]
-            if seat.isdigit() and int(seat) < len(self._inputs):
-                self._presence.append((int(seat), sample.kind == zenoh.SampleKind.PUT))
-                self._arrived.set()
+            *_, place, badge = str(sample.key_expr).split("/")
+            seat, is_there = self._seats.get(place), sample.kind == zenoh.SampleKind.PUT
+            if seat is None:
+                return
+            if not self.holders.note_link(seat, badge.encode(), is_there=is_there):
+                self.dropped["second login", seat] += 1
+            self._arrived.set()
 
-        key = key_of(topics.ALIVE, self._name).replace("-1", "*")
-        return self._session.liveliness().declare_subscriber(key, store, history=True)
+        key = key_of(topics.ALIVE, self._name, topics.EVERY)
+        return self._session.liveliness().declare_subscriber(
+            key, self._counted(store), history=True
+        )
+
+    def _hear_links(self) -> Any:
+        """Count how often a certificate is logged in: a stolen one may only listen."""
+        open_links: Counter[str] = Counter()
+        owners = {
+            common_name(self._name, seat_name(seat)): seat for seat in range(len(self._inputs))
+        }
+
+        def store(event: zenoh.LinkEvent) -> None:
+            name = event.link.auth_identifier
+            if name in owners:
+                is_new = event.kind == zenoh.SampleKind.PUT
+                open_links[name] += 1 if is_new else -1
+                if is_new and open_links[name] > 1:
+                    self.dropped["second login", owners[name]] += 1
+
+        return self._session.info.declare_link_events_listener(self._counted(store), history=True)
 
     def take_inputs(self) -> list[tuple[int, bytes]]:
         """Return the newest controls of each seat since the last call, oldest first."""
@@ -205,14 +276,29 @@ class ServerLink(_Link):
         return found
 
     def take_requests(self) -> Iterable[Request]:
-        """Yield the requests that wait for an answer."""
-        while self._requests:
-            yield self._requests.popleft()
+        """Yield requests that wait for an answer, one of each key in turn, a bounded number."""
+        waiting = [requests for requests in list(self._requests.values()) if requests]
+        self._turn += 1
+        for place in range(min(len(waiting), MOST_ANSWERS)):
+            yield waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)].popleft()
 
     def take_presence(self) -> Iterable[tuple[int, bool]]:
         """Yield seats whose driver's link came up (True) or went away (False)."""
-        while self._presence:
-            yield self._presence.popleft()
+        while self.holders.news:
+            yield self.holders.news.popleft()
+
+    def overhear(self, store: Callable[[str, bytes], None]) -> None:
+        """Call `store` with key and payload of whatever reaches this session from outside."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            store(str(sample.key_expr), sample.payload.to_bytes())
+
+        remote = zenoh.Locality.REMOTE
+        self._kept.append(self._session.declare_subscriber("**", receive, allowed_origin=remote))
+
+    def clients(self) -> int:
+        """Return how many links of others are open."""
+        return len(self._session.info.transports())
 
     def wait(self, timeout_s: float) -> bool:
         """Return True once something has arrived since `take_inputs`, False at the timeout."""
@@ -238,37 +324,50 @@ class ServerLink(_Link):
 class ClientLink(_Link):
     """A driver's or spectator's end."""
 
-    def __init__(self, address: str, session_name: str, *, timeout_s: float = 5.0) -> None:
+    def __init__(
+        self,
+        address: str,
+        session_name: str,
+        *,
+        keys: ClientKeys | None = None,
+        timeout_s: float = 5.0,
+    ) -> None:
         """Connect to a server.
 
         Raises:
-            LinkError: nobody answers there.
+            LinkError: nobody answers there, or we are not let in.
+            KeysError: the address asks for a certificate.
             WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
+        settings = client_settings(address, keys, timeout_s)
         try:
-            config = _config("client", "connect", address, timeout_ms=round(timeout_s * 1000))
-            super().__init__(zenoh.open(config))
+            super().__init__(open_session(settings))
         except zenoh.ZError as error:
             raise LinkError(
-                f"no server answers at {address} within {timeout_s:g} s. Is `race serve` running "
-                "there? A refused login looks the same."
+                f"no server answers at {address} within {timeout_s:g} s. "
+                + reason_out(address, keys)
             ) from error
         self._name = session_name
         self._kept: list[Any] = []
+        self._asked: dict[str, float] = {}
 
-    def ask(self, topic: Topic, payload: bytes = b"") -> bytes:
+    def ask(self, topic: Topic, payload: bytes = b"", seat: int = -1) -> bytes:
         """Return the server's answer to a request.
 
         Raises:
             LinkError: no answer within two seconds.
         """
-        key = key_of(topic, self._name)
+        key = key_of(topic, self._name, seat)
+        now = time.monotonic()
+        time.sleep(max(self._asked.get(key, 0.0) + ASK_S - now, 0.0))
+        self._asked[key] = time.monotonic()
         for reply in self._session.get(key, payload=payload, timeout=QUERY_TIMEOUT_S):
             if reply.ok is not None:
                 return bytes(reply.ok.payload.to_bytes())
         raise LinkError(
-            f"no answer on {key}: the server has gone, or no session is called {self._name!r}"
+            f"no answer on {key}: the server has gone, no session is called {self._name!r}, or "
+            "it does not let us ask that"
         )
 
     def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:
@@ -281,12 +380,14 @@ class ClientLink(_Link):
         key = key_of(topic, self._name, seat)
         self._kept.append(self._session.declare_subscriber(key, receive))
 
-    def announce(self, seat: int) -> None:
+    def announce(self, seat: int, badge: str) -> None:
         """Show the server that this seat's driver is there, for as long as the link is."""
-        token = self._session.liveliness().declare_token(key_of(topics.ALIVE, self._name, seat))
-        self._kept.append(token)
+        key = key_of(topics.ALIVE, self._name, seat, badge)
+        self._kept.append(self._session.liveliness().declare_token(key))
 
-    def sender(self, seat: int, topic: Topic = topics.CONTROL) -> Callable[[bytes], None]:
+    def sender(
+        self, seat: int, badge: str, topic: Topic = topics.CONTROL
+    ) -> Callable[[bytes], None]:
         """Return what sends the controls, or another topic's messages, of a seat."""
         publisher = self._session.declare_publisher(
             key_of(topic, self._name, seat),
@@ -295,7 +396,7 @@ class ClientLink(_Link):
             express=True,
         )
         self._kept.append(publisher)
-        return publisher.put
+        return partial(publisher.put, attachment=badge.encode())
 
 
 class Mailbox:

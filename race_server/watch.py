@@ -1,10 +1,12 @@
 """A spectator: takes no seat, sees the standings, the events and the newest snapshot."""
 
 import threading
+import time
 from collections import deque
 
 from race_server.errors import LinkError, WireError
 from race_server.messages import Event
+from race_server.reception import ClockOffset
 from race_server.transport import ClientLink
 from race_server.wire import topics
 from race_server.wire.lobby import CourseSheet, decode_course, decode_rules
@@ -28,7 +30,9 @@ class Watcher:
         """
         self._link = link
         self._lock = threading.Lock()
-        self._newest: bytes | None = None
+        self._newest: SnapshotFrame | None = None
+        self._heard_at = time.monotonic()
+        self._offset = ClockOffset()
         self.standings: StandingsFrame | None = None
         self.events: deque[Event] = deque(maxlen=1024)
         self.damaged = 0
@@ -36,32 +40,55 @@ class Watcher:
         link.listen(topics.SNAPSHOT, self._take_snapshot)
         link.listen(topics.STANDINGS, self._take_standings)
         link.listen(topics.EVENTS, self._take_events)
-        self._take_standings(link.ask(topics.TABLE))
-        self._take_events(link.ask(topics.RECENT))
+        self._take_standings(self._ask(topics.TABLE))
+        self._take_events(self._ask(topics.RECENT))
 
     def course(self) -> CourseSheet:
         """Return the course."""
-        return decode_course(self._link.ask(topics.COURSE))
+        return decode_course(self._ask(topics.COURSE))
 
     def rules(self) -> tuple[dict[str, str], tuple[str, ...]]:
         """Return the rule book and the names of the items."""
-        return decode_rules(self._link.ask(topics.RULES))
+        return decode_rules(self._ask(topics.RULES))
 
     def refresh(self) -> bool:
         """Ask for the standings; False where nobody answers any more."""
         try:
-            self._take_standings(self._link.ask(topics.TABLE))
+            self._take_standings(self._ask(topics.TABLE))
         except LinkError:
             return False
         return True
 
     def snapshot(self) -> SnapshotFrame | None:
         """Return the newest snapshot, if there is one."""
-        data = self._newest
-        return decode_snapshot(data) if data is not None else None
+        return self._newest
+
+    def age_s(self) -> float | None:
+        """Return how old the newest snapshot is by now, None where there is none."""
+        frame = self._newest
+        if frame is None:
+            return None
+        return self._offset.age_s(1e-6 * frame.monotonic_us, time.monotonic())
+
+    def silence_s(self) -> float:
+        """Return for how long nothing was heard."""
+        return time.monotonic() - self._heard_at
+
+    def _ask(self, topic: topics.Topic) -> bytes:
+        begun = time.monotonic()
+        answer = self._link.ask(topic)
+        self._heard_at = time.monotonic()
+        self._offset.note_round_trip(self._heard_at - begun)
+        return answer
 
     def _take_snapshot(self, data: bytes) -> None:
-        self._newest = data
+        try:
+            frame = decode_snapshot(data)
+        except WireError:
+            self.damaged += 1
+            return
+        self._newest, self._heard_at = frame, time.monotonic()
+        self._offset.note(1e-6 * frame.monotonic_us, self._heard_at)
 
     def _take_standings(self, data: bytes) -> None:
         try:

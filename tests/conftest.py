@@ -9,6 +9,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 # No test writes to the results of whoever runs it.
 os.environ["RACE_SERVER_RESULTS"] = "none"
+os.environ["RACE_SERVER_RECORDINGS"] = "none"
 
 from courses import ring
 

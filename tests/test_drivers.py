@@ -14,14 +14,24 @@ from agents.follow_gap import middle_of_gap
 from agents.scan import repair, widen_edges
 from race_server.driver import driver_named, driver_names
 from race_server.errors import DriverError
+from race_server.limit.line import with_line
 from race_server.messages import EventKind, Status
 from race_server.scenario.base import Rules, Scenario
 
 COURSE = ring(radius=6.0, half_width=0.7)
+DRIVERS = [
+    "avoider",
+    "follow_gap",
+    "idm",
+    "pure_pursuit",
+    "raceline",
+    "tentacles",
+    "tentacles_report_b",
+]
 
 
 def test_drivers_are_found_by_their_names() -> None:
-    assert {"avoider", "follow_gap", "pure_pursuit"} <= set(driver_names())
+    assert {*DRIVERS, "unstuck"} <= set(driver_names())
 
 
 def test_an_unknown_driver_is_named_with_the_known_ones() -> None:
@@ -29,9 +39,10 @@ def test_an_unknown_driver_is_named_with_the_known_ones() -> None:
         driver_named("schumacher")
 
 
-@pytest.mark.parametrize("name", ["avoider", "follow_gap", "pure_pursuit"])
+@pytest.mark.parametrize("name", DRIVERS)
 def test_alone_each_driver_laps_without_touching_a_wall(name: str) -> None:
     scenario = Scenario(COURSE, karts=1, rules=Rules(laps=2, items=False, limit_s=120.0))
+    scenario = with_line(scenario)
     session, _ = run_race(scenario, [name])
     kart = session.world.karts[0, 0]
     assert kart.status == Status.FINISHED
@@ -81,7 +92,7 @@ def test_the_widest_deep_stretch_is_the_gap() -> None:
     assert math.degrees(angle) == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("name", ["avoider", "follow_gap", "pure_pursuit"])
+@pytest.mark.parametrize("name", DRIVERS)
 def test_a_driver_decides_alike_compiled_and_interpreted(name: str) -> None:
     decisions = {mode: decisions_of(name, mode) for mode in ("0", "1")}
     assert decisions["0"] == decisions["1"]
@@ -105,6 +116,8 @@ for tick in range(40):
     values[layout.slices["wrong_way"]] = 0.0
     if "look_ahead" in layout.slices:
         values[layout.slices["look_ahead"]] = 0.5
+    if "line_step" in layout.slices:
+        values[layout.slices["line_step"]] = 0.2
     control = driver.act(Observation(tick, layout, values))
     print(control.steering.hex(), control.throttle.hex(), control.brake.hex(), control.buttons)
 """

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from courses import ring
 
+from race_server.env.batch import Batch, Task
 from race_server.limit.line import reference_line, with_line
 from race_server.observe import Observation, layout_of, wants_line
 from race_server.params import TT02
@@ -122,6 +123,13 @@ def test_without_casadi_the_line_that_stands_in_names_the_way_out(
     scenario = with_line(with_line(Scenario(RING, karts=1)), solve=True)
     assert scenario.line is not None
     assert "pip install race-server[mpc]`; the centre line stands in" in scenario.line.note
+
+
+def test_a_batch_attaches_the_line_that_a_scripted_driver_wants() -> None:
+    scenario = Scenario(load_course("oval"), karts=2)
+    batch = Batch(Task((scenario,), opponents=("raceline",)))
+    assert batch.world.atlas.courses["reference_spacing"][0] > 0.0
+    assert Batch(Task((scenario,))).world.atlas.courses["reference_spacing"][0] == 0.0
 
 
 def test_the_presets_line_and_full_tell_of_the_line() -> None:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -22,6 +21,7 @@ from race_server.scenario.base import Rules, Scenario
 from race_server.seat import take_seat
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
+from race_server.start import free_address
 from race_server.transport import ClientLink, ServerLink
 from race_server.watch import Watcher
 from race_server.wire import topics
@@ -31,12 +31,6 @@ pytestmark = pytest.mark.net
 
 COURSE = ring(radius=6.0, half_width=0.7)
 NAMES = ["pure_pursuit", "follow_gap"]
-
-
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @dataclass
@@ -238,24 +232,26 @@ def test_a_driver_that_raises_is_out_and_the_race_goes_on() -> None:
 
 
 def test_rubbish_on_the_control_topic_is_counted_and_the_race_goes_on() -> None:
-    with served() as live:
-        stop = threading.Event()
-
-        def attack() -> None:
-            with ClientLink(live.address, "race") as link:
-                send = link.sender(0)
-                while not stop.wait(0.002):
-                    send(os.urandom(100))
-                    send(os.urandom(4000))
-
-        attacker = threading.Thread(target=attack)
-        attacker.start()
-        drive_all(live.address, NAMES)
-        stop.set()
-        attacker.join(10.0)
-    assert live.results[0].refused
-    assert live.server.link.oversized > 0
-    assert {row.status for row in live.results[0].standings} == {Status.FINISHED}
+    with served() as live, ClientLink(live.address, "race") as link:
+        rude = take_seat(link, Join("rude", "track", 1))
+        stranger = link.sender(0, "no badge of that seat")
+        rude.act(topics.READY)
+        other = threading.Thread(
+            target=drive,
+            args=(driver_named("pure_pursuit"), "good"),
+            kwargs={"address": live.address, "wanted": 0},
+        )
+        other.start()
+        for _ in range(100):
+            for size in (100, 300, 4000):
+                rude.send(os.urandom(size))
+                stranger(os.urandom(size))
+            time.sleep(0.002)
+        rude.act(topics.LEAVE)
+        other.join(90.0)
+    refused = live.results[0].refused
+    assert {"foreign", "oversized", "control without the seat's badge"} <= set(refused)
+    assert min(live.results[0].standings, key=lambda row: row.seat).status is Status.FINISHED
 
 
 def test_rubbish_in_a_request_gets_a_refusal() -> None:

@@ -210,7 +210,7 @@ def test_an_agent_whose_seat_is_lost_is_truncated_and_the_others_race_on(
         race.reset()
         race.step({})
         seats = live.server.session.seats
-        seats[1].secret, seats[1].is_present = 99, False
+        seats[1].key, seats[1].is_present = b"", False
         _, rewards, over, cut, _ = race.step({})
         assert cut == {"kart_0": False, "kart_1": True}
         assert not any(over.values())

@@ -4,7 +4,6 @@ import csv
 import json
 import os
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from race_server.errors import ResultsError
 from race_server.messages import Event, EventKind, Standing, Status
 from race_server.results import keeper, schema
 from race_server.results.export import export
+from race_server.results.keeper import Keeper
 from race_server.results.queries import all_laps, best_laps, finished_races, races
 from race_server.results.ratings import ratings
 from race_server.results.schema import MIGRATIONS, default_path, open_file, version_of
@@ -29,6 +29,7 @@ from race_server.results.writer import Writer
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
+from race_server.start import free_address
 from race_server.transport import ClientLink, ServerLink
 from race_server.wire import topics
 from race_server.wire.spectate import decode_events
@@ -99,10 +100,10 @@ def test_the_file_is_in_wal_mode_and_its_tables_are_strict(path: Path) -> None:
 
 
 def test_a_change_that_fails_takes_the_whole_transaction_back(path: Path) -> None:
-    lap = Lap(0, 1, 8, (), True)
+    lap, stranger = Lap(0, 1, 8, (), True), Lap(7, 1, 8, (), True)
     with Store(path) as store:
         with pytest.raises(sqlite3.IntegrityError):
-            store.write([a_race("ann"), lap, lap])
+            store.write([a_race("ann"), lap, stranger])
         assert races(path) == []
         store.write([a_race("ann"), lap])
     assert len(all_laps(path)) == 1
@@ -208,12 +209,6 @@ def test_the_file_lies_where_the_variable_or_the_desktop_standard_says(
 # What a live race writes
 
 
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
 def run_race(
     path: Path, pace: str, log: list[str], hear: Callable[[Event], None], laps: int = 2
 ) -> RaceResult:
@@ -231,7 +226,7 @@ def run_race(
         ServerLink(address, "race", 2) as link,
         spectator(address, receive),
     ):
-        server = RaceServer(session, link, pace, ("pure_pursuit", "follow_gap"), writer)
+        server = RaceServer(session, link, pace, ("pure_pursuit", "follow_gap"), Keeper(writer))
         result = server.run(0)
     assert result is not None
     return result
@@ -360,6 +355,7 @@ def test_laps_that_were_announced_outlive_a_server_that_is_killed(path: Path) ->
     command = [sys.executable, "-m", "race_server", "serve", "--track", "oval", "--karts", "2"]
     command += ["--laps", "500", "--pace", "lockstep", "--no-items", "--fill", "pure_pursuit"]
     command += ["--wait-for", "0", "--listen", address, "--results", str(path)]
+    command += ["--no-guard"]
     announced: list[Event] = []
     enough = threading.Event()
 

@@ -4,9 +4,19 @@ import pytest
 from courses import ring
 
 from race_server.errors import ScenarioError, SeatError, WireError
-from race_server.messages import Control, EventKind, Phase, Status
+from race_server.messages import Button, Control, EventKind, Phase, Status
 from race_server.scenario.base import Rules, Scenario
-from race_server.session import AWAY_TICKS, Session
+from race_server.session import Session
+from race_server.silence import (
+    AWAY_TICKS,
+    BRAKE_TICKS,
+    COAST_TICKS,
+    FRESH_TICKS,
+    STOP,
+    Silence,
+    control_under,
+    silence_after,
+)
 
 COURSE = ring(radius=6.0, half_width=0.7)
 
@@ -90,11 +100,13 @@ def test_nobody_joins_a_race_that_has_begun() -> None:
 
 
 def test_a_driver_that_was_away_gets_its_seat_back_with_its_secret() -> None:
-    session = racing()
-    secret = session.seats[1].secret
+    session = lobby()
+    for number in range(2):
+        session.join(f"driver {number}", "track", secret=700 + number)
+    session.start()
     session.drop(1)
     assert not session.seats[1].is_present
-    assert session.join("driver 1", "track", wanted=1, secret=secret).number == 1
+    assert session.join("driver 1", "track", wanted=1, secret=701).number == 1
     assert session.seats[1].is_present
 
 
@@ -133,12 +145,67 @@ def test_the_kart_of_a_driver_that_drops_stops() -> None:
     assert session.world.karts["speed"][0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_silent_driver_coasts_for_a_grace_and_then_brakes() -> None:
+@pytest.mark.parametrize(
+    ("ticks", "silence"),
+    [
+        (FRESH_TICKS, Silence.FRESH),
+        (FRESH_TICKS + 1, Silence.COASTING),
+        (COAST_TICKS + 1, Silence.BRAKING),
+        (BRAKE_TICKS + 1, Silence.STOPPED),
+    ],
+)
+def test_silence_grows_from_fresh_to_stopped(ticks: int, silence: Silence) -> None:
+    assert silence_after(ticks, is_linked=True) is silence
+
+
+def test_a_kart_whose_link_has_gone_brakes_at_once() -> None:
+    assert silence_after(0, is_linked=False) is Silence.BRAKING
+
+
+def test_a_kart_steers_on_until_it_is_to_stand() -> None:
+    last = Control(steering=0.3, throttle=0.8, buttons=Button.USE_ITEM)
+    assert control_under(Silence.FRESH, last) is last
+    assert control_under(Silence.COASTING, last) == Control(steering=0.3)
+    assert control_under(Silence.BRAKING, last) == Control(steering=0.3, brake=0.5)
+    assert control_under(Silence.STOPPED, last) == STOP
+
+
+def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
     session = racing()
     session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
-    for _ in range(60):
+    brakes = []
+    for _ in range(120):
         session.advance(1)
-    assert session.world.karts["brake"][0, 0] == 1.0
+        brakes.append(float(session.world.karts["brake"][0, 0]))
+    assert [brakes[tick] for tick in (10, 25, 40, 110)] == [0.0, 0.0, 0.5, 1.0]
+    assert session.seats[0].silence is Silence.STOPPED
+
+
+def test_a_driver_that_hangs_with_its_link_open_has_withdrawn() -> None:
+    session = racing()
+    session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
+    for _ in range(BRAKE_TICKS + AWAY_TICKS + 10):
+        session.advance(1)
+    assert session.world.karts["status"][0, 0] == Status.RETIRED
+    assert session.world.karts["status"][0, 1] == Status.RACING  # it never drove: nothing hangs
+
+
+def test_who_is_back_within_the_grace_keeps_place_laps_and_penalties() -> None:
+    session = racing()
+    session.world.karts["laps"][0, 1] = 2
+    session.world.karts["penalties"][0, 1] = 1
+    session.drop(1)
+    for _ in range(AWAY_TICKS - 5):
+        session.advance(1)
+    before = session.world.karts[["laps", "penalties", "rank"]][0, 1].item()
+    session.come_back(1)
+    for _ in range(BRAKE_TICKS):
+        session.advance(1)
+    session.take_control(1, 1, 1, session.tick, Control(throttle=1.0))
+    session.advance(1)
+    assert session.world.karts["status"][0, 1] == Status.RACING
+    assert session.world.karts[["laps", "penalties", "rank"]][0, 1].item() == before
+    assert session.seats[1].silence is Silence.FRESH
 
 
 def test_a_control_of_another_epoch_is_refused() -> None:

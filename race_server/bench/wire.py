@@ -89,7 +89,7 @@ def latency(karts: int, seconds: float) -> dict[str, Any]:
     session.advance(1)
     session = Session("bench", replace(scenario))
     address = f"tcp/127.0.0.1:{17000 + os.getpid() % 20000}"
-    with ServerLink(address, "bench", karts) as link:
+    with ServerLink(address, "bench", karts, real_time=True) as link:
         command = [sys.executable, "-m", "race_server.bench.wire", address, str(karts)]
         crowd = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
@@ -122,7 +122,7 @@ class CrowdDriver:
 
         self.link = ClientLink(address, "bench", timeout_s=30.0)
         self.seat = take_seat(self.link, Join(f"probe {seat}", "track", seat))
-        self.send = self.link.sender(seat)
+        self.send = self.seat.send
         self.probe = Probe({}, [])
         self.epoch = self.tick = self.sequence = 0
         self.phase = Phase.LOBBY

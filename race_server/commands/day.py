@@ -1,6 +1,7 @@
 """`race day`: a whole event, from qualification to podium."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,16 @@ from race_server.commands.race import known_drivers as drivers_in
 from race_server.commands.race import results_writer as writer_for
 from race_server.errors import ScenarioError
 
-TEAMS = 8
+TEAMS = (
+    "raceline",
+    "tentacles",
+    "follow_gap",
+    "pure_pursuit",
+    "tentacles_report_b",
+    "idm",
+    "unstuck:follow_gap",
+    "avoider",
+)
 TRACKS = "covapsy-base,covapsy-train-2023,covapsy-test-2023"
 
 
@@ -37,7 +47,6 @@ def day(
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race day: qualification, races, podium, and the sheet for the wall."""
-    from race_server.driver import driver_names
     from race_server.kernels.jit import is_compiled
     from race_server.meeting.day import Plan, check_plan, drives_in, run_day, teams_of
     from race_server.meeting.formats import format_named
@@ -49,9 +58,7 @@ def day(
     from race_server.track.load import load_course
 
     chosen = format_named(format_name)
-    installed = driver_names()
-    mixed = ",".join(installed[number % len(installed)] for number in range(TEAMS))
-    names = drivers_in(drivers or mixed)
+    names = drivers_in(drivers or ",".join(TEAMS))
     car = vehicle_named(vehicle)
     files = _tracks_for(chosen.letters, tracks, format_name)
     courses = {letter: load_course(name) for letter, name in files.items()}
@@ -60,7 +67,8 @@ def day(
     if sheet is not None:
         check_poster(sheet)
     log = Console(stderr=True)
-    with writer_for(results, log) as writer:
+    say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
+    with writer_for(results, say) as writer:
         if not is_compiled():
             log.print("compiling the simulation and the drivers for this machine, once")
         columns = (

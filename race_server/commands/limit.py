@@ -15,11 +15,11 @@ def limit(
     track: Name,
     vehicle: Annotated[str, typer.Option(help="The vehicle that laps it.")] = "tt02",
     speed_cap: Annotated[
-        float | None, typer.Option(help="Drive no faster than this [m/s].")
+        float | None, typer.Option(help="Drive no faster than this, in m/s.")
     ] = None,
     margin: Annotated[
         float | None,
-        typer.Option(help="Room between body and border [m]. By default 0.26 of the width."),
+        typer.Option(help="Room between body and border, in m. By default 0.26 of the width."),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw the lines into this file: .png or .svg.")

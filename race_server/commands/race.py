@@ -2,24 +2,26 @@
 
 import json
 import os
-import signal
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.live import Live
+from rich.status import Status as Spinner
 
 from race_server.board import Headline, leaderboard
 from race_server.clock import TICKS_PER_SECOND
+from race_server.commands.access import Connect, KeysFolder, access
+from race_server.commands.access import SessionName as SessionWanted
 from race_server.errors import RaceError, ScenarioError
 from race_server.messages import Flag, Phase, Standing, Status
-from race_server.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
+    from race_server.reception import Reception
     from race_server.results.writer import Writer
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
@@ -45,8 +47,14 @@ Results = Annotated[
         "~/.local/share/race-server/results.sqlite."
     ),
 ]
+Record = Annotated[
+    str,
+    typer.Option(
+        help="Folder for recordings, or none; without it $RACE_SERVER_RECORDINGS, or "
+        "~/.local/share/race-server/recordings."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Connect = Annotated[str, typer.Option("--connect", help="Address of the server.")]
 Listen = Annotated[str, typer.Option("--listen", help="Address to listen on.")]
 
 
@@ -71,11 +79,12 @@ def start(
     listen: Listen = "",
     session: SessionName = "race",
     results: Results = "",
+    record: Record = "",
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
     from race_server.driver import driver_names
-    from race_server.start import Plan, Real, run_race, spread
+    from race_server.start import Plan, Real, free_address, run_race, spread
 
     names = known_drivers(drivers)
     if not names:
@@ -89,6 +98,8 @@ def start(
     serve += ["--items" if items else "--no-items"]
     serve += ["--catch-up" if catch_up else "--no-catch-up"]
     serve += ["--results", results] if results else []
+    serve += ["--record", record] if record else []
+    serve += ["--fresh"]
     _check_results(results)
     console = Console(stderr=as_json)
     _prepare_line(track, vehicle, names, console)
@@ -139,14 +150,19 @@ def _check_results(results: str) -> None:
         Store(path).close()
 
 
-def results_writer(results: str, log: Console) -> "AbstractContextManager[Writer | None]":
-    """Return the writer of a results file, None for nowhere; close it after the last race."""
+def results_writer(
+    results: str, say: Callable[[str], None]
+) -> "AbstractContextManager[Writer | None]":
+    """Return the writer of a results file, None for nowhere; close it after the last race.
+
+    say: is told once if the file fails.
+    """
     from race_server.results.schema import path_of
     from race_server.results.store import Store
     from race_server.results.writer import Writer
 
     if path := path_of(results):
-        return Writer(Store(path), partial(log.print, style="yellow", markup=False, soft_wrap=True))
+        return Writer(Store(path), say)
     return nullcontext()
 
 
@@ -156,25 +172,17 @@ def known_drivers(text: str) -> tuple[str, ...]:
     Raises:
         ScenarioError: one of them is not installed.
     """
-    from race_server.driver import driver_names
+    from race_server.driver import driver_names, installed_name
 
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    unknown = sorted(set(names) - set(driver_names())) if names else []
+    wanted = {installed_name(name) for name in names}
+    unknown = sorted(wanted - set(driver_names())) if names else []
     if unknown:
         raise ScenarioError(
             f"driver {', '.join(unknown)} is unknown; "
             f"installed drivers are {', '.join(driver_names())}"
         )
     return names
-
-
-def free_address() -> str:
-    """Return an address of this machine that nobody listens on."""
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:
@@ -201,144 +209,71 @@ def show_result(document: dict[str, Any], track: str, laps: int, session: str) -
     )
 
 
-def serve(
-    track: Track = "covapsy-train-2023",
-    vehicle: VehicleName = "tt02",
-    karts: Karts = 8,
-    laps: Laps = 3,
-    seed: Seed = 1,
-    pace: Pace = "real",
-    items: Items = True,
-    catch_up: CatchUp = True,
-    fill: Annotated[
-        str, typer.Option(help="Comma-separated drivers for seats that stay empty, in turn.")
-    ] = "",
-    wait_for: Annotated[
-        int,
-        typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
-    ] = -1,
-    once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
-    result: Annotated[
-        Path | None, typer.Option(help="Write the result of the last race to this file.")
-    ] = None,
-    listen: Listen = DEFAULT_ADDRESS,
-    session: SessionName = "race",
-    results: Results = "",
-    as_json: AsJson = False,
-) -> None:
-    """Serve a race session: wait for drivers, race, and begin again."""
-    from race_server.driver import driver_named
-    from race_server.kernels.jit import is_compiled
-    from race_server.limit.line import with_line
-    from race_server.observe import wants_line
-    from race_server.params import vehicle_named
-    from race_server.scenario.base import Rules, Scenario
-    from race_server.server import LOCKSTEP, REAL, RaceServer
-    from race_server.session import Session
-    from race_server.track.load import load_course
-    from race_server.transport import ServerLink
-
-    if pace not in {REAL, LOCKSTEP}:
-        raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
-    scenario = Scenario(
-        load_course(track),
-        karts=karts,
-        vehicles=(vehicle_named(vehicle),),
-        rules=Rules(laps=laps, items=items, catch_up=catch_up),
-        seed=seed,
-    )
-    log = Console(stderr=True)
-    fillers = known_drivers(fill)
-    wanted = any(wants_line(driver_named(name).preset) for name in fillers)
-    scenario = with_line(scenario, solve=wanted)
-    if scenario.line and scenario.line.note:
-        log.print(scenario.line.note, style="yellow", markup=False, soft_wrap=True)
-    race = Session(session, scenario)
-    awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    with results_writer(results, log) as writer, ServerLink(listen, session, karts) as link:
-        if not is_compiled():
-            log.print("compiling the simulation for this machine, once: about half a minute")
-        warm_up(scenario)
-        server = RaceServer(race, link, pace, fillers, writer)
-        stopped = _stop_on_signals(server)
-        log.print(f"{session}: {scenario.course.title}, {karts} seats, listening on {listen}")
-        while not stopped:
-            outcome = server.run(min(awaited, karts))
-            if outcome is None:
-                break
-            document = outcome.as_json()
-            if result is not None:
-                result.write_text(json.dumps(document))
-            if as_json:
-                print(json.dumps(document), flush=True)
-            else:
-                show_result(document, track, laps, session)
-            if once:
-                break
-            server.reopen()
-
-
-def warm_up(scenario: Any) -> None:
-    """Compile, or load, every kernel that a race needs, before anybody waits for it."""
-    import numpy as np
-
-    from race_server.session import Session
-    from race_server.state import PLACEMENT
-
-    rehearsal = Session("rehearsal", scenario)
-    rehearsal.join("nobody", "full")
-    rehearsal.start()
-    rehearsal.look()
-    rehearsal.advance(1)
-    rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
-    rehearsal.show_flag(Flag.YELLOW)
-    rehearsal.leave(0)
-
-
-def _stop_on_signals(server: Any) -> list[int]:
-    """Let Ctrl-C and SIGTERM end the race at the next tick; the result is still written."""
-    received: list[int] = []
-
-    def stop(number: int, _frame: object) -> None:
-        received.append(number)
-        server.stop()
-
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
-    return received
-
-
 def drive(
     name: Annotated[str, typer.Argument(help="An installed driver.")],
-    connect: Connect = DEFAULT_ADDRESS,
-    session: SessionName = "race",
-    seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any.")] = -1,
+    connect: Connect = "",
+    session: SessionWanted = "",
+    seat: Annotated[
+        int, typer.Option(help="The seat wanted; -1 for any, or that of the keys.")
+    ] = -1,
+    keys: KeysFolder = None,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON document on stdout: what was heard.")
+    ] = False,
 ) -> None:
     """Take a seat and drive one race."""
     # Before any kernel is imported: a driver decides 20 times a second and needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_server.client import drive as drive_race
     from race_server.driver import driver_named
+    from race_server.reception import Reception
 
-    drive_race(
-        driver_named(name), name, address=connect, session=session, wanted=seat, timeout_s=patience
+    given = access(keys, connect, session)
+    reception, console = Reception(), Console(stderr=True)
+    drive_now = partial(
+        drive_race,
+        driver_named(name),
+        name,
+        address=given.address,
+        session=given.session,
+        wanted=given.seat(seat),
+        timeout_s=patience,
+        keys=given.keys,
+        reception=reception if as_json or console.is_terminal else None,
     )
+    if console.is_terminal:
+        with console.status(f"{name}: waiting for the race") as status:
+            taken = drive_now(tell=partial(_show_reception, status, name)).seat
+        console.print(f"{name}, seat {taken}: {reception.outcome or 'the race is over'}")
+    else:
+        taken = drive_now().seat
+    if as_json:
+        print(json.dumps({"driver": name, "seat": taken, **reception.as_json()}))
+
+
+def _show_reception(status: Spinner, name: str, reception: "Reception") -> None:
+    """Show a few times a second how old it is what a driver sees."""
+    if reception.heard % 5 == 1:
+        status.update(f"{name} {reception}")
 
 
 def watch(
-    connect: Connect = DEFAULT_ADDRESS,
-    session: SessionName = "race",
+    connect: Connect = "",
+    session: SessionWanted = "",
+    keys: KeysFolder = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the live leaderboard of a race; with --json the standings once."""
     from dataclasses import asdict
 
+    from race_server.seat import SILENCE_S
     from race_server.start import board_of
     from race_server.transport import ClientLink
     from race_server.watch import Watcher
 
-    with ClientLink(connect, session) as link:
+    given = access(keys, connect, session)
+    with ClientLink(given.address, given.session, keys=given.keys) as link:
         watcher = Watcher(link)
         if as_json:
             print(json.dumps(asdict(watcher.standings) if watcher.standings else {}))
@@ -346,8 +281,11 @@ def watch(
         _, items = watcher.rules()
         with Live(refresh_per_second=8) as live:
             while watcher.standings is None or watcher.standings.phase is not Phase.FINISHED:
-                live.update(board_of(watcher, session, items))
+                live.update(board_of(watcher, given.session, items))
                 time.sleep(0.12)
-                if watcher.snapshot() is None and not watcher.refresh():
-                    raise RaceError(f"the server at {connect} has gone")
-            live.update(board_of(watcher, session, items))
+                if watcher.silence_s() > SILENCE_S and not watcher.refresh():
+                    silent = watcher.silence_s()
+                    raise RaceError(
+                        f"the server at {given.address} has gone: silent for {silent:.0f} s"
+                    )
+            live.update(board_of(watcher, given.session, items))

@@ -1,1 +1,1 @@
-"""Drills: things that must hold, shown on a running race."""
+"""Drills: what may go wrong in a session, done on purpose, with figures."""

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from race_server.messages import EventKind, Flag, Trust
-from race_server.start import Plan, Real, run_race, spread
+from race_server.start import Plan, Real, free_address, run_race, spread
 
 # Beyond this way a kart that was cut off has not stopped by itself: the time in which the last word
 # of the server still holds, the time to react, and braking at a third of what the tyres hold.
@@ -36,7 +36,7 @@ class Setting:
     delay_ms: float = 0.0  # added to each message of a real kart
 
 
-def run_drill(setting: Setting, address: str, console: Console) -> dict[str, Any]:
+def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
     """Run the drill and return what came of it: `ok`, and `why` not."""
     walker, cut = spread(2, setting.karts)
     with tempfile.TemporaryDirectory(prefix="race-drill-") as folder:
@@ -49,7 +49,7 @@ def run_drill(setting: Setting, address: str, console: Console) -> dict[str, Any
             Real(seat, (*more, "--report", str(reports[seat]), *_link(setting)))
             for seat, more in options.items()
         )
-        document = run_race(_plan(setting, address, real), console)
+        document = run_race(_plan(setting, free_address(), real), console)
         found = {
             seat: json.loads(path.read_text()) if path.exists() else {}
             for seat, path in reports.items()
@@ -69,6 +69,7 @@ def _link(setting: Setting) -> tuple[str, ...]:
 
 def _plan(setting: Setting, address: str, real: tuple[Real, ...]) -> Plan:
     serve = ["--track", setting.track, "--vehicle", setting.vehicle, "--results", "none"]
+    serve += ["--record", "none", "--fresh"]
     serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
     serve += ["--seed", str(setting.seed), "--items"]
     names = ("pure_pursuit", "avoider")

@@ -4,13 +4,16 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from race_server.errors import ScenarioError
+from race_server.driver import driver_named
+from race_server.errors import DriverError, ScenarioError
+from race_server.limit.line import with_line
 from race_server.meeting.formats import Format, Races, TimeTrial
 from race_server.meeting.ledger import Heat, Label, Ledger, RacesResult, TrialResult
 from race_server.meeting.obstacles import with_obstacles
 from race_server.meeting.points import groups_in_order, mixed_groups, place_points
 from race_server.meeting.qualify import run_trial
 from race_server.meeting.race import LocalRace, Team, rehearse
+from race_server.observe import wants_line
 from race_server.params import Vehicle
 from race_server.results.keeper import Keeper
 from race_server.scenario.base import Rules, Scenario
@@ -139,13 +142,26 @@ def run_day(plan: Plan, keeper: Keeper | None, tell: Tell) -> Ledger:
 def _rehearse(plan: Plan) -> None:
     stage = plan.format.stages[0]
     course = plan.courses[plan.format.letters[0]]
-    scenario = Scenario(course, vehicles=(plan.vehicle,), rules=plan.rules(stage))
+    scenario = _scenario(plan, stage, course, min(len(course.grid), len(plan.teams)))
     rehearse([team.driver for team in plan.teams], scenario)
+
+
+def _scenario(plan: Plan, stage: TimeTrial | Races, course: Course, karts: int) -> Scenario:
+    """Return one race of a stage, with the line to drive along if a driver wants it."""
+    scenario = Scenario(course, karts, vehicles=(plan.vehicle,), rules=plan.rules(stage))
+    return with_line(scenario, solve=any(_wants_line(team.driver) for team in plan.teams))
+
+
+def _wants_line(driver: str) -> bool:
+    try:
+        return wants_line(driver_named(driver).preset)
+    except DriverError:  # it is out with a remark when its turn comes
+        return False
 
 
 def _run_trial(plan: Plan, stage: TimeTrial, keeper: Keeper | None, tell: Tell) -> TrialResult:
     course = plan.course_of(stage)
-    scenario = Scenario(course, karts=1, vehicles=(plan.vehicle,), rules=plan.rules(stage))
+    scenario = _scenario(plan, stage, course, 1)
     race = LocalRace(f"{plan.session}-{_slug(stage.name)}", scenario, keeper)
     return run_trial(
         stage, course, race, plan.teams, lambda words: plan.seed_of(stage.name, words), tell
@@ -178,7 +194,7 @@ def _run_heat(
     keeper: Keeper | None,
 ) -> Heat:
     course = plan.courses[letter]
-    scenario = Scenario(course, karts=len(grid), vehicles=(plan.vehicle,), rules=plan.rules(stage))
+    scenario = _scenario(plan, stage, course, len(grid))
     race = LocalRace(f"{plan.session}-{_slug(label.title)}", scenario, keeper)
     record = race.run(grid, plan.seed_of(label.title, letter))
     points = {

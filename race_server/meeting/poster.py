@@ -166,7 +166,10 @@ def _draw_table(page: Any, sheet: Sheet, left: float, top: float, right: float) 
 
 
 def _column_widths(sheet: Sheet, room: float) -> list[float]:
-    """Return the widths that the words need; remarks, or the space behind, take the rest."""
+    """Return the widths that the words need; remarks, or the space behind, take the rest.
+
+    Where there is no rest, words are given less, and are cut.
+    """
     widths = []
     for index, column in enumerate(sheet.columns):
         cells = [column, *(row[index] for row in sheet.rows)]
@@ -174,6 +177,10 @@ def _column_widths(sheet: Sheet, room: float) -> list[float]:
     if "remarks" in sheet.columns:
         place = sheet.columns.index("remarks")
         widths[place] = room - sum(widths) + widths[place]
+    elif (excess := sum(widths) - room) > 0.0:
+        wordy = [index for index, column in enumerate(sheet.columns) if column in sheet.words]
+        for index in wordy:
+            widths[index] -= excess / len(wordy)
     return widths
 
 
@@ -195,7 +202,7 @@ def _draw_row(
         size = SMALL if is_remark or is_head else TEXT
         color = _PALE if is_head or is_remark or is_out else _INK
         weight = "bold" if not is_head and (column == "team" or index == 0) else "normal"
-        words = _cut(cell, width - 0.16, size) if is_remark else cell
+        words = _cut(cell, width - 0.1, size, bold=weight == "bold") if is_words else cell
         place = x + 0.06 if is_words else x + width - 0.08
         align = "left" if is_words else "right"
         _write(page, place, y, words, size=size, weight=weight, color=color, ha=align)

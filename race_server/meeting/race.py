@@ -122,8 +122,6 @@ class LocalRace:
 
     def _close_book(self) -> None:
         if self._keeper:
-            for _ in self._keeper.released(wait=True):
-                pass  # nobody but the file listens
             self._keeper.end(self._session)
 
     def _record(self, teams: Sequence[Team], remarks: Remarks) -> RaceRecord:

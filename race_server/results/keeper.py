@@ -1,11 +1,8 @@
-"""Between a race and its audience: a lap is in the results file before anybody is told of it."""
+"""What of a race goes into the results file: who drove, every lap, how it ended."""
 
 import hashlib
 import json
-import time
-from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import entry_points
@@ -20,7 +17,7 @@ from race_server.session import Seat, Session
 
 # The rule book as code; raise it when the same settings come to mean another race.
 RULE_BOOK = 1
-# An announcement is held back no longer than this, whatever the file does.
+# The end of a race waits no longer than this for the file.
 HOLD_S = 3.0
 # After one of these a lap is not clean, see `lap_clean` in the stages of the world.
 DIRTY = {
@@ -32,20 +29,24 @@ DIRTY = {
 
 
 class Keeper:
-    """Writes one race after another, and holds back what is not yet committed."""
+    """Writes one race after another."""
 
     def __init__(self, writer: Writer) -> None:
         """Write through `writer`."""
         self._writer = writer
-        self._held: deque[tuple[int, float, list[Event]]] = deque()
         self._sectors: dict[int, list[int]] = {}
         self._dirty: set[int] = set()
 
-    def begin(self, session: Session, pace: str) -> None:
-        """Open a race in the file."""
-        self._held.clear()
+    def begin(self, session: Session, pace: str, started_at: str = "") -> None:
+        """Open a race in the file. started_at: UTC, ISO 8601; now, if it is empty."""
         self._sectors.clear()
-        self._writer.submit(_race_of(session, pace))
+        self._writer.submit(_race_of(session, pace, started_at or utc_now()))
+
+    def take_up(self, session: Session, pace: str, started_at: str) -> None:
+        """Open a race again that a server which was killed has begun."""
+        self._sectors.clear()
+        race = _race_of(session, pace, started_at)
+        self._writer.submit(replace(race, is_taken_up=True))
 
     def end(self, session: Session) -> None:
         """Close a race in the file, and wait until that is done."""
@@ -58,14 +59,21 @@ class Keeper:
         clean = session.world.karts["lap_clean"][0]
         self._dirty = {kart for kart in range(len(clean)) if not clean[kart]}
 
-    def keep(self, events: list[Event]) -> None:
-        """Hand the laps among the newest events to the file, and hold them all back until then."""
+    def keep(self, events: list[Event]) -> int:
+        """Hand the laps among the newest events to the file, and return the ticket of the last."""
         ticket = 0
         for event in events:
             if (lap := self._lap_of(event)) is not None:
                 ticket = self._writer.submit(lap)
-        if events:
-            self._held.append((ticket, time.monotonic() + HOLD_S, events))
+        return ticket
+
+    def is_settled(self, ticket: int) -> bool:
+        """Return whether a lap is in the file, or the file cannot be written now."""
+        return self._writer.is_settled(ticket)
+
+    def wait(self, ticket: int, timeout_s: float) -> bool:
+        """Wait until it is; False if it is not by the timeout."""
+        return self._writer.wait(ticket, timeout_s)
 
     def _lap_of(self, event: Event) -> Lap | None:
         """Return the lap that an event completes."""
@@ -79,30 +87,18 @@ class Keeper:
             return Lap(event.kart, event.other, event.value, sectors, is_clean)
         return None
 
-    def released(self, *, wait: bool) -> Iterator[list[Event]]:
-        """Yield, in order, the events that may be told now; with `wait`, all of them."""
-        while self._held:
-            ticket, deadline, events = self._held[0]
-            now = time.monotonic()
-            if wait:
-                self._writer.wait(ticket, max(deadline - now, 0.0))
-            elif now < deadline and not self._writer.is_settled(ticket):
-                return
-            self._held.popleft()
-            yield events
 
-    def told(self, events: Iterable[Event]) -> list[Event]:
-        """Return those of the events that are not held back."""
-        first = self._held[0][2][0].sequence if self._held else None
-        return [event for event in events if first is None or event.sequence < first]
+def utc_now() -> str:
+    """Return the time as it is written down."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def _race_of(session: Session, pace: str) -> Race:
+def _race_of(session: Session, pace: str, started_at: str) -> Race:
     scenario = session.scenario
     entries = tuple(_entry_of(session, seat) for seat in session.seats if seat.is_taken)
     vehicles = dict.fromkeys(entry.vehicle for entry in entries)
     return Race(
-        started_at=datetime.now(UTC).isoformat(timespec="milliseconds"),
+        started_at=started_at,
         session=session.name,
         track=scenario.course.name,
         track_digest=scenario.course.digest,

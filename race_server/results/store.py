@@ -42,6 +42,7 @@ class Race:
     rules_version: str
     server_version: str
     entries: tuple[Entry, ...]
+    is_taken_up: bool = False  # a server that was killed has begun it
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,15 @@ class Store:
             self._tidy()
 
     def _add_race(self, race: Race) -> int:
-        values = astuple(race)[:-1]
+        """Return the number of a new race, or of one that a server which was killed has begun."""
+        if race.is_taken_up:
+            begun = self._connection.execute(
+                "select id from race where session = ? and started_at = ? and ended is null",
+                (race.session, race.started_at),
+            ).fetchone()
+            if begun is not None:
+                return int(begun[0])
+        values = astuple(race)[:-2]
         number = self._connection.execute(
             "insert into race (started_at, session, track, track_digest, vehicle, laps, pace, "
             "seed, rules_version, server_version) values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -150,7 +159,8 @@ class Store:
     def _add_lap(self, race: int, lap: Lap) -> None:
         sectors = json.dumps(lap.sectors)
         self._connection.execute(
-            "insert into lap values (?, ?, ?, ?, ?, ?)",
+            # Of a race that is taken up the same laps come again.
+            "insert into lap values (?, ?, ?, ?, ?, ?) on conflict do nothing",
             (race, lap.seat, lap.number, lap.time_us, sectors, int(lap.is_clean)),
         )
 

@@ -1,18 +1,23 @@
 """The lobby's desk: answers requests, and keeps account of whose link is there."""
 
+import re
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable
 
+from race_server.badge import key_of
 from race_server.errors import SeatError, WireError
 from race_server.messages import Event, Phase
 from race_server.paddock import briefing_for
 from race_server.rules.items import items
 from race_server.server.herald import rules_of, sheet_of, standings_of
+from race_server.server.refusals import Refusals
+from race_server.server.steward import Steward
 from race_server.session import Seat, Session
-from race_server.transport import Request
+from race_server.transport import Request, ServerLink
 from race_server.wire import topics
+from race_server.wire.admin import decode_decision, encode_log
 from race_server.wire.lobby import (
+    PROTOCOL,
     Welcome,
     decode_join,
     decode_seat_act,
@@ -25,6 +30,9 @@ from race_server.wire.spectate import encode_events, encode_standings
 
 # A seat is given away again if its driver's link does not show up in the lobby for so long.
 SHOW_UP_S = 10.0
+# So many drivers' last serials are remembered.
+MOST_SERIALS = 1024
+_QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
 class Desk:
@@ -33,16 +41,20 @@ class Desk:
     def __init__(
         self,
         session: Session,
-        refused: Counter[str],
+        link: ServerLink,
+        steward: Steward,
+        refused: Refusals,
         told: Callable[[Iterable[Event]], list[Event]],
     ) -> None:
         """Serve a session.
 
-        refused: counts what was refused, by reason; told: returns those events that everybody
-        may know of.
+        told: returns those events that everybody may know of.
         """
         self._session = session
+        self._link = link
+        self._steward = steward
         self._refused = refused
+        self._serials: dict[bytes, int] = {}  # of the last request with a secret
         self._told = told
         self._linked: set[int] = set()  # seats whose driver's link is there
         self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
@@ -52,7 +64,7 @@ class Desk:
         try:
             request.answer(self._answer_to(request))
         except (WireError, SeatError) as error:
-            self._refused[reason_of(error)] += 1
+            self._refused.note(reason_of(error), request.seat)
             request.answer(encode_reply(str(error)))
 
     def take_presence(self, seat: int, *, is_there: bool) -> None:
@@ -60,6 +72,8 @@ class Desk:
         if is_there:
             self._linked.add(seat)
             self._expected.pop(seat, None)
+            if self._session.phase is not Phase.LOBBY and self._session.seats[seat].is_taken:
+                self._session.come_back(seat)
         else:
             self._linked.discard(seat)
             self._session.drop(seat)
@@ -75,9 +89,14 @@ class Desk:
     def _answer_to(self, request: Request) -> bytes:
         session = self._session
         if request.topic is topics.JOIN:
-            return self._seat_driver(request.payload)
+            return self._seat_driver(request)
         if request.topic in {topics.READY, topics.LEAVE}:
             return self._act_on_seat(request)
+        if request.topic is topics.ACT:
+            return self._decide(request.payload)
+        if request.topic is topics.ACTS:
+            self._steward.check(decode_decision(request.payload))
+            return encode_log(self._steward.challenge, list(self._steward.lines))
         if request.topic is topics.COURSE:
             return encode_course(sheet_of(session))
         if request.topic is topics.RULES:
@@ -86,37 +105,80 @@ class Desk:
             return encode_events(session.epoch, self._told(session.recent))
         return encode_standings(standings_of(session))
 
-    def _seat_driver(self, payload: bytes) -> bytes:
-        join, session = decode_join(payload), self._session
+    def _seat_driver(self, request: Request) -> bytes:
+        join, session = decode_join(request.payload), self._session
+        if join.version != PROTOCOL:
+            raise SeatError(
+                f"the server speaks protocol {PROTOCOL}, the driver {join.version}: "
+                "install the same version of race-server on both sides"
+            )
+        wanted = _agreed(request.seat, join.wanted)
+        self._check_serial(join.secret, join.serial)
         seat = session.join(
             join.driver,
             join.preset,
-            wanted=join.wanted,
+            wanted=wanted,
             secret=join.secret,
+            owns=self._link.is_open and request.seat >= 0,
             tracked=join.tracked,
         )
+        self._note_serial(join.secret, join.serial)
+        self._link.holders.admit(seat.number, seat.key)
         if session.phase is Phase.LOBBY and seat.number not in self._linked:
             self._expected[seat.number] = time.monotonic()
-        return encode_welcome(self._welcome(seat))
+        return encode_welcome(self._welcome(seat, join.secret))
 
     def _act_on_seat(self, request: Request) -> bytes:
         act = decode_seat_act(request.payload)
-        seat = self._session.seat(act.seat)
-        if act.secret != seat.secret:
+        seat = self._session.seat(_agreed(request.seat, act.seat))
+        if not seat.fits(act.secret):
             raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
+        self._check_serial(act.secret, act.serial)
+        self._note_serial(act.secret, act.serial)
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)
         else:
             seat.is_ready = act.ready
         return encode_reply("")
 
-    def _welcome(self, seat: Seat) -> Welcome:
+    def _decide(self, payload: bytes) -> bytes:
+        decision = decode_decision(payload)
+        self._steward.decide(decision)
+        if 0 <= decision.seat < len(self._session.seats):
+            self._link.holders.admit(decision.seat, self._session.seats[decision.seat].key)
+        return encode_reply("")
+
+    def _check_serial(self, secret: int, serial: int) -> None:
+        last = self._serials.get(key_of(secret), 0)
+        if serial <= last:
+            raise SeatError(f"request {serial} again: already at {last}, so this is a copy")
+
+    def _note_serial(self, secret: int, serial: int) -> None:
+        if len(self._serials) >= MOST_SERIALS:
+            del self._serials[next(iter(self._serials))]
+        self._serials[key_of(secret)] = serial
+
+    def _welcome(self, seat: Seat, secret: int) -> Welcome:
         session = self._session
         briefing = briefing_for(session, seat)
-        return Welcome(briefing, seat.secret, session.epoch, session.scenario.lidar.rays)
+        return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays)
+
+
+def _agreed(named: int, claimed: int) -> int:
+    """Return the seat that a request is for: that in its key, where that names one.
+
+    Raises:
+        SeatError: the message claims another.
+    """
+    if named >= 0 and claimed not in {-1, named}:
+        raise SeatError(f"the request claims seat {claimed}, but came on the key of seat {named}")
+    return named if named >= 0 else claimed
 
 
 def reason_of(error: Exception) -> str:
-    """Return what kind of refusal an error is, without the numbers that differ each time."""
-    words = str(error).split(":", 1)[0]
+    """Return what kind of refusal an error is, without what differs each time.
+
+    Nothing that a sender makes up may get into it: each kind is counted on its own.
+    """
+    words = _QUOTED.sub("", str(error)).split(":", 1)[0]
     return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]

@@ -8,6 +8,7 @@ import numpy as np
 from race_server import codes
 from race_server.clock import TICKS_PER_SECOND
 from race_server.messages import Doubt, Event, Flag, Trust
+from race_server.server.journal import Journal
 from race_server.session import Seat, Session
 from race_server.state import EFFECTS
 from race_server.transport import ServerLink
@@ -35,6 +36,7 @@ class Herald:
         """Prepare the writers."""
         self._session = session
         self._link = link
+        self.journal: Journal | None = None  # of the race that is on
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
 
@@ -59,12 +61,18 @@ class Herald:
 
     def tell_watchers(self) -> None:
         """Send the race as spectators see it now."""
-        data = self._snapshots.write(snapshot_of(self._session))
+        frame = snapshot_of(self._session)
+        data = self._snapshots.write(frame)
         self._link.publish(topics.SNAPSHOT, data)
+        if self.journal:
+            self.journal.note_snapshot(frame, data)
 
     def tell_standings(self) -> None:
         """Send the table."""
-        self._link.publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
+        data = encode_standings(standings_of(self._session))
+        self._link.publish(topics.STANDINGS, data)
+        if self.journal:
+            self.journal.note_standings(data)
 
     def tell_events(self, events: list[Event]) -> None:
         """Send what happened."""

@@ -2,20 +2,26 @@
 
 import gc
 import time
-from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from race_server.clock import Pacer, ticks_of
 from race_server.driver import driver_named
 from race_server.errors import DriverError, WireError
+from race_server.logs import Log
 from race_server.messages import Event, Phase
 from race_server.paddock import Paddock
-from race_server.results.keeper import Keeper
-from race_server.results.writer import Writer
+from race_server.recording.logbook import Logbook
+from race_server.recording.reader import Recording
+from race_server.results.keeper import Keeper, utc_now
 from race_server.server.desk import Desk, reason_of
+from race_server.server.diary import Diary
+from race_server.server.gate import Gate, Tickets
 from race_server.server.herald import Herald
+from race_server.server.journal import Journal
+from race_server.server.meters import Meters
 from race_server.server.outcome import RaceResult
+from race_server.server.refusals import Refusals
+from race_server.server.steward import Steward
 from race_server.session import Seat, Session
 from race_server.transport import ServerLink
 from race_server.wire.drive import decode_control
@@ -38,18 +44,25 @@ class RaceServer:
     link: ServerLink
     pace: str = REAL
     fillers: tuple[str, ...] = ()  # drivers for the seats that stay empty, repeated in turn
-    results: Writer | None = None  # the file that keeps races and laps
+    keeper: Keeper | None = None  # writes races and laps into the results file
+    logbook: Logbook | None = None  # where recordings go
+    token: str = ""  # the steward's; without one there is no steward
+    log: Log | None = None  # where it says what happens
     missed_ticks: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
+    refused: Refusals = field(default_factory=Refusals)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Open the desk and send for the herald."""
         self.session.takes_tracked = self.pace == REAL
-        self._keeper = Keeper(self.results) if self.results else None
+        self.meters = Meters(len(self.session.seats))
+        self._diary = Diary(self.session, self.refused, self.meters, self.log)
+        self._journal: Journal | None = None
+        self._gate = Gate()
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
-        self._desk = Desk(self.session, self.refused, self._told)
+        self._steward = Steward(self.session, self.token)
+        self._desk = Desk(self.session, self.link, self._steward, self.refused, self._gate.told)
         self._stop = False
 
     # One race from the lobby to the results
@@ -63,7 +76,18 @@ class RaceServer:
         if self._stop:
             return None
         self._fill_empty_seats()
-        return self.race()
+        return self._begin_again(self.race())
+
+    def _begin_again(self, result: RaceResult) -> RaceResult:
+        """Race anew with who is there for as long as the steward breaks races off for it."""
+        while self._steward.wants_restart and not self._stop:
+            self._steward.wants_restart = False
+            self.reopen()
+            for seat in self.session.seats:
+                seat.is_ready = seat.is_taken
+            self._fill_empty_seats()
+            result = self.race()
+        return result
 
     def stop(self) -> None:
         """End the race at the next tick; what was driven counts."""
@@ -79,6 +103,7 @@ class RaceServer:
         """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
         while not self._stop:
             self._hear()
+            self.refused.note_dropped(self.link.dropped)
             self._desk.free_deserted_seats()
             taken = sum(seat.is_taken for seat in self.session.seats)
             if taken >= drivers and (taken == 0 or self.session.can_start()):
@@ -88,9 +113,37 @@ class RaceServer:
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
         self.session.start(_now_us())
-        self.events = list(self.session.recent)
-        if self._keeper:
-            self._keeper.begin(self.session, self.pace)
+        self._open_book()
+        return self._race_on(list(self.session.recent))
+
+    def go_on(self, recording: Recording, events: list[Event]) -> RaceResult:
+        """Race on from where a server that was killed has left the race.
+
+        The session stands there already, see `race_server.server.resume`; events: so far.
+        """
+        assert self.logbook is not None
+        self._journal = Journal.of_old_race(self.logbook, self.session, recording)
+        self._herald.journal = self._journal
+        for row in recording.start.seats:
+            if row.is_local:
+                self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
+            else:
+                self.link.holders.admit(row.number, row.key)
+        if self.pace == LOCKSTEP:
+            self._wait_for_return()
+        return self._begin_again(self._race_on(events))
+
+    def _wait_for_return(self) -> None:
+        """Wait until everybody is back; in lock-step the world must not run away from them."""
+        deadline = time.monotonic() + ANSWER_S
+        while not self._stop and time.monotonic() < deadline:
+            self._hear()
+            if all(seat.is_present for seat in self.session.seats if seat.is_taken):
+                return
+            self.link.wait(LOBBY_POLL_S)
+
+    def _race_on(self, events: list[Event]) -> RaceResult:
+        self.events = events
         self._herald.tell_standings()
         gc.collect()
         gc.freeze()
@@ -107,35 +160,56 @@ class RaceServer:
         self._tell_seats()
         self._herald.tell_watchers()
         self._herald.tell_standings()
-        return RaceResult(
+        result = RaceResult(
             self.session.digest(),
             self.session.tick,
             self.session.standings(),
             self.events,
             self.missed_ticks,
-            self._refusals(),
+            self.refusals(),
             self.session.fleet.figures(_now_us()),
         )
+        self._diary.close(result)
+        return result
+
+    def _open_book(self) -> None:
+        """Begin to write down: the race with its laps, and everything that acts on it."""
+        started_at = utc_now()
+        self._gate.clear()
+        if self.keeper:
+            self.keeper.begin(self.session, self.pace, started_at)
+        if self.logbook:
+            self._journal = self._herald.journal = Journal.of_new_race(
+                self.logbook, self.session, self.pace, started_at, self._paddock
+            )
 
     def _close_book(self) -> None:
         """Tell the last events and write how the race ended."""
-        if self._keeper:
-            self._tell_released(self._keeper, wait=True)
-            self._keeper.end(self.session)
+        self._tell_released(wait=True)
+        if self.keeper:
+            self.keeper.end(self.session)
+        if self._journal:
+            self._journal.end()
+        self._journal = self._herald.journal = None
 
-    def _refusals(self) -> dict[str, int]:
+    def recorder_backlog(self) -> int:
+        """Return how many messages wait to be recorded."""
+        return self._journal.backlog if self._journal else 0
+
+    def refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
-        counts = dict(self.refused)
-        for reason in ("oversized", "foreign"):
-            if count := getattr(self.link, reason):
-                counts[reason] = count
-        return counts
+        self.refused.note_dropped(self.link.dropped)
+        return dict(self.refused)
 
     def _race_in_real_time(self) -> None:
         pacer = Pacer()
         pacer.start()
         session = self.session
         while self._goes_on():
+            if self._steward.is_paused:
+                self._stand_still()
+                pacer.start()
+            begun = time.perf_counter()
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
             else:
@@ -143,46 +217,78 @@ class RaceServer:
             self._hear()
             self.session.follow(_now_us())
             self._advance(1)
+            duration = time.perf_counter() - begun
             pacer.wait()
+            missed = self.missed_ticks + pacer.missed
+            self.meters.note_tick(duration, pacer.lateness_s, missed)
         self.missed_ticks += pacer.missed
 
     def _race_in_lockstep(self) -> None:
         while self._goes_on():
+            if self._steward.is_paused:
+                self._stand_still()
             self._tell_seats()
             self._hear_all()
             self._advance(self.session.decision_ticks)
 
     def _goes_on(self) -> bool:
-        return not self._stop and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        ends = self._stop or self._steward.wants_restart
+        return not ends and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+
+    def _stand_still(self) -> None:
+        """Let no time pass while the clock stands; drivers hear now and then that we are here."""
+        again = 0.0
+        while self._steward.is_paused and self._goes_on():
+            self._hear()
+            if time.monotonic() > again:
+                again = time.monotonic() + REPEAT_S
+                self._repeat([seat.number for seat in self.session.seats if seat.is_present])
+            self.link.wait(LOBBY_POLL_S)
+
+    def _repeat(self, seats: list[int]) -> None:
+        """Tell seats again what they see."""
+        for number in seats:
+            if number not in self._paddock:
+                self._herald.tell_observation(self.session.seats[number])
 
     def _advance(self, ticks: int) -> None:
         before = self.session.tick
-        if self._keeper:
-            self._keeper.look(self.session)
+        if self.keeper:
+            self.keeper.look(self.session)
         events = self.session.advance(ticks)
+        self._measure(ticks)
         self.events += events
+        if self._journal:
+            self._journal.note(before, events)
         self._announce(events)
         self._herald.tell_watchers()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._herald.tell_standings()
+            self.refused.note_dropped(self.link.dropped)
+
+    def _measure(self, ticks: int) -> None:
+        self.meters.ticks += ticks
+        for seat in self.session.seats:
+            if seat.silence and seat.is_taken:
+                self.meters.silent[seat.number] += ticks
 
     def _announce(self, events: list[Event]) -> None:
-        """Tell events in order; a lap, and what comes after it, once it is in the results file.
+        """Tell events in order, each once it is written down.
 
-        In real time no tick waits for the file. In lock-step the world does, as for a driver.
+        In real time no tick waits for the disk. In lock-step the world does, as for a driver.
         """
-        if self._keeper:
-            self._keeper.keep(events)
-            self._tell_released(self._keeper, wait=self.pace == LOCKSTEP)
-        elif events:
-            self._herald.tell_events(events)
+        if events:
+            tickets: Tickets = ()
+            if self.keeper:
+                tickets += ((self.keeper, self.keeper.keep(events)),)
+            if self._journal:
+                tickets += (self._journal.ticket(),)
+            self._gate.hold(events, tickets)
+        self._tell_released(wait=self.pace == LOCKSTEP)
 
-    def _tell_released(self, keeper: Keeper, *, wait: bool) -> None:
-        for events in keeper.released(wait=wait):
+    def _tell_released(self, *, wait: bool) -> None:
+        for events in self._gate.released(wait=wait):
             self._herald.tell_events(events)
-
-    def _told(self, events: Iterable[Event]) -> list[Event]:
-        return self._keeper.told(events) if self._keeper else list(events)
 
     # Hearing and telling
 
@@ -202,11 +308,12 @@ class RaceServer:
                 return
             if now > again:
                 again = now + REPEAT_S
-                for seat in waiting:
-                    self._herald.tell_observation(self.session.seats[seat])
+                self._repeat(waiting)
             self.link.wait(0.05)
 
     def _hear(self) -> None:
+        self.meters.turned_at = time.monotonic()
+        self._diary.look(self.meters.turned_at)
         for seat, data in self.link.take_inputs():
             self._take_control(seat, data)
         for seat, data, arrived_us in self.link.take_poses():
@@ -218,11 +325,14 @@ class RaceServer:
                 self._desk.take_presence(seat, is_there=is_there)
 
     def _take_control(self, seat: int, data: bytes) -> None:
+        before = self.session.seats[seat].sequence
         try:
             frame = decode_control(data)
             self.session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
         except WireError as error:
-            self.refused[reason_of(error)] += 1
+            self.refused.note(reason_of(error), seat)
+        else:
+            self.meters.note_control(seat, before, frame.sequence)
 
     def _take_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
         try:
@@ -237,7 +347,7 @@ class RaceServer:
                 buttons=frame.buttons,
             )
         except WireError as error:
-            self.refused[reason_of(error)] += 1
+            self.refused.note(reason_of(error), seat)
 
     def _repeat_orders(self) -> None:
         """Tell real karts again what they have not acknowledged yet."""
@@ -269,7 +379,7 @@ class RaceServer:
         try:
             control = self._paddock.answer(seat.number)
         except DriverError:
-            self.refused[f"driver {seat.driver} failed"] += 1
+            self.refused.note(f"driver {seat.driver} failed", seat.number)
             self.session.drop(seat.number)
             return
         self._take_control(seat.number, control)

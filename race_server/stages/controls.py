@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from race_server import codes
 from race_server.kernels.course import way_to
 from race_server.kernels.jit import kernel
@@ -17,7 +19,8 @@ YELLOW_BEFORE, YELLOW_BEHIND = 12.0, 3.0
 def take_controls(world: World, w: int, controls: Floats) -> None:
     """Store what the drivers want. controls: (K, 4) steering, throttle, brake, buttons.
 
-    Whatever is not a number counts as zero, whatever is out of range as the limit.
+    Whatever is not a number counts as zero, whatever is out of range as the limit. They are
+    rounded to the digits that a message and a recording hold, whoever drives.
     """
     for k in range(world.karts.shape[1]):
         kart = world.karts[w, k]
@@ -32,7 +35,7 @@ def take_controls(world: World, w: int, controls: Floats) -> None:
 def _share(value: float, low: float) -> float:
     if math.isnan(value):
         return 0.0
-    return min(max(value, low), 1.0)
+    return float(np.float32(min(max(value, low), 1.0)))
 
 
 @kernel

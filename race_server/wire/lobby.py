@@ -1,5 +1,6 @@
 """Requests and answers of the lobby: written and read."""
 
+import itertools
 import secrets
 import struct
 from collections.abc import Sequence
@@ -17,8 +18,10 @@ from race_server.wire import topics
 from race_server.wire.generated.session import Briefing as BriefingTable
 from race_server.wire.generated.session import Course as CourseTable
 from race_server.wire.generated.session import JoinRequest, Reply, Rules, SeatRequest
-from race_server.wire.strict import root_of
+from race_server.wire.strict import U32, root_of
 
+# Both ends must speak the same: raised with every change that an older end would misunderstand.
+PROTOCOL = 2
 I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
 BRIEFING_ID, REPLY_ID = b"RBRF", b"RRPL"
 MOST_BRIEFING = 8192
@@ -33,6 +36,14 @@ def new_secret() -> int:
     return secrets.randbits(63) | 1
 
 
+_serials = itertools.count(1)
+
+
+def new_serial() -> int:
+    """Return a number larger than any before, by which the server tells a request from a copy."""
+    return next(_serials)
+
+
 @dataclass(frozen=True, slots=True)
 class Join:
     """Who wants a seat."""
@@ -41,6 +52,8 @@ class Join:
     preset: str
     wanted: int = -1
     secret: int = field(default_factory=new_secret)
+    serial: int = field(default_factory=new_serial)  # larger each time the same secret asks
+    version: int = PROTOCOL
     tracked: bool = False  # a real kart
 
 
@@ -51,6 +64,7 @@ class SeatAct:
     seat: int
     secret: int
     ready: bool = True
+    serial: int = field(default_factory=new_serial)  # larger each time the same secret asks
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +103,8 @@ def encode_join(join: Join) -> bytes:
     JoinRequest.AddPreset(builder, preset)
     JoinRequest.AddWanted(builder, join.wanted)
     JoinRequest.AddSecret(builder, join.secret)
+    JoinRequest.AddVersion(builder, join.version)
+    JoinRequest.AddSerial(builder, join.serial)
     JoinRequest.AddTracked(builder, join.tracked)
     builder.Finish(JoinRequest.End(builder), topics.JOIN.identifier)
     return bytes(builder.Output())
@@ -106,8 +122,15 @@ def decode_join(data: bytes) -> Join:
     driver = table.text(0, 32)
     if not driver or not driver.isprintable():
         raise WireError(f"driver name {driver!r}: use 1 to 32 printable characters")
-    tracked = table.scalar(4, struct.Struct("<B")) != 0
-    return Join(driver, table.text(1, 16), wanted, table.scalar(3, U64), tracked)
+    return Join(
+        driver,
+        table.text(1, 16),
+        wanted,
+        secret=table.scalar(3, U64),
+        serial=table.scalar(5, U32),
+        version=table.scalar(4, U16),
+        tracked=table.scalar(6, struct.Struct("<B")) != 0,
+    )
 
 
 def encode_seat_act(act: SeatAct) -> bytes:
@@ -117,6 +140,7 @@ def encode_seat_act(act: SeatAct) -> bytes:
     SeatRequest.AddSeat(builder, act.seat)
     SeatRequest.AddSecret(builder, act.secret)
     SeatRequest.AddReady(builder, act.ready)
+    SeatRequest.AddSerial(builder, act.serial)
     builder.Finish(SeatRequest.End(builder), topics.READY.identifier)
     return bytes(builder.Output())
 
@@ -129,7 +153,7 @@ def decode_seat_act(data: bytes) -> SeatAct:
     """
     table = root_of(data, topics.READY.identifier, topics.READY.most_bytes)
     ready = table.scalar(2, struct.Struct("<B")) != 0
-    return SeatAct(table.scalar(0, U16), table.scalar(1, U64), ready)
+    return SeatAct(table.scalar(0, U16), table.scalar(1, U64), ready, table.scalar(3, U32))
 
 
 def encode_reply(reason: str) -> bytes:

@@ -53,14 +53,28 @@ class JoinRequest(object):
         return 0
 
     # JoinRequest
-    def Tracked(self):
+    def Version(self):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(12))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint16Flags, o + self._tab.Pos)
+        return 0
+
+    # JoinRequest
+    def Serial(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(14))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint32Flags, o + self._tab.Pos)
+        return 0
+
+    # JoinRequest
+    def Tracked(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(16))
         if o != 0:
             return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
         return False
 
 def JoinRequestStart(builder):
-    builder.StartObject(5)
+    builder.StartObject(7)
 
 def Start(builder):
     JoinRequestStart(builder)
@@ -89,8 +103,20 @@ def JoinRequestAddSecret(builder, secret):
 def AddSecret(builder, secret):
     JoinRequestAddSecret(builder, secret)
 
+def JoinRequestAddVersion(builder, version):
+    builder.PrependUint16Slot(4, version, 0)
+
+def AddVersion(builder, version):
+    JoinRequestAddVersion(builder, version)
+
+def JoinRequestAddSerial(builder, serial):
+    builder.PrependUint32Slot(5, serial, 0)
+
+def AddSerial(builder, serial):
+    JoinRequestAddSerial(builder, serial)
+
 def JoinRequestAddTracked(builder, tracked):
-    builder.PrependBoolSlot(4, tracked, 0)
+    builder.PrependBoolSlot(6, tracked, 0)
 
 def AddTracked(builder, tracked):
     JoinRequestAddTracked(builder, tracked)

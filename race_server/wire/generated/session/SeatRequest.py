@@ -45,8 +45,15 @@ class SeatRequest(object):
             return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
         return False
 
+    # SeatRequest
+    def Serial(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(10))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint32Flags, o + self._tab.Pos)
+        return 0
+
 def SeatRequestStart(builder):
-    builder.StartObject(3)
+    builder.StartObject(4)
 
 def Start(builder):
     SeatRequestStart(builder)
@@ -68,6 +75,12 @@ def SeatRequestAddReady(builder, ready):
 
 def AddReady(builder, ready):
     SeatRequestAddReady(builder, ready)
+
+def SeatRequestAddSerial(builder, serial):
+    builder.PrependUint32Slot(3, serial, 0)
+
+def AddSerial(builder, serial):
+    SeatRequestAddSerial(builder, serial)
 
 def SeatRequestEnd(builder):
     return builder.EndObject()

@@ -1,0 +1,150 @@
+"""Keys as they lie in folders: what the server needs, and what one person is handed.
+
+A folder holds ``keys.json`` and, for encrypted links, ``ca.pem``, ``certificate.pem`` and
+``key.pem``. Whoever makes keys elsewhere writes the same files; `race keys new` is one way.
+"""
+
+import json
+import ssl
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+from race_server.errors import KeysError
+
+CA, CERTIFICATE, KEY = "ca.pem", "certificate.pem", "key.pem"
+PASSWORDS, ABOUT = "passwords.txt", "keys.json"
+
+Held = TypeVar("Held", "ServerKeys", "ClientKeys")
+
+
+@dataclass(frozen=True)
+class ClientKeys:
+    """What one person is handed."""
+
+    folder: Path
+    session: str
+    role: str  # seat-3, spectator or steward
+    user: str
+    password: str
+    address: str  # where the server is expected
+    expires: str  # ISO 8601, of the certificate
+    seat: int = -1
+    token: str = ""  # the steward's
+
+
+@dataclass(frozen=True)
+class ServerKeys:
+    """What the machine needs that serves the session."""
+
+    folder: Path
+    session: str
+    seats: int
+    spectators: int
+    expires: str
+    token: str  # the steward's
+    role: str = "server"
+
+
+def write_keys(held: ServerKeys | ClientKeys) -> None:
+    """Write ``keys.json`` of a folder, readable for its owner only."""
+    row = {name: value for name, value in asdict(held).items() if name != "folder"}
+    write_private(held.folder / ABOUT, json.dumps(row, indent=2) + "\n")
+
+
+def write_private(path: Path, text: str | bytes) -> None:
+    """Write a file that only its owner may read, from its first byte on."""
+    path.unlink(missing_ok=True)
+    path.touch(mode=0o600)
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+
+
+def read_server_keys(folder: Path, session: str, seats: int) -> ServerKeys:
+    """Return the keys of a server: from the folder that `race keys new` made, or its `server`.
+
+    session: "" for that of the keys.
+
+    Raises:
+        KeysError: unreadable, expired, or made for another session or fewer seats.
+    """
+    inner = folder / "server"
+    held = _read(inner if inner.is_dir() else folder, ServerKeys)
+    if session and held.session != session:
+        raise KeysError(
+            f"the keys in {folder} are for session {held.session!r}, not {session!r}: "
+            f"serve with --session {held.session}, or make new ones with `race keys new {session}`"
+        )
+    if held.seats < seats:
+        raise KeysError(
+            f"the keys in {folder} are for {held.seats} seats, the race has {seats}: "
+            f"serve with --karts {held.seats}, or make more with "
+            f"`race keys new {held.session} --seats {seats}`"
+        )
+    return held
+
+
+def read_client_keys(folder: Path, session: str = "") -> ClientKeys:
+    """Return the keys that somebody was handed.
+
+    Raises:
+        KeysError: unreadable, expired, or made for another session.
+    """
+    held = _read(folder, ClientKeys)
+    if session and held.session != session:
+        raise KeysError(
+            f"the keys in {folder} are for session {held.session!r}, not {session!r}: "
+            "leave --session out, or ask the organiser for the right keys"
+        )
+    return held
+
+
+def read_keys(folder: Path) -> ServerKeys | ClientKeys:
+    """Return keys of whatever kind.
+
+    Raises:
+        KeysError: unreadable or expired.
+    """
+    is_server = (folder / "server").is_dir() or (folder / PASSWORDS).exists()
+    if not is_server:
+        return _read(folder, ClientKeys)
+    inner = folder / "server"
+    return _read(inner if inner.is_dir() else folder, ServerKeys)
+
+
+def _read(folder: Path, kind: type[Held]) -> Held:
+    path = folder / ABOUT
+    try:
+        row: dict[str, Any] = json.loads(path.read_text())
+        held = kind(folder=folder.resolve(), **row)
+        expires = datetime.fromisoformat(held.expires)
+    except OSError as error:
+        raise KeysError(
+            f"{path}: cannot be read ({error.strerror}); give a folder that `race keys new` made"
+        ) from error
+    except (ValueError, TypeError, UnicodeDecodeError) as error:
+        raise KeysError(f"{path} is damaged, or no {_NAMES[kind]}: {error}") from error
+    if expires < datetime.now(UTC):
+        raise KeysError(
+            f"the keys in {folder} expired on {expires:%Y-%m-%d %H:%M} UTC: "
+            f"make new ones with `race keys new {held.session}`"
+        )
+    if (folder / CERTIFICATE).exists():
+        _check_certificate(folder)
+    return held
+
+
+def _check_certificate(folder: Path) -> None:
+    """Raise KeysError unless certificate, its key and the authority can be read and fit."""
+    try:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.load_verify_locations(folder / CA)
+        context.load_cert_chain(folder / CERTIFICATE, folder / KEY)
+    except OSError as error:  # ssl.SSLError is one
+        raise KeysError(
+            f"the certificate in {folder} cannot be used: {CA}, {CERTIFICATE} and {KEY} are "
+            f"missing, damaged or do not belong together ({error.strerror or error})"
+        ) from error
+
+
+_NAMES = {ServerKeys: "keys of a server", ClientKeys: "keys of a driver, spectator or steward"}

@@ -1,0 +1,237 @@
+"""The server is killed in the middle of races, again and again; no lap may be lost.
+
+Each race is a real server with its guard and eight driver processes. A spectator hears what is
+announced, and the drill holds every lap that was announced against the result, the recording and
+the results file at the end.
+"""
+
+import json
+import os
+import random
+import signal
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from race_server.errors import LinkError, RaceError, WireError
+from race_server.messages import EventKind, Phase
+from race_server.recording.reader import read_recording
+from race_server.recording.rerun import Rerun
+from race_server.results.queries import all_laps
+from race_server.start import START_S, Team, free_address, team
+from race_server.transport import ClientLink
+from race_server.wire import topics
+from race_server.wire.spectate import decode_events, decode_snapshot
+
+TRACK, LAPS, KARTS = "oval-report", 6, 8
+DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
+# A kill comes so long after the race goes on [s].
+SOONEST_S, LATEST_S = 0.3, 2.0
+RESUME_S = 1.0  # in which the race has to go on
+PATIENCE_S = 30.0
+
+Lap = tuple[int, int, int]  # seat, number, time [µs]
+
+
+@dataclass
+class Spectator:
+    """Hears a race over the network, as anybody can, and remembers what it was told."""
+
+    laps: set[Lap] = field(default_factory=set)
+    tick: int = -1
+    heard_at: float = 0.0
+    phase: Phase = Phase.LOBBY
+
+    def hear_events(self, data: bytes) -> None:
+        """Take note of announced laps."""
+        for event in decode_events(data)[1]:
+            if event.kind is EventKind.LAP:
+                self.laps.add((event.kart, event.other, event.value))
+
+    def hear_snapshot(self, data: bytes) -> None:
+        """Take note of the time."""
+        try:
+            frame = decode_snapshot(data)
+        except WireError:
+            return
+        self.tick, self.phase, self.heard_at = frame.tick, frame.phase, time.monotonic()
+
+    def hears_since(self, moment: float) -> bool:
+        """Return whether a snapshot has come after a time of `time.monotonic`."""
+        return self.heard_at > moment
+
+
+@dataclass
+class RaceReport:
+    """What became of one race."""
+
+    kills: int = 0
+    resume_s: list[float] = field(default_factory=list)
+    lost_ticks: list[int] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+
+
+def drill_crash(
+    times: int, *, seed: int = 1, tell: Callable[[int], None] = lambda _: None
+) -> dict[str, Any]:
+    """Kill a racing server so many times and return the figures.
+
+    tell: is told the number of kills so far.
+    """
+    chance = random.Random(seed)
+    reports: list[RaceReport] = []
+    while (done := sum(report.kills for report in reports)) < times:
+        tell(done)
+        report = _race(times - done, chance, partial(_tell_sum, tell, done))
+        reports.append(report)
+        if report.kills == 0 and not report.faults:
+            report.faults.append("a race ended before the server could be killed")
+        if report.faults:
+            break
+    resumes = [value for report in reports for value in report.resume_s]
+    faults = [fault for report in reports for fault in report.faults]
+    slow = [value for value in resumes if value > RESUME_S]
+    if slow:
+        faults.append(f"{len(slow)} of {len(resumes)} times it took more than {RESUME_S:g} s")
+    return {
+        "ok": not faults,
+        "why": "; ".join(faults),
+        "kills": sum(report.kills for report in reports),
+        "races": len(reports),
+        "karts": KARTS,
+        "resumed": len(resumes),
+        "laps_lost": sum("lap" in fault for fault in faults),
+        "resume_s_median": round(statistics.median(resumes), 3) if resumes else None,
+        "resume_s_worst": round(max(resumes), 3) if resumes else None,
+        "ticks_lost_worst": max((n for r in reports for n in r.lost_ticks), default=0),
+        "seed": seed,
+    }
+
+
+def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
+    tell(before + kills)
+
+
+def _race(most: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
+    """Run one race, killing its server up to `most` times, and check what is left of it."""
+    report = RaceReport()
+    with tempfile.TemporaryDirectory(prefix="drill-") as folder, team() as group:
+        place = Path(folder)
+        address = free_address()
+        with (place / "log").open("wb") as log:
+            _start(group, address, place, log)
+            try:
+                spectator, link = _watch(address)
+                with link:
+                    _kill_and_wait(group, spectator, report, most, chance, tell)
+                    _wait(lambda: group.processes[0].poll() is not None, START_S, "end")
+                _check(place, spectator, report)
+            except RaceError as error:
+                report.faults.append(f"{error}; {_tail(place / 'log')}")
+    return report
+
+
+def _start(group: Team, address: str, place: Path, log: Any) -> None:
+    serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(LAPS), "--once"]
+    serve += ["--listen", address, "--session", "drill", "--record", str(place)]
+    serve += ["--results", str(place / "results.sqlite"), "--result", str(place / "result.json")]
+    group.start(serve, log)
+    for seat in range(KARTS):
+        name = DRIVERS[seat % len(DRIVERS)]
+        drive = ["drive", name, "--connect", address, "--session", "drill", "--seat", str(seat)]
+        group.start([*drive, "--patience", str(START_S)], log)
+
+
+def _watch(address: str) -> tuple[Spectator, ClientLink]:
+    deadline = time.monotonic() + START_S
+    while True:
+        try:
+            link = ClientLink(address, "drill", timeout_s=1.0)
+        except LinkError:
+            if time.monotonic() > deadline:
+                raise
+            continue
+        spectator = Spectator()
+        link.listen(topics.EVENTS, spectator.hear_events)
+        link.listen(topics.SNAPSHOT, spectator.hear_snapshot)
+        return spectator, link
+
+
+def _kill_and_wait(
+    group: Team,
+    spectator: Spectator,
+    report: RaceReport,
+    most: int,
+    chance: random.Random,
+    tell: Callable[[int], None],
+) -> None:
+    """Kill the server at random moments of the race, each time it races again."""
+    guard = group.processes[0].pid
+    _wait(lambda: spectator.phase in {Phase.COUNTDOWN, Phase.RUNNING}, START_S, "start")
+    while report.kills < most:
+        pause = threading.Event()
+        pause.wait(chance.uniform(SOONEST_S, LATEST_S))
+        if spectator.phase is Phase.FINISHED or not (children := _children(guard)):
+            return
+        tick = spectator.tick
+        killed_at = time.monotonic()
+        os.kill(children[0], signal.SIGKILL)
+        report.kills += 1
+        # What was still on its way when the server died is not a sign of life.
+        _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "go on")
+        report.resume_s.append(spectator.heard_at - killed_at)
+        report.lost_ticks.append(max(tick - spectator.tick, 0))
+        tell(report.kills)
+
+
+def _children(parent: int) -> list[int]:
+    """Return the processes that a process has forked (Linux: /proc)."""
+    path = Path(f"/proc/{parent}/task/{parent}/children")
+    return [int(word) for word in path.read_text().split()] if path.exists() else []
+
+
+def _wait(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not is_so():
+        if time.monotonic() > deadline:
+            raise RaceError(f"the race did not {what} within {timeout_s:g} s")
+        time.sleep(0.002)
+
+
+def _check(place: Path, spectator: Spectator, report: RaceReport) -> None:
+    """Hold what was announced against result, recording and results file."""
+    result = place / "result.json"
+    if not result.exists():
+        report.faults.append("the race ended without a result")
+        return
+    document = json.loads(result.read_text())
+    driven = {
+        (kart["seat"], number, time_us)
+        for kart in document["karts"]
+        for number, time_us in enumerate(kart["lap_times_us"], 1)
+    }
+    kept = {(r["seat"], r["lap"], r["time_us"]) for r in all_laps(place / "results.sqlite")}
+    (path,) = place.glob("drill-*.mcap")
+    recording = read_recording(path)
+    recorded = {(seat, number, time_us) for seat, number, time_us, _ in recording.laps}
+    for name, laps in (("result", driven), ("results file", kept), ("recording", recorded)):
+        if missing := spectator.laps - laps:
+            report.faults.append(f"{len(missing)} announced laps are not in the {name}")
+    rerun = Rerun(recording)
+    for _ in rerun.run():
+        pass
+    if rerun.difference is not None:
+        report.faults.append(f"its recording differs from tick {rerun.difference.tick} on")
+    elif rerun.session.digest() != document["digest"]:
+        report.faults.append("its recording ends in another world than the race")
+
+
+def _tail(log: Path) -> str:
+    lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    return " / ".join(lines[-3:])

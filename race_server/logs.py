@@ -1,0 +1,96 @@
+"""What a server tells whoever runs it: what happens in its life, and nothing for each message.
+
+A thread writes the lines, so that no tick waits for a terminal or a pipe. In a terminal they are
+made to be read, elsewhere each is one JSON object.
+"""
+
+import json
+import queue
+import sys
+import threading
+from datetime import UTC, datetime
+from typing import Any, Self, TextIO
+
+import structlog
+
+CLOSE_S = 2.0
+# Lines that wait for a pipe that nobody reads; later ones are dropped.
+MOST_WAITING = 1024
+
+Fact = str | int | float | bool
+Line = tuple[str, str, dict[str, Fact]]  # level, event, facts
+
+
+class Log:
+    """Says events with their facts, in order.
+
+    Without its thread, outside of a ``with`` block, each line is written at once.
+    """
+
+    def __init__(self, *, as_json: bool = False, stream: TextIO | None = None) -> None:
+        """Write to stderr, or to a stream. as_json: even to a terminal."""
+        self._stream = stream or sys.stderr
+        is_terminal = self._stream.isatty() and not as_json
+        renderer: Any = structlog.processors.JSONRenderer(sort_keys=False)
+        if is_terminal:
+            renderer = structlog.dev.ConsoleRenderer(pad_event_to=0)
+        self._logger: Any = structlog.wrap_logger(
+            structlog.PrintLogger(self._stream),
+            processors=[structlog.processors.add_log_level, _in_order, renderer],
+        )
+        self._time = "%H:%M:%S" if is_terminal else "%Y-%m-%dT%H:%M:%S.%fZ"
+        self._queue: queue.SimpleQueue[Line | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self._work, name="log", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._thread is not None:
+            self._queue.put(None)
+            self._thread.join(CLOSE_S)
+            self._thread = None
+
+    def say(self, event: str, **facts: Fact) -> None:
+        """Say what happens as it should."""
+        self._hand_over("info", event, facts)
+
+    def warn(self, event: str, **facts: Fact) -> None:
+        """Say what somebody may have to look at."""
+        self._hand_over("warning", event, facts)
+
+    def _hand_over(self, level: str, event: str, facts: dict[str, Fact]) -> None:
+        now = datetime.now(UTC) if self._time.endswith("Z") else datetime.now().astimezone()
+        line = (level, event, {"timestamp": now.strftime(self._time), **facts})
+        if self._thread is None:
+            self._write(line)
+        elif self._queue.qsize() < MOST_WAITING:
+            self._queue.put(line)
+
+    def _work(self) -> None:
+        while (line := self._queue.get()) is not None:
+            self._write(line)
+
+    def _write(self, line: Line) -> None:
+        level, event, facts = line
+        getattr(self._logger, level)(event, **facts)
+        self._stream.flush()
+
+
+def _in_order(_logger: Any, _method: str, line: Any) -> Any:
+    """Put time, level and event first."""
+    return {name: line.pop(name) for name in ("timestamp", "level", "event")} | line
+
+
+def words_of(text: str) -> str:
+    """Return a line of a log as a person reads it; what is no JSON is returned as it is."""
+    try:
+        line = json.loads(text)
+    except ValueError:
+        return text
+    if not isinstance(line, dict) or "event" not in line:
+        return text
+    facts = [f"{k} {v}" for k, v in line.items() if k not in {"event", "level", "timestamp"}]
+    return ": ".join(part for part in (line["event"], ", ".join(facts)) if part)

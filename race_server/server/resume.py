@@ -1,0 +1,39 @@
+"""Taking up a race whose server was killed."""
+
+from race_server.errors import RecordingError
+from race_server.messages import Event
+from race_server.recording.reader import Recording
+from race_server.recording.rerun import Rerun
+from race_server.results.keeper import Keeper
+from race_server.session import Session
+
+
+def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
+    """Return the session as its server left it, and all events so far.
+
+    The race is driven again from its recording; laps that are not yet in the results file are
+    put there. Drivers count as away until their links are back.
+
+    Raises:
+        RecordingError: the recording makes no race, or another one than was recorded.
+    """
+    rerun = Rerun(recording)
+    session = rerun.session
+    events = list(session.recent)
+    if keeper:
+        keeper.take_up(session, recording.start.pace, recording.start.started_at)
+        keeper.look(session)
+    for happened in rerun.run():
+        events += happened
+        if keeper:
+            keeper.keep(happened)
+            keeper.look(session)
+    if rerun.difference is not None:
+        tick = rerun.difference.tick
+        raise RecordingError(
+            f"the race of recording {recording.path} cannot be taken up: driven again it differs "
+            f"from tick {tick} on. Was it recorded with other versions of race-server or numba?"
+        )
+    for seat in session.seats:
+        seat.away_since = session.tick if seat.is_taken else -1
+    return session, events
