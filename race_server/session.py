@@ -418,6 +418,8 @@ class Session:
             seat.away_since = now
         # Nobody waits for the answers of a kart that is through: they must not matter.
         control = control_under(seat.silence, seat.control) if racing else STOP
+        if seat.is_tracked and seat.silence is not Silence.FRESH:
+            control = STOP  # it moves by its poses: there is nothing to let coast
         # As on the wire, so that a recording holds exactly what acted.
         self._loaded[seat.number] = (
             control.steering,
