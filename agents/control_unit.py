@@ -179,24 +179,29 @@ class ControlUnit:
     def _watch_ahead(self, now: float, will: float, speed: float) -> Verdict:
         """Brake for what stands ahead until the kart stands, and then until the way is free.
 
-        Who lets the pedal go, or backs away, may try again.
+        Who lets the pedal go, or backs away, may try again. For another kart, which drives on,
+        the brakes are on only as long as it is in danger.
         """
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
         verdict = watch_obstacles(self.echoes, speed, now, will, self.limits)
+        still = self.echoes.without_karts()
         if verdict.brake > 0.0:
-            self._is_braking = True
+            alone = watch_obstacles(still, speed, now, will, self.limits)
+            self._is_braking = self._is_braking or alone.brake > 0.0
             return verdict
         if self._is_braking and speed > STANDS:
             return STOP_FOR_OBSTACLE
         if self._driver.throttle <= 0.0:
             self._is_braking = False
             return Verdict()
-        room = self.limits.restart if self._is_braking else self.limits.stand_off
-        held = watch_creeping(self.echoes, will, room, self.limits)
-        self._is_braking = self._is_braking and held.brake > 0.0
-        return held
+        held = Verdict()
+        if self._is_braking:
+            held = watch_creeping(still, will, self.limits.restart, self.limits)
+            self._is_braking = held.brake > 0.0
+        near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
+        return held if held.brake > 0.0 else near
 
     def pose(self) -> Pose | None:
         """Return where the kart's centre of gravity is, as it is told to the server."""

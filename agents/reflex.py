@@ -105,6 +105,11 @@ class Echoes:
         none = np.zeros(0)
         return cls(none, none, none, np.zeros(0, np.uint8))
 
+    def without_karts(self) -> "Echoes":
+        """Return what is left where other karts are not looked at."""
+        kept = self.kinds != codes.KART_HIT
+        return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
+
 
 def time_to_collision(gap: float, closing: float) -> float:
     """Return how long until a gap [m] is closed at a speed [m/s]; infinite if it is not."""
