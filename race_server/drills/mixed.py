@@ -34,6 +34,7 @@ class Setting:
     pedestrian_s: float = 12.0  # of racing
     cut_s: float = 110.0
     delay_ms: float = 0.0  # added to each message of a real kart
+    driver: str = "pure_pursuit"  # of all karts: one that is slow would hold the others up
 
 
 def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
@@ -72,11 +73,7 @@ def _plan(setting: Setting, address: str, real: tuple[Real, ...]) -> Plan:
     serve += ["--record", "none", "--fresh"]
     serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
     serve += ["--seed", str(setting.seed), "--items"]
-    names = ("pure_pursuit", "avoider")
-    drivers = tuple(
-        "pure_pursuit" if any(seat == kart.seat for kart in real) else names[seat % len(names)]
-        for seat in range(setting.karts)
-    )
+    drivers = (setting.driver,) * setting.karts
     return Plan(tuple(serve), drivers, address, "drill", real=real)
 
 
