@@ -7,7 +7,17 @@ from rich.table import Table
 from rich.text import Text
 
 from race_server.clock import lap_text, seconds_of
-from race_server.messages import Event, EventKind, Flag, Phase, Retirement, Standing, Status
+from race_server.messages import (
+    Doubt,
+    Event,
+    EventKind,
+    Flag,
+    Phase,
+    Retirement,
+    Standing,
+    Status,
+    Trust,
+)
 
 _STATUS = {
     Status.ABSENT: "absent",
@@ -109,7 +119,10 @@ def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
         EventKind.WARNING: f"{who} is warned for driving into {other}",
     }
     if event.kind is EventKind.FLAG:
-        return f"{Flag(event.other).name.lower()} flag"
+        around = f" around {who}" if event.kart >= 0 else ""
+        return f"{Flag(event.other).name.lower()} flag{around}"
+    if event.kind is EventKind.POSE:
+        return f"{who} is {_pose(event)}"
     return sentences.get(event.kind, "")
 
 
@@ -119,6 +132,11 @@ def _name(kart: int, names: Sequence[str]) -> str:
 
 def _item(number: int, items: Sequence[str]) -> str:
     return items[number - 1] if 1 <= number <= len(items) else f"item {number}"
+
+
+def _pose(event: Event) -> str:
+    why = f" ({Doubt(event.value).name.lower().replace('_', ' ')})" if event.value else ""
+    return f"{Trust(event.other).name.lower()}{why}"
 
 
 def _reason(reason: int) -> str:

@@ -1,6 +1,7 @@
 """`race`: the words a person types. Errors are one line on stderr and exit code 2."""
 
 import sys
+from importlib.metadata import entry_points
 
 import typer
 
@@ -43,6 +44,9 @@ app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
+# Other packages bring commands of their own.
+for point in entry_points(group="race_server.commands"):
+    app.command(point.name)(point.load())
 
 
 def main() -> None:

@@ -1,9 +1,12 @@
 """Plain integers for the kernels, equal to the enumerations of `messages`, and small bit sets."""
 
-from race_server.messages import Button, EventKind, Flag, Retirement, Status
+from race_server.messages import Button, EventKind, Flag, Retirement, Status, Trust
 
 ABSENT, RACING, FINISHED, RETIRED = (int(status) for status in Status)
 GREEN, YELLOW, RED = (int(flag) for flag in Flag)
+
+# How a kart's place is known; from DOUBTFUL on it touches nobody, from PARKED on nobody sees it.
+SIMULATED, TRUSTED, DOUBTFUL, PARKED, OUT = (int(trust) for trust in Trust)
 
 # Contact policies of a scenario.
 BUMP, RETIRE, GHOST = 0, 1, 2
@@ -30,6 +33,7 @@ WENT_WRONG_WAY = int(Retirement.WRONG_WAY)
 STOPPED = int(Retirement.STOPPED)
 TIME_OUT = int(Retirement.TIME_OUT)
 RAMMING = int(Retirement.RAMMING)
+LOST = int(Retirement.LOST)
 
 EVENT_GREEN = int(EventKind.GREEN)
 EVENT_LAP = int(EventKind.LAP)
@@ -53,3 +57,4 @@ EVENT_PENALTY = int(EventKind.PENALTY)
 EVENT_FLAG = int(EventKind.FLAG)
 EVENT_RACE_OVER = int(EventKind.RACE_OVER)
 EVENT_WARNING = int(EventKind.WARNING)
+EVENT_POSE = int(EventKind.POSE)

@@ -60,10 +60,11 @@ class EventKind(IntEnum):
     STUCK = 17  # a rescue is offered
     RESCUED = 18
     PENALTY = 19  # value: [µs], other: the event kind it is for
-    FLAG = 20  # other: Flag
+    FLAG = 20  # other: Flag; kart: around which one, -1 for the whole course
     PHASE = 21  # other: Phase
     RACE_OVER = 22
     WARNING = 23  # drove into another from behind; other: that kart; value: warnings so far
+    POSE = 24  # of a real kart; other: Trust from now on; value: Doubt
 
 
 class Retirement(IntEnum):
@@ -75,6 +76,30 @@ class Retirement(IntEnum):
     STOPPED = 4
     TIME_OUT = 5
     RAMMING = 6
+    LOST = 7  # a real kart whose pose could not be trusted any more
+
+
+class Trust(IntEnum):
+    """How the server takes a kart's place in the world."""
+
+    SIMULATED = 0  # works it out itself
+    TRUSTED = 1  # a real kart tells, and it is plausible
+    DOUBTFUL = 2  # it is not, or nothing comes: the kart touches nobody, yellow flag around it
+    PARKED = 3  # so for too long: out of the race until its poses are good again
+    OUT = 4  # and for good
+
+
+class Doubt(IntEnum):
+    """Why a pose is not believed."""
+
+    NONE = 0
+    SILENT = 1  # no pose comes
+    STALE = 2  # it is too old
+    SPEED = 3  # faster than this kart can be
+    JUMP = 4  # not where it can have got to
+    OFF_WORLD = 5  # beyond the borders of the course
+    POOR = 6  # the kart itself does not trust it
+    DEAF = 7  # the kart does not acknowledge what it must obey
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +114,34 @@ class Control:
     throttle: float = 0.0
     brake: float = 0.0
     buttons: Button = Button.NONE
+
+
+class Source(IntEnum):
+    """Where a real kart's position came from."""
+
+    UNKNOWN = 0
+    SATELLITES = 1
+    CORRECTED_SATELLITES = 2
+    BEACONS = 3
+    DEAD_RECKONING = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where a real kart says it is. SI units; see `schemas/drive.fbs`."""
+
+    stamp_us: int  # of the kart's own clock
+    x: float
+    y: float
+    heading: float
+    speed: float
+    lateral_speed: float = 0.0
+    yaw_rate: float = 0.0
+    steering: float = 0.0
+    deviation: float = 0.0
+    quality: float = 1.0
+    source: Source = Source.UNKNOWN
+    echo_us: int = 0  # of the server's clock, 0 for none
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ class Seat:
     mailbox: Mailbox
     link: ClientLink
     request: Join  # asks for this very seat again
-    send: Callable[[bytes], None]  # a control, as a message
+    send: Callable[[bytes], None]  # a control, as a message; of a real kart a pose
 
     @property
     def number(self) -> int:
@@ -105,7 +105,8 @@ def take_seat(link: ClientLink, join: Join) -> Seat:
     number = welcome.briefing.seat
     request = replace(join, wanted=number, secret=welcome.secret)
     badge = badge_of(welcome.secret)
-    seat = Seat(welcome, Mailbox(), link, request, link.sender(number, badge))
+    topic = topics.POSE if join.tracked else topics.CONTROL
+    seat = Seat(welcome, Mailbox(), link, request, link.sender(number, badge, topic))
     link.listen(topics.OBSERVATION, seat.mailbox.put, number)
     link.announce(number, badge)
     return seat

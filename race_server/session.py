@@ -15,14 +15,26 @@ from race_server import codes
 from race_server.acts import Act, ActKind, carry_out
 from race_server.badge import key_of
 from race_server.errors import SeatError, WireError
+from race_server.fleet import Fleet
 from race_server.kernels.jit import bind
-from race_server.messages import Control, Event, EventKind, Flag, Phase, Standing, Status
+from race_server.messages import (
+    Button,
+    Control,
+    Doubt,
+    Event,
+    EventKind,
+    Flag,
+    Phase,
+    Pose,
+    Standing,
+    Status,
+)
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
 from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
 from race_server.stages.observation import observe_karts
 from race_server.state import Float32s, Floats, Ints, World, digest
-from race_server.step import advance
+from race_server.step import advance, place_karts
 
 # Late joiners are told of so many events.
 RECENT_EVENTS = 256
@@ -39,6 +51,7 @@ class Seat:
     is_taken: bool = False
     is_ready: bool = False
     is_present: bool = False
+    is_tracked: bool = False  # a real kart: it sends poses instead of controls
     control: Control = STOP
     control_tick: int = -1  # tick at which the control arrived
     answered_tick: int = -1  # tick of the observation that it answers
@@ -71,7 +84,9 @@ class Session:
     phase: Phase = Phase.LOBBY
     epoch: int = 0
     seats: list[Seat] = field(default_factory=list)
+    takes_tracked: bool = True  # where the world waits for drivers no real kart can take part
     world: World = field(init=False)
+    fleet: Fleet = field(init=False)
     recent: deque[Event] = field(default_factory=lambda: deque(maxlen=RECENT_EVENTS))
     laps_us: dict[int, list[int]] = field(default_factory=dict)
     is_recorded: bool = False
@@ -82,6 +97,7 @@ class Session:
         """Build the world once; each start puts it back."""
         self.seats = [Seat(number) for number in range(self.scenario.karts)]
         self.world = make_world(self.scenario)
+        self.fleet = Fleet(self.scenario.course)
         self._controls: Floats = np.zeros((1, self.scenario.karts, 4))
         self._loaded: Float32s = np.zeros((self.scenario.karts, 4), np.float32)
         self._advances: dict[int, Callable[[], None]] = {}
@@ -104,6 +120,7 @@ class Session:
         *,
         wanted: int = -1,
         secret: int = 0,
+        tracked: bool = False,
         owns: bool = False,
     ) -> Seat:
         """Give a driver a seat, or the one that it already has.
@@ -111,9 +128,11 @@ class Session:
         secret: chosen by the driver; who sends the same one again is given the same seat, so a
         join whose answer was lost may simply be repeated. owns: the wanted seat is known to be
         the driver's, which may then take it up with a new secret once its old link is gone.
+        tracked: a real kart, which exists.
 
         Raises:
-            SeatError: no seat is free, the wanted one is taken, or the race has begun.
+            SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
+                kart can take part.
         """
         if preset not in PRESETS:
             known = ", ".join(PRESETS)
@@ -132,10 +151,15 @@ class Session:
             if wanted in self.closed:
                 raise SeatError(f"seat {wanted} is closed: {self.closed[wanted]}")
             raise SeatError("the race has begun; join again in the next lobby")
+        if tracked and not self.takes_tracked:
+            raise SeatError("a real kart cannot wait for others; serve with --pace real")
         seat = self._free_seat(wanted)
         seat.driver, seat.preset = driver, preset
         seat.key = key_of(secret or secrets.randbits(63) | 1)
         seat.is_taken, seat.is_ready, seat.is_present = True, False, True
+        seat.is_tracked = tracked
+        if tracked:
+            self.fleet.admit(seat.number, self.scenario.vehicle_of(seat.number))
         return seat
 
     def _is_deserted(self, number: int, preset: str) -> bool:
@@ -176,7 +200,11 @@ class Session:
             seat.is_present = False
             seat.control = STOP
         else:
-            self.seats[number] = Seat(number)
+            self._free(number)
+
+    def _free(self, number: int) -> None:
+        self.seats[number] = Seat(number)
+        self.fleet.dismiss(number)
 
     def drop(self, number: int) -> None:
         """Take note that a driver's link is gone: its kart is brought to a safe stop."""
@@ -184,7 +212,7 @@ class Session:
         if not seat.is_taken:
             return
         if self.phase is Phase.LOBBY:
-            self.seats[number] = Seat(number)
+            self._free(number)
         elif seat.is_present:
             seat.is_present = False
             seat.away_since = self.tick
@@ -228,8 +256,11 @@ class Session:
         taken = [seat for seat in self.seats if seat.is_taken]
         return self.phase is Phase.LOBBY and bool(taken) and all(s.is_ready for s in taken)
 
-    def start(self) -> None:
-        """Put the karts on the grid and begin the countdown of a new epoch."""
+    def start(self, now_us: int = 0) -> None:
+        """Put the karts on the grid and begin the countdown of a new epoch.
+
+        now_us: the time of the clock by which real karts are followed.
+        """
         self.epoch += 1
         self.recent.clear()
         self.log.clear()
@@ -243,6 +274,7 @@ class Session:
             seat.control, seat.control_tick, seat.answered_tick = STOP, -1, -1
             seat.sequence, seat.away_since, seat.silence = 0, -1, Silence.FRESH
             self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else -1
+        self.fleet.begin(self.world, now_us)
         self._turn(Phase.COUNTDOWN)
 
     def reopen(self) -> None:
@@ -250,7 +282,7 @@ class Session:
         for number, seat in enumerate(self.seats):
             seat.is_ready = False
             if not seat.is_present:
-                self.seats[number] = Seat(number)
+                self._free(number)
         self._turn(Phase.LOBBY)
 
     def take_control(
@@ -262,16 +294,63 @@ class Session:
             WireError: it belongs to another epoch, is a replay, or answers the future.
         """
         seat = self.seats[number]
-        if not seat.is_taken or epoch != self.epoch:
-            raise WireError(f"control for epoch {epoch}, this is epoch {self.epoch}")
-        if sequence <= seat.sequence:
-            raise WireError(f"control {sequence} again, already at {seat.sequence}")
+        if seat.is_tracked:
+            raise WireError(f"control of seat {number}, which is a real kart: it sends poses")
+        self._check(seat, "control", epoch, sequence)
         if tick > self.tick:
             raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
         seat.sequence, seat.answered_tick = sequence, tick
         seat.control, seat.control_tick = control, self.tick
         if seat.is_present:
             seat.away_since = -1
+
+    def _check(self, seat: Seat, what: str, epoch: int, sequence: int) -> None:
+        if not seat.is_taken or epoch != self.epoch:
+            raise WireError(f"{what} for epoch {epoch}, this is epoch {self.epoch}")
+        if sequence <= seat.sequence:
+            raise WireError(f"{what} {sequence} again, already at {seat.sequence}")
+
+    def take_pose(
+        self,
+        number: int,
+        epoch: int,
+        sequence: int,
+        pose: Pose,
+        *,
+        arrived_us: int,
+        acknowledged: int = 0,
+        buttons: Button = Button.NONE,
+    ) -> Doubt:
+        """Take a pose of a real kart and return what speaks against it.
+
+        Raises:
+            WireError: the kart is simulated, or the pose of another epoch or a replay.
+        """
+        seat = self.seats[number]
+        if not seat.is_tracked:
+            raise WireError(f"pose of seat {number}, whose kart is simulated: it sends controls")
+        self._check(seat, "pose", epoch, sequence)
+        seat.sequence = sequence
+        # The kart moves by its poses; of a control only the buttons are left.
+        seat.control, seat.control_tick = replace(STOP, buttons=buttons), self.tick
+        if seat.is_present:
+            seat.away_since = -1
+        self.fleet.orders(number).acknowledge(acknowledged, arrived_us)
+        return self.fleet.take(number, pose, arrived_us)
+
+    def follow(self, now_us: int) -> None:
+        """Put the real karts where they are at this time, right before a tick."""
+        if self.fleet.trackers:
+            self.place_karts(self.fleet.follow(self.world, now_us))
+
+    def place_karts(self, placements: Floats) -> None:
+        """Put karts into the world. placements: (n, 10), see state.PLACEMENT.
+
+        All that real karts do to the world goes through here: the same placements before the same
+        ticks give the same race.
+        """
+        if len(placements):
+            place_karts(self.world, 0, placements)
 
     def waits_for(self) -> list[int]:
         """Return the racing seats that have not yet answered the observation of this tick."""
@@ -334,10 +413,13 @@ class Session:
         overdue = now - seat.control_tick - self.decision_ticks
         seat.silence = silence_after(overdue, is_linked=is_linked)
         hangs = racing and seat.silence is Silence.STOPPED and seat.control_tick >= 0
+        hangs = hangs and not seat.is_tracked  # of real karts the fleet knows more
         if hangs and seat.away_since < 0:  # its link is there, but it answers no more
             seat.away_since = now
         # Nobody waits for the answers of a kart that is through: they must not matter.
         control = control_under(seat.silence, seat.control) if racing else STOP
+        if seat.is_tracked and seat.silence is not Silence.FRESH:
+            control = STOP  # it moves by its poses: there is nothing to let coast
         # As on the wire, so that a recording holds exactly what acted.
         self._loaded[seat.number] = (
             control.steering,

@@ -91,6 +91,14 @@ def free_address() -> str:
 
 
 @dataclass(frozen=True)
+class Real:
+    """A seat whose kart exists, and arguments of `race plant`."""
+
+    seat: int
+    options: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Plan:
     """What is to be raced, in words of the command line."""
 
@@ -99,6 +107,7 @@ class Plan:
     address: str
     session: str
     in_process: bool = False
+    real: tuple[Real, ...] = ()  # karts that exist, played by plants
 
 
 def run_race(plan: Plan, console: Console) -> dict[str, Any]:
@@ -116,14 +125,30 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
                 arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0"]
             group.start(arguments, log)
             if not plan.in_process:
-                for seat, name in enumerate(plan.drivers):
-                    drive = ["drive", name, "--connect", plan.address, "--session", plan.session]
-                    group.start([*drive, "--seat", str(seat), "--patience", str(START_S)], log)
+                _start_drivers(plan, group, log)
             _follow(plan, group, console, log_path)
         if not result.exists():
             raise RaceError(f"the race ended without a result: {_tail(log_path)}")
         document: dict[str, Any] = json.loads(result.read_text())
         return document
+
+
+def _start_drivers(plan: Plan, group: Team, log: Any) -> None:
+    """Start a process for each seat: a driver, or a plant with a driver at its wheel."""
+    plants = {real.seat: real.options for real in plan.real}
+    for seat, name in enumerate(plan.drivers):
+        ask = ["--connect", plan.address, "--session", plan.session, "--seat", str(seat)]
+        ask += ["--patience", str(START_S)]
+        if seat in plants:
+            options = ["--driver", name, "--seed", str(seat + 1), *plants[seat]]
+            group.start(["plant", *options, *ask], log)
+        else:
+            group.start(["drive", name, *ask], log)
+
+
+def spread(real: int, karts: int) -> tuple[int, ...]:
+    """Return `real` of `karts` seats, evenly spread."""
+    return tuple((2 * number + 1) * karts // (2 * real) for number in range(real))
 
 
 def _follow(plan: Plan, group: Team, console: Console, log_path: Path) -> None:

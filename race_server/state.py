@@ -67,7 +67,9 @@ KART = _record(
             "held items_used immune_until shield_until ghost_until "
             "penalties penalty_us retired_for "
             # Which sensors it carries, bits of Sensor.
-            "sensors",
+            "sensors "
+            # Real karts: how far the pose is believed, see Trust; 1 where a yellow flag is near.
+            "trust yellow",
         ),
         ("effects", EFFECT, (EFFECTS,)),
     ]
@@ -79,6 +81,12 @@ RACE = _record(
 
 BOX = _record(_fields("x y", "ready_tick"))
 HAZARD = _record(_fields("x y radius", "source owner until_tick owner_safe_tick"))
+# Where a real kart is, as it is put into the world before a tick: columns of an array (n, 10).
+PLACEMENT = (
+    *("kart", "trust", "doubt", "x", "y", "heading"),
+    *("speed", "lateral_speed", "yaw_rate", "steering"),
+)
+
 EVENT = _record(_fields("", "sequence tick kind kart other value"))
 
 # What is fixed for one race. Zero switches a limit off.

@@ -10,6 +10,7 @@ from race_server.kernels.jit import kernel, large_kernel
 from race_server.stages.bodies import move_karts, note_company, touch_karts, touch_walls
 from race_server.stages.controls import apply_effects, take_controls, use_items
 from race_server.stages.game import play
+from race_server.stages.placement import place
 from race_server.stages.progress import follow_course
 from race_server.stages.report import report, retire
 from race_server.stages.sight import look
@@ -71,3 +72,10 @@ def show_flag(world: World, w: int, flag: int) -> None:
 def withdraw(world: World, w: int, kart: int) -> None:
     """Take a kart out of its race because nobody drives it any more."""
     retire(world, w, kart, codes.WITHDREW)
+
+
+@kernel
+def place_karts(world: World, w: int, placements: Floats) -> None:
+    """Put real karts where they are, before a tick. placements: (n, 10), see state.PLACEMENT."""
+    for row in range(placements.shape[0]):
+        place(world, w, placements[row])

@@ -33,6 +33,10 @@ DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
 # So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
 # comes after an honest control must not hide it.
 MOST_INPUTS = 8
+_WITHOUT_BADGE = {
+    topics.CONTROL: "control without the seat's badge",
+    topics.POSE: "pose without the seat's badge",
+}
 # More unanswered requests on one key are dropped; the asker's timeout tells it.
 MOST_QUERIES = 8
 # So many requests are answered in one go; the others wait for the next tick.
@@ -134,12 +138,16 @@ class ServerLink(_Link):
         self.dropped: Counter[tuple[str, int]] = Counter()  # by reason and seat
         self._name = session_name
         self._inputs: list[deque[bytes]] = [deque(maxlen=MOST_INPUTS) for _ in range(seats)]
+        self._poses: list[deque[tuple[bytes, int]]] = [
+            deque(maxlen=MOST_INPUTS) for _ in range(seats)
+        ]
         self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
         self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
         self._kept: list[Any] = [self._hear_seat(seat) for seat in range(seats)]
+        self._kept += [self._hear_kart(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
         self._kept.append(self._hear_links())
@@ -156,24 +164,33 @@ class ServerLink(_Link):
         return call
 
     def _hear_seat(self, seat: int) -> Any:
-        most = topics.CONTROL.most_bytes
+        return self._hear(topics.CONTROL, seat, self._inputs[seat].append)
 
+    def _hear_kart(self, seat: int) -> Any:
+        mailbox = self._poses[seat]
+
+        def note(data: bytes) -> None:
+            mailbox.append((data, time.monotonic_ns() // 1000))
+
+        return self._hear(topics.POSE, seat, note)
+
+    def _hear(self, topic: Topic, seat: int, keep: Callable[[bytes], None]) -> Any:
         def store(sample: zenoh.Sample) -> None:
             badge = sample.attachment
             if badge is None or not self.holders.is_holder(seat, badge.to_bytes()):
-                self.dropped["control without the seat's badge", seat] += 1
+                self.dropped[_WITHOUT_BADGE[topic], seat] += 1
                 return
-            if len(sample.payload) > most:
+            if len(sample.payload) > topic.most_bytes:
                 self.dropped["oversized", seat] += 1
                 return
             data = sample.payload.to_bytes()
-            if data[4:8] != topics.CONTROL.identifier:
+            if data[4:8] != topic.identifier:
                 self.dropped["foreign", seat] += 1
                 return
-            self._inputs[seat].append(data)
+            keep(data)
             self._arrived.set()
 
-        key = key_of(topics.CONTROL, self._name, seat)
+        key = key_of(topic, self._name, seat)
         return self._session.declare_subscriber(
             key, self._counted(store), allowed_origin=zenoh.Locality.REMOTE
         )
@@ -245,6 +262,17 @@ class ServerLink(_Link):
         for seat, mailbox in enumerate(self._inputs):
             while mailbox:
                 found.append((seat, mailbox.popleft()))
+        return found
+
+    def take_poses(self) -> list[tuple[int, bytes, int]]:
+        """Return the newest poses of each seat since the last call, oldest first.
+
+        The third number is when each arrived [µs] by `time.monotonic`.
+        """
+        found = []
+        for seat, mailbox in enumerate(self._poses):
+            while mailbox:
+                found.append((seat, *mailbox.popleft()))
         return found
 
     def take_requests(self) -> Iterable[Request]:
@@ -357,10 +385,12 @@ class ClientLink(_Link):
         key = key_of(topics.ALIVE, self._name, seat, badge)
         self._kept.append(self._session.liveliness().declare_token(key))
 
-    def sender(self, seat: int, badge: str) -> Callable[[bytes], None]:
-        """Return what sends a control of a seat."""
+    def sender(
+        self, seat: int, badge: str, topic: Topic = topics.CONTROL
+    ) -> Callable[[bytes], None]:
+        """Return what sends the controls, or another topic's messages, of a seat."""
         publisher = self._session.declare_publisher(
-            key_of(topics.CONTROL, self._name, seat),
+            key_of(topic, self._name, seat),
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
             express=True,

@@ -14,9 +14,23 @@ from hypothesis import strategies as st
 
 from race_server.driver import Briefing
 from race_server.errors import SeatError, WireError
-from race_server.messages import Button, Control, Event, EventKind, Flag, Phase, Standing, Status
+from race_server.messages import (
+    Button,
+    Control,
+    Doubt,
+    Event,
+    EventKind,
+    Flag,
+    Phase,
+    Pose,
+    Source,
+    Standing,
+    Status,
+    Trust,
+)
 from race_server.params import TT02
 from race_server.wire import drive, lobby, spectate, topics
+from race_server.wire import pose as poses
 from race_server.wire.generate import TARGET, generate
 from race_server.wire.strict import root_of
 from race_server.wire.topics import key_of
@@ -31,6 +45,21 @@ controls = st.builds(
     st.sampled_from([Button(n) for n in range(4)]),
 )
 frames = st.builds(drive.ControlFrame, u32, u32, u32, controls)
+u64 = st.integers(0, 2**64 - 1)
+metres = st.floats(-1000.0, 1000.0, width=32)
+pose_frames = st.builds(
+    poses.PoseFrame,
+    *(u32, u32, u32),
+    st.builds(
+        Pose,
+        *(u64, metres, metres, share, share, share, share, share),
+        deviation=st.floats(0.0, 10.0, width=32),
+        quality=st.floats(0.0, 1.0, width=32),
+        source=st.sampled_from(Source),
+        echo_us=u64,
+    ),
+    st.sampled_from([Button.NONE, Button.USE_ITEM]),
+)
 
 
 def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
@@ -58,6 +87,32 @@ def test_a_control_comes_back_as_it_was_sent(frame: drive.ControlFrame) -> None:
 @given(frames)
 def test_the_fast_control_has_the_bytes_of_the_generated_code(frame: drive.ControlFrame) -> None:
     assert drive.encode_control(frame) == drive.build_control(frame)
+
+
+@given(pose_frames)
+def test_a_pose_comes_back_as_it_was_sent_and_with_the_bytes_of_the_generated_code(
+    frame: poses.PoseFrame,
+) -> None:
+    data = poses.encode_pose(frame)
+    assert data == poses.build_pose(frame)
+    assert poses.decode_pose(data) == frame
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        Pose(0, float("nan"), 0.0, 0.0, 0.0),
+        Pose(0, 0.0, float("inf"), 0.0, 0.0),
+        Pose(0, 2e5, 0.0, 0.0, 0.0),
+        Pose(0, 0.0, 0.0, 7.0, 0.0),
+        Pose(0, 0.0, 0.0, 0.0, 300.0),
+        Pose(0, 0.0, 0.0, 0.0, 0.0, deviation=-1.0),
+        Pose(0, 0.0, 0.0, 0.0, 0.0, quality=1.5),
+    ],
+)
+def test_a_pose_that_is_not_finite_or_out_of_range_is_refused(pose: Pose) -> None:
+    with pytest.raises(WireError, match="pose out of range"):
+        poses.decode_pose(poses.encode_pose(poses.PoseFrame(1, 1, 1, pose)))
 
 
 @pytest.mark.parametrize(("karts", "hazards"), [(1, 0), (8, 3), (64, 32)])
@@ -104,7 +159,7 @@ def test_a_refusal_comes_back_as_an_error_with_its_reason() -> None:
 
 
 def test_a_request_for_a_seat_comes_back_as_it_was_sent() -> None:
-    join = lobby.Join("Ada", "lidar", 3, 2**63)
+    join = lobby.Join("Ada", "lidar", 3, 2**63, tracked=True)
     assert lobby.decode_join(lobby.encode_join(join)) == join
 
 
@@ -113,10 +168,19 @@ def test_rules_come_back_as_they_were_sent() -> None:
     assert lobby.decode_rules(lobby.encode_rules(rules, ["oil"])) == (rules, ("oil",))
 
 
-HUD = drive.HudFrame(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT))
+HUD = drive.HudFrame(
+    *(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT)),
+    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, Doubt.JUMP),
+)
+
+
+def test_heads_up_data_comes_back_as_it_was_sent() -> None:
+    assert drive.decode_hud(drive.encode_hud(HUD)) == HUD
+
 
 MESSAGES = [
     (drive.decode_control, drive.encode_control(drive.ControlFrame(1, 2, 3, Control(0.5)))),
+    (poses.decode_pose, poses.encode_pose(poses.PoseFrame(1, 2, 3, Pose(4, 5.0, 6.0, 0.7, 8.0)))),
     (drive.decode_observation, drive.ObservationWriter(40).write(1, 2, 3, 4, np.ones(40, "f4"))),
     (drive.decode_hud, drive.encode_hud(HUD)),
     (spectate.decode_snapshot, spectate.SnapshotWriter().write(snapshot())),
@@ -230,3 +294,4 @@ def test_structs_in_numpy_are_as_long_as_in_the_schemas() -> None:
     assert spectate.EVENT.itemsize == 24
     assert spectate.HAZARD.itemsize == 16
     assert drive.CONTROL.size == 28
+    assert poses.POSE.size == 72

@@ -90,6 +90,34 @@ def load(
     finish(document, as_json=as_json, columns=("race_server", "websockets_orjson"))
 
 
+@app.command()
+def mixed(
+    track: Annotated[str, typer.Option(help="Course.")] = "hangar-400",
+    vehicle: Annotated[str, typer.Option(help="tt02, kart-30 or kart-60.")] = "kart-30",
+    karts: Annotated[int, typer.Option(min=2, max=64, help="Two of them exist.")] = 8,
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 2,
+    seed: Annotated[int, typer.Option(help="Seed of all chance in the race.")] = 1,
+    pedestrian: Annotated[
+        float, typer.Option(help="Somebody steps in front after so many s of racing.")
+    ] = 12.0,
+    cut_link: Annotated[
+        float, typer.Option(help="A radio goes off after so many s of racing.")
+    ] = 110.0,
+    delay_ms: Annotated[
+        float, typer.Option(help="Added to each message of a real kart, each way.")
+    ] = 0.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race two real karts (plants) among simulated ones: a pedestrian, and a cut link."""
+    from race_server.drills.mixed import Setting, drill_mixed
+
+    setting = Setting(track, vehicle, karts, laps, seed, pedestrian, cut_link, delay_ms)
+    document = drill_mixed(setting, Console(stderr=True))
+    if not as_json:
+        Console().print_json(json.dumps(document["figures"]))
+    finish(document, as_json=as_json)
+
+
 @contextmanager
 def progress(what: str, total: int | None) -> Iterator[Any]:
     """Show how far a drill has come, on stderr; yields what is to be told."""

@@ -73,6 +73,9 @@ def start(
     one_process: Annotated[
         bool, typer.Option("--one-process", help="Drivers inside the server, not each its own.")
     ] = False,
+    mixed: Annotated[
+        int, typer.Option(help="So many of the karts exist: plants in processes of their own.")
+    ] = 0,
     listen: Listen = "",
     session: SessionName = "race",
     results: Results = "",
@@ -81,11 +84,15 @@ def start(
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
     from race_server.driver import driver_names
-    from race_server.start import Plan, free_address, run_race
+    from race_server.start import Plan, Real, free_address, run_race, spread
 
     names = known_drivers(drivers)
     if not names:
         raise ScenarioError(f"--drivers is empty; choose from {', '.join(driver_names())}")
+    if not 0 <= mixed <= karts or (mixed and (pace != "real" or one_process)):
+        raise ScenarioError(
+            f"--mixed {mixed}: choose at most {karts} karts, with --pace real and a process each"
+        )
     serve = ["--track", track, "--vehicle", vehicle, "--karts", str(karts), "--laps", str(laps)]
     serve += ["--seed", str(seed), "--pace", pace]
     serve += ["--items" if items else "--no-items"]
@@ -102,6 +109,7 @@ def start(
         address=listen or free_address(),
         session=session,
         in_process=one_process,
+        real=tuple(Real(seat) for seat in spread(mixed, karts)),
     )
     document = run_race(plan, console)
     if as_json:

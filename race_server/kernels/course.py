@@ -91,3 +91,12 @@ def progress_of(
     elif progress >= course.length:
         progress -= course.length
     return progress, offset
+
+
+@kernel
+def way_to(course: Record, progress: float, other: float) -> float:
+    """Return how far `other` lies ahead of `progress`, the shorter way round [m]."""
+    way = other - progress
+    if way >= 0.5 * course.length:
+        return way - course.length
+    return way + course.length if way < -0.5 * course.length else way

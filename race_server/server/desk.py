@@ -114,8 +114,14 @@ class Desk:
             )
         wanted = _agreed(request.seat, join.wanted)
         self._check_serial(join.secret, join.serial)
-        owns = self._link.is_open and request.seat >= 0
-        seat = session.join(join.driver, join.preset, wanted=wanted, secret=join.secret, owns=owns)
+        seat = session.join(
+            join.driver,
+            join.preset,
+            wanted=wanted,
+            secret=join.secret,
+            owns=self._link.is_open and request.seat >= 0,
+            tracked=join.tracked,
+        )
         self._note_serial(join.secret, join.serial)
         self._link.holders.admit(seat.number, seat.key)
         if session.phase is Phase.LOBBY and seat.number not in self._linked:

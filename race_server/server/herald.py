@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server import codes
 from race_server.clock import TICKS_PER_SECOND
-from race_server.messages import Event, Flag
+from race_server.messages import Doubt, Event, Flag, Trust
 from race_server.server.journal import Journal
 from race_server.session import Seat, Session
 from race_server.state import EFFECTS
@@ -25,6 +25,9 @@ from race_server.wire.spectate import (
     encode_standings,
 )
 
+# What a kart must obey holds for so long; without news it then stops by itself.
+VALID_S = 0.5
+
 
 class Herald:
     """Puts the race into messages and sends them."""
@@ -40,6 +43,10 @@ class Herald:
     def tell_seat(self, seat: Seat) -> None:
         """Send a seat what it sees, and what acts on its kart."""
         self.tell_observation(seat)
+        self.tell_hud(seat)
+
+    def tell_hud(self, seat: Seat) -> None:
+        """Send a seat what acts on its kart."""
         self._link.publish(topics.HUD, encode_hud(hud_of(self._session, seat)), seat.number)
 
     def tell_observation(self, seat: Seat) -> None:
@@ -81,16 +88,32 @@ def hud_of(session: Session, seat: Seat) -> HudFrame:
         row["item"] = effect["source"]
         row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
     immune = max(int(kart.immune_until), int(kart.shield_until)) - tick
+    race, tracker = session.world.races[0], session.fleet.trackers.get(seat.number)
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
-        speed_cap=float(kart.speed_cap),
+        # Who is home or out is to stop, from the tick on in which that happened.
+        speed_cap=float(kart.speed_cap) if kart.status == codes.RACING else 0.0,
         thrust_scale=float(kart.thrust_scale),
         grip_scale=float(kart.grip_scale),
         item=int(kart.held),
         immune_s=max(immune, 0) / TICKS_PER_SECOND,
         effects=effects,
+        sequence=tracker.orders.sequence if tracker else 0,
+        valid_s=VALID_S,
+        monotonic_us=time.monotonic_ns() // 1000,
+        lights_s=lights_s(session),
+        flag=Flag(max(int(race.flag), int(kart.yellow))),
+        trust=tracker.trust if tracker else Trust.SIMULATED,
+        doubt=tracker.doubt if tracker else Doubt.NONE,
     )
+
+
+def lights_s(session: Session) -> float:
+    """Return the time until the karts may drive [s], 0 once the race runs."""
+    race = session.world.races[0]
+    lights = max(int(race.start_tick), int(race.hold_until)) - session.tick
+    return max(lights, 0) / TICKS_PER_SECOND
 
 
 def snapshot_of(session: Session) -> SnapshotFrame:
@@ -106,20 +129,22 @@ def snapshot_of(session: Session) -> SnapshotFrame:
     karts["acknowledged"] = [seat.sequence for seat in session.seats]
     karts["effects"] = (rows["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
     safe = np.maximum(rows["immune_until"], rows["shield_until"]) > tick
-    karts["flags"] = (
-        rows["wrong_way"] + 2 * rows["off_track"] + 4 * rows["rescue_offered"] + 8 * safe
+    trust = rows["trust"]
+    bits = (
+        *(rows["wrong_way"], rows["off_track"], rows["rescue_offered"], safe),
+        *(trust != codes.SIMULATED, trust == codes.DOUBTFUL, trust >= codes.PARKED),
     )
+    karts["flags"] = sum(bit.astype(np.uint8) << place for place, bit in enumerate(bits))
     placed = world.hazards[0][world.hazards["until_tick"][0] > tick]
     hazards = np.zeros(len(placed), HAZARD)
     for name in ("x", "y", "radius", "owner"):
         hazards[name] = placed[name]
     hazards["item"] = placed["source"]
-    lights = max(int(race.start_tick), int(race.hold_until)) - tick
     return SnapshotFrame(
         monotonic_us=time.monotonic_ns() // 1000,
         epoch=session.epoch,
         tick=tick,
-        lights_s=max(lights, 0) / TICKS_PER_SECOND,
+        lights_s=lights_s(session),
         phase=session.phase,
         flag=Flag(int(race.flag)),
         karts=karts[rows["status"] != codes.ABSENT],

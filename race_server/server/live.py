@@ -25,6 +25,7 @@ from race_server.server.steward import Steward
 from race_server.session import Seat, Session
 from race_server.transport import ServerLink
 from race_server.wire.drive import decode_control
+from race_server.wire.pose import decode_pose
 
 REAL, LOCKSTEP = "real", "lockstep"
 STANDINGS_TICKS = ticks_of(0.5)
@@ -53,6 +54,7 @@ class RaceServer:
 
     def __post_init__(self) -> None:
         """Open the desk and send for the herald."""
+        self.session.takes_tracked = self.pace == REAL
         self.meters = Meters(len(self.session.seats))
         self._diary = Diary(self.session, self.refused, self.meters, self.log)
         self._journal: Journal | None = None
@@ -110,7 +112,7 @@ class RaceServer:
 
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
-        self.session.start()
+        self.session.start(_now_us())
         self._open_book()
         return self._race_on(list(self.session.recent))
 
@@ -165,6 +167,7 @@ class RaceServer:
             self.events,
             self.missed_ticks,
             self.refusals(),
+            self.session.fleet.figures(_now_us()),
         )
         self._diary.close(result)
         return result
@@ -209,7 +212,10 @@ class RaceServer:
             begun = time.perf_counter()
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
+            else:
+                self._repeat_orders()
             self._hear()
+            self.session.follow(_now_us())
             self._advance(1)
             duration = time.perf_counter() - begun
             pacer.wait()
@@ -310,6 +316,8 @@ class RaceServer:
         self._diary.look(self.meters.turned_at)
         for seat, data in self.link.take_inputs():
             self._take_control(seat, data)
+        for seat, data, arrived_us in self.link.take_poses():
+            self._take_pose(seat, data, arrived_us)
         for request in self.link.take_requests():
             self._desk.answer(request)
         for seat, is_there in self.link.take_presence():
@@ -325,6 +333,27 @@ class RaceServer:
             self.refused.note(reason_of(error), seat)
         else:
             self.meters.note_control(seat, before, frame.sequence)
+
+    def _take_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
+        try:
+            frame = decode_pose(data)
+            self.session.take_pose(
+                seat,
+                frame.epoch,
+                frame.sequence,
+                frame.pose,
+                arrived_us=arrived_us,
+                acknowledged=frame.acknowledged,
+                buttons=frame.buttons,
+            )
+        except WireError as error:
+            self.refused.note(reason_of(error), seat)
+
+    def _repeat_orders(self) -> None:
+        """Tell real karts again what they have not acknowledged yet."""
+        for number, tracker in self.session.fleet.trackers.items():
+            if tracker.orders.is_open and self.session.seats[number].is_present:
+                self._herald.tell_hud(self.session.seats[number])
 
     def _tell_seats(self) -> None:
         """Send every seat what it sees, and let the local drivers answer at once."""
@@ -354,3 +383,8 @@ class RaceServer:
             self.session.drop(seat.number)
             return
         self._take_control(seat.number, control)
+
+
+def _now_us() -> int:
+    """Return the time of the clock by which real karts are followed [µs]."""
+    return time.monotonic_ns() // 1000

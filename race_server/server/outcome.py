@@ -1,6 +1,6 @@
 """What is left of a race."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from race_server.messages import Event, Standing
@@ -16,6 +16,7 @@ class RaceResult:
     events: list[Event]
     missed_ticks: int
     refused: dict[str, int]
+    tracked: list[dict[str, Any]] = field(default_factory=list)  # links of real karts
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as plain data: the document that `--json` prints."""
@@ -32,4 +33,5 @@ class RaceResult:
             "events": [{**asdict(event), "kind": event.kind.name.lower()} for event in self.events],
             "missed_ticks": self.missed_ticks,
             "refused": self.refused,
+            "tracked": self.tracked,
         }

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
+
 from race_server.driver import driver_named
 from race_server.errors import DriverError
 from race_server.messages import Flag
 from race_server.paddock import Paddock
 from race_server.scenario.base import Scenario
 from race_server.session import Session
+from race_server.state import PLACEMENT
 
 
 def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
@@ -27,6 +30,7 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
     rehearsal.advance(1)
     rehearsal.show_flag(Flag.YELLOW)
     rehearsal.penalise(0, 1.0)
+    rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.leave(0)
 
 

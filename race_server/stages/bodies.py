@@ -24,7 +24,7 @@ def move_karts(world: World, w: int) -> None:
     """Move every kart by one substep."""
     for k in range(world.karts.shape[1]):
         kart, vehicle = world.karts[w, k], world.vehicles[w, k]
-        if kart.status == codes.ABSENT:
+        if kart.status == codes.ABSENT or kart.trust != codes.SIMULATED:
             continue
         throttle, brake = kart.throttle, kart.brake
         if kart.status != codes.RACING:
@@ -59,6 +59,8 @@ def touch_walls(world: World, w: int) -> None:
     course = world.atlas.courses[world.rules[w].course]
     for k in range(world.karts.shape[1]):
         kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+        if kart.trust >= codes.DOUBTFUL:
+            continue
         if kart.status == codes.RACING or kart.status == codes.FINISHED:
             if not _is_clear(world, course, kart, vehicle):
                 _touch_near_walls(world, w, k, course)
@@ -132,8 +134,11 @@ def _meet_wall(
     world: World, w: int, k: int, depth: float, nx: float, ny: float, cos: float, sin: float
 ) -> None:
     kart, vehicle, rules = world.karts[w, k], world.vehicles[w, k], world.rules[w]
-    kart.x += depth * nx
-    kart.y += depth * ny
+    # A real kart is where it is: its touch counts, but no blow moves it.
+    is_free = kart.trust == codes.SIMULATED
+    if is_free:
+        kart.x += depth * nx
+        kart.y += depth * ny
     px, py = touching_point(cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width, nx, ny)
     px, py = px + vehicle.box_offset * cos, py + vehicle.box_offset * sin
     vx, vy = _velocity_at(kart, cos, sin, px, py)
@@ -146,7 +151,9 @@ def _meet_wall(
     )
     if normal <= 0.0:
         return
-    _push(kart, vehicle, cos, sin, px, py, normal * nx - tangent * ny, normal * ny + tangent * nx)
+    jx, jy = normal * nx - tangent * ny, normal * ny + tangent * nx
+    if is_free:
+        _push(kart, vehicle, cos, sin, px, py, jx, jy)
     tick = world.races[w].tick
     if closing < -TOUCH_SPEED and kart.status == codes.RACING:
         if tick - kart.contact_wall_tick > TOUCH_TICKS:
@@ -186,7 +193,9 @@ def _push(
 @kernel
 def _is_solid(world: World, w: int, k: int) -> bool:
     kart = world.karts[w, k]
-    return bool(kart.status == codes.RACING and world.races[w].tick >= kart.ghost_until)
+    if kart.status != codes.RACING or kart.trust >= codes.DOUBTFUL:
+        return False
+    return bool(world.races[w].tick >= kart.ghost_until)
 
 
 @kernel
@@ -251,7 +260,14 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
     )
     if depth <= 0.0:
         return
+    # Real karts stand like walls; what two of them would do to each other is reported alone.
+    a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
+    a_counts = 1.0 if a_moves or not b_moves else 0.0
+    b_counts = 1.0 if b_moves or not a_moves else 0.0
     share = vb.mass / (va.mass + vb.mass)
+    if not (a_moves and b_moves):
+        share = 1.0 if a_moves else 0.0
+    depth = depth if a_moves or b_moves else 0.0
     a.x += share * depth * nx
     a.y += share * depth * ny
     b.x -= (1.0 - share) * depth * nx
@@ -266,10 +282,11 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
     vbx, vby = _velocity_at(b, cb, sb, bx, by)
     closing = (vax - vbx) * nx + (vay - vby) * ny
     sliding = (vay - vby) * nx - (vax - vbx) * ny
-    inverse = 1.0 / va.mass + 1.0 / vb.mass
+    inverse = a_counts / va.mass + b_counts / vb.mass
     na, ta, nb, tb = ax * ny - ay * nx, ax * nx + ay * ny, bx * ny - by * nx, bx * nx + by * ny
-    mass_n = 1.0 / (inverse + na * na / va.yaw_inertia + nb * nb / vb.yaw_inertia)
-    mass_t = 1.0 / (inverse + ta * ta / va.yaw_inertia + tb * tb / vb.yaw_inertia)
+    ia, ib = va.yaw_inertia, vb.yaw_inertia
+    mass_n = 1.0 / (inverse + a_counts * na * na / ia + b_counts * nb * nb / ib)
+    mass_t = 1.0 / (inverse + a_counts * ta * ta / ia + b_counts * tb * tb / ib)
     rules = world.rules[w]
     normal, tangent = impulse(
         closing, sliding, mass_n, mass_t, rules.restitution, rules.wall_friction
@@ -277,8 +294,10 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
     if normal <= 0.0:
         return
     jx, jy = normal * nx - tangent * ny, normal * ny + tangent * nx
-    _push(a, va, ca, sa, ax, ay, jx, jy)
-    _push(b, vb, cb, sb, bx, by, -jx, -jy)
+    if a_moves:
+        _push(a, va, ca, sa, ax, ay, jx, jy)
+    if b_moves:
+        _push(b, vb, cb, sb, bx, by, -jx, -jy)
     tick = world.races[w].tick
     if closing < -TOUCH_SPEED and tick - a.contact_kart_tick > TOUCH_TICKS:
         a.contact_kart_tick = tick

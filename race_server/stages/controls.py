@@ -5,10 +5,14 @@ import math
 import numpy as np
 
 from race_server import codes
+from race_server.kernels.course import way_to
 from race_server.kernels.jit import kernel
 from race_server.rules.effects import add_effect, is_harmless, sum_effects, surface_grip
 from race_server.stages.report import report
 from race_server.state import EFFECTS, HAZARDS, Floats, Record, World
+
+# A yellow flag around a kart begins so many lengths before it and ends so many behind.
+YELLOW_BEFORE, YELLOW_BEHIND = 12.0, 3.0
 
 
 @kernel
@@ -39,6 +43,7 @@ def apply_effects(world: World, w: int) -> None:
     """End effects whose time is over and work out what is left of speed, motor and grip."""
     race, rules = world.races[w], world.rules[w]
     held = race.flag == codes.RED or race.tick < race.hold_until
+    show_yellow(world, w)
     for k in range(world.karts.shape[1]):
         kart = world.karts[w, k]
         if kart.status == codes.ABSENT:
@@ -51,10 +56,39 @@ def apply_effects(world: World, w: int) -> None:
         kart.speed_cap = speed * world.vehicles[w, k].top_speed
         kart.thrust_scale = thrust
         kart.grip_scale = grip * surface_grip(kart.surface)
-        if held or kart.status != codes.RACING:
+        if held or kart.status != codes.RACING or kart.trust >= codes.PARKED:
             kart.speed_cap = 0.0
-        elif race.flag == codes.YELLOW:
+        elif race.flag == codes.YELLOW or kart.yellow:
             kart.speed_cap = min(kart.speed_cap, rules.yellow_speed)
+
+
+@kernel
+def show_yellow(world: World, w: int) -> None:
+    """Show a yellow flag to all karts near one whose place is in doubt, itself included."""
+    karts = world.karts.shape[1]
+    troubled = False
+    for k in range(karts):
+        kart = world.karts[w, k]
+        kart.yellow = 0
+        troubled = troubled or _is_in_trouble(kart)
+    if not troubled:
+        return
+    course = world.atlas.courses[world.rules[w].course]
+    for other in range(karts):
+        trouble = world.karts[w, other]
+        if not _is_in_trouble(trouble):
+            continue
+        length = world.vehicles[w, other].length
+        for k in range(karts):
+            kart = world.karts[w, k]
+            way = way_to(course, kart.progress, trouble.progress)
+            if -YELLOW_BEHIND * length <= way <= YELLOW_BEFORE * length:
+                kart.yellow = 1
+
+
+@kernel
+def _is_in_trouble(kart: Record) -> bool:
+    return bool(kart.trust >= codes.DOUBTFUL and kart.status == codes.RACING)
 
 
 @kernel
@@ -76,6 +110,7 @@ def use_items(world: World, w: int) -> None:
         pressed = kart.buttons & ~kart.buttons_before
         kart.buttons_before = kart.buttons
         racing = kart.status == codes.RACING and race.tick >= race.start_tick
+        racing = racing and kart.trust <= codes.TRUSTED
         if racing and pressed & codes.USE_ITEM and kart.held > 0:
             _use(world, w, k)
 

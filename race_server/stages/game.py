@@ -18,7 +18,7 @@ def play(world: World, w: int) -> None:
         return
     for k in range(world.karts.shape[1]):
         kart = world.karts[w, k]
-        if kart.status == codes.RACING:
+        if kart.status == codes.RACING and kart.trust <= codes.TRUSTED:
             if kart.held == 0:
                 _pick_up(world, w, k)
             _suffer(world, w, k)

@@ -115,7 +115,7 @@ def _scalar(world: World, w: int, k: int, number: int) -> float:
     if number == 29:
         return max(max(race.start_tick, race.hold_until) - race.tick, 0) * TICK_S
     if number == 30:
-        return float(race.flag)
+        return float(max(race.flag, kart.yellow))
     if number == 31:
         return float(kart.laps)
     if number == 32:
@@ -230,7 +230,7 @@ def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: i
         best, following = math.inf, -1
         for other in range(world.karts.shape[1]):
             rival = world.karts[w, other]
-            if other == k or rival.status != codes.RACING:
+            if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
                 continue
             dx, dy = rival.x - kart.x, rival.y - kart.y
             square = dx * dx + dy * dy

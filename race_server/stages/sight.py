@@ -109,7 +109,7 @@ def _scan(
     cast_fan(world.atlas, course, x, y, cos, sin, rays, field, reach, ranges, kinds)
     for other in range(world.karts.shape[1]):
         rival = world.karts[w, other]
-        if other == k or rival.status != codes.RACING:
+        if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
             continue
         vehicle = world.vehicles[w, other]
         half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width

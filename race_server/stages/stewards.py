@@ -11,6 +11,8 @@ from race_server.state import Record, World
 
 # A kart that has moved further than this share of its length before the lights started early.
 FALSE_START_SHARE = 0.25
+# … and a real kart, whose place is known less well, further than this.
+REAL_START_SHARE = 1.0
 # After a rescue other karts drive through for so long.
 GHOST_TICKS = 120
 # Places looked at for a rescue, each one length and a half further back.
@@ -22,7 +24,8 @@ def watch(world: World, w: int) -> None:
     """Judge every racing kart."""
     race = world.races[w]
     for k in range(world.karts.shape[1]):
-        if world.karts[w, k].status != codes.RACING:
+        kart = world.karts[w, k]
+        if kart.status != codes.RACING or kart.trust >= codes.DOUBTFUL:
             continue
         if race.tick < race.start_tick:
             _watch_start(world, w, k)
@@ -37,7 +40,8 @@ def watch(world: World, w: int) -> None:
 def _watch_start(world: World, w: int, k: int) -> None:
     kart = world.karts[w, k]
     dx, dy = kart.x - kart.start_x, kart.y - kart.start_y
-    allowed = FALSE_START_SHARE * world.vehicles[w, k].length
+    share = FALSE_START_SHARE if kart.trust == codes.SIMULATED else REAL_START_SHARE
+    allowed = share * world.vehicles[w, k].length
     if kart.false_started == 0 and dx * dx + dy * dy > allowed * allowed:
         kart.false_started = 1
         report(world, w, codes.EVENT_FALSE_START, k, -1, 0)
@@ -68,6 +72,8 @@ def _watch_limits(world: World, w: int, k: int) -> None:
 @kernel
 def _watch_standstill(world: World, w: int, k: int) -> None:
     race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    if kart.trust != codes.SIMULATED:
+        return  # nobody puts a real kart back on the line
     held = race.flag == codes.RED or race.tick < race.hold_until
     if held or abs(kart.speed) > rules.stuck_speed:
         # A kart that only rocks on the spot stays stuck; real progress takes the offer back.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.errors import WireError
-from race_server.messages import Button, Control
+from race_server.messages import Button, Control, Doubt, Flag, Trust
 from race_server.wire import topics
 from race_server.wire.generated.drive import (
     Control as ControlStruct,
@@ -26,7 +26,7 @@ from race_server.wire.generated.drive import (
 )
 from race_server.wire.strict import Table, root_of
 
-U8, U16, U32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<I")
+U8, U16, U32, U64 = (struct.Struct(f"<{letter}") for letter in "BHIQ")
 F32 = struct.Struct("<f")
 CONTROL = struct.Struct("<IIIfffI")
 EFFECT = np.dtype([("item", "<u4"), ("remaining", "<f4")])
@@ -68,6 +68,13 @@ class HudFrame:
     item: int
     immune_s: float
     effects: NDArray[np.void]  # EFFECT
+    sequence: int = 0
+    valid_s: float = 0.0
+    monotonic_us: int = 0
+    lights_s: float = 0.0
+    flag: Flag = Flag.GREEN
+    trust: Trust = Trust.SIMULATED
+    doubt: Doubt = Doubt.NONE
 
 
 def encode_control(frame: ControlFrame) -> bytes:
@@ -209,6 +216,13 @@ def encode_hud(frame: HudFrame) -> bytes:
     Hud.AddItem(builder, frame.item)
     Hud.AddImmune(builder, frame.immune_s)
     Hud.AddEffects(builder, effects)
+    Hud.AddSequence(builder, frame.sequence)
+    Hud.AddValid(builder, frame.valid_s)
+    Hud.AddMonotonic(builder, frame.monotonic_us)
+    Hud.AddLights(builder, frame.lights_s)
+    Hud.AddFlag(builder, int(frame.flag))
+    Hud.AddTrust(builder, int(frame.trust))
+    Hud.AddDoubt(builder, int(frame.doubt))
     builder.Finish(Hud.End(builder), topics.HUD.identifier)
     return bytes(builder.Output())
 
@@ -224,8 +238,28 @@ def decode_hud(data: bytes) -> HudFrame:
     effects = np.frombuffer(data, EFFECT, count, first)
     if not np.isfinite(effects["remaining"]).all():
         raise WireError("remaining time of an effect is not finite")
-    cap, thrust, grip, immune = (table.number(slot, F32) for slot in (2, 3, 4, 6))
-    if min(cap, thrust, grip, immune) < 0.0 or not math.isfinite(cap):
+    cap, thrust, grip, immune, valid, lights = (
+        table.number(slot, F32) for slot in (2, 3, 4, 6, 9, 11)
+    )
+    if min(cap, thrust, grip, immune, valid, lights) < 0.0 or not math.isfinite(cap):
         raise WireError("heads-up data out of range")
-    epoch, tick = table.scalar(0, U32), table.scalar(1, U32)
-    return HudFrame(epoch, tick, cap, thrust, grip, table.scalar(5, U8), immune, effects)
+    flag, trust, doubt = (table.scalar(slot, U8) for slot in (12, 13, 14))
+    if flag > max(Flag) or trust > max(Trust) or doubt > max(Doubt):
+        raise WireError(f"heads-up data of flag {flag}, trust {trust} and doubt {doubt}")
+    return HudFrame(
+        epoch=table.scalar(0, U32),
+        tick=table.scalar(1, U32),
+        speed_cap=cap,
+        thrust_scale=thrust,
+        grip_scale=grip,
+        item=table.scalar(5, U8),
+        immune_s=immune,
+        effects=effects,
+        sequence=table.scalar(8, U32),
+        valid_s=valid,
+        monotonic_us=table.scalar(10, U64),
+        lights_s=lights,
+        flag=Flag(flag),
+        trust=Trust(trust),
+        doubt=Doubt(doubt),
+    )

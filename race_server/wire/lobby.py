@@ -54,6 +54,7 @@ class Join:
     secret: int = field(default_factory=new_secret)
     serial: int = field(default_factory=new_serial)  # larger each time the same secret asks
     version: int = PROTOCOL
+    tracked: bool = False  # a real kart
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +105,7 @@ def encode_join(join: Join) -> bytes:
     JoinRequest.AddSecret(builder, join.secret)
     JoinRequest.AddVersion(builder, join.version)
     JoinRequest.AddSerial(builder, join.serial)
+    JoinRequest.AddTracked(builder, join.tracked)
     builder.Finish(JoinRequest.End(builder), topics.JOIN.identifier)
     return bytes(builder.Output())
 
@@ -127,6 +129,7 @@ def decode_join(data: bytes) -> Join:
         secret=table.scalar(3, U64),
         serial=table.scalar(5, U32),
         version=table.scalar(4, U16),
+        tracked=table.scalar(6, struct.Struct("<B")) != 0,
     )
 
 

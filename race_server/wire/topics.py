@@ -42,11 +42,14 @@ class Topic:
 
 # Twice the ticks: a driver that decides at every tick is honest, and senders are not exact.
 CONTROL_HZ = 120.0
+# Twice the most that a real kart should send.
+POSE_HZ = 200.0
 # Twice what `ClientLink` sends at most.
 QUERY_HZ = 200.0
 
 
 CONTROL = Topic("in/{seat}", "ControlMessage", b"RCTL", "up", "20 Hz", 256, True, True, CONTROL_HZ)
+POSE = Topic("pose/{seat}", "PoseMessage", b"RPOS", "up", "10–100 Hz", 256, True, True, POSE_HZ)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, True, True)
@@ -86,6 +89,7 @@ ALIVE = Topic("alive/{seat}/{badge}", "liveliness token", b"", "up", "", 0, Fals
 
 TOPICS = (
     CONTROL,
+    POSE,
     OBSERVATION,
     HUD,
     SNAPSHOT,

@@ -97,8 +97,57 @@ class Hud(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(18))
         return o == 0
 
+    # Hud
+    def Sequence(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(20))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint32Flags, o + self._tab.Pos)
+        return 0
+
+    # Hud
+    def Valid(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(22))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float32Flags, o + self._tab.Pos)
+        return 0.0
+
+    # Hud
+    def Monotonic(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(24))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint64Flags, o + self._tab.Pos)
+        return 0
+
+    # Hud
+    def Lights(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(26))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float32Flags, o + self._tab.Pos)
+        return 0.0
+
+    # Hud
+    def Flag(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint8Flags, o + self._tab.Pos)
+        return 0
+
+    # Hud
+    def Trust(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint8Flags, o + self._tab.Pos)
+        return 0
+
+    # Hud
+    def Doubt(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(32))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint8Flags, o + self._tab.Pos)
+        return 0
+
 def HudStart(builder):
-    builder.StartObject(8)
+    builder.StartObject(15)
 
 def Start(builder):
     HudStart(builder)
@@ -156,6 +205,48 @@ def HudStartEffectsVector(builder, numElems):
 
 def StartEffectsVector(builder, numElems):
     return HudStartEffectsVector(builder, numElems)
+
+def HudAddSequence(builder, sequence):
+    builder.PrependUint32Slot(8, sequence, 0)
+
+def AddSequence(builder, sequence):
+    HudAddSequence(builder, sequence)
+
+def HudAddValid(builder, valid):
+    builder.PrependFloat32Slot(9, valid, 0.0)
+
+def AddValid(builder, valid):
+    HudAddValid(builder, valid)
+
+def HudAddMonotonic(builder, monotonic):
+    builder.PrependUint64Slot(10, monotonic, 0)
+
+def AddMonotonic(builder, monotonic):
+    HudAddMonotonic(builder, monotonic)
+
+def HudAddLights(builder, lights):
+    builder.PrependFloat32Slot(11, lights, 0.0)
+
+def AddLights(builder, lights):
+    HudAddLights(builder, lights)
+
+def HudAddFlag(builder, flag):
+    builder.PrependUint8Slot(12, flag, 0)
+
+def AddFlag(builder, flag):
+    HudAddFlag(builder, flag)
+
+def HudAddTrust(builder, trust):
+    builder.PrependUint8Slot(13, trust, 0)
+
+def AddTrust(builder, trust):
+    HudAddTrust(builder, trust)
+
+def HudAddDoubt(builder, doubt):
+    builder.PrependUint8Slot(14, doubt, 0)
+
+def AddDoubt(builder, doubt):
+    HudAddDoubt(builder, doubt)
 
 def HudEnd(builder):
     return builder.EndObject()

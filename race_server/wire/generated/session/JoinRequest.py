@@ -66,8 +66,15 @@ class JoinRequest(object):
             return self._tab.Get(flatbuffers.number_types.Uint32Flags, o + self._tab.Pos)
         return 0
 
+    # JoinRequest
+    def Tracked(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(16))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def JoinRequestStart(builder):
-    builder.StartObject(6)
+    builder.StartObject(7)
 
 def Start(builder):
     JoinRequestStart(builder)
@@ -107,6 +114,12 @@ def JoinRequestAddSerial(builder, serial):
 
 def AddSerial(builder, serial):
     JoinRequestAddSerial(builder, serial)
+
+def JoinRequestAddTracked(builder, tracked):
+    builder.PrependBoolSlot(6, tracked, 0)
+
+def AddTracked(builder, tracked):
+    JoinRequestAddTracked(builder, tracked)
 
 def JoinRequestEnd(builder):
     return builder.EndObject()

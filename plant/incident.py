@@ -1,0 +1,182 @@
+"""What goes wrong on purpose while the plant races: somebody steps in front, the radio goes off.
+
+Each is watched and measured, so that a drill can show what the reflex did.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from agents.control_unit import ControlUnit
+from agents.onboard import Onboard, is_home
+from agents.reflex import Cause
+from plant.kart import Plant
+from plant.radar import Person, gap_to
+
+STANDS = 0.03  # [m/s] slower than this is standing
+# Somebody steps out where this share of the way that the kart needs to stop is left.
+ROOM = 1.15
+STAY_S = 2.0  # so long a person stays once the kart stands
+WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
+MOST_BEND = 0.3  # [rad] of course between kart and person
+
+
+@dataclass
+class Passage:
+    """A person on the track, and how the kart met it."""
+
+    after_s: float  # of racing
+    person: Person | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+    is_over: bool = False
+    _stood_s: float = math.inf
+
+    def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
+        """Step out, be met, walk away."""
+        if self.is_over or raced_s < self.after_s:
+            return
+        if self.person is None:
+            self._step_out(plant, unit, raced_s)
+            return
+        body, figures = plant.body, self.figures
+        figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
+        if unit.command.cause & Cause.OBSTACLE and "braked_after_s" not in figures:
+            figures["braked_after_s"] = raced_s - figures["at_s"]
+        if abs(body.speed) > STANDS:
+            return
+        if self._stood_s == math.inf:
+            self._stood_s = raced_s
+            figures["stood_after_s"] = raced_s - figures["at_s"]
+            figures["throttle_when_standing"] = plant.throttle
+            figures["motor_when_standing"] = unit.command.throttle
+        if raced_s - self._stood_s > STAY_S:
+            figures["gap_left_m"] = gap_to(self.person, body)
+            plant.around.people.remove(self.person)
+            plant.throttle = None
+            self.is_over = True
+
+    def _step_out(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
+        """Step out on the way of the kart, on a stretch without a sharp bend."""
+        body, limits = plant.body, unit.limits
+        way = body.speed * limits.reaction_s + body.speed**2 / (2.0 * limits.braking)
+        radius = 0.15 * body.vehicle.length
+        ahead = limits.nose - body.vehicle.rear_axle + ROOM * way + limits.stand_off + radius
+        curvature = math.tan(body.steering) / body.vehicle.wheelbase
+        course = unit.fence.heading_at(
+            body.x + ahead * math.cos(body.heading), body.y + ahead * math.sin(body.heading)
+        )
+        bend = math.remainder(course - body.heading, 2.0 * math.pi)
+        is_fast = body.speed > 0.45 * body.vehicle.top_speed
+        if not is_fast or abs(bend) > MOST_BEND or abs(curvature * ahead) > MOST_BEND:
+            return
+        middle = body.heading + 0.5 * curvature * ahead
+        self.person = Person(
+            body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle), radius
+        )
+        plant.around.people.append(self.person)
+        plant.throttle = 1.0
+        self.figures = {
+            "at_s": raced_s,
+            "speed": body.speed,
+            "driver_throttle": plant.throttle,
+            "gap_m": gap_to(self.person, body),
+            "least_gap_m": math.inf,
+        }
+
+
+@dataclass
+class Cut:
+    """The radio goes off and stays off."""
+
+    after_s: float  # of racing
+    figures: dict[str, Any] = field(default_factory=dict)
+    is_over: bool = False
+    _from: tuple[float, float] = (0.0, 0.0)
+    _stood_s: float = math.inf
+
+    def turn(self, plant: Plant, unit: ControlUnit, onboard: Onboard, raced_s: float) -> None:
+        """Switch off, and measure how the kart comes to a stop with the foot down."""
+        body = plant.body
+        if not onboard.is_cut:
+            if raced_s < self.after_s or body.speed < 0.45 * body.vehicle.top_speed:
+                return
+            onboard.is_cut = True
+            plant.throttle = 1.0
+            self._from = body.x, body.y
+            self.figures = {"at_s": raced_s, "speed": body.speed, "driver_throttle": 1.0}
+            return
+        if abs(body.speed) > STANDS:
+            self._stood_s = math.inf
+            return
+        if self._stood_s == math.inf:
+            self._stood_s = raced_s
+            self.figures["stood_after_s"] = raced_s - self.figures["at_s"]
+            straight = math.hypot(body.x - self._from[0], body.y - self._from[1])
+            self.figures["stopped_within_m"] = straight
+            self.figures["cause"] = [flag.name for flag in Cause if flag & unit.command.cause]
+        self.is_over = raced_s - self._stood_s > WATCH_S
+
+
+@dataclass
+class Diary:
+    """Runs the incidents and keeps the figures of one race."""
+
+    plant: Plant
+    passage: Passage | None = None
+    cut: Cut | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+    _green_s: float = math.inf
+    _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
+    _cap: float = math.inf
+    _errors: list[float] = field(default_factory=list)
+
+    def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+        """Note one decision; False once this kart has nothing more to do."""
+        hud = unit.hud
+        if hud is None:
+            return True
+        if hud.lights_s == 0.0 and hud.tick > 0 and self._green_s == math.inf:
+            self._green_s = now_s
+        raced_s = now_s - self._green_s
+        self._note_place(unit)
+        self._note_orders(unit, now_s)
+        if self.passage is not None and raced_s > 0.0:
+            self.passage.turn(self.plant, unit, raced_s)
+        if self.cut is not None and raced_s > 0.0:
+            self.cut.turn(self.plant, unit, onboard, raced_s)
+            if onboard.is_cut:
+                return not self.cut.is_over
+        return raced_s < 1.0 or not is_home(unit)
+
+    def _note_place(self, unit: ControlUnit) -> None:
+        if (pose := unit.pose()) is not None:
+            body = self.plant.body
+            self._errors.append(math.hypot(pose.x - body.x, pose.y - body.y))
+
+    def _note_orders(self, unit: ControlUnit, now_s: float) -> None:
+        """Note each time the game slows this kart, and whether the kart obeys within a second."""
+        assert unit.hud is not None
+        cap, speed = unit.hud.speed_cap, abs(self.plant.body.speed)
+        slowed = cap < 0.99 * unit.vehicle.top_speed
+        if slowed and (self._cap != cap):
+            self._orders.append([cap, now_s, 0.0])
+        self._cap = cap
+        if slowed and now_s - self._orders[-1][1] > 1.0:
+            self._orders[-1][2] = max(self._orders[-1][2], speed - cap)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of the race."""
+        errors = sorted(self._errors) or [math.nan]
+        kept = [order for order in self._orders if math.isfinite(order[0])]
+        return {
+            "pose_error_median_m": errors[len(errors) // 2],
+            "pose_error_p99_m": errors[int(0.99 * (len(errors) - 1))],
+            "slowdowns": len(kept),
+            "worst_excess_share": max(
+                (order[2] / max(order[0], 1.0) for order in kept), default=0.0
+            ),
+            "scrapes": self.plant.scrapes,
+            "pedestrian": self.passage.figures if self.passage else None,
+            "cut": self.cut.figures if self.cut else None,
+            **self.figures,
+        }

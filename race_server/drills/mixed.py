@@ -1,0 +1,147 @@
+"""Real karts among simulated ones: they race with items, brake for people, stop when cut off.
+
+Two plants race among simulated karts. In front of one somebody steps on the track while
+its driver's foot is down; the other loses its link later, with the foot down as well.
+"""
+
+import json
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from race_server.messages import EventKind, Flag, Trust
+from race_server.start import Plan, Real, free_address, run_race, spread
+
+# Beyond this way a kart that was cut off has not stopped by itself: the time in which the last word
+# of the server still holds, the time to react, and braking at a third of what the tyres hold.
+WORD_S, GENTLE = 0.8, 2.5
+# A kart that obeys is no faster than this above the cap, a second after it was told [share].
+OBEYS = 0.1
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One run of the drill."""
+
+    track: str = "hangar-400"
+    vehicle: str = "kart-30"
+    karts: int = 8
+    laps: int = 2
+    seed: int = 1
+    pedestrian_s: float = 12.0  # of racing
+    cut_s: float = 110.0
+    delay_ms: float = 0.0  # added to each message of a real kart
+    driver: str = "pure_pursuit"  # of all karts: one that is slow would hold the others up
+
+
+def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
+    """Run the drill and return what came of it: `ok`, and `why` not."""
+    walker, cut = spread(2, setting.karts)
+    with tempfile.TemporaryDirectory(prefix="race-drill-") as folder:
+        reports = {seat: Path(folder, f"{seat}.json") for seat in (walker, cut)}
+        options = {
+            walker: ("--pedestrian", str(setting.pedestrian_s)),
+            cut: ("--cut-link", str(setting.cut_s)),
+        }
+        real = tuple(
+            Real(seat, (*more, "--report", str(reports[seat]), *_link(setting)))
+            for seat, more in options.items()
+        )
+        document = run_race(_plan(setting, free_address(), real), console)
+        found = {
+            seat: json.loads(path.read_text()) if path.exists() else {}
+            for seat, path in reports.items()
+        }
+    figures = {
+        "pedestrian": {"seat": walker, **_figures_of(document, walker, found[walker])},
+        "cut": {"seat": cut, **_figures_of(document, cut, found[cut])},
+    }
+    why = [*_judge_both(figures), *_judge_walker(figures["pedestrian"])]
+    why += _judge_cut(figures["cut"])
+    return {"ok": not why, "why": why, "figures": figures, "missed_ticks": document["missed_ticks"]}
+
+
+def _link(setting: Setting) -> tuple[str, ...]:
+    return ("--delay-ms", str(setting.delay_ms)) if setting.delay_ms else ()
+
+
+def _plan(setting: Setting, address: str, real: tuple[Real, ...]) -> Plan:
+    serve = ["--track", setting.track, "--vehicle", setting.vehicle, "--results", "none"]
+    serve += ["--record", "none", "--fresh"]
+    serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
+    serve += ["--seed", str(setting.seed), "--items"]
+    drivers = (setting.driver,) * setting.karts
+    return Plan(tuple(serve), drivers, address, "drill", real=real)
+
+
+def _figures_of(document: dict[str, Any], seat: int, report: dict[str, Any]) -> dict[str, Any]:
+    """Return what the server and the kart itself say of one kart."""
+    row = next(kart for kart in document["karts"] if kart["seat"] == seat)
+    link: dict[str, Any] = next((link for link in document["tracked"] if link["seat"] == seat), {})
+    events = [event for event in document["events"] if event["kart"] == seat]
+    kinds = [event["kind"] for event in events]
+    return {
+        "status": row["status"],
+        "laps": row["laps"],
+        "items_picked_up": kinds.count(EventKind.PICK_UP.name.lower()),
+        "items_used": row["items_used"],
+        "hits": kinds.count(EventKind.HIT.name.lower()),
+        "trust": [
+            Trust(event["other"]).name.lower()
+            for event in events
+            if event["kind"] == EventKind.POSE.name.lower()
+        ],
+        "yellow_flags": sum(
+            event["kind"] == EventKind.FLAG.name.lower() and event["other"] == Flag.YELLOW
+            for event in events
+        ),
+        "link": link,
+        "kart": report,
+    }
+
+
+def _judge_both(figures: dict[str, Any]) -> list[str]:
+    why = []
+    for part in figures.values():
+        seat, kart = part["seat"], part["kart"]
+        if part["laps"] < 1:
+            why.append(f"the kart on seat {seat} finished no lap")
+        if not kart:
+            why.append(f"the kart on seat {seat} left no report")
+        elif kart["worst_excess_share"] > OBEYS:
+            share = kart["worst_excess_share"]
+            why.append(f"the kart on seat {seat} went {share:.0%} over its cap a second later")
+    if not any(part["items_used"] for part in figures.values()):
+        why.append("no real kart used an item")
+    if not any(part["kart"].get("slowdowns") for part in figures.values()):
+        why.append("no effect or flag slowed a real kart")
+    return why
+
+
+def _judge_walker(part: dict[str, Any]) -> list[str]:
+    met = part["kart"].get("pedestrian") or {}
+    if "gap_left_m" not in met:
+        return ["the kart did not come to a stop before the pedestrian"]
+    why = []
+    if min(met["gap_left_m"], met["least_gap_m"]) <= 0.0:
+        why.append(f"the pedestrian was hit: {met['least_gap_m']:.2f} m left")
+    if met["driver_throttle"] < 1.0:
+        why.append("the driver's throttle was not full")
+    return why
+
+
+def _judge_cut(part: dict[str, Any]) -> list[str]:
+    cut = part["kart"].get("cut") or {}
+    if "stopped_within_m" not in cut:
+        return ["the kart whose link was cut did not stop"]
+    why, speed = [], cut["speed"]
+    most = WORD_S * speed + speed * speed / (2.0 * GENTLE)
+    cut["allowed_m"] = most
+    if cut["stopped_within_m"] > most:
+        why.append(f"cut off, it needed {cut['stopped_within_m']:.1f} m; {most:.1f} m are allowed")
+    if part["yellow_flags"] == 0:
+        why.append("the cut link raised no yellow flag")
+    return why

@@ -1,0 +1,108 @@
+"""A real kart over zenoh on loopback: poses up, orders down, acknowledged."""
+
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from test_live import COURSE, free_address
+
+from agents.control_unit import ControlUnit
+from agents.onboard import Onboard, fence_of, take_part
+from agents.reflex import Command
+from plant.kart import Plant, Sensors
+from plant.radar import Surroundings
+from race_server.errors import SeatError
+from race_server.messages import Control, Trust
+from race_server.observe import Observation
+from race_server.scenario.base import Rules, Scenario
+from race_server.seat import Seat, take_seat
+from race_server.server import LOCKSTEP, REAL, RaceServer
+from race_server.session import Session
+from race_server.transport import ClientLink, ServerLink
+from race_server.wire.lobby import CourseSheet, Join
+
+pytestmark = pytest.mark.net
+
+
+class Gentle:
+    """Drives straight on with a light foot."""
+
+    preset = "track"
+
+    def reset(self, briefing: object) -> None:
+        pass
+
+    def act(self, seen: Observation) -> Control:
+        return Control(0.0, 0.3 if seen.scalar("lights") == 0.0 else 0.0)
+
+
+def hardware_of(seat: Seat, sheet: CourseSheet, link: ClientLink) -> Plant:
+    del link
+    x, y, heading = (float(value) for value in sheet.grid[seat.number])
+    vehicle = seat.welcome.briefing.vehicle
+    return Plant.of(vehicle, Surroundings(sheet.borders), (x, y, heading), Sensors(), seed=1)
+
+
+def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent() -> None:
+    rules = Rules(laps=1, countdown_s=0.5, limit_s=60.0)
+    session = Session("race", Scenario(COURSE, karts=1, rules=rules))
+    address, seen = free_address(), {}
+    with ServerLink(address, "race", 1) as link:
+        server = RaceServer(session, link, REAL)
+        race = threading.Thread(target=server.run, args=(1,))
+        race.start()
+
+        def turn(onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+            del now_s
+            tracker = session.fleet.trackers[0]
+            if tracker.trust is Trust.TRUSTED and session.tick > 90:
+                seen.setdefault("trusted", (onboard.sequence, tracker.clock.delay_us))
+                onboard.is_cut = True
+            if onboard.is_cut:
+                seen["command"] = unit.command
+            return tracker.trust is not Trust.DOUBTFUL or "trusted" not in seen
+
+        take_part(
+            Gentle(),
+            hardware_of,
+            name="real",
+            address=address,
+            delay_s=0.05,
+            clock=lambda: time.monotonic() + 1234.5,
+            each_turn=turn,
+        )
+        server.stop()
+        race.join(5.0)
+    poses, delay_us = seen["trusted"]
+    assert poses > 20
+    assert 45_000 < delay_us < 150_000
+    assert isinstance(seen["command"], Command)
+    assert session.fleet.orders(0).acknowledged >= 1
+    assert session.world.karts["yellow"][0, 0] == 1
+
+
+def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:
+    session = Session("race", Scenario(COURSE, karts=1))
+    address = free_address()
+    with ServerLink(address, "race", 1) as link:
+        server = RaceServer(session, link, LOCKSTEP)
+        lobby = threading.Thread(target=server.wait_in_lobby, args=(1,))
+        lobby.start()
+        join = Join("real", "track", tracked=True)
+        with ClientLink(address, "race") as client:
+            with pytest.raises(SeatError, match="serve with --pace real"):
+                take_seat(client, join)
+            take_seat(client, replace(join, tracked=False))
+        server.stop()
+        lobby.join(5.0)
+
+
+def test_the_fence_of_a_course_is_its_kerb() -> None:
+    session = Session("race", Scenario(COURSE, karts=1))
+    from race_server.server.herald import sheet_of
+
+    fence = fence_of(sheet_of(session))
+    x, y = COURSE.line[0, :2]
+    assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
