@@ -13,6 +13,9 @@ SLOWEST = 0.3
 # Stands for no limit at all [m/s²].
 _ENDLESS = 1e3
 
+# Tyres stiffer than this (force over load and slip) count as ideal: a point mass without losses.
+STIFF = 100.0
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -21,7 +24,7 @@ class Bounds:
     lateral: float  # [m/s²] most acceleration across the line, where none is along it
     drive_grip: float  # [m/s²] most that the driven tyres pass on, where none is across
     brake_grip: float  # [m/s²] the same for the braked tyres
-    slide: float  # [-] slip at which a tyre slides altogether, with no force along it
+    slide: float  # [-] slip at which a tyre slides altogether; 0 where bends cost nothing
     front_load: float  # [-] share of the weight on the front axle
     front_drive: float  # [-] share of the driving force there
     front_brake: float  # [-] share of the braking force there
@@ -60,11 +63,12 @@ def bounds_of(
     front_load = vehicle.rear_axle / vehicle.wheelbase
     grip = vehicle.grip * GRAVITY
     slips = vehicle.kinematic_below < vehicle.top_speed
+    loses = slips and vehicle.cornering < STIFF
     bounds = Bounds(
         lateral=grip if slips else _ENDLESS,
         drive_grip=grip * _load_per_force(vehicle.front_drive, front_load),
         brake_grip=grip * _load_per_force(vehicle.front_brake, front_load),
-        slide=3.0 * vehicle.grip / vehicle.cornering if slips else 0.0,
+        slide=3.0 * vehicle.grip / vehicle.cornering if loses else 0.0,
         front_load=front_load,
         front_drive=vehicle.front_drive,
         front_brake=vehicle.front_brake,

@@ -14,6 +14,7 @@ The front wheels pull across themselves, and they are turned by d: of their forc
 across the vehicle. In its tightest bends a car therefore has less grip, and as its front wheels
 slip more than the rear ones it needs more steering than the wheels' directions alone would:
 d = atan(wheelbase · curvature) + a_front - a_rear. With d of the first term alone in cos(d).
+With ideal tyres (`slide` is 0) a bend costs none of this.
 """
 
 import math
@@ -44,7 +45,7 @@ def axles_of(bounds: Bounds) -> tuple[Axle, Axle]:
 
 def front_effort(curvature: float, bounds: Bounds) -> float:
     """Return the front tyres' force over what of it acts across the vehicle in a bend [1/m]."""
-    return math.hypot(1.0, bounds.wheelbase * curvature)
+    return math.hypot(1.0, bounds.wheelbase * curvature) if bounds.slide > 0.0 else 1.0
 
 
 def cornering_drag(speed: float, curvature: float, force: float, bounds: Bounds) -> float:
@@ -73,7 +74,8 @@ def slip_of(
     slope where the tyre slides.
     """
     ca, drag, steering = program.casadi, 0.0, bounds.wheelbase * curvature
-    lateral, effort = pace**2 * curvature, ca.sqrt(1.0 + steering**2)
+    lateral = pace**2 * curvature
+    effort = ca.sqrt(1.0 + steering**2) if bounds.slide > 0.0 else 1.0
     front, rear = axles_of(bounds)
     for axle, side, way in ((front, lateral * effort, 1.0), (rear, lateral, -1.0)):
         share = program.unknown(-1.0, 1.0, 0.0)
