@@ -18,7 +18,8 @@ STANDS = 0.03  # [m/s] slower than this is standing
 ROOM = 1.15
 STAY_S = 2.0  # so long a person stays once the kart stands
 WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
-MOST_BEND = 0.3  # [rad] of course between kart and person
+MOST_BEND = 0.12  # [rad] of course between kart and person
+RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
 
 
 @dataclass
@@ -42,6 +43,10 @@ class Passage:
         figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
         if unit.command.cause & Cause.OBSTACLE and "braked_after_s" not in figures:
             figures["braked_after_s"] = raced_s - figures["at_s"]
+        if self._stood_s == math.inf and _is_past(self.person, plant):
+            self._walk_away(plant)
+            self.person, self.after_s = None, raced_s + RETRY_S
+            return
         if abs(body.speed) > STANDS:
             return
         if self._stood_s == math.inf:
@@ -51,9 +56,12 @@ class Passage:
             figures["motor_when_standing"] = unit.command.throttle
         if raced_s - self._stood_s > STAY_S:
             figures["gap_left_m"] = gap_to(self.person, body)
-            plant.around.people.remove(self.person)
-            plant.throttle = None
+            self._walk_away(plant)
             self.is_over = True
+
+    def _walk_away(self, plant: Plant) -> None:
+        plant.around.people.clear()
+        plant.throttle = None
 
     def _step_out(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
         """Step out on the way of the kart, on a stretch without a sharp bend."""
@@ -82,6 +90,14 @@ class Passage:
             "gap_m": gap_to(self.person, body),
             "least_gap_m": math.inf,
         }
+
+
+def _is_past(person: Person, plant: Plant) -> bool:
+    """Return whether a kart has driven past somebody without touching."""
+    body = plant.body
+    dx, dy = person.x - body.x, person.y - body.y
+    ahead = dx * math.cos(body.heading) + dy * math.sin(body.heading)
+    return ahead < 0.0 and gap_to(person, body) > 0.0
 
 
 @dataclass

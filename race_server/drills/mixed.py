@@ -13,11 +13,14 @@ from typing import Any
 from rich.console import Console
 
 from race_server.messages import EventKind, Flag, Trust
+from race_server.params import vehicle_named
 from race_server.start import Plan, Real, free_address, run_race, spread
 
 # Beyond this way a kart that was cut off has not stopped by itself: the time in which the last word
 # of the server still holds, the time to react, and braking at a third of what the tyres hold.
 WORD_S, GENTLE = 0.8, 2.5
+# A kart that stands further from the pedestrian did not stop for it [lengths].
+NEAR_LENGTHS = 2.0
 # A kart that obeys is no faster than this above the cap, a second after it was told [share].
 OBEYS = 0.1
 
@@ -59,7 +62,7 @@ def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
         "pedestrian": {"seat": walker, **_figures_of(document, walker, found[walker])},
         "cut": {"seat": cut, **_figures_of(document, cut, found[cut])},
     }
-    why = [*_judge_both(figures), *_judge_walker(figures["pedestrian"])]
+    why = [*_judge_both(figures), *_judge_walker(figures["pedestrian"], setting.vehicle)]
     why += _judge_cut(figures["cut"])
     return {"ok": not why, "why": why, "figures": figures, "missed_ticks": document["missed_ticks"]}
 
@@ -121,13 +124,15 @@ def _judge_both(figures: dict[str, Any]) -> list[str]:
     return why
 
 
-def _judge_walker(part: dict[str, Any]) -> list[str]:
+def _judge_walker(part: dict[str, Any], vehicle: str) -> list[str]:
     met = part["kart"].get("pedestrian") or {}
     if "gap_left_m" not in met:
         return ["the kart did not come to a stop before the pedestrian"]
     why = []
     if min(met["gap_left_m"], met["least_gap_m"]) <= 0.0:
         why.append(f"the pedestrian was hit: {met['least_gap_m']:.2f} m left")
+    if met["gap_left_m"] > NEAR_LENGTHS * vehicle_named(vehicle).length:
+        why.append(f"the kart stopped {met['gap_left_m']:.1f} m from the pedestrian, not for it")
     if met["driver_throttle"] < 1.0:
         why.append("the driver's throttle was not full")
     return why
