@@ -22,7 +22,20 @@ from race_server.wire import topics
 from race_server.wire.topics import Topic, key_of
 
 DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
-LEASE_MS = 2000
+# A link that is silent for so long is given up. Who leaves is seen at once; this is for hosts that
+# die, and long enough that a network which loses a fifth of all packets breaks no link.
+LEASE_MS = 6000
+# What waits in the kernel can no longer be overtaken by something newer, so little may.
+SEND_BUFFER = 32768
+# The loop of a server waits for nobody's network: newest-wins messages soon fall out where a
+# link is full, events have room for seconds, and a link that takes none of them is given up [µs].
+QUEUE = {
+    "size": {"real_time": 4, "interactive_high": 16},
+    "congestion_control": {
+        "drop": {"wait_before_drop": 200},
+        "block": {"wait_before_close": 50_000},
+    },
+}
 # So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
 # comes after an honest control must not hide it.
 MOST_INPUTS = 8
@@ -41,6 +54,8 @@ def _config(mode: str, where: str, address: str, *, timeout_ms: int) -> zenoh.Co
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tcp/so_sndbuf": SEND_BUFFER,
+        "transport/link/tx/queue": QUEUE,
     }
     if where == "connect":
         settings["connect/exit_on_failure"] = True

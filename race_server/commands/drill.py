@@ -51,16 +51,21 @@ def network(
     delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 100.0,
     jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 50.0,
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3,
+    drivers: Annotated[
+        str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
+    ] = "pure_pursuit",
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
     """Race over a network that loses, delays and shuffles packets both ways; needs root."""
-    from race_server.drills.network import drill_network
+    from race_server.commands.race import known_drivers
+    from race_server.drills.network import DRIVERS, drill_network
     from race_server.drills.wire import Weather
 
+    names = known_drivers(drivers) or DRIVERS
     weather = Weather(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
-        document = drill_network(weather, laps=laps, seed=seed, tell=tell)
+        document = drill_network(weather, laps=laps, drivers=names, seed=seed, tell=tell)
     finish(document, as_json=as_json, rows="drivers")
 
 
