@@ -98,7 +98,7 @@ def finish(
     """Print what a drill found, and end with 1 where it is not well.
 
     columns: parts of the document that hold the same figures, to be shown side by side; rows:
-    the part that is a list of such.
+    the part that is a list of such, shown in the same way.
     """
     if as_json:
         print(json.dumps(document))
@@ -112,7 +112,12 @@ def finish(
         if columns:
             console.print(_side_by_side({name: document[name] or {} for name in columns}))
         if document.get(rows):
-            console.print(_listed(document[rows]))
+            # Only numbers: words would need a wider terminal, and are in the document.
+            numbers = [
+                {name: value for name, value in row.items() if not isinstance(value, str)}
+                for row in document[rows]
+            ]
+            console.print(_side_by_side({f"{n}": row for n, row in enumerate(numbers)}))
         console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
     if not document["ok"]:
         raise typer.Exit(1)
@@ -122,11 +127,4 @@ def _side_by_side(parts: dict[str, dict[str, Any]]) -> Table:
     table = Table("figure", *(name.replace("_", " ") for name in parts))
     for name in next(iter(parts.values())):
         table.add_row(name.replace("_", " "), *(str(part.get(name, "")) for part in parts.values()))
-    return table
-
-
-def _listed(rows: list[dict[str, Any]]) -> Table:
-    table = Table(*(name.replace("_", " ") for name in rows[0]))
-    for row in rows:
-        table.add_row(*(str(row.get(name, "")) for name in rows[0]))
     return table
