@@ -10,7 +10,20 @@ from race_server.admission.keys import CA, CERTIFICATE, KEY, PASSWORDS, ClientKe
 from race_server.admission.limits import rate_limit, size_filter
 from race_server.errors import KeysError, LinkError
 
-LEASE_MS = 2000
+# A link that is silent for so long is given up. Who leaves is seen at once; this is for hosts that
+# die, and long enough that a network which loses a fifth of all packets breaks no link.
+LEASE_MS = 6000
+# What waits in the kernel can no longer be overtaken by something newer, so little may [bytes].
+SEND_BUFFER = 32768
+# The loop of a server waits for nobody's network: newest-wins messages soon fall out where a
+# link is full, events have room for seconds, and a link that takes none of them is given up [µs].
+QUEUE = {
+    "size": {"real_time": 4, "interactive_high": 16},
+    "congestion_control": {
+        "drop": {"wait_before_drop": 200},
+        "block": {"wait_before_close": 50_000},
+    },
+}
 # Beyond seats and spectators: a steward, and links that are about to end.
 SPARE_SESSIONS = 4
 # Without keys so many may watch.
@@ -121,6 +134,8 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
         # Shared memory goes past the limit on messages' sizes.
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tcp/so_sndbuf": SEND_BUFFER,
+        "transport/link/tx/queue": QUEUE,
     }
 
 

@@ -62,16 +62,21 @@ def network(
     delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 100.0,
     jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 50.0,
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3,
+    drivers: Annotated[
+        str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
+    ] = "pure_pursuit",
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
     """Race over a network that loses, delays and shuffles packets both ways; needs root."""
-    from race_server.drills.network import drill_network
+    from race_server.commands.race import known_drivers
+    from race_server.drills.network import DRIVERS, drill_network
     from race_server.drills.wire import Weather
 
+    names = known_drivers(drivers) or DRIVERS
     weather = Weather(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
-        document = drill_network(weather, laps=laps, seed=seed, tell=tell)
+        document = drill_network(weather, laps=laps, drivers=names, seed=seed, tell=tell)
     finish(document, as_json=as_json, rows="drivers")
 
 
@@ -140,7 +145,7 @@ def finish(
     """Print what a drill found, and end with 1 where it is not well.
 
     columns: parts of the document that hold the same figures, to be shown side by side; rows:
-    the part that is a list of such.
+    the part that is a list of such, shown in the same way.
     """
     if as_json:
         print(json.dumps(document))
@@ -154,7 +159,12 @@ def finish(
         if columns:
             console.print(_side_by_side({name: document[name] or {} for name in columns}))
         if document.get(rows):
-            console.print(_listed(document[rows]))
+            # Only numbers: words would need a wider terminal, and are in the document.
+            numbers = [
+                {name: value for name, value in row.items() if not isinstance(value, str)}
+                for row in document[rows]
+            ]
+            console.print(_side_by_side({f"{n}": row for n, row in enumerate(numbers)}))
         console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
     if not document["ok"]:
         raise typer.Exit(1)
@@ -164,11 +174,4 @@ def _side_by_side(parts: dict[str, dict[str, Any]]) -> Table:
     table = Table("figure", *(name.replace("_", " ") for name in parts))
     for name in next(iter(parts.values())):
         table.add_row(name.replace("_", " "), *(str(part.get(name, "")) for part in parts.values()))
-    return table
-
-
-def _listed(rows: list[dict[str, Any]]) -> Table:
-    table = Table(*(name.replace("_", " ") for name in rows[0]))
-    for row in rows:
-        table.add_row(*(str(row.get(name, "")) for name in rows[0]))
     return table

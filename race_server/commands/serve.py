@@ -228,6 +228,7 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
                 break
             _tell(outcome.as_json(), race, service)
             if service.once:
+                server.see_off()
                 break
             server.reopen()
 

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from race_server.drills.hall import Figures, Hall, free_port, hall, milliseconds, quantile
@@ -131,13 +132,13 @@ def _load_race_server(
         place.wait_for(Phase.RUNNING)
         time.sleep(WARM_UP_S)
         before, begun = _mark(place, (watching, driving))
-        _pass_time(seconds, tell)
+        busy = _pass_time(seconds, tell)
         after, wall = place.figures(), time.perf_counter() - begun
         told = watching.end() | driving.end()
         place.stop()
     cpu = after["process_cpu_seconds_total"] - before["process_cpu_seconds_total"]
     memory = [figures["process_resident_memory_bytes"] / 1e6 for figures in (before, after)]
-    return _column(before, after, told, cpu / wall, memory)
+    return _column(before, after, told, cpu / wall, memory) | {"machine_busy": busy}
 
 
 def _mark(place: Hall, all_crowds: Sequence[Crowd]) -> tuple[Figures, float]:
@@ -160,13 +161,15 @@ def _load_peer(
             time.sleep(WARM_UP_S + 3.0)  # its countdown
             for crowd in (server, watching, driving):
                 crowd.tell("mark")
-            _pass_time(seconds, tell)
+            busy = _pass_time(seconds, tell)
             counted = server.end()
             told = watching.end() | driving.end()
     before, after = counted["before"], counted["after"]
     share = (after["cpu"] - before["cpu"]) / (after["wall"] - before["wall"])
     memory = [before["memory"], after["memory"]]
-    return _column(_as_figures(before), _as_figures(after), told, share, memory)
+    return _column(_as_figures(before), _as_figures(after), told, share, memory) | {
+        "machine_busy": busy
+    }
 
 
 def _as_figures(counted: dict[str, Any]) -> Figures:
@@ -207,8 +210,22 @@ def _column(
     }
 
 
-def _pass_time(seconds: float, tell: Callable[[int], None]) -> None:
-    begun = time.monotonic()
+def _pass_time(seconds: float, tell: Callable[[int], None]) -> float | None:
+    """Wait, and return how many cores of the machine were busy meanwhile (Linux: /proc)."""
+    begun, before = time.monotonic(), _busy_s()
     while (gone := time.monotonic() - begun) < seconds:
         tell(round(gone))
         time.sleep(min(1.0, seconds - gone))
+    after = _busy_s()
+    return None if before is None or after is None else round((after - before) / gone, 2)
+
+
+def _busy_s() -> float | None:
+    """Return for how long the cores of this machine have worked since it started, together."""
+    path = Path("/proc/stat")
+    if not path.exists():
+        return None
+    user, nice, system, _idle, _wait, *interrupts = map(
+        int, path.read_text().split("\n")[0].split()[1:9]
+    )
+    return (user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,9 @@ from race_server.errors import RaceError
 from race_server.logs import words_of
 
 TRACK, LAPS, KARTS = "oval-report", 3, 8
-DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
+# Its observations are small. A lidar's are 4 KB, 20 times a second: where a fifth of all packets
+# is lost that is more than TCP carries.
+DRIVERS = ("pure_pursuit",)
 # A race lasts longest if the winner waits for the last: 100 s after it the rest is timed out.
 MOST_S = 600.0
 START_S = 120.0
@@ -31,6 +33,7 @@ def drill_network(
     weather: Weather,
     *,
     laps: int = LAPS,
+    drivers: Sequence[str] = DRIVERS,
     seed: int = 1,
     tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
@@ -45,7 +48,7 @@ def drill_network(
     figures: dict[str, Any] = {}
     try:
         with bad_wire(weather, seed) as wire, tempfile.TemporaryDirectory(prefix="drill-") as name:
-            document, told = _race(wire, Path(name), laps, tell)
+            document, told = _race(wire, Path(name), laps, drivers, tell)
             figures = {"packets": wire.passed + wire.lost, "packets_lost": wire.lost}
         figures |= _compare(document, told, laps, faults)
     except RaceError as error:
@@ -64,7 +67,7 @@ def drill_network(
 
 
 def _race(
-    wire: Wire, place: Path, laps: int, tell: Callable[[int], None]
+    wire: Wire, place: Path, laps: int, drivers: Sequence[str], tell: Callable[[int], None]
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Run the race; return the server's result and what each driver has heard."""
     address = f"tcp/{ADDRESSES[0]}:{PORT}"
@@ -74,7 +77,7 @@ def _race(
     processes = [_start(wire.names[0], serve, place / "server")]
     try:
         for seat in range(KARTS):
-            words = ["drive", DRIVERS[seat % len(DRIVERS)], "--connect", address, "--json"]
+            words = ["drive", drivers[seat % len(drivers)], "--connect", address, "--json"]
             words += ["--session", SESSION, "--seat", str(seat), "--patience", str(START_S)]
             processes.append(_start(wire.names[1], words, place / f"driver-{seat}"))
         _wait(processes, place, tell)

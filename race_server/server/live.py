@@ -34,6 +34,8 @@ ANSWER_S = 10.0
 # … and it is told again what it sees as often as this, should a message have been lost.
 REPEAT_S = 0.5
 LOBBY_POLL_S = 0.02
+# Drivers that have not heard the end of the last race by then never will.
+SEE_OFF_S = 5.0
 
 
 @dataclass
@@ -98,6 +100,21 @@ class RaceServer:
         self.session.reopen()
         self._paddock.clear()
         self._herald.tell_standings()
+
+    def see_off(self) -> None:
+        """Tell drivers the end until they have gone: on a bad network the first word gets lost."""
+        deadline, again = time.monotonic() + SEE_OFF_S, 0.0
+        while not self._stop and (now := time.monotonic()) < deadline:
+            self._hear()
+            if not any(self._is_linked(seat) for seat in self.session.seats):
+                return
+            if now > again:
+                again = now + REPEAT_S
+                self._tell_seats()
+            self.link.wait(LOBBY_POLL_S)
+
+    def _is_linked(self, seat: Seat) -> bool:
+        return seat.is_taken and seat.is_present and seat.number not in self._paddock
 
     def wait_in_lobby(self, drivers: int) -> None:
         """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
