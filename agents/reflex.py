@@ -196,6 +196,18 @@ def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -
     return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
 
 
+def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
+    """Hold a kart that stood for somebody until nobody is in front, wherever it would steer.
+
+    Steering around what is that near takes it out of the radar's sight and under a front wheel.
+    """
+    for curvature in ways_out(0.0, limits):
+        held = watch_creeping(echoes, curvature, limits.restart, limits)
+        if held.brake > 0.0:
+            return held
+    return Verdict()
+
+
 def watch_driver(age_s: float, limits: Limits) -> Verdict:
     """Coast, then stop, when the driver's input gets old: the dead man's handle."""
     if age_s > limits.let_go_s:

@@ -24,6 +24,7 @@ from agents.reflex import (
     watch_fence,
     watch_link,
     watch_obstacles,
+    watch_restart,
     watch_speed,
     way_along,
 )
@@ -260,6 +261,14 @@ def test_a_kart_that_moves_away_is_followed_without_braking() -> None:
 def test_a_kart_that_stands_before_a_person_does_not_creep() -> None:
     assert watch_creeping(wall_ahead(0.3, 0.0), 0.0, 0.5, LIMITS).brake == 1.0
     assert watch_creeping(wall_ahead(0.7, 0.0), 0.0, 0.5, LIMITS) == Verdict()
+
+
+def test_a_kart_that_stood_for_a_person_does_not_steer_around_it() -> None:
+    person = Echoes(
+        np.array([LIMITS.nose + 1.0]), np.zeros(1), np.zeros(1), np.array([codes.OBSTACLE], "u1")
+    )
+    assert watch_creeping(person, 0.5, LIMITS.restart, LIMITS).brake == 0.0
+    assert watch_restart(person, LIMITS).brake == 1.0
 
 
 @pytest.mark.parametrize(
