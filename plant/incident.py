@@ -15,7 +15,7 @@ from plant.radar import Person, gap_to
 
 STANDS = 0.03  # [m/s] slower than this is standing
 # Somebody steps out where this share of the way that the kart needs to stop is left.
-ROOM = 1.15
+ROOM = 1.3
 STAY_S = 2.0  # so long a person stays once the kart stands
 WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
 # What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].

@@ -43,6 +43,7 @@ LIMITS = Limits(
     braking=5.0,
     reaction_s=0.2,
     half_width=0.7,
+    berth=0.3,
     nose=1.5,
     stand_off=0.5,
     restart=3.0,
@@ -223,11 +224,22 @@ def test_no_message_of_the_game_makes_a_kart_faster() -> None:
         assert told.brake >= alone.brake
 
 
-def test_something_beside_the_way_is_no_danger() -> None:
+@pytest.mark.parametrize(
+    ("aside", "kind", "brakes"),
+    [
+        (0.8, codes.KART_HIT, False),
+        (0.8, codes.OBSTACLE, True),  # somebody 0.1 m beside the kart is wider than that
+        (1.1, codes.OBSTACLE, False),
+    ],
+)
+def test_what_stands_beside_the_way_is_no_danger_but_people_get_a_berth(
+    aside: float, kind: int, brakes: bool
+) -> None:
     beside = Echoes(
-        np.array([6.0]), np.array([0.8]), np.array([10.0]), np.array([codes.OBSTACLE], np.uint8)
+        np.array([6.0]), np.array([aside]), np.array([10.0]), np.array([kind], np.uint8)
     )
-    assert watch_obstacles(beside, 10.0, 0.0, 0.0, LIMITS) == Verdict()
+    verdict = watch_obstacles(beside, 10.0, 0.0, 0.0, LIMITS)
+    assert (verdict.brake == 1.0) is brakes
 
 
 def test_something_on_the_arc_is_a_danger_and_straight_ahead_is_none() -> None:
