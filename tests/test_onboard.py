@@ -277,7 +277,7 @@ def test_a_kart_that_stands_before_a_person_does_not_creep() -> None:
 
 def test_a_kart_that_stood_for_a_person_does_not_steer_around_it() -> None:
     person = Echoes(
-        np.array([LIMITS.nose + 1.0]), np.zeros(1), np.zeros(1), np.array([codes.OBSTACLE], "u1")
+        np.array([LIMITS.nose + 2.0]), np.zeros(1), np.zeros(1), np.array([codes.OBSTACLE], "u1")
     )
     assert watch_creeping(person, 0.5, LIMITS.restart, LIMITS).brake == 0.0
     assert watch_restart(person, LIMITS).brake == 1.0
