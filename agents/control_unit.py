@@ -25,6 +25,7 @@ from agents.reflex import (
     watch_link,
     watch_obstacles,
     watch_place,
+    watch_restart,
     watch_speed,
 )
 from race_server.messages import Button, Control, Pose, Source
@@ -198,7 +199,7 @@ class ControlUnit:
             return Verdict()
         held = Verdict()
         if self._is_braking:
-            held = watch_creeping(still, will, self.limits.restart, self.limits)
+            held = watch_restart(still, self.limits)
             self._is_braking = held.brake > 0.0
         near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
         return held if held.brake > 0.0 else near

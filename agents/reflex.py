@@ -45,6 +45,7 @@ class Limits:
     braking: float  # [m/s²] that the kart reaches for certain
     reaction_s: float  # until the brakes bite
     half_width: float  # [m] of the corridor that the body needs
+    berth: float  # [m] beside it that people get: an echo is one point of somebody who is wider
     nose: float  # [m] from the rear axle to the front bumper
     stand_off: float  # [m] that must be left
     restart: float  # [m] that must be free before a kart that braked for something drives on
@@ -65,6 +66,7 @@ class Limits:
             braking=0.7 * promised,
             reaction_s=0.2,
             half_width=0.55 * vehicle.width,
+            berth=0.35 * vehicle.width,
             nose=vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length,
             stand_off=0.25 * vehicle.length,
             restart=1.5 * vehicle.length,
@@ -137,8 +139,10 @@ def way_along(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
     return radius * turned, radius - np.hypot(x, radius - side)
 
 
-def is_on_way(along: Floats, aside: Floats, curvature: float, limits: Limits) -> NDArray[np.bool_]:
-    """Return which points of `way_along` the body sweeps over.
+def is_on_way(
+    along: Floats, aside: Floats, beside: Floats, curvature: float, limits: Limits
+) -> NDArray[np.bool_]:
+    """Return which points of `way_along` the body sweeps over, or misses by less than `beside` [m].
 
     In a bend the outer front corner swings out beyond the way of the rear axle.
     """
@@ -146,7 +150,7 @@ def is_on_way(along: Floats, aside: Floats, curvature: float, limits: Limits) ->
     if abs(curvature) > STRAIGHT:
         radius = 1.0 / abs(curvature)
         outer = math.hypot(radius + limits.half_width, limits.nose) - radius
-    return (along > 0.0) & (aside < limits.half_width) & (aside > -outer)
+    return (along > 0.0) & (aside < limits.half_width + beside) & (aside > -outer - beside)
 
 
 def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
@@ -156,7 +160,8 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
-    ahead = is_on_way(along, aside, curvature, limits) & (echoes.closing > CREEP)
+    beside = np.where(echoes.kinds == codes.OBSTACLE, limits.berth, 0.0)
+    ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
     needed = echoes.closing * (limits.reaction_s + echoes.closing / (2.0 * limits.braking))
     return ahead & (gap < needed)
 
@@ -191,9 +196,22 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
     """Hold a kart that stands right before somebody from driving on. room: [m] to be free."""
     along, aside = way_along(echoes.x, echoes.y, wanted)
-    close = is_on_way(along, aside, wanted, limits)
+    beside = np.where(echoes.kinds == codes.OBSTACLE, limits.berth, 0.0)
+    close = is_on_way(along, aside, beside, wanted, limits)
     close &= (along - limits.nose < room) & (echoes.kinds != codes.BORDER)
     return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
+
+
+def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
+    """Hold a kart that stood for somebody until nobody is in front, wherever it would steer.
+
+    Steering around what is that near takes it out of the radar's sight and under a front wheel.
+    """
+    for curvature in ways_out(0.0, limits):
+        held = watch_creeping(echoes, curvature, limits.restart, limits)
+        if held.brake > 0.0:
+            return held
+    return Verdict()
 
 
 def watch_driver(age_s: float, limits: Limits) -> Verdict:

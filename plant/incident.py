@@ -15,9 +15,11 @@ from plant.radar import Person, gap_to
 
 STANDS = 0.03  # [m/s] slower than this is standing
 # Somebody steps out where this share of the way that the kart needs to stop is left.
-ROOM = 1.15
+ROOM = 1.3
 STAY_S = 2.0  # so long a person stays once the kart stands
 WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
+# What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].
+BRAKES_AT = 2.0
 MOST_BEND = 0.12  # [rad] of course between kart and person
 RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
 
@@ -144,6 +146,7 @@ class Diary:
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
     _cap: float = math.inf
+    _slow_s: float = math.inf  # from then on the kart should be as slow as it was told
     _errors: list[float] = field(default_factory=list)
 
     def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
@@ -170,14 +173,15 @@ class Diary:
             self._errors.append(math.hypot(pose.x - body.x, pose.y - body.y))
 
     def _note_orders(self, unit: ControlUnit, now_s: float) -> None:
-        """Note each time the game slows this kart, and whether the kart obeys within a second."""
+        """Note each time the game slows this kart, and whether the kart obeys in time."""
         assert unit.hud is not None
         cap, speed = unit.hud.speed_cap, abs(self.plant.body.speed)
         slowed = cap < 0.99 * unit.vehicle.top_speed
         if slowed and (self._cap != cap):
             self._orders.append([cap, now_s, 0.0])
+            self._slow_s = now_s + 1.0 + max(speed - cap, 0.0) / BRAKES_AT
         self._cap = cap
-        if slowed and now_s - self._orders[-1][1] > 1.0:
+        if slowed and now_s > self._slow_s:
             self._orders[-1][2] = max(self._orders[-1][2], speed - cap)
 
     def summary(self) -> dict[str, Any]:

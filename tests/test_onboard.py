@@ -24,6 +24,7 @@ from agents.reflex import (
     watch_fence,
     watch_link,
     watch_obstacles,
+    watch_restart,
     watch_speed,
     way_along,
 )
@@ -42,6 +43,7 @@ LIMITS = Limits(
     braking=5.0,
     reaction_s=0.2,
     half_width=0.7,
+    berth=0.3,
     nose=1.5,
     stand_off=0.5,
     restart=3.0,
@@ -222,11 +224,22 @@ def test_no_message_of_the_game_makes_a_kart_faster() -> None:
         assert told.brake >= alone.brake
 
 
-def test_something_beside_the_way_is_no_danger() -> None:
+@pytest.mark.parametrize(
+    ("aside", "kind", "brakes"),
+    [
+        (0.8, codes.KART_HIT, False),
+        (0.8, codes.OBSTACLE, True),  # somebody 0.1 m beside the kart is wider than that
+        (1.1, codes.OBSTACLE, False),
+    ],
+)
+def test_what_stands_beside_the_way_is_no_danger_but_people_get_a_berth(
+    aside: float, kind: int, brakes: bool
+) -> None:
     beside = Echoes(
-        np.array([6.0]), np.array([0.8]), np.array([10.0]), np.array([codes.OBSTACLE], np.uint8)
+        np.array([6.0]), np.array([aside]), np.array([10.0]), np.array([kind], np.uint8)
     )
-    assert watch_obstacles(beside, 10.0, 0.0, 0.0, LIMITS) == Verdict()
+    verdict = watch_obstacles(beside, 10.0, 0.0, 0.0, LIMITS)
+    assert (verdict.brake == 1.0) is brakes
 
 
 def test_something_on_the_arc_is_a_danger_and_straight_ahead_is_none() -> None:
@@ -260,6 +273,14 @@ def test_a_kart_that_moves_away_is_followed_without_braking() -> None:
 def test_a_kart_that_stands_before_a_person_does_not_creep() -> None:
     assert watch_creeping(wall_ahead(0.3, 0.0), 0.0, 0.5, LIMITS).brake == 1.0
     assert watch_creeping(wall_ahead(0.7, 0.0), 0.0, 0.5, LIMITS) == Verdict()
+
+
+def test_a_kart_that_stood_for_a_person_does_not_steer_around_it() -> None:
+    person = Echoes(
+        np.array([LIMITS.nose + 2.0]), np.zeros(1), np.zeros(1), np.array([codes.OBSTACLE], "u1")
+    )
+    assert watch_creeping(person, 0.5, LIMITS.restart, LIMITS).brake == 0.0
+    assert watch_restart(person, LIMITS).brake == 1.0
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from race_server.start import Plan, Real, free_address, run_race, spread
 WORD_S, GENTLE = 0.8, 2.5
 # A kart that stands further from the pedestrian did not stop for it [lengths].
 NEAR_LENGTHS = 2.0
-# A kart that obeys is no faster than this above the cap, a second after it was told [share].
+# A kart that obeys is no faster than this above the cap, once it had time to brake [share].
 OBEYS = 0.1
 
 
@@ -116,7 +116,7 @@ def _judge_both(figures: dict[str, Any]) -> list[str]:
             why.append(f"the kart on seat {seat} left no report")
         elif kart["worst_excess_share"] > OBEYS:
             share = kart["worst_excess_share"]
-            why.append(f"the kart on seat {seat} went {share:.0%} over its cap a second later")
+            why.append(f"the kart on seat {seat} went {share:.0%} over its cap, in good time")
     if not any(part["items_used"] for part in figures.values()):
         why.append("no real kart used an item")
     if not any(part["kart"].get("slowdowns") for part in figures.values()):
