@@ -15,8 +15,8 @@ from race_server.errors import KeysError, LinkError
 LEASE_MS = 6000
 # What waits in the kernel can no longer be overtaken by something newer, so little may [bytes].
 SEND_BUFFER = 32768
-# The loop of a server waits for nobody's network: newest-wins messages soon fall out where a
-# link is full, events have room for seconds, and a link that takes none of them is given up [µs].
+# The loop of a real-time server waits for nobody's network: newest-wins messages soon fall out
+# where a link is full, events have room for seconds, and a link that takes none is given up [µs].
 QUEUE = {
     "size": {"real_time": 4, "interactive_high": 16},
     "congestion_control": {
@@ -57,6 +57,7 @@ def server_settings(door: Door) -> dict[str, Any]:
     roles = (ANYONE,) if keys is None else roles_of(door.seats)
     settings: dict[str, Any] = {
         **_common("router", "listen", door.address),
+        **({"transport/link/tx/queue": QUEUE} if door.real_time else {}),
         "listen/exit_on_failure": True,
         "connect/endpoints": [],
         "access_control": access_control(
@@ -135,7 +136,6 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tcp/so_sndbuf": SEND_BUFFER,
-        "transport/link/tx/queue": QUEUE,
     }
 
 
