@@ -7,7 +7,7 @@ import pytest
 from courses import ring
 from races import run_race
 
-from agents.idm import follow_acceleration
+from agents.following import follow_acceleration
 from agents.tracking import tyre_slip
 from race_server.limit.line import with_line
 from race_server.limit.reference import reference_limit
