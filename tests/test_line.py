@@ -138,9 +138,9 @@ def test_the_line_leads_around_an_obstacle_and_is_itself_again_behind_it() -> No
     # Half its width, half the car's own and half a width of room are inside of 6.2 m.
     assert np.hypot(led.x, led.y)[beside] == pytest.approx(6.2 - 1.5 * TT02.width, abs=0.03)
     assert led.right[beside] == pytest.approx(TT02.width, abs=0.04)
-    assert led.speed.min() < 0.95 * plain.speed.min()
+    assert led.speed.min() < 0.98 * plain.speed.min()
     assert np.hypot(led.x[0], led.y[0]) == pytest.approx(6.0, abs=1e-3)
-    assert led.speed[0] == pytest.approx(plain.speed[0], rel=1e-3)
+    assert led.speed[0] == pytest.approx(plain.speed[0], rel=5e-3)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
