@@ -24,6 +24,8 @@ AGREEING, AGREEING_S = 8, 0.25
 FIRST_S = 1.0
 # A kart that does not acknowledge what it must obey for so long cannot be relied on.
 DEAF_S = 1.5
+# More orders than a server can have given that was killed before they were written down.
+UNWRITTEN = 3600
 LEAST_QUALITY = 0.2
 # What a message may be late by, as the clock sees it; it counts at the kart's speed.
 JITTER_S = 0.03
@@ -157,6 +159,13 @@ class Orders:
     _what: tuple[float, ...] = ()
     _since_us: int = 0
 
+    def taken_up(self, now_us: int) -> "Orders":
+        """Return the orders for the rest of a race whose server was killed: all are repeated.
+
+        Their numbers are higher than any that the kart may have heard of and nobody wrote down.
+        """
+        return Orders(self.sequence + UNWRITTEN, self.acknowledged, _since_us=now_us)
+
     def change(self, what: tuple[float, ...], now_us: int) -> None:
         """Number the orders anew if they are others than before."""
         if what != self._what:
@@ -204,6 +213,23 @@ class Tracker:
     def at_start(self, pose: Pose, now_us: int) -> "Tracker":
         """Return a tracker that expects the kart on the grid; its clock is known from before."""
         return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=now_us)
+
+    def taken_up(self, place: Pose, now_us: int) -> "Tracker":
+        """Return a tracker for the rest of a race whose server was killed.
+
+        A kart that was trusted has as long as at the start to be heard of again.
+        """
+        trust = Trust.SIMULATED if self.trust is Trust.TRUSTED else self.trust
+        orders = self.orders.taken_up(now_us)
+        return Tracker(
+            self.gates,
+            orders=orders,
+            trust=trust,
+            doubt=self.doubt,
+            _known=place,
+            _known_us=now_us,
+            _changed_us=now_us,
+        )
 
     def take(self, pose: Pose, arrived_us: int, *, is_inside: bool) -> Doubt:
         """Take a pose that arrived and return what speaks against it."""
