@@ -10,6 +10,7 @@ from typing import Any
 from agents.control_unit import ControlUnit
 from agents.onboard import Onboard, is_home
 from agents.reflex import Cause
+from plant.body import Body
 from plant.kart import Plant
 from plant.radar import Person, gap_to
 
@@ -20,8 +21,24 @@ STAY_S = 2.0  # so long a person stays once the kart stands
 WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
 # What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].
 BRAKES_AT = 2.0
-MOST_BEND = 0.12  # [rad] of course between kart and person
+# [rad] that the way to the person may turn, and by which the course may turn otherwise there.
+MOST_BEND, MOST_STRAY = 0.3, 0.12
 RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
+# It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
+# the fastest that it has been.
+FAST, NEARLY_FASTEST = 0.45, 0.75
+
+
+@dataclass
+class Pace:
+    """Whether a kart is fast, as far as this course allows."""
+
+    fastest: float = 0.0  # [m/s] so far
+
+    def is_fast(self, body: Body) -> bool:
+        """Take note of a speed and return whether it is high."""
+        self.fastest = max(self.fastest, body.speed)
+        return body.speed > min(FAST * body.vehicle.top_speed, NEARLY_FASTEST * self.fastest)
 
 
 @dataclass
@@ -32,14 +49,17 @@ class Passage:
     person: Person | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     is_over: bool = False
+    _pace: Pace = field(default_factory=Pace)
     _stood_s: float = math.inf
 
     def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
         """Step out, be met, walk away."""
+        is_fast = self._pace.is_fast(plant.body)
         if self.is_over or raced_s < self.after_s:
             return
         if self.person is None:
-            self._step_out(plant, unit, raced_s)
+            if is_fast:
+                self._step_out(plant, unit, raced_s)
             return
         body, figures = plant.body, self.figures
         figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
@@ -66,23 +86,19 @@ class Passage:
         plant.throttle = None
 
     def _step_out(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
-        """Step out on the way of the kart, on a stretch without a sharp bend."""
+        """Step out on the way of the kart, where it need not turn much before."""
         body, limits = plant.body, unit.limits
         way = body.speed * limits.reaction_s + body.speed**2 / (2.0 * limits.braking)
         radius = 0.15 * body.vehicle.length
         ahead = limits.nose - body.vehicle.rear_axle + ROOM * way + limits.stand_off + radius
         curvature = math.tan(body.steering) / body.vehicle.wheelbase
-        course = unit.fence.heading_at(
-            body.x + ahead * math.cos(body.heading), body.y + ahead * math.sin(body.heading)
-        )
-        bend = math.remainder(course - body.heading, 2.0 * math.pi)
-        is_fast = body.speed > 0.45 * body.vehicle.top_speed
-        if not is_fast or abs(bend) > MOST_BEND or abs(curvature * ahead) > MOST_BEND:
-            return
         middle = body.heading + 0.5 * curvature * ahead
-        self.person = Person(
-            body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle), radius
-        )
+        x, y = body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle)
+        turned = curvature * ahead
+        stray = math.remainder(unit.fence.heading_at(x, y) - body.heading - turned, 2.0 * math.pi)
+        if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
+            return
+        self.person = Person(x, y, radius)
         plant.around.people.append(self.person)
         plant.throttle = 1.0
         self.figures = {
@@ -109,6 +125,7 @@ class Cut:
     after_s: float  # of racing
     figures: dict[str, Any] = field(default_factory=dict)
     is_over: bool = False
+    _pace: Pace = field(default_factory=Pace)
     _from: tuple[float, float] = (0.0, 0.0)
     _stood_s: float = math.inf
 
@@ -116,7 +133,7 @@ class Cut:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
         if not onboard.is_cut:
-            if raced_s < self.after_s or body.speed < 0.45 * body.vehicle.top_speed:
+            if not self._pace.is_fast(body) or raced_s < self.after_s:
                 return
             onboard.is_cut = True
             plant.throttle = 1.0

@@ -25,6 +25,7 @@ class Sensors:
     wheel_deviation: float = 0.03  # [m/s]
     gyro_deviation: float = 0.01  # [rad/s]
     gyro_bias: float = 0.02  # [rad/s]
+    accelerometer_deviation: float = 0.3  # [m/s²]
 
 
 @dataclass
@@ -44,6 +45,7 @@ class Plant:
     _radar_s: float = -math.inf
     _control: Control = STOP
     _is_scraping: bool = False
+    _velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east and north, at the last reading
 
     def __post_init__(self) -> None:
         """Begin the sensors' noise."""
@@ -65,12 +67,14 @@ class Plant:
 
     def read(self, now_s: float) -> Readings:
         """Let the body move on to now and return what the sensors give."""
+        acceleration = None
         if self._now_s > -math.inf:
             # A process that was held up does not drive through walls when it wakes.
             seconds = min(now_s - self._now_s, 0.2)
             command = self.command
             self.body.advance(seconds, command.steering, command.throttle, command.brake)
             self._meet_borders()
+            acceleration = self._acceleration(now_s - self._now_s)
         self._now_s = now_s
         body, sensors, normal = self.body, self.sensors, self._noise.normal
         return Readings(
@@ -78,9 +82,25 @@ class Plant:
             wheel_speed=body.speed + normal(0.0, sensors.wheel_deviation),
             yaw_rate=body.yaw_rate + sensors.gyro_bias + normal(0.0, sensors.gyro_deviation),
             steering=body.steering,
+            acceleration=acceleration,
             fix=self._fix(now_s),
             echoes=self._scan() if self._is_due(now_s) else None,
         )
+
+    def _acceleration(self, seconds: float) -> tuple[float, float] | None:
+        """Return the mean acceleration since the last reading, ahead and to the left."""
+        body, (was_east, was_north) = self.body, self._velocity
+        cos, sin = math.cos(body.heading), math.sin(body.heading)
+        east = body.speed * cos - body.lateral_speed * sin
+        north = body.speed * sin + body.lateral_speed * cos
+        self._velocity = east, north
+        if seconds <= 0.0:
+            return None
+        x, y = (east - was_east) / seconds, (north - was_north) / seconds
+        ahead, left = self._noise.normal(
+            (x * cos + y * sin, y * cos - x * sin), self.sensors.accelerometer_deviation
+        )
+        return float(ahead), float(left)
 
     def _scan(self) -> Echoes:
         others = self.look()

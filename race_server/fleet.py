@@ -135,8 +135,8 @@ def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[
     kart, flag = world.karts[0, seat], int(world.races[0].flag)
     if kart.status == codes.ABSENT:
         return None
-    tracker.follow(now_us)
     stops = kart.status != codes.RACING
+    tracker.follow(now_us, is_racing=not stops)
     what = (float(kart.speed_cap), float(kart.thrust_scale), flag, int(kart.yellow), tracker.trust)
     tracker.orders.change((*what, stops), now_us)
     # A kart that was trusted before its server was killed is not moved by the simulation since.

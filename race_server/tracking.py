@@ -264,9 +264,12 @@ class Tracker:
             self._known, self._known_us = pose, at_us
         return Doubt.NONE
 
-    def follow(self, now_us: int) -> None:
-        """Work out how far the kart is believed now."""
-        if self.trust is Trust.OUT:
+    def follow(self, now_us: int, *, is_racing: bool = True) -> None:
+        """Work out how far the kart is believed now.
+
+        A trusted kart whose race is over may leave: it stands where it was, and is not missed.
+        """
+        if self.trust is Trust.OUT or (self.trust is Trust.TRUSTED and not is_racing):
             return
         is_deaf = self.orders.is_unheard(now_us)
         waited = (now_us - self._changed_us) / MICROSECONDS
