@@ -155,6 +155,14 @@ def test_silence_makes_a_kart_doubtful_then_parks_it_then_ends_its_race() -> Non
     assert tracker.doubt is Doubt.SILENT
 
 
+def test_a_kart_whose_race_is_over_may_leave() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    for second in range(1, 40):
+        tracker.follow(second * 1_000_000, is_racing=False)
+    assert tracker.trust is Trust.TRUSTED
+
+
 def test_a_kart_comes_back_elsewhere_once_its_poses_agree_for_a_while() -> None:
     tracker = Tracker(GATES)
     standing(tracker, 0.0, 1.0)
