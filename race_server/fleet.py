@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from race_server import codes
+from race_server.clock import TICKS_PER_SECOND
 from race_server.messages import Doubt, Pose, Trust
 from race_server.params import Vehicle
 from race_server.state import PLACEMENT, Floats, Ints, World
@@ -53,8 +54,11 @@ class Fleet:
 
     def begin(self, world: World, now_us: int) -> None:
         """Expect all of them on the grid of a new race."""
+        race = world.races[0]
+        lights_s = int(race.start_tick - race.tick) / TICKS_PER_SECOND
         for seat, tracker in self.trackers.items():
-            self.trackers[seat] = tracker.at_start(_place_of(world, seat), now_us)
+            place = _place_of(world, seat)
+            self.trackers[seat] = tracker.at_start(place, now_us, lights_s=lights_s)
 
     def recall(self, placements: Placements) -> None:
         """Know again what was known of the karts that a recording places."""

@@ -20,7 +20,7 @@ STALE_S = 0.4
 DOUBT_S, PARK_S, OUT_S = 0.4, 2.0, 20.0
 # So many poses in a row, over at least this time, must agree before a kart is believed again.
 AGREEING, AGREEING_S = 8, 0.25
-# At the start nobody expects a pose sooner than this.
+# Nobody expects the first pose sooner than this, nor before the start.
 FIRST_S = 1.0
 # A kart that does not acknowledge what it must obey for so long cannot be relied on.
 DEAF_S = 1.5
@@ -210,9 +210,13 @@ class Tracker:
     _heard_us: int = 0
     _changed_us: int = 0
 
-    def at_start(self, pose: Pose, now_us: int) -> "Tracker":
-        """Return a tracker that expects the kart on the grid; its clock is known from before."""
-        return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=now_us)
+    def at_start(self, pose: Pose, now_us: int, *, lights_s: float = 0.0) -> "Tracker":
+        """Return a tracker that expects the kart on the grid; its clock is known from before.
+
+        lights_s: time until the lights go out: until then nobody is in anybody's way.
+        """
+        since_us = now_us + round(max(lights_s - FIRST_S, 0.0) * MICROSECONDS)
+        return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=since_us)
 
     def taken_up(self, place: Pose, now_us: int) -> "Tracker":
         """Return a tracker for the rest of a race whose server was killed.
