@@ -286,7 +286,7 @@ class Tracker:
         elif not is_deaf and self._agrees(now_us):
             self._known, self._known_us = self._last, self._last_us
             self._turn(Trust.TRUSTED, Doubt.NONE, now_us)
-        elif self.trust is Trust.SIMULATED and waited > FIRST_S:
+        elif self.trust is Trust.SIMULATED and is_racing and waited > FIRST_S:
             self._turn(Trust.DOUBTFUL, self.doubt or Doubt.SILENT, now_us)
         elif self.trust is Trust.DOUBTFUL and waited > PARK_S:
             self._turn(Trust.PARKED, self.doubt, now_us)

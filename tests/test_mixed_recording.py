@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_tracking import COURSE, TICK_US, Real, drive
 
+from race_server.acts import ActKind
 from race_server.errors import RecordingError, SeatError, WireError
 from race_server.fleet import Placements
 from race_server.messages import Event, EventKind, Flag, Phase, Trust
@@ -169,6 +170,17 @@ def test_a_real_kart_that_does_not_come_back_is_doubtful_a_second_later(raced: R
     assert session.world.karts["trust"][0, 0] == Trust.TRUSTED
     session.follow(1_100_000)
     assert session.world.karts["trust"][0, 0] == Trust.DOUBTFUL
+
+
+def test_a_real_kart_that_was_home_is_not_missed_after_the_kill(raced: Recorded) -> None:
+    raced.run(60)
+    raced.session.do(ActKind.WITHDRAW, 0)
+    raced.run(2)
+    session, _ = take_up(read_recording(raced.kill()), None)
+    session.fleet.take_up(session.world, 0)
+    session.follow(30_000_000)
+    assert session.world.karts["trust"][0, 0] == Trust.TRUSTED
+    assert session.world.karts["yellow"][0].sum() == 0
 
 
 def test_copies_of_what_was_taken_before_the_kill_are_refused_after_it(raced: Recorded) -> None:
