@@ -23,6 +23,8 @@ WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
 BRAKES_AT = 2.0
 # [rad] that the way to the person may turn, and by which the course may turn otherwise there.
 MOST_BEND, MOST_STRAY = 0.3, 0.12
+# A turn that takes so long shows that the machine had no time for the kart's program.
+PAUSE_S = 0.3
 RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
 # It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
 # the fastest that it has been.
@@ -165,9 +167,13 @@ class Diary:
     _cap: float = math.inf
     _slow_s: float = math.inf  # from then on the kart should be as slow as it was told
     _errors: list[float] = field(default_factory=list)
+    _turned_s: float = math.inf
+    _pauses: int = 0
 
     def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
         """Note one decision; False once this kart has nothing more to do."""
+        self._pauses += now_s - self._turned_s > PAUSE_S
+        self._turned_s = now_s
         hud = unit.hud
         if hud is None:
             return True
@@ -213,6 +219,7 @@ class Diary:
                 (order[2] / max(order[0], 1.0) for order in kept), default=0.0
             ),
             "scrapes": self.plant.scrapes,
+            "pauses": self._pauses,
             "pedestrian": self.passage.figures if self.passage else None,
             "cut": self.cut.figures if self.cut else None,
             **self.figures,
