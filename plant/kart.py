@@ -14,6 +14,9 @@ from plant.radar import Floats, Surroundings, scan
 from race_server.messages import Control, Source
 from race_server.params import Vehicle
 
+# The body meets borders at least so often, and stands still beyond so long a pause.
+PART_S, MOST_S = 0.05, 2.0
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -69,11 +72,7 @@ class Plant:
         """Let the body move on to now and return what the sensors give."""
         acceleration = None
         if self._now_s > -math.inf:
-            # A process that was held up does not drive through walls when it wakes.
-            seconds = min(now_s - self._now_s, 0.2)
-            command = self.command
-            self.body.advance(seconds, command.steering, command.throttle, command.brake)
-            self._meet_borders()
+            self._move_on(min(now_s - self._now_s, MOST_S))
             acceleration = self._acceleration(now_s - self._now_s)
         self._now_s = now_s
         body, sensors, normal = self.body, self.sensors, self._noise.normal
@@ -86,6 +85,15 @@ class Plant:
             fix=self._fix(now_s),
             echoes=self._scan() if self._is_due(now_s) else None,
         )
+
+    def _move_on(self, seconds: float) -> None:
+        """Move the body; a process that was held up does not drive through walls meanwhile."""
+        command = self.command
+        while seconds > 0.0:
+            part = min(seconds, PART_S)
+            self.body.advance(part, command.steering, command.throttle, command.brake)
+            self._meet_borders()
+            seconds -= part
 
     def _acceleration(self, seconds: float) -> tuple[float, float] | None:
         """Return the mean acceleration since the last reading, ahead and to the left."""

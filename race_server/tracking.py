@@ -249,6 +249,7 @@ class Tracker:
             self._agreeing = 0
         if doubt is not Doubt.NONE:
             self.refused[doubt] += 1
+        if doubt is not Doubt.NONE or self.trust is Trust.TRUSTED:
             self.doubt = doubt
         return doubt
 
@@ -282,7 +283,8 @@ class Tracker:
                 self._turn(Trust.DOUBTFUL, Doubt.DEAF, now_us)
             elif self.age_s(now_us) > DOUBT_S:
                 heard = now_us - self._heard_us < DOUBT_S * MICROSECONDS
-                self._turn(Trust.DOUBTFUL, self.doubt if heard else Doubt.SILENT, now_us)
+                why = (self.doubt or Doubt.STALE) if heard else Doubt.SILENT
+                self._turn(Trust.DOUBTFUL, why, now_us)
         elif not is_deaf and self._agrees(now_us):
             self._known, self._known_us = self._last, self._last_us
             self._turn(Trust.TRUSTED, Doubt.NONE, now_us)

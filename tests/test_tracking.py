@@ -171,6 +171,14 @@ def test_a_kart_whose_race_is_over_may_leave() -> None:
     assert tracker.trust is Trust.TRUSTED
 
 
+def test_poses_that_all_come_late_are_named_as_what_they_are() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    tracker.take(Pose(1_000_000, 0.0, 0.0, 0.0, 0.0), 1_380_000, is_inside=True)
+    tracker.follow(1_450_000)
+    assert (tracker.trust, tracker.doubt) == (Trust.DOUBTFUL, Doubt.STALE)
+
+
 def test_a_kart_comes_back_elsewhere_once_its_poses_agree_for_a_while() -> None:
     tracker = Tracker(GATES)
     standing(tracker, 0.0, 1.0)
