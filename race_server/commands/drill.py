@@ -19,6 +19,7 @@ Seed = Annotated[int, typer.Option(help="Of the moments that are chosen at rando
 @app.command()
 def crash(
     times: Annotated[int, typer.Option(min=1, help="So often the server is killed.")] = 10,
+    real: Annotated[int, typer.Option(min=0, max=4, help="So many of the eight exist.")] = 0,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -26,7 +27,7 @@ def crash(
     from race_server.drills.crash import drill_crash
 
     with progress("killing the server", times) as tell:
-        document = drill_crash(times, seed=seed, tell=tell)
+        document = drill_crash(times, real=real, seed=seed, tell=tell)
     finish(document, as_json=as_json)
 
 

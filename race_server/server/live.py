@@ -145,9 +145,11 @@ class RaceServer:
             if row.is_local:
                 self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
             else:
-                self.link.holders.admit(row.number, row.key)
+                # As it is now: who was sent away has none.
+                self.link.holders.admit(row.number, self.session.seats[row.number].key)
         if self.pace == LOCKSTEP:
             self._wait_for_return()
+        self.session.fleet.take_up(self.session.world, _now_us())
         return self._begin_again(self._race_on(events))
 
     def _wait_for_return(self) -> None:
@@ -223,7 +225,7 @@ class RaceServer:
         pacer.start()
         session = self.session
         while self._goes_on():
-            if self._steward.is_paused:
+            if self.session.is_paused:
                 self._stand_still()
                 pacer.start()
             begun = time.perf_counter()
@@ -242,7 +244,7 @@ class RaceServer:
 
     def _race_in_lockstep(self) -> None:
         while self._goes_on():
-            if self._steward.is_paused:
+            if self.session.is_paused:
                 self._stand_still()
             self._tell_seats()
             self._hear_all()
@@ -255,8 +257,10 @@ class RaceServer:
     def _stand_still(self) -> None:
         """Let no time pass while the clock stands; drivers hear now and then that we are here."""
         again = 0.0
-        while self._steward.is_paused and self._goes_on():
+        while self.session.is_paused and self._goes_on():
             self._hear()
+            if self._journal and self.session.log:
+                self._journal.note(self.session.tick, [])
             if time.monotonic() > again:
                 again = time.monotonic() + REPEAT_S
                 self._repeat([seat.number for seat in self.session.seats if seat.is_present])

@@ -28,7 +28,6 @@ class Steward:
         self._token = token
         self.challenge = secrets.randbits(63) | 1
         self.lines: deque[str] = deque(maxlen=MOST_LINES)
-        self.is_paused = False
         self.wants_restart = False
 
     def check(self, decision: Decision) -> None:
@@ -73,11 +72,11 @@ class Steward:
 
     def _pause(self, _: Decision) -> str:
         self._need_race()
-        self.is_paused = True
+        self._session.stand_still(stands=True)
         return "the clock stands"
 
     def _resume(self, _: Decision) -> str:
-        self.is_paused = False
+        self._session.stand_still(stands=False)
         return "the clock goes on"
 
     def _penalty(self, decision: Decision) -> str:
@@ -93,11 +92,11 @@ class Steward:
 
     def _kick(self, decision: Decision) -> str:
         driver = self._session.seat(decision.seat).driver
-        self._session.kick(decision.seat, "the steward sent its driver away")
+        self._session.kick(decision.seat)
         return f"seat {decision.seat}, {driver}, sent away"
 
     def _close(self, decision: Decision) -> str:
-        self._session.close(decision.seat, "by the steward")
+        self._session.close(decision.seat)
         return f"seat {decision.seat} closed"
 
     def _open(self, decision: Decision) -> str:
@@ -106,7 +105,6 @@ class Steward:
 
     def _restart(self, _: Decision) -> str:
         self._need_race()
-        self.is_paused = False
         self.wants_restart = True
         return "the race starts anew"
 
