@@ -7,6 +7,7 @@ from functools import partial
 from typing import TypeVar
 
 from race_server.admission.keys import ClientKeys
+from race_server.caution import Caution
 from race_server.clock import ticks_of
 from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError, LinkError, WireError
@@ -91,7 +92,9 @@ def _answer(
     tell: Callable[[Reception], None],
 ) -> None:
     """Answer observations until the race is over for this kart."""
-    decision_ticks = max(ticks_of(seat.welcome.briefing.decision_s), 1)
+    briefing = seat.welcome.briefing
+    decision_ticks = max(ticks_of(briefing.decision_s), 1)
+    caution = Caution(briefing.vehicle)
     sequence = 0
     epoch = answered = -1
     last = time.monotonic()
@@ -109,11 +112,14 @@ def _answer(
             epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
             reception.begin()
         reception.note(frame.tick, last, decision_ticks)
+        if reception.is_in_real_time():
+            caution.note(reception.last_age_s, reception.last_gap_s)
         tell(reception)
         if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
             answered = frame.tick
             observation = Observation(frame.tick, seat.layout, frame.values)
             control = _call(name, "act", partial(driver.act, observation))
+            control = caution.temper(control, observation.scalar("speed"))
         sequence += 1
         seat.answer(frame.epoch, sequence, frame.tick, control)
         if observation.scalar("finished") > 0.0:

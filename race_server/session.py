@@ -33,6 +33,7 @@ from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
 from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
 from race_server.stages.observation import observe_karts
+from race_server.stages.standings import rank
 from race_server.state import Float32s, Floats, Ints, World, digest
 from race_server.step import advance, place_karts
 
@@ -440,6 +441,15 @@ class Session:
         """
         self.do(ActKind.PENALTY, self.seat(number).number, seconds)
 
+    def penalise_late(self, number: int, seconds: float) -> list[Event]:
+        """Add a penalty to a race that is over, rank its karts anew, return what happened.
+
+        The recording of the race is closed, so this act is in none.
+        """
+        carry_out(self.world, Act(self.tick, ActKind.PENALTY, number, seconds))
+        rank(self.world, 0)
+        return self.take_events()
+
     def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
         """Do something to the race from outside, and log it."""
         act = Act(self.tick, kind, kart, value)
@@ -497,8 +507,12 @@ class Session:
 
     def standings(self) -> list[Standing]:
         """Return one row for each taken seat, best place first."""
-        rows = [self._standing(seat) for seat in self.seats if seat.is_taken]
+        rows = [row for row in self.table() if self.seats[row.seat].is_taken]
         return sorted(rows, key=lambda row: row.rank)
+
+    def table(self) -> list[Standing]:
+        """Return one row for each seat, whether or not somebody still sits there."""
+        return [self._standing(seat) for seat in self.seats]
 
     def _standing(self, seat: Seat) -> Standing:
         karts = self.world.karts[0]

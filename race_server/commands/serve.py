@@ -65,6 +65,10 @@ def serve(
         typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
     ] = -1,
     once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
+    review: Annotated[
+        float,
+        typer.Option(min=0.0, help="With --once: s after it in which stewards may add penalties."),
+    ] = 0.0,
     result: Annotated[
         Path | None, typer.Option(help="Write the result of the last race to this file.")
     ] = None,
@@ -135,6 +139,7 @@ def serve(
         record,
         result,
         once,
+        review,
         metrics,
         as_json,
         held,
@@ -166,6 +171,7 @@ class Service:
     record: str
     result: Path | None
     once: bool
+    review: float  # [s]
     metrics: int | None  # port
     as_json: bool
     keys: "ServerKeys | None"  # None: closed to other machines
@@ -206,7 +212,17 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
         real_time = service.pace == REAL
         link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
         token = keys.token if keys else stack.enter_context(local_token(address, name))
-        server = RaceServer(race, link, service.pace, service.fillers, keeper, logbook, token, log)
+        server = RaceServer(
+            race,
+            link,
+            service.pace,
+            service.fillers,
+            keeper,
+            logbook,
+            token,
+            log,
+            amended=lambda result: _tell(result.as_json(), race, service),
+        )
         stopped = _stop_on_signals(server)
         log.say(
             "listening",
@@ -228,7 +244,7 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
                 break
             _tell(outcome.as_json(), race, service)
             if service.once:
-                server.see_off()
+                server.see_off(service.review)
                 break
             server.reopen()
 
