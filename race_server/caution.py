@@ -12,14 +12,13 @@ from race_server.messages import Control
 from race_server.params import GRAVITY, Vehicle
 
 # So far may a kart drive blind [lengths].
-REACH = 1.0
+REACH = 2.0
 # A view that was never older than this needs no caution [s].
 FRESH_S = 0.2
-# A bad moment is remembered for so long [s]: it comes again.
+# What is not seen for longer is not driven blind: the server lets the kart coast and brake [s].
+LATEST_S = 1.0
+# Ages are averaged over about so long [s].
 MEMORY_S = 3.0
-# Of a speed that is too high or too low half is to be mended within the delay: what is done now
-# shows so much later, and whoever mends more in one go overshoots.
-SHARE = 0.5
 
 
 @dataclass
@@ -27,18 +26,21 @@ class Caution:
     """Holds a kart's speed to what the age of its driver's view allows."""
 
     vehicle: Vehicle
-    late_s: float = 0.0  # age that a view reaches before the next one comes, of late
+    late_s: float = 0.0  # age of what the driver sees, on average of late
 
     def note(self, age_s: float, elapsed_s: float) -> None:
         """Take note of how old a view was when the next one came, `elapsed_s` after it."""
-        kept = max(1.0 - elapsed_s / MEMORY_S, 0.0)
-        self.late_s = max(age_s, age_s + kept * (self.late_s - age_s))
+        mean = min(age_s - 0.5 * elapsed_s, LATEST_S)
+        self.late_s += min(elapsed_s / MEMORY_S, 1.0) * (mean - self.late_s)
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether the network is so slow that anything is to be done about it."""
+        return self.late_s > FRESH_S
 
     def speed_limit(self) -> float:
         """Return the speed [m/s] at which the kart may drive, infinite where it sees well."""
-        if self.late_s <= FRESH_S:
-            return float("inf")
-        return REACH * self.vehicle.length / self.late_s
+        return REACH * self.vehicle.length / self.late_s if self.is_needed else float("inf")
 
     def temper(self, control: Control, speed: float) -> Control:
         """Return the control as it may be at a speed [m/s]; forwards or backwards, but slowly."""
@@ -46,7 +48,8 @@ class Caution:
         if limit >= vehicle.top_speed:
             return control
         left = limit - abs(speed)
-        pace = SHARE * left / self.late_s  # [m/s²]
+        # What is done now shows so much later; whoever mends it sooner overshoots.
+        pace = left / self.late_s  # [m/s²]
         push = vehicle.motor_force / vehicle.mass
         most = min(max((pace + vehicle.rolling * GRAVITY) / push, 0.0), 1.0)
         brake = min(max(-pace * vehicle.mass / vehicle.brake_force, control.brake), 1.0)

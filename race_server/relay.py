@@ -77,8 +77,13 @@ class Guest:
         self.poses += 1
         pose = Pose(
             stamp_us,
-            *(float(row[name]) for name in ("x", "y", "heading", "speed")),
-            *(float(row[name]) for name in ("lateral_speed", "yaw_rate", "steering")),
+            x=float(row["x"]),
+            y=float(row["y"]),
+            heading=float(row["heading"]),
+            speed=float(row["speed"]),
+            lateral_speed=float(row["lateral_speed"]),
+            yaw_rate=float(row["yaw_rate"]),
+            steering=float(row["steering"]),
             source=Source.BEACONS,
             echo_us=hud.monotonic_us + _now_us() - self.heard_us,
         )
@@ -162,6 +167,17 @@ class Hall:
         ended = self.newest is not None and self.newest.phase in _OVER
         return silent or (self.has_raced and ended)
 
+    def check(self) -> None:
+        """See that the server is there while no race is on, when it has nothing to say.
+
+        Raises:
+            LinkError: it has gone.
+        """
+        if not self.has_raced and time.monotonic() - self.heard_s > SILENCE_S:
+            self.heard_s = time.monotonic()
+            self._deadline = self.heard_s + SILENCE_S
+            self.names()
+
     def dismiss(self) -> None:
         """Give the guests' seats back: a kart that has not finished is out."""
         for guest in self.guests.values():
@@ -212,6 +228,7 @@ def _carry(halls: list[Hall]) -> None:
     counts, dismissed = [0, 0], [False, False]
     while not all(hall.is_over for hall in halls):
         for place, hall in enumerate(halls):
+            hall.check()
             frame = hall.look()
             other = halls[1 - place]
             if frame is not None:

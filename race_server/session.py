@@ -31,7 +31,7 @@ from race_server.messages import (
 )
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
-from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
+from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, grace_of, silence_after
 from race_server.stages.observation import observe_karts
 from race_server.stages.standings import rank
 from race_server.state import Float32s, Floats, Ints, World, digest
@@ -412,7 +412,12 @@ class Session:
         # A control that came after a link was gone shows that the driver is there.
         is_linked = seat.is_present or seat.control_tick > seat.away_since
         overdue = now - seat.control_tick - self.decision_ticks
-        seat.silence = silence_after(overdue, is_linked=is_linked)
+        length = self.scenario.vehicle_of(seat.number).length
+        speed = self.world.karts["speed"][0, seat.number]
+        grace = grace_of(speed, length) if seat.control_tick >= 0 else 0
+        silence = silence_after(overdue - grace, is_linked=is_linked)
+        # A kart that slows down unheard must not be given its grace anew, and drive off again.
+        seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
         hangs = racing and seat.silence is Silence.STOPPED and seat.control_tick >= 0
         hangs = hangs and not seat.is_tracked  # of real karts the fleet knows more
         if hangs and seat.away_since < 0:  # its link is there, but it answers no more

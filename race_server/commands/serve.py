@@ -1,10 +1,11 @@
 """`race serve`: one session on the network, and the guard over it."""
 
 import json
+import os
 import signal
 import sys
 import time
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -41,11 +42,13 @@ if TYPE_CHECKING:
     from race_server.recording.logbook import Logbook
     from race_server.recording.reader import Recording
     from race_server.results.keeper import Keeper
-    from race_server.scenario.base import Scenario
+    from race_server.scenario.base import Rules, Scenario
     from race_server.session import Session
 
 # Encrypted, to all of this machine's networks.
 OPEN_ADDRESS = "tls/0.0.0.0:7447"
+# Of a real-time server: -20 goes before all, 0 is everybody's, and 19 waits for all.
+NICENESS = int(os.environ.get("H4_NICE", "-10"))
 
 
 def serve(
@@ -64,6 +67,9 @@ def serve(
         int,
         typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
     ] = -1,
+    finish_limit: Annotated[
+        float, typer.Option(min=0.0, help="s after the winner in which others may finish; 0: all.")
+    ] = 100.0,
     once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
     review: Annotated[
         float,
@@ -112,6 +118,7 @@ def serve(
     """
     from race_server.admission.settings import Door, check_door
     from race_server.kernels.jit import is_compiled
+    from race_server.scenario.base import Rules
     from race_server.server import LOCKSTEP, REAL
     from race_server.server.rehearsal import warm_up
 
@@ -123,7 +130,8 @@ def serve(
         raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
     log = Log(as_json=log_json)
     fillers = known_drivers(fill)
-    scenario = _scenario(track, vehicle, karts, laps, seed, fillers, log, items, catch_up)
+    rules = Rules(laps=laps, items=items, catch_up=catch_up, finish_limit_s=finish_limit)
+    scenario = _scenario(track, vehicle, karts, rules, seed, fillers, log)
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about half a minute")
     warm_up(scenario, fillers)
@@ -200,6 +208,9 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
     from race_server.session import Session
     from race_server.transport import ServerLink
 
+    real_time = service.pace == REAL
+    if real_time:
+        _ask_for_priority()
     with ExitStack() as stack:
         stack.enter_context(log)
         writer = stack.enter_context(results_writer(service.results, log.warn))
@@ -209,7 +220,6 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
         race = race or Session(service.session, service.scenario)
         karts, course = len(race.seats), race.scenario.course
         address, name, keys = service.listen, service.session, service.keys
-        real_time = service.pace == REAL
         link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
         token = keys.token if keys else stack.enter_context(local_token(address, name))
         server = RaceServer(
@@ -263,26 +273,24 @@ def _scenario(
     track: str,
     vehicle: str,
     karts: int,
-    laps: int,
+    rules: "Rules",
     seed: int,
     fillers: tuple[str, ...],
     log: Log,
-    items: bool,
-    catch_up: bool,
 ) -> "Scenario":
     """Return the race that is wanted, with a line to drive along where one is known."""
     from race_server.driver import driver_named
     from race_server.limit.line import with_line
     from race_server.observe import wants_line
     from race_server.params import vehicle_named
-    from race_server.scenario.base import Rules, Scenario
+    from race_server.scenario.base import Scenario
     from race_server.track.load import load_course
 
     scenario = Scenario(
         load_course(track),
         karts=karts,
         vehicles=(vehicle_named(vehicle),),
-        rules=Rules(laps=laps, items=items, catch_up=catch_up),
+        rules=rules,
         seed=seed,
     )
     wanted = any(wants_line(driver_named(name).preset) for name in fillers)
@@ -349,6 +357,17 @@ def _take_up(
         rebuilt_s=round(time.perf_counter() - begun, 2),
     )
     return session, (recording, events)
+
+
+def _ask_for_priority() -> None:
+    """Run before other programs of this machine, where the system allows it.
+
+    All threads that are started from now on inherit it. A tick that comes too late is lost, other
+    programs only wait.
+    """
+    if hasattr(os, "setpriority"):
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 
 
 def _stop_on_signals(server: Any) -> list[int]:

@@ -68,15 +68,15 @@ def _race(
             serve += ["--results", "none", "--listen", address, "--session", session]
             serve += ["--result", str(place / f"{session}.json")]
             processes.append(start_within(wire.names[hall], serve, place / session))
-        words = ["relay", "--here", addresses[0], "--there", addresses[1], "--json"]
-        words += ["--session", SESSIONS[0], "--there-session", SESSIONS[1]]
-        words += ["--bring", _list(HOME[1]), "--send", _list(HOME[0]), "--patience", str(START_S)]
-        processes.append(start_within(wire.names[0], words, place / "relay"))
         for hall, seats in enumerate(HOME):
             for seat in seats:
                 words = ["drive", DRIVERS[seat], "--connect", addresses[hall], "--seat", str(seat)]
                 words += ["--session", SESSIONS[hall], "--patience", str(START_S)]
                 processes.append(start_within(wire.names[hall], words, place / f"kart-{seat}"))
+        words = ["relay", "--here", addresses[0], "--there", addresses[1], "--json"]
+        words += ["--session", SESSIONS[0], "--there-session", SESSIONS[1]]
+        words += ["--bring", _list(HOME[1]), "--send", _list(HOME[0]), "--patience", str(START_S)]
+        processes.append(start_within(wire.names[0], words, place / "relay"))
         wait_for_end(processes, place / SESSIONS[0], tell)
     finally:
         for process in processes:
