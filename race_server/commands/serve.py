@@ -1,11 +1,10 @@
 """`race serve`: one session on the network, and the guard over it."""
 
 import json
-import os
 import signal
 import sys
 import time
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -47,8 +46,6 @@ if TYPE_CHECKING:
 
 # Encrypted, to all of this machine's networks.
 OPEN_ADDRESS = "tls/0.0.0.0:7447"
-# Of a real-time server: -20 goes before all, 0 is everybody's, and 19 waits for all.
-NICENESS = int(os.environ.get("H4_NICE", "-10"))
 
 
 def serve(
@@ -208,9 +205,6 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
     from race_server.session import Session
     from race_server.transport import ServerLink
 
-    real_time = service.pace == REAL
-    if real_time:
-        _ask_for_priority()
     with ExitStack() as stack:
         stack.enter_context(log)
         writer = stack.enter_context(results_writer(service.results, log.warn))
@@ -220,6 +214,7 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
         race = race or Session(service.session, service.scenario)
         karts, course = len(race.seats), race.scenario.course
         address, name, keys = service.listen, service.session, service.keys
+        real_time = service.pace == REAL
         link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
         token = keys.token if keys else stack.enter_context(local_token(address, name))
         server = RaceServer(
@@ -357,17 +352,6 @@ def _take_up(
         rebuilt_s=round(time.perf_counter() - begun, 2),
     )
     return session, (recording, events)
-
-
-def _ask_for_priority() -> None:
-    """Run before other programs of this machine, where the system allows it.
-
-    All threads that are started from now on inherit it. A tick that comes too late is lost, other
-    programs only wait.
-    """
-    if hasattr(os, "setpriority"):
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 
 
 def _stop_on_signals(server: Any) -> list[int]:
