@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from race_server.clock import TICK_S
 from race_server.driver import Briefing
 from race_server.kernels.jit import INTERPRET
 from race_server.messages import Button, Control
@@ -25,6 +26,8 @@ FIELD, REACH, DECISION = range(3)
 # for the points of a scan, and for a row of WORK numbers.
 STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE, KEPT = range(9)
 WORK = 128
+# A driver that was away for longer begins its counts anew all the same [s].
+LONGEST_S = 1.0
 
 # (seen, at, vehicle, gear, kinds, memory, control) -> None
 Decide = Callable[..., None]
@@ -82,11 +85,13 @@ class Autopilot:
     def reset(self, briefing: Briefing) -> None:
         """Get ready for a new race."""
         self._figures: _Figures | None = None
+        self._tick = -1  # of the last decision
         self._briefing = briefing
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
         figures = self._figures or self._prepare(observation.layout)
+        figures.gear[DECISION] = self._elapsed_s(observation.tick)
         seen = observation.values.astype(np.float64)
         type(self).decide(
             seen.tolist() if INTERPRET else seen,
@@ -99,6 +104,16 @@ class Autopilot:
         )
         steering, throttle, brake, buttons = (float(value) for value in figures.control)
         return Control(steering, throttle, brake, Button(int(buttons)))
+
+    def _elapsed_s(self, tick: int) -> float:
+        """Return the time since the last decision [s]; a bad network makes it a long one.
+
+        What a driver counts, such as for how long it stands, would otherwise go too slowly.
+        """
+        last, self._tick = self._tick, tick
+        regular = self._briefing.decision_s
+        elapsed = (tick - last) * TICK_S
+        return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
 
     def _prepare(self, layout: Layout) -> _Figures:
         briefing = self._briefing

@@ -32,8 +32,9 @@ from race_server.messages import (
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
 from race_server.serials import Granted, Serials
-from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
+from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, grace_of, silence_after
 from race_server.stages.observation import observe_karts
+from race_server.stages.standings import rank
 from race_server.state import Float32s, Floats, Ints, World, digest
 from race_server.step import advance, place_karts
 
@@ -444,7 +445,12 @@ class Session:
         # A control that came after a link was gone shows that the driver is there.
         is_linked = seat.is_present or seat.control_tick > seat.away_since
         overdue = now - seat.control_tick - self.decision_ticks
-        seat.silence = silence_after(overdue, is_linked=is_linked)
+        length = self.scenario.vehicle_of(seat.number).length
+        speed = self.world.karts["speed"][0, seat.number]
+        grace = grace_of(speed, length) if seat.control_tick >= 0 else 0
+        silence = silence_after(overdue - grace, is_linked=is_linked)
+        # A kart that slows down unheard must not be given its grace anew, and drive off again.
+        seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
         hangs = racing and seat.silence is Silence.STOPPED and seat.control_tick >= 0
         hangs = hangs and not seat.is_tracked  # of real karts the fleet knows more
         if hangs and seat.away_since < 0:  # its link is there, but it answers no more
@@ -472,6 +478,15 @@ class Session:
             SeatError: nobody sits there.
         """
         self.do(ActKind.PENALTY, self.seat(number).number, seconds)
+
+    def penalise_late(self, number: int, seconds: float) -> list[Event]:
+        """Add a penalty to a race that is over, rank its karts anew, return what happened.
+
+        The recording of the race is closed, so this act is in none.
+        """
+        carry_out(self.world, Act(self.tick, ActKind.PENALTY, number, seconds))
+        rank(self.world, 0)
+        return self.take_events()
 
     def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
         """Do something to the race from outside, and log it."""
@@ -548,8 +563,12 @@ class Session:
 
     def standings(self) -> list[Standing]:
         """Return one row for each taken seat, best place first."""
-        rows = [self._standing(seat) for seat in self.seats if seat.is_taken]
+        rows = [row for row in self.table() if self.seats[row.seat].is_taken]
         return sorted(rows, key=lambda row: row.rank)
+
+    def table(self) -> list[Standing]:
+        """Return one row for each seat, whether or not somebody still sits there."""
+        return [self._standing(seat) for seat in self.seats]
 
     def _standing(self, seat: Seat) -> Standing:
         karts = self.world.karts[0]

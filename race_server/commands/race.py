@@ -218,6 +218,9 @@ def drive(
     ] = -1,
     keys: KeysFolder = None,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="Make no allowance for a slow network.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout: what was heard.")
     ] = False,
@@ -240,6 +243,7 @@ def drive(
         wanted=given.seat(seat),
         timeout_s=patience,
         keys=given.keys,
+        raw=raw,
         reception=reception if as_json or console.is_terminal else None,
     )
     if console.is_terminal:
