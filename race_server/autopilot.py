@@ -24,7 +24,7 @@ FIELD, REACH, DECISION = range(3)
 # Numbers that a driver keeps from one decision to the next. Behind them is room for two scans,
 # for the points of a scan, and for a row of WORK numbers.
 STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE, KEPT = range(9)
-WORK = 128
+WORK = 320
 
 # (seen, at, vehicle, gear, kinds, memory, control) -> None
 Decide = Callable[..., None]
