@@ -32,17 +32,15 @@ DEEP_SHARE, HALF_WIDTHS, EDGE_LENGTHS = 0.96, 0.7, 0.45
 # Of the scan [m ahead of the middle], and how much later [s] a decision has half of its effect.
 MOUNT, LEAD_S = 0.07, 0.05
 # Gates, in body widths: distance between two, least width, distance of the path from their ends.
-SPACING, NARROW, MARGIN = 2.2, 1.65, 1.2
+SPACING, NARROW, MARGIN = 2.2, 1.65, 1.3
 HIDDEN_RADIUS = 0.95  # of the tightest bend
 MOST_MOVE = 0.5  # body widths that a point of the path moves in a round
 # Steers to a point of the path so far away: body lengths, and time at the present speed [s].
 LOOK_LENGTHS, LOOK_S = 0.34, 0.16
 # Of the grip: in the bends of the path; in the bend steered, which is only begun; of the brakes.
 BEND_SHARE, STEER_SHARE, BRAKE_SHARE = 0.85, 1.2, 0.8
-# Of the speed in the tightest bend, at the end of what is seen: brakes can do more than is asked
-# of them, and by then more is seen.
-END_SHARE = 1.1
-BLIND_SHARE = 0.5  # the same where there is no path
+# Of the speed in the tightest bend: at the end of what is seen, and where there is no path.
+END_SHARE, BLIND_SHARE = 1.0, 0.5
 GAIN = 3.0  # of the pedals [s/m]
 
 
