@@ -13,6 +13,7 @@ from agents.bending import point_along, smooth_path, speed_before
 from agents.corridor import find_gates, largest_edge
 from agents.scan import age_of_scan, move_scan, ray_angle, repair, widen_edges
 from agents.tactics import SPEED, finish_decision, press_pedals
+from agents.tracking import rear_limit
 from race_server.autopilot import DECISION, FIELD, KEPT, REACH, Autopilot
 from race_server.kernels.jit import kernel
 from race_server.observe import PART_NUMBERS
@@ -92,7 +93,21 @@ def follow(
     target = min(target, math.sqrt(STEER_SHARE * grip / steered), vehicle.top_speed)
     control[0] = min(max(math.atan(bend * wheelbase) / vehicle.steering_limit, -1.0), 1.0)
     press_pedals(speed, min(target, seen[at[SPEED_CAP]]), GAIN, control)
+    spare_rear(vehicle, grip, abs(speed * seen[at[YAW_RATE]]) / max(grip, 0.1), control)
     finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+
+
+@kernel
+def spare_rear(vehicle: Record, grip: float, turning: float, control: Floats) -> None:
+    """Press the pedals no further than the rear tyres hold: a kart that slides there turns round.
+
+    grip: [m/s²]; turning: the share of it in use across.
+    """
+    force = vehicle.mass * max(grip, 0.1)
+    drive = force * rear_limit(vehicle, vehicle.front_drive, turning)
+    brake = force * rear_limit(vehicle, vehicle.front_brake, turning)
+    control[1] = min(control[1], drive / vehicle.motor_force)
+    control[2] = min(control[2], brake / vehicle.brake_force)
 
 
 @kernel
