@@ -22,10 +22,11 @@ from race_server.rules.items import items
 # What a kernel is told of its gear, by place in `gear`.
 FIELD, REACH, DECISION = range(3)
 
-# Numbers that a driver keeps from one decision to the next. Behind them is room for two scans,
-# for the points of a scan, and for a row of WORK numbers.
-STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE, KEPT = range(9)
-WORK = 128
+# Numbers that a driver keeps from one decision to the next; the last are what it commanded lately.
+# Behind them is room for two scans, for the points of a scan, and for a row of WORK numbers.
+STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE, LATELY = range(9)
+KEPT = LATELY + 32
+WORK = 320
 # A driver that was away for longer begins its counts anew all the same [s].
 LONGEST_S = 1.0
 
