@@ -23,7 +23,7 @@ FADING = 0.97
 # share of what speaks against the one believed.
 EVIDENCE, SHARE = 1e-4, 0.5
 
-# Places in a driver's memory: the latency and how the wheels stood; the last commands, newest first,
+# Places in a driver's memory: the latency, how the wheels stood; the last commands, newest first,
 # each steering, throttle, brake; what spoke against each delay.
 LATENCY = LATELY
 WHEELS = LATELY + 1
