@@ -60,7 +60,7 @@ def _points(chance: Random, size: Size) -> Floats:
         stray = [JITTER * pitch * _between(chance, -1.0, 1.0) for _ in range(2)]
         sides = [middle * (1.0 + NARROWS * _between(chance, -1.0, 1.0)) for _ in range(2)]
         rows.append([size.unit * (x + stray[0]), size.unit * (y + stray[1]), *sides])
-    return np.round(np.array(rows), 3)
+    return np.array(rows, np.float64).round(3)
 
 
 def _between(chance: Random, low: float, high: float) -> float:
