@@ -37,7 +37,9 @@ QUICK = (
     "tracks={names = ['oval']}",
     "lidar.rays=21",
     "network.layers=[16]",
-    "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 2, seconds = 3.0}",
+    "evaluation={seeds = 2, times = 2, seconds = 3.0}",
+    "evaluation.tracks={names = ['oval']}",
+    "evaluation.final={names = ['oval']}",
     "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
 )
 
@@ -109,6 +111,7 @@ def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
 def test_no_course_to_be_tried_out_on_is_learned_on() -> None:
     sets = {name: set(names_of(Tracks(set=name))) for name in track_sets()}
     assert not sets["unseen"] & sets["train"]
+    assert not sets["validation"] & (sets["train"] | sets["unseen"])
     assert len(sets["train"]) >= 12
 
 
@@ -150,8 +153,8 @@ def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> Non
 
 
 def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:
-    (tmp_path / LATEST).write_bytes(b"\x80\x04nonsense")
-    with pytest.raises(ScenarioError, match=r"latest.pt: damaged"):
+    (tmp_path / BEST).write_bytes(b"\x80\x04nonsense")
+    with pytest.raises(ScenarioError, match=r"best.pt: damaged"):
         train(folder.settings_in(outcome.folder), tmp_path, resume=True)
 
 

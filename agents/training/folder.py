@@ -78,12 +78,6 @@ def write_evaluation(folder: Path, marks: list[Marks], more: dict[str, Any]) -> 
     return document
 
 
-def read_evaluation(folder: Path) -> dict[str, Any]:
-    """Return what an earlier end of this run wrote; nothing if there was none."""
-    path = folder / EVALUATION
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-
-
 def _write_json(path: Path, document: dict[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
@@ -103,9 +97,9 @@ Do it again:
 
     race train {CONFIG}
 
-Go on with it:
+Go on with it, until it has learned for twice as long in all:
 
-    race train --resume {folder.name} --minutes 10
+    race train --resume {folder.name} {_twice(settings)}
 
 Drive it:
 
@@ -122,6 +116,12 @@ The best policy, tried out on {settings.evaluation.seeds} seeds from the start g
 {evaluation["decision_us"]:.0f} µs for a decision.
 """
     (folder / README).write_text(text, encoding="utf-8")
+
+
+def _twice(settings: Settings) -> str:
+    if settings.steps is not None:
+        return f"--steps {2 * settings.steps}"
+    return f"--minutes {2.0 * (settings.minutes or 0.0):g}"
 
 
 def _lap(row: dict[str, Any]) -> str:

@@ -54,7 +54,8 @@ class Overseer(BaseCallback):
         super().__init__()
         self.settings = settings
         self.pace = pace
-        self.examiner = Examiner(settings)
+        tried = settings.evaluation
+        self.examiner = Examiner(settings, tried.tracks, tried.first_seed)
         self.best: list[Marks] = []
         self.best_score = best_score
         self.last: list[Marks] = []
@@ -96,7 +97,7 @@ class Overseer(BaseCallback):
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
             self.best, self.best_score = self.last, score
-            save_checkpoint(self._folder / BEST, self.model, self._world, self.pace)
+            save_checkpoint(self._folder / BEST, self.model, self._world, self.pace, score)
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 

@@ -14,7 +14,7 @@ from agents.policies.shelf import POLICY
 from agents.training import curve, folder
 from agents.training.checkpoint import load_checkpoint
 from agents.training.courses import names_of
-from agents.training.evaluation import Marks
+from agents.training.evaluation import Examiner, Marks
 from agents.training.export import MOST_DIFFERENCE, difference, export_policy, nature_from
 from agents.training.film import record_laps
 from agents.training.learner import learner_of, world_of
@@ -25,6 +25,7 @@ from race_server.errors import RaceError, ScenarioError
 
 PARITY_STEPS = 200  # decisions whose observations the file and the learner are compared on
 TIMED = 2000  # decisions that are timed
+FRESH_SEEDS = 100_000  # the last evaluation's seeds lie so far behind those that chose the policy
 
 
 @dataclass
@@ -55,8 +56,10 @@ def train(
     learner = learner_of(settings, world, pace, str(place / "tensorboard") if tensorboard else None)
     best_score = -np.inf
     if resume:
+        best_score = load_checkpoint(place / BEST, learner, world, pace)
         load_checkpoint(place / LATEST, learner, world, pace)
-        best_score = folder.read_evaluation(place).get("score", -np.inf)
+        # Other worlds and other chances than at the beginning.
+        learner.set_random_seed(settings.seed + pace.done)
     folder.begin(place, settings)
     overseer = Overseer(settings, place, world, pace, tell, best_score)
     try:
@@ -98,22 +101,25 @@ def _conclude(
     path = place / POLICY
     export_policy(path, learner, world, nature_from(settings, names_of(settings.tracks)))
     policy = Policy(path)
-    seen = overseer.examiner.observations(policy.decide, PARITY_STEPS)
+    tried = settings.evaluation
+    examiner = Examiner(settings, tried.final, tried.first_seed + FRESH_SEEDS)
+    seen = examiner.observations(policy.decide, PARITY_STEPS)
     parity = difference(policy, learner, world, seen)
     if parity > MOST_DIFFERENCE:
         raise ScenarioError(
             f"{path} answers otherwise than the learner, by {parity:.1e}; at most "
             f"{MOST_DIFFERENCE:g} is rounding: report this with {folder.CONFIG}"
         )
-    marks = overseer.examiner.examine(policy.decide)
+    marks = examiner.examine(policy.decide)
+    examiner.close()
     document = folder.write_evaluation(
         place,
         marks,
         {
             "score": overseer.best_score,
-            "scored_by": settings.evaluation.score,
-            "seeds": settings.evaluation.seeds,
-            "seconds": settings.evaluation.seconds,
+            "scored_by": tried.score,
+            "seeds": tried.seeds,
+            "seconds": tried.seconds,
             "parity": parity,
             "compared_observations": len(seen),
             "decision_us": decision_us(policy, seen),

@@ -87,9 +87,10 @@ class Stage(_Table):
 
 
 class Evaluation(_Table):
-    """How the policy is tried out during training: elsewhere, and under other seeds."""
+    """How the policy is tried out: on courses and seeds that it does not learn on."""
 
-    tracks: Tracks = Tracks(set="unseen")
+    tracks: Tracks = Tracks(set="validation")  # during training: they say which policy is the best
+    final: Tracks = Tracks(set="unseen")  # at the end, under seeds of their own: how good it is
     seeds: int = Field(default=4, ge=1)
     first_seed: int = Field(default=10_000, ge=0)
     times: int = Field(default=10, ge=1)  # during a training, the end included

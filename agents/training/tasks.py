@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from agents.training.courses import course_named, names_of
-from agents.training.settings import Settings
+from agents.training.settings import Settings, Tracks
 from race_server.env.batch import Task
 from race_server.env.gap import RealityGap
 from race_server.env.presets import LEARNING_RULES
@@ -26,8 +26,8 @@ def training_task(settings: Settings) -> Task:
     return _task(settings, scenarios)
 
 
-def evaluation_tasks(settings: Settings) -> dict[str, Task]:
-    """Return a task for each track that a policy is tried out on, from its start grid.
+def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
+    """Return a task for each track that a policy is to be tried out on, from its start grid.
 
     Raises:
         RaceError: a track does not exist.
@@ -37,7 +37,7 @@ def evaluation_tasks(settings: Settings) -> dict[str, Task]:
         name: replace(
             _task(settings, (_scenario(settings, name),)), random_start=False, most_steps=steps
         )
-        for name in names_of(settings.evaluation.tracks)
+        for name in names_of(tracks)
     }
 
 
