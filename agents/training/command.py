@@ -174,6 +174,8 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
         return
     from rich.table import Table
 
+    from agents.policies.shelf import name_of
+
     table = Table("track", title="the best policy on unseen courses", title_justify="left")
     for column in ("speed [m/s]", "crash rate", "laps", "best lap [s]", "return"):
         table.add_column(column, justify="right")
@@ -182,4 +184,8 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
         figures = (f"{row['speed']:.2f}", f"{row['crash_rate']:.2f}", f"{row['laps']:.1f}")
         table.add_row(row["track"], *figures, lap, f"{row['reward']:.1f}")
     Console().print(table)
-    console.print(f"drive it: race trial --drivers learned:{outcome.folder.name}", markup=False)
+    console.print(
+        f"drive it: race trial --drivers learned:{name_of(outcome.folder)}",
+        markup=False,
+        soft_wrap=True,
+    )
