@@ -25,6 +25,7 @@ from agents.training.tasks import training_task
 from race_server.driver import Briefing, driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.gap import RealityGap
+from race_server.env.presets import LEARNING_RULES
 from race_server.errors import DriverError, ScenarioError
 from race_server.observe import Observation
 from race_server.params import KART_60, TT02, Vehicle
@@ -54,6 +55,9 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 @pytest.fixture
 def policy_file(outcome: Outcome) -> Path:
     return outcome.folder / "policy.onnx"
+
+
+GEAR = np.array([np.radians(200.0), 8.0, 0.05])
 
 
 def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
@@ -201,16 +205,35 @@ def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> Non
     assert step > 5
 
 
+def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Path) -> None:
+    name = f"learned:{policy_file}"
+    scenario = replace(
+        training_task(read_settings("time-trial", QUICK)).scenarios[0],
+        karts=3,
+        rules=LEARNING_RULES,
+    )
+    task = Task((scenario,), learners=1, opponents=(name,), action="control")
+    batch, driver = Batch(task, worlds=2, seed=5), driver_named(name)
+    layout, view = batch.opponents[0].layout, batch.rig.views[1, 2]
+    driver.reset(briefing())
+    for step in range(30):
+        seen = Observation(step, layout, view[: layout.size].astype(np.float32))
+        own = numbers_of(driver.act(seen))
+        batch.step(np.zeros((2, 1, 4)))
+        assert batch.rig.controls[1, 2] == pytest.approx(own, abs=1e-6)
+    assert batch.world.karts[1, 2].speed > 0.1
+
+
 def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:
     from agents.learned import places_in
     from race_server.observe import layout_of
 
     nature = Policy(policy_file).nature
-    places = places_in(layout_of("lidar", 201), nature, np.radians(200.0), "it")
+    places = places_in(layout_of("lidar", 201), nature, GEAR, "it")
     assert places[:3].tolist() == [0, 10, 20]
     assert len(places) == nature.size
     with pytest.raises(DriverError, match="learned with 21 numbers of 'lidar', the race shows 200"):
-        places_in(layout_of("lidar", 200), nature, np.radians(200.0), "it")
+        places_in(layout_of("lidar", 200), nature, GEAR, "it")
 
 
 def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:

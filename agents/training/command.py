@@ -4,7 +4,7 @@ import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,7 +66,11 @@ def train(
         settings = read_settings(preset, words)
         place = folder.new_folder(Path(preset).stem, out)
     console.print(f"run: {place}", markup=False, soft_wrap=True)
-    with _bar(settings, console, quiet=as_json) as tell, warnings.catch_warnings():
+    with (
+        _left_clean(place),
+        _bar(settings, console, quiet=as_json) as tell,
+        warnings.catch_warnings(),
+    ):
         warnings.filterwarnings("ignore", module="stable_baselines3")
         outcome = train_it(
             settings,
@@ -115,6 +119,16 @@ def _run_folder(name: str) -> Path:
 
     place = Path(name).expanduser()
     return place if place.is_dir() else runs_folder() / name
+
+
+@contextmanager
+def _left_clean(place: Path) -> Iterator[None]:
+    """Leave no empty folder behind where settings make no training."""
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            place.rmdir()
 
 
 @contextmanager
