@@ -285,3 +285,14 @@ def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> Non
     environment = {"RACE_SERVER_INTERPRET": "1", "PATH": "", "HOME": str(policy_file.parent)}
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.net
+def test_laps_of_a_policy_are_recorded(policy_file: Path, tmp_path: Path) -> None:
+    from agents.training.film import record_laps
+    from race_server.recording.reader import read_recording
+
+    made = record_laps(tmp_path, policy_file.absolute(), "oval", "tt02", seed=1)
+    assert made is not None
+    assert [path.name for path in tmp_path.iterdir()] == ["laps.mcap"]
+    assert read_recording(made).is_complete

@@ -153,7 +153,7 @@ def _bar(
             if news.marks is not None and not quiet:
                 console.print(
                     f"{100.0 * news.share:3.0f} %, {news.steps} decisions; {_words_of(news)}; "
-                    f"unseen: {_marks_in_words(news.marks)}",
+                    f"validation: {_marks_in_words(news.marks)}",
                     markup=False,
                     soft_wrap=True,
                 )
