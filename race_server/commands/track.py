@@ -12,7 +12,13 @@ from race_server.errors import TrackError
 
 app = typer.Typer(help="Courses: list, draw, check, import.", no_args_is_help=True)
 
-Name = Annotated[str, typer.Argument(help="A name from `race track list`, or a .toml file.")]
+Name = Annotated[
+    str,
+    typer.Argument(
+        help="A name from `race track list`, a .toml file, or a course drawn by lot: "
+        "generated:block:SEED, generated:spline:SEED, generated:spline:SEED:kart."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 
 
@@ -51,7 +57,7 @@ def show(
     from race_server.track.load import load_course
 
     course = load_course(name)
-    path = to or Path(f"{course.name}.png")
+    path = to or Path(f"{course.name.replace(':', '-')}.png")
     draw_course(course, path)
     print(path)
 

@@ -52,8 +52,9 @@ def source_digest() -> str:
     package = Path(__file__).parent.parent
     digest = hashlib.sha256()
     places = [package / name for name in _SOURCES]
-    # Drivers may be kernels too; those that come with this package share helpers of their own.
-    places += [package.parent / "agents", package / "observe.py", package / "autopilot.py"]
+    # Drivers may be kernels too, and share helpers of their own; what trains them is none.
+    places += sorted((package.parent / "agents").glob("*.py"))
+    places += [package / "observe.py", package / "autopilot.py"]
     for place in places:
         for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             digest.update(path.relative_to(package.parent).as_posix().encode())

@@ -186,12 +186,12 @@ def _from_points(plan: Plan, scale: Scale) -> Floats:
         )
     if plan.reverse:
         points = points[::-1][:, [0, 1, 3, 2]]
-    curve = _periodic_spline(points, scale.spacing)
+    curve = periodic_spline(points, scale.spacing)
     order = int(np.argmin(np.hypot(*(curve[:, :2] - plan.line_at).T))) if plan.line_at else 0
     return np.roll(curve, -order, axis=0)
 
 
-def _periodic_spline(points: Floats, spacing: float) -> Floats:
+def periodic_spline(points: Floats, spacing: float) -> Floats:
     """Return a closed cubic spline through points (N, columns), finely sampled.
 
     Chord-length parameter; the tangents solve the usual cyclic system of equations.

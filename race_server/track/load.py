@@ -16,6 +16,8 @@ from race_server.errors import TrackError
 from race_server.track.blocks import Loop
 from race_server.track.build import GATES, MOST_PLACES, SCALES, SECTORS, Plan, build
 from race_server.track.course import Course, Floats, Obstacle
+from race_server.track.generated import FORMS as DRAWN
+from race_server.track.generated import PREFIX, generated_file
 from race_server.track.shelf import remembered
 
 FORMS = ("blocks", "line", "spline")
@@ -45,17 +47,24 @@ def track_names() -> list[str]:
 def load_course(name: str) -> Course:
     """Return the course of a name, or of a path that ends in ``.toml``.
 
+    ``generated:block:17`` is drawn by lot, see `race_server.track.generated`.
+
     Raises:
         TrackError: there is none, or its file describes none.
     """
     if name.endswith(".toml"):
         return read_course(Path(name))
+    if name.startswith(PREFIX):
+        return _course_of(name, name, generated_file(name))
     for folder in track_folders():
         path = folder / f"{name}.toml"
         if path.is_file():
             return read_course(path)
     known = ", ".join(track_names())
-    raise TrackError(f"track {name!r} is unknown; choose one of {known}, or give a .toml file")
+    raise TrackError(
+        f"track {name!r} is unknown; choose one of {known}, give a .toml file, "
+        f"or have one drawn: {', '.join(DRAWN)}"
+    )
 
 
 def read_course(path: Path) -> Course:

@@ -1,0 +1,69 @@
+"""A policy that is ready to answer: ONNX Runtime on one thread, no PyTorch, nothing unpickled."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policies.nature import INPUT, OUTPUT, Nature, nature_of
+from agents.policies.shelf import policy_bytes
+from race_server.env.actions import ACTIONS, CONTINUOUS, CONTROL, DISCRETE, INCREMENTS
+from race_server.errors import DriverError
+
+Float32s = NDArray[np.float32]
+
+# Numbers of an action, by kind.
+WIDTHS = {CONTINUOUS: 3, INCREMENTS: 2, DISCRETE: 1, CONTROL: 4}
+
+
+class Policy:
+    """A network with its normalisation, and what it is for."""
+
+    def __init__(self, path: Path) -> None:
+        """Load the policy of a file.
+
+        Raises:
+            DriverError: the file is damaged or foreign, or ONNX Runtime is not installed.
+        """
+        self.name = str(path)
+        self._session = _session_of(path)
+        metadata = self._session.get_modelmeta().custom_metadata_map
+        self.nature: Nature = nature_of(metadata, self.name)
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
+        inputs = {one.name: one.shape for one in self._session.get_inputs()}
+        outputs = {one.name: one.shape for one in self._session.get_outputs()}
+        size, width = self.nature.size, WIDTHS[ACTIONS[self.nature.action]]
+        seen, answer = inputs.get(INPUT, [0])[-1], outputs.get(OUTPUT, [0])[-1]
+        if len(inputs) != 1 or (seen, answer) != (size, width):
+            raise DriverError(
+                f"{self.name}: its network takes {seen} numbers and gives {answer}; its metadata "
+                f"speak of {size} and {width}; export it again"
+            )
+
+    def decide(self, seen: Float32s) -> Float32s:
+        """Return the actions (n, A) for observations (n, size)."""
+        return np.asarray(self._session.run([OUTPUT], {INPUT: seen})[0], np.float32)
+
+
+def _session_of(path: Path) -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise DriverError(
+            f"{path}: onnxruntime is not installed: `pip install race-server[policy]` brings it"
+        ) from error
+    options = onnxruntime.SessionOptions()
+    # A network this small is slower on many threads, and a race has many drivers.
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(
+            policy_bytes(path), options, providers=["CPUExecutionProvider"]
+        )
+    except DriverError:
+        raise
+    except Exception as error:  # the runtime's errors have no common class
+        raise DriverError(f"{path} is damaged or no ONNX file; export it again") from error

@@ -1,0 +1,64 @@
+"""Where policies lie: a path, the folder of a run of training, or the policies that come along."""
+
+import os
+from pathlib import Path
+
+from race_server.errors import DriverError
+
+POLICY = "policy.onnx"
+SHIPPED = Path(__file__).parent
+MOST_BYTES = 64 * 1024 * 1024
+
+
+def runs_folder() -> Path:
+    """Return the user's folder of training runs."""
+    data = Path(os.environ.get("XDG_DATA_HOME", ""))
+    home = data if data.is_absolute() else Path.home() / ".local" / "share"
+    return home / "race-server" / "runs"
+
+
+def policy_path(name: str) -> Path:
+    """Return the file of a policy.
+
+    name: a path that ends in ``.onnx``, a folder with a policy, the name of a run, or that of a
+    policy that comes with this program.
+
+    Raises:
+        DriverError: there is none.
+    """
+    path = Path(name).expanduser()
+    if path.suffix == ".onnx":
+        if path.is_file():
+            return path
+        raise DriverError(f"{name}: no such file; give a policy.onnx or the name of a run")
+    places = [path / POLICY, runs_folder() / name / POLICY, SHIPPED / f"{name}.onnx"]
+    for place in places:
+        if place.is_file():
+            return place
+    known = ", ".join(policy_names()) or "none so far: `race train time-trial` makes one"
+    raise DriverError(f"policy {name!r} is unknown; known are {known}; or give an .onnx file")
+
+
+def name_of(run: Path) -> str:
+    """Return the name by which a run of training is found: its folder's, or the whole path."""
+    return run.name if run.absolute().parent == runs_folder().absolute() else str(run.absolute())
+
+
+def policy_names() -> list[str]:
+    """Return the names of shipped policies and of runs that have one."""
+    runs = {path.parent.name for path in runs_folder().glob(f"*/{POLICY}")}
+    return sorted(runs | {path.stem for path in SHIPPED.glob("*.onnx")})
+
+
+def policy_bytes(path: Path) -> bytes:
+    """Return the contents of a policy's file.
+
+    Raises:
+        DriverError: it cannot be read or is too large.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise DriverError(f"{path}: larger than {MOST_BYTES} bytes: this is no policy")
+        return path.read_bytes()
+    except OSError as error:
+        raise DriverError(f"{path}: cannot be read: {error.strerror}") from error

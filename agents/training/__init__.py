@@ -1,0 +1,1 @@
+"""Learning to drive: settings, learner, evaluation, and the folder that a run leaves behind."""

@@ -1,0 +1,205 @@
+"""`race train`: a policy learns to drive, and leaves a folder with everything behind."""
+
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from race_server.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from agents.training.overseer import News
+    from agents.training.run import Outcome
+    from agents.training.settings import Settings
+
+
+def train(
+    preset: Annotated[
+        str, typer.Argument(help="time-trial, race, full, or a .toml file of settings.")
+    ] = "",
+    track_set: Annotated[str, typer.Option(help="A named set of tracks: train, …")] = "",
+    tracks: Annotated[str, typer.Option(help="Comma-separated names, instead of a set.")] = "",
+    minutes: Annotated[float | None, typer.Option(help="Learn for so long, in all.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Learn for so many decisions, in all.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of worlds and network.")] = None,
+    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or dqn.")] = "",
+    worlds: Annotated[int | None, typer.Option(help="Races at once.")] = None,
+    threads: Annotated[int | None, typer.Option(help="Of the worlds and of PyTorch.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the run; otherwise one of the user's runs.")
+    ] = None,
+    resume: Annotated[str, typer.Option(help="Go on with a run: its name or its folder.")] = "",
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="key=value of the settings, such as reward.crash=-3."),
+    ] = None,
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write a log for TensorBoard, too.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Let a policy learn to drive: `race train time-trial --minutes 5`."""
+    try:
+        from agents.training import folder
+        from agents.training.run import train as train_it
+        from agents.training.sheet import read_settings
+    except ImportError as error:
+        missing = (error.name or "a package").split(".")[0]
+        raise ScenarioError(
+            f"{missing} is not installed: `pip install race-server[train]` brings it"
+        ) from error
+    words = _words(track_set, tracks, minutes, steps, seed, algorithm, worlds, threads)
+    words += changes or []
+    console = Console(stderr=True)
+    if resume:
+        place = _run_folder(resume)
+        settings = folder.settings_in(place, tuple(words))
+    else:
+        if not preset:
+            raise ScenarioError("name a preset or a .toml file, such as `race train time-trial`")
+        settings = read_settings(preset, words)
+        place = folder.new_folder(Path(preset).stem, out)
+    console.print(f"run: {place}", markup=False, soft_wrap=True)
+    with (
+        _left_clean(place),
+        _bar(settings, console, quiet=as_json) as tell,
+        warnings.catch_warnings(),
+    ):
+        warnings.filterwarnings("ignore", module="stable_baselines3")
+        outcome = train_it(
+            settings,
+            place,
+            resume=bool(resume),
+            tell=tell,
+            say=lambda text: console.print(text, markup=False, soft_wrap=True),
+            tensorboard=tensorboard,
+        )
+    _show(outcome, console, as_json=as_json)
+    if outcome.stopped:
+        sys.exit(130)
+
+
+def _words(
+    track_set: str,
+    tracks: str,
+    minutes: float | None,
+    steps: int | None,
+    seed: int | None,
+    algorithm: str,
+    worlds: int | None,
+    threads: int | None,
+) -> list[str]:
+    """Return options of the command line as changes of settings."""
+    if minutes is not None and steps is not None:
+        raise ScenarioError(f"--minutes {minutes:g} and --steps {steps}: give one of the two")
+    words: list[str] = []
+    if track_set or tracks:
+        names = [name.strip() for name in tracks.split(",") if name.strip()]
+        words += [f"tracks.set={json.dumps(track_set)}", f"tracks.names={json.dumps(names)}"]
+        # Stages of a preset name tracks of its own set.
+        words.append("curriculum=[]")
+    if minutes is not None:
+        words += ["steps=none", f"minutes={minutes}"]
+    if steps is not None:
+        words += ["minutes=none", f"steps={steps}"]
+    if algorithm:
+        words += [f"algorithm.name={algorithm}"]
+    numbers: dict[str, Any] = {"seed": seed, "worlds": worlds, "threads": threads}
+    return words + [f"{name}={value}" for name, value in numbers.items() if value is not None]
+
+
+def _run_folder(name: str) -> Path:
+    from agents.policies.shelf import runs_folder
+
+    place = Path(name).expanduser()
+    return place if place.is_dir() else runs_folder() / name
+
+
+@contextmanager
+def _left_clean(place: Path) -> Iterator[None]:
+    """Leave no empty folder behind where settings make no training."""
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            place.rmdir()
+
+
+@contextmanager
+def _bar(
+    settings: "Settings", console: Console, *, quiet: bool
+) -> Iterator[Callable[["News"], None]]:
+    """Show how far a training is and how it goes."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    hidden = quiet or not console.is_terminal
+    with Progress(*columns, console=console, disable=hidden) as bar:
+        task = bar.add_task(settings.title or "training", total=1.0)
+
+        def tell(news: "News") -> None:
+            bar.update(task, completed=news.share, description=_words_of(news))
+            if news.marks is not None and not quiet:
+                console.print(
+                    f"{100.0 * news.share:3.0f} %, {news.steps} decisions; {_words_of(news)}; "
+                    f"validation: {_marks_in_words(news.marks)}",
+                    markup=False,
+                    soft_wrap=True,
+                )
+
+        yield tell
+
+
+def _words_of(news: "News") -> str:
+    reward = "–" if news.reward is None else f"{news.reward:.1f}"
+    crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
+    lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
+    return f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+
+
+def _marks_in_words(marks: Any) -> str:
+    lap = "no lap" if marks.best_lap_s is None else f"best lap {marks.best_lap_s:.2f} s"
+    return f"{marks.speed:.2f} m/s, {100.0 * marks.crash_rate:.0f} % crash, {lap}"
+
+
+def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
+    if as_json:
+        print(
+            json.dumps(
+                {
+                    "run": outcome.folder.name,
+                    "folder": str(outcome.folder),
+                    "stopped": outcome.stopped,
+                    **outcome.evaluation,
+                }
+            )
+        )
+        return
+    from rich.table import Table
+
+    from agents.policies.shelf import name_of
+
+    table = Table("track", title="the best policy on unseen courses", title_justify="left")
+    for column in ("speed [m/s]", "crash rate", "laps", "best lap [s]", "return"):
+        table.add_column(column, justify="right")
+    for row in outcome.evaluation["tracks"]:
+        lap = "–" if row["best_lap_s"] is None else f"{row['best_lap_s']:.3f}"
+        figures = (f"{row['speed']:.2f}", f"{row['crash_rate']:.2f}", f"{row['laps']:.1f}")
+        table.add_row(row["track"], *figures, lap, f"{row['reward']:.1f}")
+    Console().print(table)
+    console.print(
+        f"drive it: race trial --drivers learned:{name_of(outcome.folder)}",
+        markup=False,
+        soft_wrap=True,
+    )

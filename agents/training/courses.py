@@ -1,0 +1,53 @@
+"""The courses of a training: sets by name, and courses the other way round."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from agents.training.settings import Tracks
+from race_server.errors import ScenarioError
+from race_server.track.course import Course
+from race_server.track.load import load_course
+from race_server.track.reverse import reversed_course
+
+SETS = Path(__file__).with_name("track_sets.toml")
+REVERSED = "-reversed"
+
+
+def track_sets() -> dict[str, dict[str, Any]]:
+    """Return the tables of all named sets."""
+    return tomllib.loads(SETS.read_text(encoding="utf-8"))
+
+
+def names_of(tracks: Tracks) -> tuple[str, ...]:
+    """Return the names of all tracks that are asked for.
+
+    Raises:
+        ScenarioError: the set is unknown, or there is no track at all.
+    """
+    names = list(tracks.names)
+    if tracks.set:
+        sets = track_sets()
+        if tracks.set not in sets:
+            raise ScenarioError(
+                f"track set {tracks.set!r} is unknown; choose one of {', '.join(sets)}"
+            )
+        table = sets[tracks.set]
+        first = table.get("first_seed", 0)
+        names += table.get("tracks", [])
+        names += [f"generated:block:{first + n}" for n in range(table.get("blocks", 0))]
+        names += [f"generated:spline:{first + n}" for n in range(table.get("splines", 0))]
+    if not names:
+        raise ScenarioError("tracks: neither a set nor a name; give one, such as set = 'train'")
+    return tuple(dict.fromkeys(names))
+
+
+def course_named(name: str) -> Course:
+    """Return a course by name; with ``-reversed`` behind it the other way round.
+
+    Raises:
+        TrackError: there is none.
+    """
+    if name.endswith(REVERSED):
+        return reversed_course(load_course(name.removesuffix(REVERSED)))
+    return load_course(name)

@@ -1,0 +1,73 @@
+"""The curve of a training: a table that grows, and its picture."""
+
+import csv
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where a training stood at one moment; what was not measured then is None."""
+
+    minutes: float
+    steps: int
+    steps_per_s: float
+    learning_rate: float
+    reward: float | None = None  # of the last hundred episodes
+    crash_rate: float | None = None
+    best_lap_s: float | None = None
+    tried_speed: float | None = None  # in the evaluation [m/s]
+    tried_crash_rate: float | None = None
+    tried_best_lap_s: float | None = None
+    tried_reward: float | None = None
+
+
+def append(path: Path, point: Point) -> None:
+    """Add a row to the table; the first one brings the head."""
+    is_new = not path.is_file()
+    with path.open("a", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, [field.name for field in fields(Point)])
+        if is_new:
+            table.writeheader()
+        row = {
+            name: round(value, 6) if isinstance(value, float) else value
+            for name, value in asdict(point).items()
+        }
+        table.writerow(row)
+
+
+def read(path: Path) -> list[dict[str, float]]:
+    """Return the rows of a table, without what was not measured."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            {name: float(value) for name, value in row.items() if value}
+            for row in csv.DictReader(file)
+        ]
+
+
+def draw(table: Path, picture: Path, title: str) -> None:
+    """Draw return, evaluation and laps over the minutes."""
+    from matplotlib.figure import Figure
+
+    rows = read(table)
+    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
+    plots: Any = figure.subplots(3, 1, sharex=True)
+    panels = (
+        ("return", {"reward": "training", "tried_reward": "evaluation"}),
+        ("evaluation", {"tried_speed": "speed [m/s]", "tried_crash_rate": "crash rate [-]"}),
+        ("best lap [s]", {"best_lap_s": "training", "tried_best_lap_s": "evaluation"}),
+    )
+    for plot, (label, columns) in zip(plots, panels, strict=True):
+        for column, name in columns.items():
+            points = [(row["minutes"], row[column]) for row in rows if column in row]
+            if points:
+                mark = "o-" if column.startswith("tried") else "-"
+                plot.plot(*zip(*points, strict=True), mark, label=name, markersize=3)
+        plot.set_ylabel(label)
+        plot.grid(alpha=0.3)
+        if plot.get_legend_handles_labels()[0]:
+            plot.legend(frameon=False)
+    plots[-1].set_xlabel("minutes of training")
+    figure.suptitle(title)
+    figure.savefig(picture, dpi=110)

@@ -1,0 +1,157 @@
+"""A learned policy as one ONNX file: normalisation, network, limits of the actions, and its nature.
+
+The graph is written layer by layer, so that the file depends on nothing but ONNX itself.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+from stable_baselines3 import DQN, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import VecNormalize
+
+from agents.policies.nature import INPUT, KEY, OUTPUT, Nature
+from agents.policies.session import Policy
+from agents.training.settings import Settings
+from agents.training.sheet import digest_of
+from agents.training.tasks import decision_s
+from race_server import __version__
+from race_server.errors import ScenarioError
+from race_server.observe import PARTS, layout_of
+from race_server.scenario.sensors import Lidar
+
+OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime that runs on our Pythons
+# A policy's file answers like the learner, up to rounding.
+MOST_DIFFERENCE = 1e-5
+
+
+@dataclass
+class _Graph:
+    """A graph that grows at its end."""
+
+    nodes: list[Any] = field(default_factory=list)
+    constants: list[Any] = field(default_factory=list)
+    end: str = INPUT
+
+    def then(self, operator: str, *constants: Any, **attributes: Any) -> None:
+        """Add an operator behind the end, with constants as its further inputs."""
+        number = len(self.nodes)
+        names = []
+        for place, value in enumerate(constants):
+            names.append(f"c{number}_{place}")
+            self.constants.append(numpy_helper.from_array(np.asarray(value), names[-1]))
+        output = f"x{number}"
+        self.nodes.append(helper.make_node(operator, [self.end, *names], [output], **attributes))
+        self.end = output
+
+
+def export_policy(path: Path, learner: Any, world: VecNormalize, nature: Nature) -> None:
+    """Write the actor of a learner as an ONNX file.
+
+    Raises:
+        ScenarioError: the network has a layer that cannot be written.
+    """
+    graph = _Graph()
+    _normalise(graph, world)
+    width = _act(graph, learner, world.action_space)
+    # The last output gets the name that drivers ask for.
+    graph.nodes[-1].output[0] = OUTPUT
+    seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", nature.size])
+    answer = helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["n", width])
+    body = helper.make_graph(graph.nodes, "policy", [seen], [answer], graph.constants)
+    model = helper.make_model(
+        body,
+        producer_name="race-server",
+        producer_version=__version__,
+        ir_version=IR_VERSION,
+        opset_imports=[helper.make_opsetid("", OPSET)],
+    )
+    helper.set_model_props(model, {KEY: nature.as_text()})
+    onnx.checker.check_model(model)
+    aside = path.with_suffix(".part")
+    aside.write_bytes(model.SerializeToString())
+    aside.replace(path)
+
+
+def _normalise(graph: _Graph, world: VecNormalize) -> None:
+    """Add what `VecNormalize` does, in double precision as there."""
+    numbers: Any = world.obs_rms
+    graph.then("Cast", to=TensorProto.DOUBLE)
+    graph.then("Sub", np.asarray(numbers.mean, np.float64))
+    graph.then("Div", np.sqrt(np.asarray(numbers.var, np.float64) + world.epsilon))
+    most = np.float64(world.clip_obs)
+    graph.then("Clip", -most, most)
+    graph.then("Cast", to=TensorProto.FLOAT)
+
+
+def _act(graph: _Graph, learner: Any, space: spaces.Space[Any]) -> int:
+    """Add the actor and what becomes of its answer; return how many numbers that has."""
+    if isinstance(learner, PPO):
+        _layers(graph, [*learner.policy.mlp_extractor.policy_net, learner.policy.action_net])
+    elif isinstance(learner, SAC):
+        _layers(graph, [*learner.actor.latent_pi, learner.actor.mu, torch.nn.Tanh()])
+    elif isinstance(learner, TD3):
+        _layers(graph, learner.actor.mu)
+    elif isinstance(learner, DQN):
+        _layers(graph, learner.q_net.q_net)
+    if isinstance(space, spaces.Discrete):
+        graph.then("ArgMax", axis=1, keepdims=1)
+        graph.then("Cast", to=TensorProto.FLOAT)
+        return 1
+    if not isinstance(space, spaces.Box):
+        raise ScenarioError(f"{space} cannot be exported: choose a discrete or continuous action")
+    low, high = space.low.astype(np.float32), space.high.astype(np.float32)
+    if isinstance(learner, SAC | TD3):
+        # From [-1, 1] to the limits of each number.
+        graph.then("Add", np.float32(1.0))
+        graph.then("Mul", np.float32(0.5) * (high - low))
+        graph.then("Add", low)
+    graph.then("Max", low)
+    graph.then("Min", high)
+    return len(low)
+
+
+def _layers(graph: _Graph, layers: Iterable[torch.nn.Module]) -> None:
+    for layer in layers:
+        if isinstance(layer, torch.nn.Linear):
+            weight, bias = (part.detach().numpy() for part in (layer.weight, layer.bias))
+            graph.then("Gemm", weight, bias, transB=1)
+        elif isinstance(layer, torch.nn.Tanh | torch.nn.ReLU):
+            graph.then("Tanh" if isinstance(layer, torch.nn.Tanh) else "Relu")
+        elif not isinstance(layer, torch.nn.Flatten | torch.nn.Identity):
+            raise ScenarioError(f"a layer {type(layer).__name__} cannot be exported yet")
+
+
+def nature_from(settings: Settings, tracks: tuple[str, ...]) -> Nature:
+    """Return what the policy of a training is for."""
+    layout = layout_of(settings.observation, settings.lidar.rays)
+    names = [PARTS[number].name for number in layout.numbers]
+    sees_lidar = bool({"lidar", "lidar_before"} & set(names))
+    return Nature(
+        parts=tuple(names),
+        sizes=tuple(layout.slices[name].stop - layout.slices[name].start for name in names),
+        action=settings.action,
+        vehicle=settings.vehicle,
+        lidar_rays=settings.lidar.rays if sees_lidar else 0,
+        lidar_field=Lidar().field,
+        lidar_reach=Lidar().reach,
+        decision_s=decision_s(),
+        algorithm=settings.algorithm.name,
+        tracks=tracks,
+        seed=settings.seed,
+        settings=digest_of(settings),
+        simulator=__version__,
+    )
+
+
+def difference(policy: Policy, learner: Any, world: VecNormalize, seen: NDArray[Any]) -> float:
+    """Return by how much a file's answers differ at most from the learner's own."""
+    own = learner.predict(world.normalize_obs(seen), deterministic=True)[0]
+    return float(np.abs(policy.decide(seen) - np.reshape(own, (len(seen), -1))).max())

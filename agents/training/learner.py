@@ -1,0 +1,158 @@
+"""The learner: Stable-Baselines3's algorithm on the training world, made from settings."""
+
+import inspect
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import DQN, PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import VecNormalize
+
+from agents.training.courses import names_of
+from agents.training.pace import Pace
+from agents.training.settings import Settings
+from agents.training.tasks import training_task
+from race_server.env.sb3 import KartVecEnv
+from race_server.errors import ScenarioError
+
+CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "dqn": DQN}
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+# What settings say elsewhere, or what a run decides itself.
+_TAKEN = {
+    *("self", "policy", "env", "learning_rate", "seed", "device", "verbose", "tensorboard_log"),
+    *("policy_kwargs", "_init_setup_model", "stats_window_size", "action_noise"),
+}
+# Deviation of what TD3 adds to its actions, unless `options.action_noise` says otherwise.
+TD3_NOISE = 0.1
+
+
+def world_of(settings: Settings, pace: Pace) -> VecNormalize:
+    """Return the karts that learn, with running means of what they see.
+
+    Raises:
+        RaceError: the settings make no race.
+    """
+    karts = KartVecEnv(
+        training_task(settings),
+        worlds=settings.worlds,
+        seed=settings.seed,
+        threads=settings.threads,
+        curriculum=Stages(settings, pace) if settings.curriculum else None,
+    )
+    gamma = settings.algorithm.options.get("gamma", 0.99)
+    return VecNormalize(karts, norm_reward=settings.algorithm.normalise_reward, gamma=gamma)
+
+
+class Stages:
+    """The curriculum: which tracks are drawn, by the elapsed share of the training."""
+
+    def __init__(self, settings: Settings, pace: Pace) -> None:
+        """Work out the weights of each stage.
+
+        Raises:
+            ScenarioError: a stage names a track that is not trained on.
+        """
+        names = names_of(settings.tracks)
+        self._pace = pace
+        self._now = -1
+        self._stages: list[tuple[float, list[float]]] = []
+        for stage in sorted(settings.curriculum, key=lambda stage: stage.after):
+            for track in stage.tracks:
+                if track not in names:
+                    raise ScenarioError(
+                        f"curriculum: {track!r} is not trained on; choose from {', '.join(names)}"
+                    )
+            weights = [float(name in (stage.tracks or names)) for name in names]
+            self._stages.append((stage.after, weights))
+
+    def __call__(self, _: int) -> Sequence[float] | None:
+        """Return the weights of the stage that begins now; None while it lasts."""
+        begun = [n for n, (after, _) in enumerate(self._stages) if after <= self._pace.share]
+        if not begun or begun[-1] == self._now:
+            return None
+        self._now = begun[-1]
+        return self._stages[self._now][1]
+
+
+def learner_of(settings: Settings, world: VecNormalize, pace: Pace, log: str | None) -> Any:
+    """Return an untrained learner. log: a folder for TensorBoard.
+
+    Raises:
+        ScenarioError: an option of the algorithm does not exist, or has no fitting value.
+    """
+    torch.set_num_threads(settings.threads)
+    name, kind = settings.algorithm.name, CLASSES[settings.algorithm.name]
+    options = _options(settings)
+    if name == "td3":
+        width = world.action_space.shape[0]  # type: ignore[index]  # settings keep it a box
+        deviation = np.full(width, TD3_NOISE)
+        options["action_noise"] = NormalActionNoise(np.zeros(width), deviation)
+    network: dict[str, Any] = {
+        "net_arch": list(settings.network.layers),
+        "activation_fn": ACTIVATIONS[settings.network.activation],
+    }
+    if name == "ppo":
+        network["log_std_init"] = settings.network.log_std
+    try:
+        learner = kind(
+            "MlpPolicy",
+            world,
+            learning_rate=_rate(settings, pace),
+            policy_kwargs=network,
+            seed=settings.seed,
+            device="cpu",
+            tensorboard_log=log,
+            **options,
+        )
+    except (TypeError, ValueError, AssertionError) as error:
+        raise ScenarioError(f"algorithm.options of {name}: {error}") from error
+    if isinstance(learner, DQN):
+        _explore_by(learner, pace)
+    if isinstance(learner, PPO) and settings.network.first_action:
+        _answer_at_first(learner, settings.network.first_action)
+    return learner
+
+
+def _options(settings: Settings) -> dict[str, Any]:
+    kind = CLASSES[settings.algorithm.name]
+    known = [name for name in inspect.signature(kind).parameters if name not in _TAKEN]
+    for key, value in settings.algorithm.options.items():
+        if key not in known:
+            raise ScenarioError(
+                f"algorithm.options.{key} = {value!r}: {settings.algorithm.name} has no such "
+                f"option; known are {', '.join(known)}"
+            )
+    return {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in settings.algorithm.options.items()
+    }
+
+
+def _rate(settings: Settings, pace: Pace) -> Any:
+    """Return a schedule that goes by the pace: the learner's own knows nothing of minutes."""
+    first, last = settings.algorithm.learning_rate, settings.algorithm.last_learning_rate
+    return lambda _: first if last is None else first + pace.share * (last - first)
+
+
+def _explore_by(learner: DQN, pace: Pace) -> None:
+    first, last = learner.exploration_initial_eps, learner.exploration_final_eps
+    until = learner.exploration_fraction
+
+    def chance(_: float) -> float:
+        return first + min(pace.share / until, 1.0) * (last - first)
+
+    learner.exploration_schedule = chance
+
+
+def _answer_at_first(learner: PPO, action: tuple[float, ...]) -> None:
+    network: Any = learner.policy.action_net
+    bias = network.bias.data
+    if len(action) != len(bias):
+        raise ScenarioError(
+            f"network.first_action = {list(action)}: the action has {len(bias)} numbers"
+        )
+    network.weight.data *= 0.1  # so that what is seen hardly matters at first
+    bias[:] = torch.tensor(action)

@@ -1,0 +1,133 @@
+"""Everything that decides what a run of training learns, in one frozen structure."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Range = tuple[float, float]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Algorithm(_Table):
+    """Who learns. `options` are those of Stable-Baselines3's class."""
+
+    name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
+    learning_rate: float = Field(default=3e-4, gt=0.0)
+    last_learning_rate: float | None = Field(
+        default=None, ge=0.0
+    )  # at the end; falls evenly until then
+    options: dict[str, Any] = {}
+    normalise_reward: bool = True
+
+
+class Network(_Table):
+    """The network of the actor; that of the critic has the same layers."""
+
+    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    activation: Literal["tanh", "relu"] = "tanh"
+    log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
+    # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
+    first_action: tuple[float, ...] = ()
+
+
+class Lidar(_Table):
+    """The lidar of training. A race's has 201 rays: 101, 41 or 21 of them are among those."""
+
+    rays: int = Field(default=201, ge=2, le=2048)
+    noise: float = Field(default=0.01, ge=0.0)  # [m] standard deviation
+    dropout: float = Field(default=0.0, ge=0.0, lt=1.0)  # share of rays that come back as 0
+
+
+class Gap(_Table):
+    """Ranges of the reality gap, drawn anew for each episode; see `race_server.env.gap`."""
+
+    action_delay: Range = (0.0, 0.0)
+    observation_delay: Range = (0.0, 0.0)
+    actuator_lag: Range = (0.0, 0.0)
+    steering_play: Range = (0.0, 0.0)
+    speed_coefficient: Range = (1.0, 1.0)
+    mass: Range = (1.0, 1.0)
+    grip: Range = (1.0, 1.0)
+
+
+class Race(_Table):
+    """Who else is on the track, and the rules; they stand in `race_server.scenario.base.Rules`."""
+
+    karts: int = Field(default=1, ge=1, le=64)
+    learners: int = Field(default=1, ge=1, le=64)
+    opponents: tuple[str, ...] = ()
+    rules: dict[str, Any] = {}
+
+
+class Episode(_Table):
+    """Where an episode begins and ends."""
+
+    steps: int = Field(
+        default=1200, ge=0
+    )  # decisions until it is cut off; 0: the rules alone end it
+    random_start: bool = True
+    crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
+
+
+class Tracks(_Table):
+    """A named set, or names; ``-reversed`` behind a name is the same course the other way."""
+
+    set: str = ""
+    names: tuple[str, ...] = ()
+
+
+class Stage(_Table):
+    """From a share of the training on, only these tracks are drawn; none: all of them."""
+
+    after: float = Field(ge=0.0, lt=1.0)
+    tracks: tuple[str, ...] = ()
+
+
+class Evaluation(_Table):
+    """How the policy is tried out: on courses and seeds that it does not learn on."""
+
+    tracks: Tracks = Tracks(set="validation")  # during training: they say which policy is the best
+    final: Tracks = Tracks(set="unseen")  # at the end, under seeds of their own: how good it is
+    seeds: int = Field(default=4, ge=1)
+    first_seed: int = Field(default=10_000, ge=0)
+    times: int = Field(default=10, ge=1)  # during a training, the end included
+    seconds: float = Field(default=60.0, gt=0.0)
+    # What makes a policy the best: metres per second until the time is over, a crash ending
+    # them; or the return.
+    score: Literal["speed", "return"] = "speed"
+
+
+class Goal(_Table):
+    """Training stops early once an evaluation reaches all of these; none: it never does."""
+
+    speed: float | None = None  # [m/s] at least
+    crash_rate: float | None = None  # at most
+    best_lap_s: float | None = None  # at most
+
+
+class Settings(_Table):
+    """One run of training."""
+
+    title: str = ""
+    minutes: float | None = Field(default=None, gt=0.0)
+    steps: int | None = Field(default=None, ge=1)  # decisions of learning karts; instead of minutes
+    seed: int = Field(default=1, ge=0)
+    worlds: int = Field(default=64, ge=1)
+    threads: int = Field(default=1, ge=1)  # of the worlds and of PyTorch
+    vehicle: str = "tt02"
+    observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
+    action: Literal["continuous", "report_b", "discrete", "control"] = "continuous"
+    reward: str | dict[str, float] = "progress"
+    algorithm: Algorithm = Algorithm()
+    network: Network = Network()
+    lidar: Lidar = Lidar()
+    gap: Gap = Gap()
+    race: Race = Race()
+    episode: Episode = Episode()
+    tracks: Tracks = Tracks(set="train")
+    curriculum: tuple[Stage, ...] = ()
+    evaluation: Evaluation = Evaluation()
+    goal: Goal = Goal()

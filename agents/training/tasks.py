@@ -1,0 +1,87 @@
+"""From settings to the tasks of the training world: one to learn, one for each to be tried on."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+from agents.training.courses import course_named, names_of
+from agents.training.settings import Settings, Tracks
+from race_server.env.batch import Task
+from race_server.env.gap import RealityGap
+from race_server.env.presets import LEARNING_RULES
+from race_server.errors import ScenarioError
+from race_server.params import vehicle_named
+from race_server.scenario.base import Rules, Scenario
+from race_server.scenario.sensors import Lidar
+
+DECISION_TICKS = 3  # those of a live race
+
+
+def training_task(settings: Settings) -> Task:
+    """Return the task that a policy learns: all its tracks in one.
+
+    Raises:
+        RaceError: a track, a vehicle or a rule does not exist.
+    """
+    scenarios = tuple(_scenario(settings, name) for name in names_of(settings.tracks))
+    return _task(settings, scenarios)
+
+
+def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
+    """Return a task for each track that a policy is to be tried out on, from its start grid.
+
+    Raises:
+        RaceError: a track does not exist.
+    """
+    steps = round(settings.evaluation.seconds / decision_s())
+    return {
+        name: replace(
+            _task(settings, (_scenario(settings, name),)), random_start=False, most_steps=steps
+        )
+        for name in names_of(tracks)
+    }
+
+
+def decision_s() -> float:
+    """Return the time between two decisions [s]."""
+    return DECISION_TICKS / 60.0
+
+
+def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
+    race, episode = settings.race, settings.episode
+    return Task(
+        scenarios,
+        opponents=race.opponents,
+        learners=race.learners,
+        observation=settings.observation,
+        action=settings.action,
+        reward=settings.reward,
+        gap=RealityGap(**settings.gap.model_dump()),
+        decision_ticks=DECISION_TICKS,
+        most_steps=episode.steps,
+        random_start=episode.random_start,
+        crash_range=episode.crash_range,
+    )
+
+
+def _scenario(settings: Settings, name: str) -> Scenario:
+    lidar = settings.lidar
+    return Scenario(
+        course_named(name),
+        karts=settings.race.karts,
+        vehicles=(vehicle_named(settings.vehicle),),
+        rules=_rules(settings.race.rules),
+        lidar=Lidar(rays=lidar.rays, noise=lidar.noise, dropout=lidar.dropout),
+    )
+
+
+def _rules(words: dict[str, Any]) -> Rules:
+    kinds = {field.name: type(getattr(LEARNING_RULES, field.name)) for field in fields(Rules)}
+    for key, value in words.items():
+        if key not in kinds:
+            raise ScenarioError(
+                f"race.rules.{key} = {value!r}: no such rule; known are {', '.join(kinds)}"
+            )
+        fits = isinstance(value, kinds[key]) or (kinds[key] is float and isinstance(value, int))
+        if not fits:
+            raise ScenarioError(f"race.rules.{key} = {value!r}: give a {kinds[key].__name__}")
+    return replace(LEARNING_RULES, **words)
