@@ -67,7 +67,7 @@ Results = Annotated[
 
 
 def trial(
-    drivers: Drivers = "pure_pursuit,follow_gap,avoider",
+    drivers: Drivers = "raceline,follow_gap,tentacles",
     tracks: Tracks = "covapsy-train-2023",
     vehicles: Vehicles = "tt02",
     laps: Annotated[int, typer.Option(min=1, help="Laps that count in each run.")] = 5,
