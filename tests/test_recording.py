@@ -30,7 +30,8 @@ from race_server.results.writer import Writer
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import LOCKSTEP, RaceServer
 from race_server.server.resume import take_up
-from race_server.session import Inputs, Session
+from race_server.session import Session
+from race_server.session.entries import Inputs
 from race_server.start import free_address
 from race_server.transport import ServerLink
 
@@ -86,7 +87,7 @@ def test_a_race_driven_again_has_the_same_digest_at_every_second(recorded: Path)
     assert rerun.difference is None
     assert recording.is_complete
     assert rerun.compared == len(recording.digests) >= recording.last_tick // 60
-    assert rerun.session.laps_us == {
+    assert rerun.session.chronicle.laps_us == {
         seat: [us for s, _, us, _ in recording.laps if s == seat] for seat in range(3)
     }
 

@@ -9,7 +9,8 @@ from race_server import codes
 from race_server.clock import TICKS_PER_SECOND
 from race_server.messages import Doubt, Event, Flag, Trust
 from race_server.server.journal import Journal
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 from race_server.state import EFFECTS
 from race_server.transport import ServerLink
 from race_server.wire import topics

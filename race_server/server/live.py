@@ -9,7 +9,7 @@ from race_server.clock import Pacer, ticks_of
 from race_server.driver import driver_named
 from race_server.errors import DriverError, WireError
 from race_server.logs import Log
-from race_server.messages import Event, Phase
+from race_server.messages import Event
 from race_server.paddock import Paddock
 from race_server.recording.logbook import Logbook
 from race_server.recording.reader import Recording
@@ -24,7 +24,8 @@ from race_server.server.outcome import RaceResult
 from race_server.server.refusals import Refusals
 from race_server.server.steward import Steward
 from race_server.server.verdict import Verdict
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 from race_server.transport import ServerLink
 from race_server.wire.drive import decode_control
 from race_server.wire.pose import decode_pose
@@ -141,7 +142,7 @@ class RaceServer:
         self._verdict.lapse()
         self.session.start(_now_us())
         self._open_book()
-        return self._race_on(list(self.session.recent))
+        return self._race_on(list(self.session.chronicle.recent))
 
     def go_on(self, recording: Recording, events: list[Event]) -> RaceResult:
         """Race on from where a server that was killed has left the race.
@@ -263,7 +264,7 @@ class RaceServer:
 
     def _goes_on(self) -> bool:
         ends = self._stop or self._steward.wants_restart
-        return not ends and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        return not ends and self.session.is_on
 
     def _stand_still(self) -> None:
         """Let no time pass while the clock stands; drivers hear now and then that we are here."""
