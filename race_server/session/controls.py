@@ -7,8 +7,8 @@ from race_server.messages import Control
 from race_server.scenario.base import Scenario
 from race_server.session.entries import Inputs
 from race_server.session.seats import Seat, Seats
-from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, grace_of, silence_after
-from race_server.state import Float32s, Floats, Record, World
+from race_server.silence import STOP, Silence, control_under, grace_of, silence_after
+from race_server.state import Float32s, Floats, World
 
 
 class Controls:
@@ -29,10 +29,13 @@ class Controls:
     def load(self, seats: Seats, world: World) -> Inputs | None:
         """Let act what the seats give now, and return it as far as it changed."""
         tick = int(world.races[0].tick)
+        # All at once: to ask a record for a field takes a microsecond.
+        racing = (world.karts["status"][0] == codes.RACING).tolist()
+        speeds = world.karts["speed"][0].tolist()
         for seat in seats.taken():
-            kart = world.karts[0, seat.number]
-            self._listen(seat, kart, tick)
-            control = _control_of(seat, is_racing=kart.status == codes.RACING)
+            is_racing = racing[seat.number]
+            self._listen(seat, tick, speeds[seat.number], is_racing=is_racing)
+            control = _control_of(seat, is_racing=is_racing)
             # As on the wire, so that a recording holds exactly what acted.
             self._loaded[seat.number] = (
                 control.steering,
@@ -51,26 +54,20 @@ class Controls:
         """Let the controls of a recording act."""
         self.acting[0, inputs.seats] = inputs.controls
 
-    def _listen(self, seat: Seat, kart: Record, tick: int) -> None:
+    def _listen(self, seat: Seat, tick: int, speed: float, *, is_racing: bool) -> None:
         """Work out how far the silence of a driver has got."""
         # A control that came after a link was gone shows that the driver is there.
         is_linked = seat.is_present or seat.control_tick > seat.away_since
         has_spoken = seat.control_tick >= 0
         overdue = tick - seat.control_tick - self._decision_ticks
-        grace = grace_of(kart.speed, self._lengths[seat.number]) if has_spoken else 0
+        grace = grace_of(speed, self._lengths[seat.number]) if has_spoken else 0
         silence = silence_after(overdue - grace, is_linked=is_linked)
         # A kart that slows down unheard must not be given its grace anew, and drive off again.
         seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
-        hangs = kart.status == codes.RACING and seat.silence is Silence.STOPPED and has_spoken
+        hangs = is_racing and seat.silence is Silence.STOPPED and has_spoken
         # Of real karts the fleet knows more.
         if hangs and not seat.is_tracked and seat.away_since < 0:
             seat.away_since = tick  # its link is there, but it answers no more
-
-
-def is_gone(seat: Seat, kart: Record, tick: int) -> bool:
-    """Return whether a driver has been away from its race for too long."""
-    is_racing = seat.is_taken and kart.status == codes.RACING
-    return is_racing and 0 <= seat.away_since <= tick - AWAY_TICKS
 
 
 def _control_of(seat: Seat, *, is_racing: bool) -> Control:

@@ -8,7 +8,7 @@ from race_server.acts import Act, ActKind
 from race_server.badge import key_of
 from race_server.errors import SeatError
 from race_server.messages import Control
-from race_server.silence import STOP, Silence
+from race_server.silence import AWAY_TICKS, STOP, Silence
 
 # Why a seat is closed; the place of each is the value of the act that closes it.
 CLOSED_FOR = ("by the steward", "the steward sent its driver away")
@@ -48,6 +48,10 @@ class Seat:
         """Take note that the driver is there again."""
         self.is_present = True
         self.away_since = -1
+
+    def is_gone(self, tick: int) -> bool:
+        """Return whether the driver has been away for so long that it has withdrawn."""
+        return 0 <= self.away_since <= tick - AWAY_TICKS
 
     def line_up(self) -> None:
         """Forget what was heard in the last race."""

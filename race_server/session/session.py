@@ -14,12 +14,12 @@ from race_server.observe import Layout, layout_of
 from race_server.scenario.base import Scenario, line_up_race, make_world
 from race_server.serials import Granted, Serials
 from race_server.session.chronicle import Chronicle
-from race_server.session.controls import Controls, is_gone
+from race_server.session.controls import Controls
 from race_server.session.door import Newcomer, free_seat, held_seat
 from race_server.session.entries import Entry, Inputs
 from race_server.session.seats import Seat, Seats
 from race_server.session.standings import table_of
-from race_server.session.views import Views, sensors_for
+from race_server.session.views import Views, fitted_for
 from race_server.silence import STOP
 from race_server.stages.standings import rank
 from race_server.state import Float32s, Floats, World, digest
@@ -156,7 +156,7 @@ class Session:
         self.epoch += 1
         self.log.clear()
         self.is_paused = False
-        fitted = tuple(sensors_for(seat) for seat in self.seats)
+        fitted = tuple(fitted_for(seat) for seat in self.seats)
         line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
         for seat in self.seats:
             seat.line_up()
@@ -264,8 +264,9 @@ class Session:
         The same control acts for all `ticks`; see `race_server.silence` for karts whose driver
         is not heard.
         """
-        for seat in self.seats:
-            if is_gone(seat, self.world.karts[0, seat.number], self.tick):
+        tick, statuses = self.tick, self.world.karts["status"][0]
+        for seat in self.seats.taken():
+            if seat.is_gone(tick) and statuses[seat.number] == codes.RACING:
                 self.do(ActKind.WITHDRAW, seat.number)
                 seat.away_since = -1
         if inputs := self._controls.load(self.seats, self.world):

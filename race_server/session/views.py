@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from race_server import codes
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT
+from race_server.scenario.sensors import sensors_for
 from race_server.session.seats import Seat, Seats
 from race_server.stages.observation import observe_karts
 from race_server.state import Float32s, World
@@ -43,10 +43,6 @@ class Views:
         return self._values[0, seat, : layout.size]
 
 
-def sensors_for(seat: Seat) -> int:
-    """Return the sensors that a seat's observation needs."""
-    if not seat.is_taken:
-        return ABSENT
-    parts = PRESETS[seat.preset]
-    sensors = codes.LIDAR if "lidar" in parts else 0
-    return sensors | (codes.RADAR if "radar" in parts else 0)
+def fitted_for(seat: Seat) -> int:
+    """Return the sensors that the kart of a seat needs."""
+    return sensors_for(PRESETS[seat.preset]) if seat.is_taken else ABSENT
