@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 
 from race_server import codes
-from race_server.clock import TICKS_PER_SECOND
+from race_server.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.messages import Doubt, Pose, Trust
 from race_server.params import Vehicle
 from race_server.state import PLACEMENT, Floats, Ints, World
 from race_server.track.course import Course
-from race_server.tracking import MICROSECONDS, Gates, Orders, Tracker
+from race_server.tracking.gates import Gates
+from race_server.tracking.orders import Orders
+from race_server.tracking.tracker import Tracker
 
 # A point this many kart lengths beyond the borders is not on the course.
 BEYOND_LENGTHS = 1.0

@@ -9,6 +9,7 @@ import queue
 import sys
 import threading
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, Self, TextIO
 
 import structlog
@@ -94,3 +95,9 @@ def words_of(text: str) -> str:
         return text
     facts = [f"{k} {v}" for k, v in line.items() if k not in {"event", "level", "timestamp"}]
     return ": ".join(part for part in (line["event"], ", ".join(facts)) if part)
+
+
+def last_words(log: Path, lines: int = 1) -> str:
+    """Return what was said last in the file of a log, as a person reads it."""
+    said = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    return " / ".join(words_of(line) for line in said[-lines:]) or "it said nothing"

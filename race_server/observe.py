@@ -1,6 +1,6 @@
 """What a driver sees: named parts, put together to presets.
 
-An observation is one float32 vector in SI units. The same kernel (`kernels/observation.py`)
+An observation is one float32 vector in SI units. The same kernel (`stages/observation.py`)
 fills it for training and for the live server. "Ahead" is along the centre line; the kart frame
 has x ahead and y to the left.
 """
@@ -40,7 +40,7 @@ def _scalar(
     return Part(name, 1, unit, low, high, frame, meaning)
 
 
-# The order is the part's number in the compiled code: add at the end, see `kernels/observation`.
+# The order is the part's number in the compiled code: add at the end, see `stages/observation`.
 PARTS = (
     Part(
         "lidar",

@@ -7,7 +7,8 @@ from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError
 from race_server.observe import Observation
 from race_server.rules.items import items
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 from race_server.wire.drive import ControlFrame, encode_control
 
 

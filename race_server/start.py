@@ -22,7 +22,7 @@ from race_server.board import Headline, event_text, leaderboard
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import LinkError, RaceError
 from race_server.kernels.jit import is_compiled
-from race_server.logs import words_of
+from race_server.logs import last_words
 from race_server.messages import Event, EventKind, Flag, Phase
 from race_server.transport import ClientLink
 from race_server.watch import Watcher
@@ -80,6 +80,11 @@ def team() -> Iterator[Team]:
 
 def free_address() -> str:
     """Return an address of this machine that nobody listens on."""
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
     # Below the ports that systems give to outgoing connections: one of those may be taken again
     # before the server listens.
     chance = random.SystemRandom()
@@ -87,7 +92,7 @@ def free_address() -> str:
         port = chance.randrange(10_240, 32_000)
         with socket.socket() as probe, contextlib.suppress(OSError):
             probe.bind(("127.0.0.1", port))
-            return f"tcp/127.0.0.1:{port}"
+            return port
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
                 _start_drivers(plan, group, log)
             _follow(plan, group, console, log_path)
         if not result.exists():
-            raise RaceError(f"the race ended without a result: {_tail(log_path)}")
+            raise RaceError(f"the race ended without a result: {last_words(log_path)}")
         document: dict[str, Any] = json.loads(result.read_text())
         return document
 
@@ -178,7 +183,7 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink
             link = ClientLink(plan.address, plan.session, timeout_s=1.0)
         except LinkError as error:
             if group.fallen():
-                raise RaceError(f"the server did not start: {_tail(log_path)}") from error
+                raise RaceError(f"the server did not start: {last_words(log_path)}") from error
             if time.monotonic() > deadline:
                 raise
             continue
@@ -188,11 +193,6 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink
             link.close()
             if time.monotonic() > deadline:
                 raise
-
-
-def _tail(log_path: Path) -> str:
-    lines = [line for line in log_path.read_text(errors="replace").splitlines() if line.strip()]
-    return words_of(lines[-1]) if lines else "it said nothing"
 
 
 def _show(watcher: Watcher, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
@@ -208,7 +208,7 @@ def _show(watcher: Watcher, group: Team, console: Console, plan: Plan, log_path:
             live.update(board_of(watcher, plan.session, items))
             frame = watcher.standings
             if group.fallen() and (frame is None or frame.phase is Phase.LOBBY):
-                raise RaceError(f"a driver could not take part: {_tail(log_path)}")
+                raise RaceError(f"a driver could not take part: {last_words(log_path)}")
             time.sleep(0.12)
 
 

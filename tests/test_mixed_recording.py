@@ -50,9 +50,9 @@ class Recorded:
     def run(self, ticks: int, *, silent: bool = False) -> None:
         """Let ticks pass as the server does."""
         for _ in range(ticks):
-            before, seen = self.session.tick, len(self.session.recent)
+            before, seen = self.session.tick, len(self.session.chronicle.recent)
             drive(self.session, self.real, 1, silent=silent)
-            self.journal.note(before, list(self.session.recent)[seen:])
+            self.journal.note(before, list(self.session.chronicle.recent)[seen:])
             frame = snapshot_of(self.session)
             self.journal.note_snapshot(frame, self.snapshots.write(frame))
             if frame.tick % 20 == 0:
@@ -204,8 +204,8 @@ def test_seats_that_were_closed_and_drivers_sent_away_stay_so(raced: Recorded) -
     raced.session.kick(2)
     raced.run(30)
     session, _ = take_up(read_recording(raced.kill()), None)
-    assert session.closed == raced.session.closed
-    assert set(session.closed) == {2, 3}
+    assert session.seats.closed == raced.session.seats.closed
+    assert set(session.seats.closed) == {2, 3}
     with pytest.raises(SeatError, match="seat 2 is closed: the steward sent its driver away"):
         session.join("d2", "track", wanted=2, secret=SECRETS[2])
     assert session.join("d1", "track", secret=SECRETS[1]).number == 1

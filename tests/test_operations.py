@@ -61,11 +61,11 @@ def racing() -> RaceServer:
         session.start()
         for sequence in (1, 2, 5):
             frame = ControlFrame(1, sequence, session.tick, Control(throttle=0.1))
-            server._take_control(0, encode_control(frame))
+            server._ear.take_control(0, encode_control(frame))
             server._hear()
             server._advance(30)
             server.meters.note_tick(0.0003, 0.00001, missed=1)
-        server._take_control(0, b"rubbish")
+        server._ear.take_control(0, b"rubbish")
         yield server
 
 

@@ -7,7 +7,9 @@ import pytest
 from courses import ring
 
 from race_server import codes
-from race_server.env.render import PALETTE, RETIRED_GREY, Picture, Window
+from race_server.env.render.colours import PALETTE, RETIRED_GREY
+from race_server.env.render.picture import Picture
+from race_server.env.render.window import Window
 from race_server.errors import ScenarioError
 from race_server.scenario.base import Scenario, make_world
 

@@ -15,7 +15,10 @@ from race_server.rules.items import items
 from race_server.scenario.base import Rules, Scenario
 from race_server.server.herald import hud_of, snapshot_of
 from race_server.session import Session
-from race_server.tracking import Gates, LinkClock, Orders, Tracker, doubt_of, is_jump, predict
+from race_server.tracking.clock import LinkClock
+from race_server.tracking.gates import Gates, doubt_of, is_jump, predict
+from race_server.tracking.orders import Orders
+from race_server.tracking.tracker import Tracker
 
 RADIUS = 10.0
 COURSE = ring(radius=RADIUS, half_width=2.0)

@@ -1,6 +1,5 @@
 """`race bench`: what this machine reaches."""
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,9 +8,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-app = typer.Typer(help="Measure the speed of this program.", no_args_is_help=True)
+from race_server.commands.document import AsJson, print_document
 
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+app = typer.Typer(help="Measure the speed of this program.", no_args_is_help=True)
 
 
 @app.command()
@@ -77,7 +76,7 @@ def learn(
 
 def _show(figures: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
-        print(json.dumps(figures))
+        print_document(figures)
         return
     table = Table("figure", "value")
     for name, value in _flat(figures):

@@ -1,6 +1,5 @@
 """`race day`: a whole event, from qualification to podium."""
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -9,9 +8,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from race_server.commands.race import AsJson, Results, VehicleName
-from race_server.commands.race import known_drivers as drivers_in
-from race_server.commands.race import results_writer as writer_for
+from race_server.commands.document import AsJson, print_document
+from race_server.commands.options import Results, VehicleName, known_drivers, names_in
 from race_server.errors import ScenarioError
 
 TEAMS = (
@@ -55,10 +53,11 @@ def day(
     from race_server.meeting.sheet import print_sheet
     from race_server.params import vehicle_named
     from race_server.results.keeper import Keeper
+    from race_server.results.writer import writer_for
     from race_server.track.load import load_course
 
     chosen = format_named(format_name)
-    names = drivers_in(drivers or ",".join(TEAMS))
+    names = known_drivers(drivers or ",".join(TEAMS))
     car = vehicle_named(vehicle)
     files = _tracks_for(chosen.letters, tracks, format_name)
     courses = {letter: load_course(name) for letter, name in files.items()}
@@ -86,7 +85,7 @@ def day(
 
             ledger = run_day(plan, Keeper(writer) if writer else None, tell)
     if as_json:
-        print(json.dumps(day_document(plan, ledger)))
+        print_document(day_document(plan, ledger))
     else:
         print_sheet(plan, ledger, Console())
     if sheet is not None:
@@ -100,7 +99,7 @@ def _tracks_for(letters: str, tracks: str, format_name: str) -> dict[str, str]:
     Raises:
         ScenarioError: too few are given.
     """
-    names = [name.strip() for name in tracks.split(",") if name.strip()]
+    names = names_in(tracks)
     places = ["ABCDEFGHIJ".index(letter) for letter in letters]
     if places and max(places) >= len(names):
         raise ScenarioError(

@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from race_server.commands.document import AsJson, print_document
+
 app = typer.Typer(help="Drills: what may go wrong in a session, done on purpose.")
 
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Seed = Annotated[int, typer.Option(help="Of the moments that are chosen at random.")]
 
 
@@ -72,7 +73,7 @@ def network(
     as_json: AsJson = False,
 ) -> None:
     """Race over a network that loses, delays and shuffles packets both ways; needs root."""
-    from race_server.commands.race import known_drivers
+    from race_server.commands.options import known_drivers
     from race_server.drills.network import DRIVERS, drill_network
     from race_server.drills.wire import Weather
 
@@ -172,7 +173,7 @@ def finish(
     the part that is a list of such, shown in the same way.
     """
     if as_json:
-        print(json.dumps(document))
+        print_document(document)
     else:
         console = Console()
         table = Table("figure", "value")

@@ -1,6 +1,5 @@
 """`race limit`: how fast a vehicle can lap a course, and along which lines."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -8,11 +7,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-Name = Annotated[str, typer.Argument(help="A name from `race track list`, or a .toml file.")]
+from race_server.commands.document import AsJson, print_document
+from race_server.commands.options import Course
 
 
 def limit(
-    track: Name,
+    track: Course,
     vehicle: Annotated[str, typer.Option(help="The vehicle that laps it.")] = "tt02",
     speed_cap: Annotated[
         float | None, typer.Option(help="Drive no faster than this, in m/s.")
@@ -24,7 +24,7 @@ def limit(
     plot: Annotated[
         Path | None, typer.Option(help="Draw the lines into this file: .png or .svg.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Lap times along the fastest, the least curved, the centre and the shortest line."""
     from race_server.limit.reference import NAMES, reference_limit
@@ -42,7 +42,7 @@ def limit(
     if as_json:
         times = {f"{name}_s": round(line.time_s, 4) for name, line in lines.items()}
         row = {"track": course.name, "vehicle": vehicle, "speed_cap": speed_cap, **times}
-        print(json.dumps({**row, "solve_s": round(found.solve_s, 3)}))
+        print_document({**row, "solve_s": round(found.solve_s, 3)})
         return
     table = Table("line", title=f"{course.name}, {vehicle}{capped}", title_justify="left")
     for column in ("lap [s]", "length [m]", "slowest [m/s]", "fastest [m/s]", "braking zones"):

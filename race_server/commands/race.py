@@ -1,61 +1,38 @@
-"""`race start`, `race serve`, `race drive`, `race watch`."""
+"""`race start`, `race drive`, `race watch`."""
 
-import json
 import os
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.live import Live
 from rich.status import Status as Spinner
 
-from race_server.board import Headline, leaderboard
-from race_server.clock import TICKS_PER_SECOND
-from race_server.commands.access import Connect, KeysFolder, access
-from race_server.commands.access import SessionName as SessionWanted
+from race_server.commands.access import Connect, KeysFolder, SessionName, access
+from race_server.commands.document import AsJson, print_document
+from race_server.commands.options import (
+    CatchUp,
+    Items,
+    Karts,
+    Laps,
+    Pace,
+    Record,
+    Results,
+    Seed,
+    Track,
+    VehicleName,
+    known_drivers,
+)
+from race_server.commands.outcome import show_result
 from race_server.errors import RaceError, ScenarioError
-from race_server.messages import Flag, Phase, Standing, Status
+from race_server.messages import Phase
 
 if TYPE_CHECKING:
     from race_server.reception import Reception
-    from race_server.results.writer import Writer
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
-
-Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
-VehicleName = Annotated[str, typer.Option("--vehicle", help="tt02, kart-13, kart-30 or kart-60.")]
-Karts = Annotated[int, typer.Option(min=1, max=64, help="Seats in the race.")]
-Laps = Annotated[int, typer.Option(min=1, help="Laps to the finish.")]
-Seed = Annotated[int, typer.Option(help="Seed of all chance in the race.")]
-Pace = Annotated[
-    str,
-    typer.Option(help="real: 60 ticks a second. lockstep: the world waits for every driver."),
-]
-Items = Annotated[bool, typer.Option("--items/--no-items", help="Race with items.")]
-CatchUp = Annotated[
-    bool, typer.Option("--catch-up/--no-catch-up", help="Karts behind draw stronger items.")
-]
-SessionName = Annotated[str, typer.Option("--session", help="Name of the race session.")]
-Results = Annotated[
-    str,
-    typer.Option(
-        help="File that keeps races and laps, or none; without it $RACE_SERVER_RESULTS, or "
-        "~/.local/share/race-server/results.sqlite."
-    ),
-]
-Record = Annotated[
-    str,
-    typer.Option(
-        help="Folder for recordings, or none; without it $RACE_SERVER_RECORDINGS, or "
-        "~/.local/share/race-server/recordings."
-    ),
-]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Listen = Annotated[str, typer.Option("--listen", help="Address to listen on.")]
 
 
 def start(
@@ -76,8 +53,8 @@ def start(
     mixed: Annotated[
         int, typer.Option(help="So many of the karts exist: plants in processes of their own.")
     ] = 0,
-    listen: Listen = "",
-    session: SessionName = "race",
+    listen: Annotated[str, typer.Option(help="Address to listen on.")] = "",
+    session: Annotated[str, typer.Option(help="Name of the race session.")] = "race",
     results: Results = "",
     record: Record = "",
     as_json: AsJson = False,
@@ -113,7 +90,7 @@ def start(
     )
     document = run_race(plan, console)
     if as_json:
-        print(json.dumps(document))
+        print_document(document)
     else:
         show_result(document, track, laps, session)
 
@@ -150,69 +127,10 @@ def _check_results(results: str) -> None:
         Store(path).close()
 
 
-def results_writer(
-    results: str, say: Callable[[str], None]
-) -> "AbstractContextManager[Writer | None]":
-    """Return the writer of a results file, None for nowhere; close it after the last race.
-
-    say: is told once if the file fails.
-    """
-    from race_server.results.schema import path_of
-    from race_server.results.store import Store
-    from race_server.results.writer import Writer
-
-    if path := path_of(results):
-        return Writer(Store(path), say)
-    return nullcontext()
-
-
-def known_drivers(text: str) -> tuple[str, ...]:
-    """Return the drivers of a comma-separated list.
-
-    Raises:
-        ScenarioError: one of them is not installed.
-    """
-    from race_server.driver import driver_names, installed_name
-
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    wanted = {installed_name(name) for name in names}
-    unknown = sorted(wanted - set(driver_names())) if names else []
-    if unknown:
-        raise ScenarioError(
-            f"driver {', '.join(unknown)} is unknown; "
-            f"installed drivers are {', '.join(driver_names())}"
-        )
-    return names
-
-
-def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:
-    """Print the table of results."""
-    rows = [
-        Standing(
-            **{
-                **kart,
-                "status": Status[kart["status"].upper()],
-                "lap_times_us": tuple(kart["lap_times_us"]),
-            }
-        )
-        for kart in document["karts"]
-    ]
-    console = Console()
-    headline = Headline(session, track, laps, Phase.FINISHED, Flag.GREEN)
-    console.print(leaderboard(headline, rows))
-    seconds = document["ticks"] / TICKS_PER_SECOND
-    missed = document["missed_ticks"]
-    console.print(
-        f"{seconds:.1f} s of racing, {len(document['events'])} events, {missed} missed ticks, "
-        f"digest {document['digest']}",
-        style="dim",
-    )
-
-
 def drive(
     name: Annotated[str, typer.Argument(help="An installed driver.")],
     connect: Connect = "",
-    session: SessionWanted = "",
+    session: SessionName = "",
     seat: Annotated[
         int, typer.Option(help="The seat wanted; -1 for any, or that of the keys.")
     ] = -1,
@@ -253,7 +171,7 @@ def drive(
     else:
         taken = drive_now().seat
     if as_json:
-        print(json.dumps({"driver": name, "seat": taken, **reception.as_json()}))
+        print_document({"driver": name, "seat": taken, **reception.as_json()})
 
 
 def _show_reception(status: Spinner, name: str, reception: "Reception") -> None:
@@ -264,7 +182,7 @@ def _show_reception(status: Spinner, name: str, reception: "Reception") -> None:
 
 def watch(
     connect: Connect = "",
-    session: SessionWanted = "",
+    session: SessionName = "",
     keys: KeysFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -280,7 +198,7 @@ def watch(
     with ClientLink(given.address, given.session, keys=given.keys) as link:
         watcher = Watcher(link)
         if as_json:
-            print(json.dumps(asdict(watcher.standings) if watcher.standings else {}))
+            print_document(asdict(watcher.standings) if watcher.standings else {})
             return
         _, items = watcher.rules()
         with Live(refresh_per_second=8) as live:

@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.table import Table
 
 from race_server.clock import TICKS_PER_SECOND, lap_text
+from race_server.commands.document import AsJson, print_document
 from race_server.errors import RecordingError
 
 app = typer.Typer(help="Recordings: what is in one, its messages, a part of it.")
 
 File = Annotated[Path, typer.Argument(help="A recording, .mcap.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 
 
 def replay(
@@ -37,7 +37,7 @@ def replay(
         return
     document = check(recording)
     if as_json:
-        print(json.dumps(document))
+        print_document(document)
     else:
         _print_check(document)
     if not document["ok"]:
@@ -132,7 +132,7 @@ def info(file: File, as_json: AsJson = False) -> None:
         "messages": counts,
     }
     if as_json:
-        print(json.dumps(document))
+        print_document(document)
     else:
         _print_info(document)
 
@@ -173,7 +173,7 @@ def cat(
 
     for at_s, key, words in _messages(file, channel, words_of):
         if as_json:
-            print(json.dumps({"time_s": round(at_s, 6), "channel": key, **words}))
+            print_document({"time_s": round(at_s, 6), "channel": key, **words})
         else:
             told = ", ".join(f"{name} {value}" for name, value in words.items())
             print(f"{at_s:10.3f}  {key:16} {told}"[:240])

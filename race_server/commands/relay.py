@@ -1,6 +1,5 @@
 """`race relay`: karts of two halls in one race."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +7,7 @@ import typer
 from rich.console import Console
 
 from race_server.commands.access import SESSION
-from race_server.commands.race import AsJson
+from race_server.commands.document import AsJson, print_document
 from race_server.errors import ScenarioError
 from race_server.transport import DEFAULT_ADDRESS
 
@@ -52,7 +51,7 @@ def relay(
         is_ready=lambda: console.print("all guests have their seats"),
     )
     if as_json:
-        print(json.dumps(document))
+        print_document(document)
         return
     for hall, guests in document.items():
         for guest in guests:

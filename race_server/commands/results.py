@@ -1,6 +1,5 @@
 """`race results list | best | export | ratings`."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,12 +10,12 @@ from rich.console import Console
 from rich.table import Table
 
 from race_server.clock import lap_text
+from race_server.commands.document import AsJson, print_document
 from race_server.errors import ResultsError
 
 app = typer.Typer(help="What was driven: races, best laps, ratings.", no_args_is_help=True)
 
 Track = Annotated[str, typer.Option(help="Only on this course.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Results = Annotated[
     str,
     typer.Option(
@@ -66,7 +65,7 @@ def list_races(
 
     rows = races(_file(results), track=track, driver=driver, limit=limit)
     if as_json:
-        print(json.dumps(rows))
+        print_document(rows)
         return
     table = _table(("race", "started (UTC)", "track", "vehicle"), ("laps", "best lap"))
     table.add_column("winner", no_wrap=True)
@@ -90,7 +89,7 @@ def best(track: Track = "", results: Results = "", as_json: AsJson = False) -> N
 
     rows = best_laps(_file(results), track=track)
     if as_json:
-        print(json.dumps(rows))
+        print_document(rows)
         return
     table = _table(("track", "vehicle", "driver"), ("best lap", "clean lap", "laps", "race"))
     for row in rows:
@@ -134,7 +133,7 @@ def ratings(results: Results = "", as_json: AsJson = False) -> None:
 
     rows = rate(finished_races(_file(results)))
     if as_json:
-        print(json.dumps([asdict(row) for row in rows]))
+        print_document([asdict(row) for row in rows])
         return
     table = _table(("driver",), ("mu", "sigma", "ordinal", "races"))
     for row in rows:

@@ -1,6 +1,5 @@
 """`race track list | show | check | import`."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -8,18 +7,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from race_server.commands.document import AsJson, print_document
+from race_server.commands.options import Course
 from race_server.errors import TrackError
 
 app = typer.Typer(help="Courses: list, draw, check, import.", no_args_is_help=True)
-
-Name = Annotated[
-    str,
-    typer.Argument(
-        help="A name from `race track list`, a .toml file, or a course drawn by lot: "
-        "generated:block:SEED, generated:spline:SEED, generated:spline:SEED:kart."
-    ),
-]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 
 
 @app.command("list")
@@ -29,7 +21,7 @@ def list_tracks(as_json: AsJson = False) -> None:
 
     rows = [summary(load_course(name)) for name in track_names()]
     if as_json:
-        print(json.dumps(rows))
+        print_document(rows)
         return
     table = Table("name", "title")
     for column in ("length [m]", "width [m]", "sectors", "grid places", "item boxes"):
@@ -49,7 +41,7 @@ def list_tracks(as_json: AsJson = False) -> None:
 
 @app.command()
 def show(
-    name: Name,
+    name: Course,
     to: Annotated[Path | None, typer.Option("--to", help="File to write: .png or .svg.")] = None,
 ) -> None:
     """Draw a course into a PNG or SVG file."""
@@ -64,7 +56,7 @@ def show(
 
 @app.command()
 def check(
-    name: Name,
+    name: Course,
     vehicle: Annotated[str, typer.Option(help="The vehicle that is to lap it.")] = "tt02",
     as_json: AsJson = False,
 ) -> None:
@@ -78,7 +70,7 @@ def check(
     good = all(finding.level != "error" for finding in findings)
     if as_json:
         rows = [{"level": finding.level, "what": finding.what} for finding in findings]
-        print(json.dumps({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows}))
+        print_document({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows})
     else:
         for finding in findings:
             print(f"{finding.level}: {finding.what}")

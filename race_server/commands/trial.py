@@ -1,6 +1,5 @@
 """`race trial`: drivers against the clock."""
 
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from race_server.commands.race import known_drivers
+from race_server.commands.document import AsJson, print_document
+from race_server.commands.options import known_drivers, names_in
 from race_server.errors import ResultsError, ScenarioError
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def trial(
         float, typer.Option(min=0.01, help="A driver that thinks for more seconds has stalled.")
     ] = 2.0,
     results: Results = "",
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Time drivers alone on the track: median, best, spread, clean laps, ratio to the limit.
 
@@ -146,7 +146,7 @@ def trial(
 
 
 def _names(text: str, option: str) -> list[str]:
-    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    names = list(dict.fromkeys(names_in(text)))
     if not names:
         raise ScenarioError(f"{option} is empty; name one or more, separated by commas")
     return names
@@ -208,7 +208,7 @@ def _progress(
 
 def _show(done: "Trial", beside: tuple[str, ...], *, as_json: bool) -> None:
     if as_json:
-        print(json.dumps(done.as_json()))
+        print_document(done.as_json())
         return
     from race_server.driver import description_of
     from race_server.trial.table import beside_report_b, ghost_table, loss_tables, tables_of

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from race_server.errors import LinkError, RaceError, WireError
+from race_server.logs import last_words
 from race_server.messages import EventKind, Phase
 from race_server.recording.reader import read_recording
 from race_server.recording.rerun import Rerun
@@ -137,7 +138,7 @@ def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], Non
                     _wait(lambda: group.processes[0].poll() is not None, START_S, "end")
                 _check(place, spectator, spread(real, KARTS), report)
             except RaceError as error:
-                report.faults.append(f"{error}; {_tail(place / 'log')}")
+                report.faults.append(f"{error}; {last_words(place / 'log', 3)}")
     return report
 
 
@@ -240,8 +241,3 @@ def _check(place: Path, spectator: Spectator, real: tuple[int, ...], report: Rac
         report.faults.append(f"its recording differs from tick {rerun.difference.tick} on")
     elif rerun.session.digest() != document["digest"]:
         report.faults.append("its recording ends in another world than the race")
-
-
-def _tail(log: Path) -> str:
-    lines = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
-    return " / ".join(lines[-3:])

@@ -3,7 +3,6 @@
 import json
 import math
 import signal
-import socket
 import subprocess
 import tempfile
 import time
@@ -18,9 +17,9 @@ from typing import Any
 from prometheus_client.parser import text_string_to_metric_families
 
 from race_server.errors import RaceError
-from race_server.logs import words_of
+from race_server.logs import last_words
 from race_server.messages import Phase
-from race_server.start import START_S, Team, free_address, team
+from race_server.start import START_S, Team, free_address, free_port, team
 
 SESSION = "drill"
 Figures = dict[str, float]
@@ -116,8 +115,7 @@ class Hall:
 
     def last_words(self) -> str:
         """Return what was said last."""
-        lines = [line for line in self.text().splitlines() if line.strip()]
-        return " / ".join(words_of(line) for line in lines[-3:]) or "nothing was said"
+        return last_words(self.place / "log", 3)
 
 
 @contextmanager
@@ -133,13 +131,6 @@ def hall(words: Sequence[str]) -> Iterator[Hall]:
             serve += ["--listen", address, "--metrics", str(port), "--results", "none"]
             serve += ["--result", str(place / "result.json"), *words]
             yield Hall(address, port, place, group, group.start(serve, log), log)
-
-
-def free_port() -> int:
-    """Return a port of loopback that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def quantile(before: Figures, after: Figures, name: str, share: float) -> float | None:

@@ -15,10 +15,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from race_server.drills.hall import Figures, Hall, free_port, hall, milliseconds, quantile
+from race_server.drills.hall import Figures, Hall, hall, milliseconds, quantile
 from race_server.errors import RaceError
 from race_server.messages import Phase
 from race_server.server.meters import DURATIONS, LATENESSES
+from race_server.start import free_port
 
 TRACK = "covapsy-test-2023"
 MISSED = 0.001  # share of ticks

@@ -1,6 +1,5 @@
 """Where a drill takes place: a server with fresh keys in this process, on a free port."""
 
-import socket
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from race_server.scenario.base import Rules, Scenario
 from race_server.server import REAL, RaceServer
 from race_server.server.rehearsal import warm_up
 from race_server.session import Session
+from race_server.start import free_port
 from race_server.track.load import load_course
 from race_server.transport import ClientLink, ServerLink
 
@@ -38,13 +38,6 @@ class Stage:
     def link(self, role: str, timeout_s: float = 5.0) -> ClientLink:
         """Return a connection of somebody."""
         return ClientLink(self.address, SESSION, keys=self.keys(role), timeout_s=timeout_s)
-
-
-def free_port() -> int:
-    """Return a port of this machine that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

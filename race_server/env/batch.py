@@ -45,9 +45,10 @@ from race_server.env.starts import start_tables
 from race_server.errors import ScenarioError
 from race_server.kernels.jit import bind
 from race_server.limit.line import with_line
-from race_server.observe import Layout, layout_of, wants_line
+from race_server.observe import layout_of, wants_line
 from race_server.rules.items import items
 from race_server.scenario.base import ABSENT, Scenario, make_worlds
+from race_server.scenario.sensors import sensors_for
 from race_server.state import Bytes, Float32s, Floats, World, digest, part_of
 from race_server.track.reverse import reversed_course
 
@@ -164,10 +165,11 @@ class Batch:
 
     def _fitted(self) -> tuple[int, ...]:
         """Return the sensors of every kart: those that its driver's observation needs."""
-        sensors = [_sensors_of(self.layout)] * self.learners + [0] * (self.karts - self.learners)
+        own = sensors_for(self.layout.slices)
+        sensors = [own] * self.learners + [0] * (self.karts - self.learners)
         for group in self.opponents:
             for kart in group.karts:
-                sensors[kart] = _sensors_of(group.layout)
+                sensors[kart] = sensors_for(group.layout.slices)
         if self.task.crash_range > 0.0:
             sensors[: self.learners] = [s | codes.LIDAR for s in sensors[: self.learners]]
         return tuple(sensors)
@@ -364,11 +366,6 @@ def _lined(scenario: Scenario) -> Scenario:
     if lined.line and lined.line.note:
         warnings.warn(lined.line.note, stacklevel=2)
     return lined
-
-
-def _sensors_of(layout: Layout) -> int:
-    sensors = codes.LIDAR if {"lidar", "lidar_before"} & set(layout.slices) else 0
-    return sensors | (codes.RADAR if {"radar", "radar_kind"} & set(layout.slices) else 0)
 
 
 def _kept_absent(scenario: Scenario, fitted: tuple[int, ...]) -> tuple[int, ...]:

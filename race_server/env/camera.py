@@ -3,7 +3,8 @@
 from typing import Any
 
 from race_server.env.batch import Batch
-from race_server.env.render import Picture, Window
+from race_server.env.render.picture import Picture
+from race_server.env.render.window import Window
 from race_server.errors import ScenarioError
 
 RENDER_MODES = ("human", "rgb_array")

@@ -78,7 +78,7 @@ class LocalRace:
         try:
             for seat in remarks.absent:
                 session.leave(seat)
-            while session.phase in {Phase.COUNTDOWN, Phase.RUNNING}:
+            while session.is_on:
                 self._decide(paddock, remarks)
                 self._advance(remarks)
         finally:
@@ -186,4 +186,4 @@ def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
         except (RaceError, OutOfTime):
             pass
         session.phase = Phase.LOBBY
-        session.seats[0] = type(session.seats[0])(0)
+        session.seats.free(0)

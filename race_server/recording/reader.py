@@ -26,7 +26,7 @@ from race_server.recording.channels import (
     ChannelKind,
 )
 from race_server.serials import Granted
-from race_server.session import Entry, Inputs
+from race_server.session.entries import Entry, Inputs
 from race_server.wire.journal import (
     StartFrame,
     decode_acts,

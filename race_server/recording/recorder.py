@@ -34,7 +34,7 @@ from race_server.recording.channels import (
     ChannelKind,
 )
 from race_server.recording.reader import NANOSECONDS, Line
-from race_server.session import Entry, Inputs
+from race_server.session.entries import Entry, Inputs
 from race_server.wire.journal import (
     ACT,
     INPUT,

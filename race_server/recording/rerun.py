@@ -7,10 +7,12 @@ from race_server.acts import ON_KARTS, Act
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, ScenarioError, SeatError
 from race_server.fleet import Placements
-from race_server.messages import Event, Phase
+from race_server.messages import Event
 from race_server.recording.reader import Recording
 from race_server.recording.setting import unpack_scenario
-from race_server.session import Entry, Inputs, Seat, Session
+from race_server.session import Session
+from race_server.session.entries import Entry, Inputs
+from race_server.session.seats import Seat
 
 
 @dataclass(frozen=True)
@@ -33,12 +35,9 @@ def session_of(recording: Recording) -> Session:
     try:
         session = Session(start.session, scenario, decision_ticks=start.decision_ticks)
         for row in start.seats:
-            session.seats[row.number] = Seat(
-                *(row.number, row.driver, row.preset, row.key),
-                is_taken=True,
-                is_ready=True,
-                is_tracked=row.is_tracked,
-            )
+            seat = Seat(row.number, row.driver, row.preset, row.key, is_tracked=row.is_tracked)
+            seat.is_taken = seat.is_ready = True
+            session.seats.put(seat)
             if row.is_tracked:
                 session.fleet.admit(row.number, scenario.vehicle_of(row.number))
         session.epoch = start.epoch - 1
@@ -103,12 +102,12 @@ class Rerun:
             while entry is not None and entry.tick <= tick:
                 session.do_again(entry)
                 entry = next(entries, None)
-            if tick >= last or session.phase not in {Phase.COUNTDOWN, Phase.RUNNING}:
+            if tick >= last or not session.is_on:
                 return
             stop = min(last, tick + most_ticks)
             stop = stop if entry is None else min(stop, entry.tick)
             stop = stop if digest is None else min(stop, digest[0])
-            yield session.move_again(stop - tick)
+            yield session.move(stop - tick)
 
     def _agrees(self, tick: int, recorded: str) -> bool:
         found = self.session.digest()

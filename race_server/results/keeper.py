@@ -14,7 +14,8 @@ from race_server.messages import Event, EventKind, Phase, Standing
 from race_server.results.store import FINISHED, STOPPED, Entry, Lap, Outcome, Race
 from race_server.results.writer import Writer
 from race_server.scenario.base import Rules
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 
 # The rule book as code; raise it when the same settings come to mean another race.
 RULE_BOOK = 1

@@ -10,9 +10,11 @@ A race waits for it only with the announcement of a lap.
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Self
 
 from race_server.errors import ResultsError
+from race_server.results.schema import path_of
 from race_server.results.store import Change, Race, Store
 
 # Changes that wait for a file that cannot be written; later ones are dropped.
@@ -119,3 +121,15 @@ class Writer:
         if not self._has_complained:
             self._has_complained = True
             self._log(f"{what}. The race goes on; its laps are in its result document")
+
+
+def writer_for(results: str, say: Callable[[str], None]) -> AbstractContextManager[Writer | None]:
+    """Return the writer of a results file, None for nowhere; close it after the last race.
+
+    results: where it lies, see `path_of`. say: is told once if the file fails.
+
+    Raises:
+        ResultsError: it is locked, damaged or newer than this program.
+    """
+    path = path_of(results)
+    return Writer(Store(path), say) if path else nullcontext()

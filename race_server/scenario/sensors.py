@@ -1,10 +1,12 @@
 """Lidar and radar in numbers."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from race_server import codes
 from race_server.clock import ticks_of
 from race_server.errors import ScenarioError
 from race_server.state import RADAR_RAYS, SENSORS, Floats, Records
@@ -68,3 +70,10 @@ def fan(rays: int, field: float) -> Floats:
 def radar_fan(radar: Radar) -> Floats:
     """Return cosine and sine of the radar's rays, shape (9, 2)."""
     return fan(RADAR_RAYS, radar.field)
+
+
+def sensors_for(parts: Iterable[str]) -> int:
+    """Return the sensors that an observation of these parts needs, as bits of `codes`."""
+    names = set(parts)
+    lidar = codes.LIDAR if names & {"lidar", "lidar_before"} else 0
+    return lidar | (codes.RADAR if names & {"radar", "radar_kind"} else 0)

@@ -1,4 +1,4 @@
-"""The live server: `live` is its loop, `desk` answers requests, `herald` tells everybody."""
+"""The live server: `live` is its loop, `ear` hears, `desk` answers, `herald` tells everybody."""
 
 from race_server.server.live import LOCKSTEP, REAL, RaceServer
 from race_server.server.outcome import RaceResult

@@ -12,7 +12,8 @@ from race_server.rules.items import items
 from race_server.server.herald import rules_of, sheet_of, standings_of
 from race_server.server.refusals import Refusals
 from race_server.server.steward import Steward
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 from race_server.transport import Request, ServerLink
 from race_server.wire import topics
 from race_server.wire.admin import decode_decision, encode_log
@@ -99,7 +100,7 @@ class Desk:
         if request.topic is topics.RULES:
             return encode_rules(rules_of(session), [item.name for item in items()])
         if request.topic is topics.RECENT:
-            return encode_events(session.epoch, self._told(session.recent))
+            return encode_events(session.epoch, self._told(session.chronicle.recent))
         return encode_standings(standings_of(session))
 
     def _seat_driver(self, request: Request) -> bytes:

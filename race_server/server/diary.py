@@ -53,7 +53,7 @@ class Diary:
             self._sum_up(self._log)
 
     def _look_at_seats(self, log: Log) -> None:
-        races = self._session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        races = self._session.is_on
         statuses = self._session.world.karts["status"][0]
         for seat, known in zip(self._session.seats, self._known, strict=True):
             driver = seat.driver if seat.is_taken else ""

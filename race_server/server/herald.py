@@ -1,6 +1,7 @@
 """What the server tells: each seat what it sees, everybody how the race stands."""
 
 import time
+from collections.abc import Container, Iterable
 from dataclasses import asdict
 
 import numpy as np
@@ -9,7 +10,8 @@ from race_server import codes
 from race_server.clock import TICKS_PER_SECOND
 from race_server.messages import Doubt, Event, Flag, Trust
 from race_server.server.journal import Journal
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 from race_server.state import EFFECTS
 from race_server.transport import ServerLink
 from race_server.wire import topics
@@ -40,16 +42,31 @@ class Herald:
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
 
-    def tell_seat(self, seat: Seat) -> None:
-        """Send a seat what it sees, and what acts on its kart."""
-        self.tell_observation(seat)
-        self.tell_hud(seat)
+    def tell_seats(self, *, but: Container[int]) -> None:
+        """Send every seat whose driver is there what it sees, and what acts on its kart."""
+        for seat in self._session.seats.taken():
+            if seat.is_present and seat.number not in but:
+                self._tell_observation(seat)
+                self._tell_hud(seat)
 
-    def tell_hud(self, seat: Seat) -> None:
+    def repeat(self, seats: Iterable[Seat], *, but: Container[int]) -> None:
+        """Send seats whose driver is there again what they see."""
+        for seat in seats:
+            if seat.is_present and seat.number not in but:
+                self._tell_observation(seat)
+
+    def repeat_orders(self) -> None:
+        """Tell real karts again what they have not acknowledged yet."""
+        for number, tracker in self._session.fleet.trackers.items():
+            seat = self._session.seats[number]
+            if tracker.orders.is_open and seat.is_present:
+                self._tell_hud(seat)
+
+    def _tell_hud(self, seat: Seat) -> None:
         """Send a seat what acts on its kart."""
         self._link.publish(topics.HUD, encode_hud(hud_of(self._session, seat)), seat.number)
 
-    def tell_observation(self, seat: Seat) -> None:
+    def _tell_observation(self, seat: Seat) -> None:
         """Send a seat what it sees."""
         session = self._session
         values = session.view(seat.number)

@@ -2,32 +2,32 @@
 
 import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from race_server.clock import Pacer, ticks_of
 from race_server.driver import driver_named
-from race_server.errors import DriverError, WireError
+from race_server.errors import DriverError
 from race_server.logs import Log
-from race_server.messages import Event, Phase
+from race_server.messages import Event
 from race_server.paddock import Paddock
 from race_server.recording.logbook import Logbook
 from race_server.recording.reader import Recording
-from race_server.results.keeper import Keeper, utc_now
-from race_server.server.desk import Desk, reason_of
+from race_server.results.keeper import Keeper
+from race_server.server.book import Book
+from race_server.server.desk import Desk
 from race_server.server.diary import Diary
-from race_server.server.gate import Gate, Tickets
+from race_server.server.ear import Ear
 from race_server.server.herald import Herald
-from race_server.server.journal import Journal
 from race_server.server.meters import Meters
 from race_server.server.outcome import RaceResult
 from race_server.server.refusals import Refusals
 from race_server.server.steward import Steward
 from race_server.server.verdict import Verdict
-from race_server.session import Seat, Session
+from race_server.session import Session
+from race_server.session.seats import Seat
 from race_server.transport import ServerLink
-from race_server.wire.drive import decode_control
-from race_server.wire.pose import decode_pose
 
 REAL, LOCKSTEP = "real", "lockstep"
 STANDINGS_TICKS = ticks_of(0.5)
@@ -63,13 +63,15 @@ class RaceServer:
         self.meters = Meters(len(self.session.seats))
         self.refused = Refusals(self.log)
         self._diary = Diary(self.session, self.meters, self.log)
-        self._journal: Journal | None = None
-        self._gate = Gate()
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
+        self._book = Book(self.session, self._herald, self.keeper, self.logbook)
         self._verdict = Verdict(self.session, self._herald, self.keeper, self.amended)
         self._steward = Steward(self.session, self.token, self._verdict.penalise)
-        self._desk = Desk(self.session, self.link, self._steward, self.refused, self._gate.told)
+        self._desk = Desk(self.session, self.link, self._steward, self.refused, self._book.told)
+        self._ear = Ear(
+            self.session, self.link, self._desk, self._paddock, self.meters, self.refused
+        )
         self._stop = False
 
     # One race from the lobby to the results
@@ -140,17 +142,15 @@ class RaceServer:
         """Run one race from the countdown to the last kart's finish."""
         self._verdict.lapse()
         self.session.start(_now_us())
-        self._open_book()
-        return self._race_on(list(self.session.recent))
+        self._book.open(self.pace, self._paddock)
+        return self._race_on(list(self.session.chronicle.recent))
 
     def go_on(self, recording: Recording, events: list[Event]) -> RaceResult:
         """Race on from where a server that was killed has left the race.
 
         The session stands there already, see `race_server.server.resume`; events: so far.
         """
-        assert self.logbook is not None
-        self._journal = Journal.of_old_race(self.logbook, self.session, recording)
-        self._herald.journal = self._journal
+        self._book.take_up(recording)
         for row in recording.start.seats:
             if row.is_local:
                 self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
@@ -174,18 +174,14 @@ class RaceServer:
     def _race_on(self, events: list[Event]) -> RaceResult:
         self.events = events
         self._herald.tell_standings()
-        gc.collect()
-        gc.freeze()
-        gc.disable()
         try:
-            if self.pace == LOCKSTEP:
-                self._race_in_lockstep()
-            else:
-                self._race_in_real_time()
+            with _no_garbage_collected():
+                if self.pace == LOCKSTEP:
+                    self._race_in_lockstep()
+                else:
+                    self._race_in_real_time()
         finally:
-            gc.enable()
-            gc.unfreeze()
-            self._close_book()
+            self._book.close()
         self._tell_seats()
         self._herald.tell_watchers()
         self._herald.tell_standings()
@@ -202,29 +198,9 @@ class RaceServer:
         self._verdict.result = result
         return result
 
-    def _open_book(self) -> None:
-        """Begin to write down: the race with its laps, and everything that acts on it."""
-        started_at = utc_now()
-        self._gate.clear()
-        if self.keeper:
-            self.keeper.begin(self.session, self.pace, started_at)
-        if self.logbook:
-            self._journal = self._herald.journal = Journal.of_new_race(
-                self.logbook, self.session, self.pace, started_at, self._paddock
-            )
-
-    def _close_book(self) -> None:
-        """Tell the last events and write how the race ended."""
-        self._tell_released(wait=True)
-        if self.keeper:
-            self.keeper.end(self.session)
-        if self._journal:
-            self._journal.end()
-        self._journal = self._herald.journal = None
-
     def recorder_backlog(self) -> int:
         """Return how many messages wait to be recorded."""
-        return self._journal.backlog if self._journal else 0
+        return self._book.backlog
 
     def refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
@@ -243,7 +219,7 @@ class RaceServer:
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
             else:
-                self._repeat_orders()
+                self._herald.repeat_orders()
             self._hear()
             self.session.follow(_now_us())
             self._advance(1)
@@ -263,36 +239,28 @@ class RaceServer:
 
     def _goes_on(self) -> bool:
         ends = self._stop or self._steward.wants_restart
-        return not ends and self.session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        return not ends and self.session.is_on
 
     def _stand_still(self) -> None:
         """Let no time pass while the clock stands; drivers hear now and then that we are here."""
         again = 0.0
         while self.session.is_paused and self._goes_on():
             self._hear()
-            if self._journal and self.session.log:
-                self._journal.note(self.session.tick, [])
+            self._book.note_acts()
             if time.monotonic() > again:
                 again = time.monotonic() + REPEAT_S
-                self._repeat([seat.number for seat in self.session.seats if seat.is_present])
+                self._herald.repeat(self.session.seats, but=self._paddock)
             self.link.wait(LOBBY_POLL_S)
-
-    def _repeat(self, seats: list[int]) -> None:
-        """Tell seats again what they see."""
-        for number in seats:
-            if number not in self._paddock:
-                self._herald.tell_observation(self.session.seats[number])
 
     def _advance(self, ticks: int) -> None:
         before = self.session.tick
-        if self.keeper:
-            self.keeper.look(self.session)
+        self._book.look()
         events = self.session.advance(ticks)
         self._measure(ticks)
         self.events += events
-        if self._journal:
-            self._journal.note(before, events)
-        self._announce(events)
+        self._book.note(before, events)
+        # In real time no tick waits for the disk. In lock-step the world does, as for a driver.
+        self._book.announce(events, wait=self.pace == LOCKSTEP)
         self._herald.tell_watchers()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._herald.tell_standings()
@@ -303,24 +271,6 @@ class RaceServer:
         for seat in self.session.seats:
             if seat.silence and seat.is_taken:
                 self.meters.silent[seat.number] += ticks
-
-    def _announce(self, events: list[Event]) -> None:
-        """Tell events in order, each once it is written down.
-
-        In real time no tick waits for the disk. In lock-step the world does, as for a driver.
-        """
-        if events:
-            tickets: Tickets = ()
-            if self.keeper:
-                tickets += ((self.keeper, self.keeper.keep(events)),)
-            if self._journal:
-                tickets += (self._journal.ticket(),)
-            self._gate.hold(events, tickets)
-        self._tell_released(wait=self.pace == LOCKSTEP)
-
-    def _tell_released(self, *, wait: bool) -> None:
-        for events in self._gate.released(wait=wait):
-            self._herald.tell_events(events)
 
     # Hearing and telling
 
@@ -340,63 +290,22 @@ class RaceServer:
                 return
             if now > again:
                 again = now + REPEAT_S
-                self._repeat(waiting)
+                late = [self.session.seats[number] for number in waiting]
+                self._herald.repeat(late, but=self._paddock)
             self.link.wait(0.05)
 
     def _hear(self) -> None:
         self.meters.turned_at = time.monotonic()
         self._diary.look(self.meters.turned_at)
-        for seat, data in self.link.take_inputs():
-            self._take_control(seat, data)
-        for seat, data, arrived_us in self.link.take_poses():
-            self._take_pose(seat, data, arrived_us)
-        for request in self.link.take_requests():
-            self._desk.answer(request)
-        for seat, is_there in self.link.take_presence():
-            if seat not in self._paddock:
-                self._desk.take_presence(seat, is_there=is_there)
-
-    def _take_control(self, seat: int, data: bytes) -> None:
-        before = self.session.seats[seat].sequence
-        try:
-            frame = decode_control(data)
-            self.session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
-        except WireError as error:
-            self.refused.note(reason_of(error), seat)
-        else:
-            self.meters.note_control(seat, before, frame.sequence)
-
-    def _take_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
-        try:
-            frame = decode_pose(data)
-            self.session.take_pose(
-                seat,
-                frame.epoch,
-                frame.sequence,
-                frame.pose,
-                arrived_us=arrived_us,
-                acknowledged=frame.acknowledged,
-                buttons=frame.buttons,
-            )
-        except WireError as error:
-            self.refused.note(reason_of(error), seat)
-
-    def _repeat_orders(self) -> None:
-        """Tell real karts again what they have not acknowledged yet."""
-        for number, tracker in self.session.fleet.trackers.items():
-            if tracker.orders.is_open and self.session.seats[number].is_present:
-                self._herald.tell_hud(self.session.seats[number])
+        self._ear.listen()
 
     def _tell_seats(self) -> None:
         """Send every seat what it sees, and let the local drivers answer at once."""
         self.session.look()
-        for seat in self.session.seats:
-            if not seat.is_taken:
-                continue
+        self._herald.tell_seats(but=self._paddock)
+        for seat in self.session.seats.taken():
             if seat.number in self._paddock:
                 self._drive_locally(seat)
-            elif seat.is_present:
-                self._herald.tell_seat(seat)
 
     # Seats that are driven from inside
 
@@ -414,9 +323,22 @@ class RaceServer:
             self.refused.note(f"driver {seat.driver} failed", seat.number)
             self.session.drop(seat.number)
             return
-        self._take_control(seat.number, control)
+        self._ear.take_control(seat.number, control)
 
 
 def _now_us() -> int:
     """Return the time of the clock by which real karts are followed [µs]."""
     return time.monotonic_ns() // 1000
+
+
+@contextmanager
+def _no_garbage_collected() -> Iterator[None]:
+    """Let no tick wait for the garbage collector."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()

@@ -21,7 +21,6 @@ from prometheus_client.registry import Collector
 
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import LinkError
-from race_server.messages import Phase
 from race_server.server.live import RaceServer
 from race_server.server.meters import Histogram
 
@@ -83,7 +82,7 @@ class RaceCollector(Collector):
             name: CounterMetricFamily(name, words, labels=["seat"])
             for name, (words, _, _) in counters.items()
         }
-        races = session.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+        races = session.is_on
         for seat in list(session.seats):
             if not seat.is_taken:
                 continue

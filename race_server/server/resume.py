@@ -20,7 +20,7 @@ def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[
     """
     rerun = Rerun(recording)
     session = rerun.session
-    events = list(session.recent)
+    events = list(session.chronicle.recent)
     if keeper:
         keeper.take_up(session, recording.start.pace, recording.start.started_at)
         keeper.look(session)

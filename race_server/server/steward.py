@@ -6,7 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from race_server.errors import SeatError
-from race_server.messages import Flag, Phase
+from race_server.messages import Flag
 from race_server.session import Session
 from race_server.wire.admin import Decision
 
@@ -14,7 +14,6 @@ from race_server.wire.admin import Decision
 MOST_LINES = 500
 # A penalty beyond this is a slip of the finger.
 MOST_PENALTY_S = 600.0
-RACING = frozenset({Phase.COUNTDOWN, Phase.RUNNING})
 
 
 def _refuse_late(_seat: int, _seconds: float) -> str:
@@ -98,7 +97,7 @@ class Steward:
                 f"{MOST_PENALTY_S:g} s"
             )
         sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
-        if self._session.phase not in RACING:
+        if not self._session.is_on:
             driver = self._penalise_late(decision.seat, decision.value)
             return f"{sentence}, {driver}, after the race"
         driver = self._session.seat(decision.seat).driver
@@ -124,7 +123,7 @@ class Steward:
         return "the race starts anew"
 
     def _need_race(self) -> None:
-        if self._session.phase not in RACING:
+        if not self._session.is_on:
             phase = self._session.phase.name.lower()
             raise SeatError(f"no race is on: the session is in phase {phase}")
 

@@ -1,7 +1,7 @@
 """The whole protocol on one screen.
 
 Keys are ``race/<session>/…``. The seat in a key *is* the identity of who sends: access rules
-(`guard/access.py`) are made from this table, and nothing in a message can claim another seat.
+(`admission/access.py`) are made from this table, and nothing in a message can claim another seat.
 
 A *badge* says which connection of a seat it is: only who joined knows it. It is the last part of a
 liveliness token's key, and goes beside each control as its attachment.

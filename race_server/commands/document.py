@@ -1,0 +1,13 @@
+"""The one JSON document that a command prints with `--json`."""
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+
+
+def print_document(document: Any) -> None:
+    """Print a document on one line, and at once: another program may wait for it."""
+    print(json.dumps(document), flush=True)

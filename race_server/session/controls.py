@@ -1,0 +1,80 @@
+"""What acts on the karts of a session: their drivers' controls, or what silence makes of them."""
+
+import numpy as np
+
+from race_server import codes
+from race_server.messages import Control
+from race_server.scenario.base import Scenario
+from race_server.session.entries import Inputs
+from race_server.session.seats import Seat, Seats
+from race_server.silence import STOP, Silence, control_under, grace_of, silence_after
+from race_server.state import Float32s, Floats, World
+
+
+class Controls:
+    """The controls that act on all karts of one race."""
+
+    def __init__(self, scenario: Scenario, decision_ticks: int) -> None:
+        """Hold every kart still."""
+        self.acting: Floats = np.zeros((1, scenario.karts, 4))
+        self._loaded: Float32s = np.zeros((scenario.karts, 4), np.float32)
+        self._lengths = [scenario.vehicle_of(seat).length for seat in range(scenario.karts)]
+        self._decision_ticks = decision_ticks
+
+    def clear(self) -> None:
+        """Begin a race: nothing was heard yet."""
+        self.acting[:] = 0.0
+        self._loaded[:] = 0.0
+
+    def load(self, seats: Seats, world: World) -> Inputs | None:
+        """Let act what the seats give now, and return it as far as it changed."""
+        tick = int(world.races[0].tick)
+        # All at once: to ask a record for a field takes a microsecond.
+        racing = (world.karts["status"][0] == codes.RACING).tolist()
+        speeds = world.karts["speed"][0].tolist()
+        for seat in seats.taken():
+            is_racing = racing[seat.number]
+            self._listen(seat, tick, speeds[seat.number], is_racing=is_racing)
+            control = _control_of(seat, is_racing=is_racing)
+            # As on the wire, so that a recording holds exactly what acted.
+            self._loaded[seat.number] = (
+                control.steering,
+                control.throttle,
+                control.brake,
+                int(control.buttons),
+            )
+        changed = np.flatnonzero((self._loaded != self.acting[0]).any(axis=1))
+        if not len(changed):
+            return None
+        self.acting[0] = self._loaded
+        sequences = np.array([seats[int(number)].sequence for number in changed])
+        return Inputs(tick, changed, self._loaded[changed], sequences)
+
+    def recall(self, inputs: Inputs) -> None:
+        """Let the controls of a recording act."""
+        self.acting[0, inputs.seats] = inputs.controls
+
+    def _listen(self, seat: Seat, tick: int, speed: float, *, is_racing: bool) -> None:
+        """Work out how far the silence of a driver has got."""
+        # A control that came after a link was gone shows that the driver is there.
+        is_linked = seat.is_present or seat.control_tick > seat.away_since
+        has_spoken = seat.control_tick >= 0
+        overdue = tick - seat.control_tick - self._decision_ticks
+        grace = grace_of(speed, self._lengths[seat.number]) if has_spoken else 0
+        silence = silence_after(overdue - grace, is_linked=is_linked)
+        # A kart that slows down unheard must not be given its grace anew, and drive off again.
+        seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
+        hangs = is_racing and seat.silence is Silence.STOPPED and has_spoken
+        # Of real karts the fleet knows more.
+        if hangs and not seat.is_tracked and seat.away_since < 0:
+            seat.away_since = tick  # its link is there, but it answers no more
+
+
+def _control_of(seat: Seat, *, is_racing: bool) -> Control:
+    """Return what acts on the kart of a seat."""
+    # Nobody waits for the answers of a kart that is through: they must not matter.
+    if not is_racing:
+        return STOP
+    if seat.is_tracked and seat.silence is not Silence.FRESH:
+        return STOP  # it moves by its poses: there is nothing to let coast
+    return control_under(seat.silence, seat.control)

@@ -1,0 +1,174 @@
+"""The seats of a session: who holds them, who is there, and which of them nobody may take."""
+
+import secrets
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from race_server.acts import Act, ActKind
+from race_server.badge import key_of
+from race_server.errors import SeatError
+from race_server.messages import Control
+from race_server.silence import AWAY_TICKS, STOP, Silence
+
+# Why a seat is closed; the place of each is the value of the act that closes it.
+CLOSED_FOR = ("by the steward", "the steward sent its driver away")
+
+
+@dataclass
+class Seat:
+    """One place in the race and who holds it."""
+
+    number: int
+    driver: str = ""
+    preset: str = ""
+    key: bytes = b""  # follows from the driver's secret
+    is_taken: bool = False
+    is_ready: bool = False
+    is_present: bool = False
+    is_tracked: bool = False  # a real kart: it sends poses instead of controls
+    control: Control = STOP
+    control_tick: int = -1  # tick at which the control arrived
+    answered_tick: int = -1  # tick of the observation that it answers
+    sequence: int = 0  # of the newest message taken
+    away_since: int = -1
+    silence: Silence = Silence.FRESH  # how the driver's silence acts on the kart
+
+    def fits(self, secret: int) -> bool:
+        """Return whether a secret is that of the seat's driver."""
+        return secrets.compare_digest(self.key, key_of(secret))
+
+    def take(self, driver: str, preset: str, secret: int, *, is_tracked: bool) -> None:
+        """Let a driver sit down. secret: 0 for one that nobody knows."""
+        self.driver, self.preset = driver, preset
+        self.key = key_of(secret or secrets.randbits(63) | 1)
+        self.is_taken, self.is_ready, self.is_present = True, False, True
+        self.is_tracked = is_tracked
+
+    def come_back(self) -> None:
+        """Take note that the driver is there again."""
+        self.is_present = True
+        self.away_since = -1
+
+    def is_gone(self, tick: int) -> bool:
+        """Return whether the driver has been away for so long that it has withdrawn."""
+        return 0 <= self.away_since <= tick - AWAY_TICKS
+
+    def line_up(self) -> None:
+        """Forget what was heard in the last race."""
+        self.control, self.control_tick, self.answered_tick = STOP, -1, -1
+        self.sequence, self.away_since, self.silence = 0, -1, Silence.FRESH
+
+    def hear(self, sequence: int, control: Control, tick: int) -> None:
+        """Take the newest message of the driver, which arrived before a tick."""
+        self.sequence = sequence
+        self.control, self.control_tick = control, tick
+        if self.is_present:
+            self.away_since = -1
+
+
+class Seats:
+    """All seats of a session, by number."""
+
+    def __init__(self, count: int) -> None:
+        """Begin with all of them free."""
+        self._seats = [Seat(number) for number in range(count)]
+        self.closed: dict[int, str] = {}  # those that nobody may take, and why
+
+    def __len__(self) -> int:
+        return len(self._seats)
+
+    def __iter__(self) -> Iterator[Seat]:
+        return iter(self._seats)
+
+    def __getitem__(self, number: int) -> Seat:
+        return self._seats[number]
+
+    def __contains__(self, number: object) -> bool:
+        return isinstance(number, int) and 0 <= number < len(self._seats)
+
+    def check(self, number: int) -> None:
+        """Do nothing for the number of a seat.
+
+        Raises:
+            SeatError: there is no such seat.
+        """
+        if number not in self:
+            raise SeatError(f"seat {number} does not exist; seats are 0 to {len(self) - 1}")
+
+    def check_open(self, number: int) -> None:
+        """Do nothing for a seat that is not closed.
+
+        Raises:
+            SeatError: it is.
+        """
+        if number in self.closed:
+            raise SeatError(f"seat {number} is closed: {self.closed[number]}")
+
+    def taken(self) -> list[Seat]:
+        """Return the seats in which somebody sits."""
+        return [seat for seat in self._seats if seat.is_taken]
+
+    def taken_one(self, number: int) -> Seat:
+        """Return a seat in which somebody sits.
+
+        Raises:
+            SeatError: nobody sits there.
+        """
+        if number not in self or not self[number].is_taken:
+            raise SeatError(f"seat {number} is not taken")
+        return self[number]
+
+    def held_by(self, secret: int, wanted: int) -> Seat | None:
+        """Return the seat that the holder of a secret has, where it is the wanted one or any."""
+        for seat in self._seats:
+            if secret and seat.is_taken and seat.fits(secret) and wanted in {-1, seat.number}:
+                return seat
+        return None
+
+    def deserted(self, number: int, preset: str) -> Seat | None:
+        """Return a seat that races without its driver, who would see what is seen there."""
+        if number not in self or number in self.closed:
+            return None
+        seat = self[number]
+        is_deserted = seat.is_taken and not seat.is_present and seat.preset == preset
+        return seat if is_deserted else None
+
+    def free_one(self, wanted: int) -> Seat:
+        """Return the wanted seat, or the first free one for -1.
+
+        Raises:
+            SeatError: it does not exist, is closed or taken; or none is free.
+        """
+        if wanted >= 0:
+            self.check(wanted)
+        self.check_open(wanted)
+        if wanted >= 0 and self[wanted].is_taken:
+            raise SeatError(f"seat {wanted} is taken by {self[wanted].driver}")
+        free = [s for s in self._seats if not s.is_taken and s.number not in self.closed]
+        if not free:
+            shut = f" or closed ({len(self.closed)})" if self.closed else ""
+            raise SeatError(f"all {len(self)} seats are taken{shut}")
+        return self[wanted] if wanted >= 0 else free[0]
+
+    def put(self, seat: Seat) -> None:
+        """Put a seat as it is in the place of that of its number."""
+        self._seats[seat.number] = seat
+
+    def free(self, number: int) -> None:
+        """Let nobody sit on a seat any more."""
+        self.put(Seat(number))
+
+    def close(self, number: int, *, sent_away: bool) -> None:
+        """Let nobody take a seat; a driver who was sent away may not come back either."""
+        self.closed[number] = CLOSED_FOR[sent_away]
+        if sent_away:
+            self[number].key = b""
+
+    def unclose(self, number: int) -> None:
+        """Let a seat be taken again."""
+        self.closed.pop(number, None)
+
+    def closings(self, tick: int) -> Iterator[Act]:
+        """Yield the acts that close what is closed, as if done before a tick."""
+        for number, reason in self.closed.items():
+            yield Act(tick, ActKind.CLOSE, number, float(CLOSED_FOR.index(reason)))

@@ -1,0 +1,395 @@
+"""A race session: its sections say what happens to it, from the lobby to the results."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from race_server import codes
+from race_server.acts import Act, ActKind, carry_out
+from race_server.badge import key_of
+from race_server.errors import WireError
+from race_server.fleet import Fleet, Placements
+from race_server.kernels.jit import bind
+from race_server.messages import Button, Control, Doubt, Event, Flag, Phase, Pose, Standing
+from race_server.observe import Layout, layout_of
+from race_server.scenario.base import Scenario, line_up_race, make_world
+from race_server.serials import Granted, Serials
+from race_server.session.chronicle import Chronicle
+from race_server.session.controls import Controls
+from race_server.session.door import Newcomer, free_seat, held_seat
+from race_server.session.entries import Entry, Inputs
+from race_server.session.seats import Seat, Seats
+from race_server.session.standings import table_of
+from race_server.session.views import Views, fitted_for
+from race_server.silence import STOP
+from race_server.stages.standings import rank
+from race_server.state import Float32s, Floats, World, digest
+from race_server.step import advance, place_karts
+
+
+@dataclass
+class Session:
+    """One race session on one scenario; it may be run again and again, an epoch each time."""
+
+    name: str
+    scenario: Scenario
+    decision_ticks: int = 3
+    phase: Phase = Phase.LOBBY
+    epoch: int = 0
+    takes_tracked: bool = True  # where the world waits for drivers no real kart can take part
+    is_paused: bool = False  # the clock stands
+    is_recorded: bool = False
+    log: list[Entry] = field(default_factory=list)  # while recorded; who records empties it
+    serials: Serials = field(default_factory=Serials)  # of requests that were granted
+    chronicle: Chronicle = field(default_factory=Chronicle)
+    seats: Seats = field(init=False)
+    world: World = field(init=False)
+    fleet: Fleet = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Build the world once; each start puts it back."""
+        scenario = self.scenario
+        self.seats = Seats(scenario.karts)
+        self.world = make_world(scenario)
+        self.fleet = Fleet(scenario.course)
+        self._controls = Controls(scenario, self.decision_ticks)
+        self._views = Views(scenario.karts, scenario.lidar.rays)
+        self._advances: dict[int, Callable[[], None]] = {}
+
+    # Who drives
+
+    def join(
+        self,
+        driver: str,
+        preset: str,
+        *,
+        wanted: int = -1,
+        secret: int = 0,
+        tracked: bool = False,
+        owns: bool = False,
+    ) -> Seat:
+        """Give a driver a seat, or the one that it already has.
+
+        secret: chosen by the driver; who sends the same one again is given the same seat, so a
+        join whose answer was lost may simply be repeated. owns: the wanted seat is known to be
+        the driver's, which may then take it up with a new secret once its old link is gone.
+        tracked: a real kart, which exists.
+
+        Raises:
+            SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
+                kart can take part.
+        """
+        newcomer = Newcomer(driver, preset, wanted, secret, tracked, owns)
+        if held := held_seat(newcomer, self.seats):
+            held.come_back()
+            return held
+        is_lobby = self.phase is Phase.LOBBY
+        seat = free_seat(newcomer, self.seats, is_lobby=is_lobby, takes_tracked=self.takes_tracked)
+        seat.take(driver, preset, secret, is_tracked=tracked)
+        if tracked:
+            self.fleet.admit(seat.number, self.scenario.vehicle_of(seat.number))
+        return seat
+
+    def seat(self, number: int) -> Seat:
+        """Return a taken seat.
+
+        Raises:
+            SeatError: nobody sits there.
+        """
+        return self.seats.taken_one(number)
+
+    def leave(self, number: int) -> None:
+        """Free a seat in the lobby; in a race its kart stops and is out."""
+        seat = self.seat(number)
+        if self.is_on:
+            self.do(ActKind.WITHDRAW, number)
+            seat.is_present = False
+            seat.control = STOP
+        else:
+            self._free(number)
+
+    def drop(self, number: int) -> None:
+        """Take note that a driver's link is gone: its kart is brought to a safe stop."""
+        seat = self.seats[number]
+        if not seat.is_taken:
+            return
+        if self.phase is Phase.LOBBY:
+            self._free(number)
+        elif seat.is_present:
+            seat.is_present = False
+            seat.away_since = self.tick
+
+    def come_back(self, number: int) -> None:
+        """Take note that a driver is there again."""
+        self.seat(number).come_back()
+
+    def grant(self, secret: int, serial: int) -> None:
+        """Take note of a request that was granted, so that copies of it are refused."""
+        self.serials.note(key_of(secret), serial)
+        self._log(Granted(self.tick, key_of(secret), serial))
+
+    def _free(self, number: int) -> None:
+        self.seats.free(number)
+        self.fleet.dismiss(number)
+
+    # From the lobby to the race and back
+
+    @property
+    def tick(self) -> int:
+        """The tick that comes next."""
+        return int(self.world.races[0].tick)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether karts count down or race."""
+        return self.phase in {Phase.COUNTDOWN, Phase.RUNNING}
+
+    def can_start(self) -> bool:
+        """Return whether somebody sits in the lobby and everybody there is ready."""
+        taken = self.seats.taken()
+        return self.phase is Phase.LOBBY and bool(taken) and all(seat.is_ready for seat in taken)
+
+    def start(self, now_us: int = 0) -> None:
+        """Put the karts on the grid and begin the countdown of a new epoch.
+
+        now_us: the time of the clock by which real karts are followed.
+        """
+        self.epoch += 1
+        self.log.clear()
+        self.is_paused = False
+        fitted = tuple(fitted_for(seat) for seat in self.seats)
+        line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
+        for seat in self.seats:
+            seat.line_up()
+        self._controls.clear()
+        self._views.begin(self.seats)
+        self.chronicle.begin(len(self.seats))
+        self.fleet.begin(self.world, now_us)
+        self._turn(Phase.COUNTDOWN)
+
+    def reopen(self) -> None:
+        """Go back to the lobby after a race; the seats of those who have gone are free."""
+        for seat in list(self.seats):
+            seat.is_ready = False
+            if not seat.is_present:
+                self._free(seat.number)
+        self._turn(Phase.LOBBY)
+
+    def _turn(self, phase: Phase) -> Event:
+        self.phase = phase
+        return self.chronicle.turn(self.world, phase)
+
+    # What drivers send
+
+    def take_control(
+        self, number: int, epoch: int, sequence: int, tick: int, control: Control
+    ) -> None:
+        """Take the newest control of a seat.
+
+        Raises:
+            WireError: it belongs to another epoch, is a replay, or answers the future.
+        """
+        seat = self.seats[number]
+        if seat.is_tracked:
+            raise WireError(f"control of seat {number}, which is a real kart: it sends poses")
+        self._check_news(seat, "control", epoch, sequence)
+        if tick > self.tick:
+            raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
+        seat.answered_tick = tick
+        seat.hear(sequence, control, self.tick)
+
+    def take_pose(
+        self,
+        number: int,
+        epoch: int,
+        sequence: int,
+        pose: Pose,
+        *,
+        arrived_us: int,
+        acknowledged: int = 0,
+        buttons: Button = Button.NONE,
+    ) -> Doubt:
+        """Take a pose of a real kart and return what speaks against it.
+
+        Raises:
+            WireError: the kart is simulated, or the pose of another epoch or a replay.
+        """
+        seat = self.seats[number]
+        if not seat.is_tracked:
+            raise WireError(f"pose of seat {number}, whose kart is simulated: it sends controls")
+        self._check_news(seat, "pose", epoch, sequence)
+        # The kart moves by its poses; of a control only the buttons are left.
+        seat.hear(sequence, replace(STOP, buttons=buttons), self.tick)
+        self.fleet.orders(number).acknowledge(acknowledged, arrived_us)
+        return self.fleet.take(number, pose, arrived_us)
+
+    def _check_news(self, seat: Seat, what: str, epoch: int, sequence: int) -> None:
+        if not seat.is_taken or epoch != self.epoch:
+            raise WireError(f"{what} for epoch {epoch}, this is epoch {self.epoch}")
+        if sequence <= seat.sequence:
+            raise WireError(f"{what} {sequence} again, already at {seat.sequence}")
+
+    def waits_for(self) -> list[int]:
+        """Return the racing seats that have not yet answered the observation of this tick."""
+        statuses = self.world.karts["status"][0]
+        return [
+            seat.number
+            for seat in self.seats.taken()
+            if seat.is_present
+            and statuses[seat.number] == codes.RACING
+            and seat.answered_tick < self.tick
+        ]
+
+    # Time passes
+
+    def follow(self, now_us: int) -> None:
+        """Put the real karts where they are at this time, right before a tick."""
+        if self.fleet.trackers:
+            self.place_karts(self.fleet.follow(self.world, now_us))
+
+    def place_karts(self, placements: Floats) -> None:
+        """Put karts into the world. placements: (n, 10), see state.PLACEMENT.
+
+        All that real karts do to the world goes through here: the same placements before the same
+        ticks give the same race.
+        """
+        if not len(placements):
+            return
+        if self.is_recorded:
+            self.log.append(self.fleet.placed(self.tick, placements))
+        place_karts(self.world, 0, placements)
+
+    def advance(self, ticks: int = 1) -> list[Event]:
+        """Move the race on and return what happened.
+
+        The same control acts for all `ticks`; see `race_server.silence` for karts whose driver
+        is not heard.
+        """
+        tick, statuses = self.tick, self.world.karts["status"][0]
+        for seat in self.seats.taken():
+            if seat.is_gone(tick) and statuses[seat.number] == codes.RACING:
+                self.do(ActKind.WITHDRAW, seat.number)
+                seat.away_since = -1
+        if inputs := self._controls.load(self.seats, self.world):
+            self._log(inputs)
+        return self.move(ticks)
+
+    def move(self, ticks: int) -> list[Event]:
+        """Move the race on under the controls that act already, and return what happened."""
+        if ticks not in self._advances:
+            self._advances[ticks] = bind(advance, self.world, self._controls.acting, ticks)
+        self._advances[ticks]()
+        events = self.chronicle.take(self.world)
+        if self.phase is Phase.COUNTDOWN and self.tick > self.world.races[0].start_tick:
+            events.append(self._turn(Phase.RUNNING))
+        if self.phase is Phase.RUNNING and self.world.races[0].over:
+            events.append(self._turn(Phase.FINISHED))
+        return events
+
+    # What stewards do
+
+    def show_flag(self, flag: Flag) -> None:
+        """Show a flag to all karts."""
+        self.do(ActKind.FLAG, value=float(flag))
+
+    def penalise(self, number: int, seconds: float) -> None:
+        """Add a penalty to the race time of a seat.
+
+        Raises:
+            SeatError: nobody sits there.
+        """
+        self.do(ActKind.PENALTY, self.seat(number).number, seconds)
+
+    def penalise_late(self, number: int, seconds: float) -> list[Event]:
+        """Add a penalty to a race that is over, rank its karts anew, return what happened.
+
+        The recording of the race is closed, so this act is in none.
+        """
+        carry_out(self.world, Act(self.tick, ActKind.PENALTY, number, seconds))
+        rank(self.world, 0)
+        return self.chronicle.take(self.world)
+
+    def close(self, number: int) -> None:
+        """Let nobody take a seat; who has it keeps it."""
+        self.seats.check(number)
+        self.do(ActKind.CLOSE, number, 0.0)
+
+    def unclose(self, number: int) -> None:
+        """Let a seat be taken again."""
+        self.seats.check(number)
+        self.do(ActKind.OPEN, number)
+
+    def kick(self, number: int) -> None:
+        """Take a seat from its driver, who may not come back."""
+        self.do(ActKind.CLOSE, self.seat(number).number, 1.0)
+        self.leave(number)
+
+    def stand_still(self, *, stands: bool) -> None:
+        """Stop the clock of the race, or let it go on; whoever lets time pass obeys."""
+        self.do(ActKind.CLOCK, value=float(stands))
+
+    def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
+        """Do something to the race from outside, and log it."""
+        act = Act(self.tick, kind, kart, value)
+        self._log(act)
+        self._carry_out(act)
+
+    def _carry_out(self, act: Act) -> None:
+        carry_out(self.world, act)
+        if act.kind is ActKind.CLOSE:
+            self.seats.close(act.kart, sent_away=bool(act.value))
+        elif act.kind is ActKind.OPEN:
+            self.seats.unclose(act.kart)
+        elif act.kind is ActKind.CLOCK:
+            self.is_paused = bool(act.value)
+
+    # What a recording holds
+
+    def _log(self, entry: Entry) -> None:
+        if self.is_recorded:
+            self.log.append(entry)
+
+    def log_what_holds(self) -> None:
+        """Log what was decided before the race began and still holds."""
+        self.log.extend(self.seats.closings(self.tick))
+        self.log.extend(self.serials.granted(self.tick))
+
+    def do_again(self, entry: Entry) -> None:
+        """Let something act that a recording holds."""
+        if isinstance(entry, Inputs):
+            self._controls.recall(entry)
+            for seat, sequence in zip(entry.seats, entry.sequences, strict=True):
+                self.seats[seat].sequence = int(sequence)
+        elif isinstance(entry, Placements):
+            place_karts(self.world, 0, entry.rows)
+            self.fleet.recall(entry)
+        elif isinstance(entry, Act):
+            self._carry_out(entry)
+        else:
+            self.serials.note(entry.key, entry.serial)
+
+    # What others are told
+
+    def look(self) -> None:
+        """Work out what every seat sees now; read it with `view`."""
+        self._views.look(self.world)
+
+    def view(self, number: int) -> Float32s:
+        """Return the observation vector of a seat as of the last `look`."""
+        return self._views.of(number)
+
+    def layout(self, preset: str) -> Layout:
+        """Return the layout of a preset in this session."""
+        return layout_of(preset, self.scenario.lidar.rays)
+
+    def standings(self) -> list[Standing]:
+        """Return one row for each taken seat, best place first."""
+        rows = [row for row in self.table() if self.seats[row.seat].is_taken]
+        return sorted(rows, key=lambda row: row.rank)
+
+    def table(self) -> list[Standing]:
+        """Return one row for each seat, whether or not somebody still sits there."""
+        return table_of(self.seats, self.world.karts[0], self.chronicle.laps_us)
+
+    def digest(self) -> str:
+        """Return the digest of the world."""
+        return digest(self.world)
