@@ -33,9 +33,7 @@ def plans_of(plan: Plan, races: int, seed: int) -> Iterator[Plan]:
         yield replace(plan, drivers=drivers, serve=(*plan.serve, "--seed", str(seed + number)))
 
 
-def run_series(
-    plan: Plan, races: int, seed: int, run: Callable[[Plan, int], Document]
-) -> Document:
+def run_series(plan: Plan, races: int, seed: int, run: Callable[[Plan, int], Document]) -> Document:
     """Run the races and return their documents, with the ratings of all drivers.
 
     run: runs one race; it is told its plan and its number from 0.

@@ -99,7 +99,8 @@ def _check(nature: Nature, name: str) -> None:
         )
     if (ACTIONS[nature.action] == RESIDUAL) != bool(nature.base):
         raise DriverError(
-            f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; export it again"
+            f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; "
+            "export it again"
         )
     sizes_fit = len(nature.sizes) == len(nature.parts)
     if not sizes_fit or not all(isinstance(size, int) and size > 0 for size in nature.sizes):

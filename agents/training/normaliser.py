@@ -20,7 +20,8 @@ class Normaliser(VecNormalize):
         super().__init__(karts, **options)
         self.horizon = np.float32(np.inf if horizon is None else horizon)
         if horizon is not None:
-            self.obs_rms = _Means(self.horizon, self.observation_space.shape)
+            means: Any = _Means(self.horizon, self.observation_space.shape)
+            self.obs_rms = means
 
     def normalize_obs(self, obs: Any) -> Any:
         """Return observations (n, size) of mean 0 and variance 1."""

@@ -76,7 +76,7 @@ class SelfPlay(_Table):
     snapshot: int = Field(default=400_000, ge=1)  # decisions from one snapshot to the next
     snapshots: int = Field(default=6, ge=1)  # that stay in the pool: the first and the newest
     share: float = Field(default=0.5, ge=0.0, le=1.0)  # of the pool's seats that snapshots take
-    races: int = Field(default=4, ge=1)  # that rate each snapshot
+    races: int = Field(default=8, ge=1)  # that rate each snapshot
     laps: int = Field(default=2, ge=1)  # of those races
 
 

@@ -59,7 +59,8 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
     race, episode = settings.race, settings.episode
     return Task(
         scenarios,
-        opponents=race.opponents or (settings.self_play.anchors if settings.self_play.seats else ()),
+        opponents=race.opponents
+        or (settings.self_play.anchors if settings.self_play.seats else ()),
         learners=race.learners,
         observation=settings.observation,
         action=settings.action,

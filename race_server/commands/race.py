@@ -125,9 +125,7 @@ def start(
         show_result(document, track, laps, session)
 
 
-def _start_series(
-    plan: "Plan", races: int, seed: int, console: Console, *, as_json: bool
-) -> None:
+def _start_series(plan: "Plan", races: int, seed: int, console: Console, *, as_json: bool) -> None:
     """Run several races and show who is how strong."""
     from race_server.series import rating_table, run_series
     from race_server.start import run_race

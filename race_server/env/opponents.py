@@ -93,7 +93,9 @@ def advised(name: str) -> str:
         ScenarioError: none is named, or it takes none.
     """
     if not name:
-        raise ScenarioError("action 'residual' needs a driver to advise; name one, such as base = 'raceline'")
+        raise ScenarioError(
+            "action 'residual' needs a driver to advise; name one, such as base = 'raceline'"
+        )
     if not getattr(type(driver_named(name)), "takes_advice", False):
         raise ScenarioError(
             f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
