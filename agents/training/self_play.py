@@ -22,6 +22,8 @@ from race_server.scenario.base import Scenario
 RATINGS = "ratings.json"
 # A race that rates is over after this time [s], whoever has not finished by then.
 LONGEST_S = 120.0
+# After the winner nobody waits longer [s]: who is further behind is ranked where he is.
+WAITING_S = 10.0
 
 Order = list[tuple[str, int]]
 
@@ -99,7 +101,8 @@ class SelfPlay:
         chance = self._chance("rating", number)
         task = next(iter(evaluation_tasks(self.settings, self.settings.tracks).values()))
         scenario = task.scenarios[0]
-        rules = replace(scenario.rules, laps=played.laps, limit_s=LONGEST_S)
+        limits = {"limit_s": LONGEST_S, "finish_limit_s": WAITING_S}
+        rules = replace(scenario.rules, laps=played.laps, **limits)
         scenario = replace(scenario, rules=rules)
         opponents = self.rivals.against(snapshot, scenario.karts - 1, chance)
         task = replace(
