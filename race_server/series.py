@@ -1,9 +1,10 @@
 """Several races one after another, after which the strength of every driver is known."""
 
+import math
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
-from statistics import fmean
+from statistics import fmean, stdev
 from typing import Any
 
 from rich.table import Table
@@ -48,23 +49,32 @@ def run_series(plan: Plan, races: int, seed: int, run: Callable[[Plan, int], Doc
 
 
 def rated(documents: list[Document]) -> list[Document]:
-    """Return rating, interval, mean place, wins and contacts of each driver, the best first."""
+    """Return rating, interval, mean place with its standard error, and wins, the best first.
+
+    Over a few races the mean place tells drivers apart that the intervals of ratings do not.
+    """
     orders = [[(kart["driver"], kart["rank"]) for kart in one["karts"]] for one in documents]
     rows = []
     for rating in ratings(orders):
         own = [k for one in documents for k in one["karts"] if k["driver"] == rating.driver]
+        places = [fmean(ranks) for one in orders if (ranks := _ranks(one, rating.driver))]
         spread = INTERVAL * rating.sigma
         rows.append(
             {
                 **asdict(rating),
                 "low": rating.mu - spread,
                 "high": rating.mu + spread,
-                "mean_place": fmean(kart["rank"] for kart in own),
+                "mean_place": fmean(places),
+                "place_error": stdev(places) / math.sqrt(len(places)) if len(places) > 1 else 0.0,
                 "wins": sum(kart["rank"] == 1 for kart in own),
                 "starts": len(own),
             }
         )
     return sorted(rows, key=lambda row: -row["mu"])
+
+
+def _ranks(order: list[tuple[str, int]], driver: str) -> list[int]:
+    return [rank for name, rank in order if name == driver]
 
 
 def rating_table(rows: list[Document], races: int) -> Table:
@@ -74,6 +84,7 @@ def rating_table(rows: list[Document], races: int) -> Table:
     for column in ("rating", "from", "to", "mean place", "wins", "starts"):
         table.add_column(column, justify="right")
     for row in rows:
-        figures = (f"{row[name]:.2f}" for name in ("mu", "low", "high", "mean_place"))
-        table.add_row(row["driver"], *figures, str(row["wins"]), str(row["starts"]))
+        figures = (f"{row[name]:.2f}" for name in ("mu", "low", "high"))
+        place = f"{row['mean_place']:.2f} ± {row['place_error']:.2f}"
+        table.add_row(row["driver"], *figures, place, str(row["wins"]), str(row["starts"]))
     return table

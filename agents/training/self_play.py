@@ -101,8 +101,9 @@ class SelfPlay:
         chance = self._chance("rating", number)
         task = next(iter(evaluation_tasks(self.settings, self.settings.tracks).values()))
         scenario = task.scenarios[0]
-        limits = {"limit_s": LONGEST_S, "finish_limit_s": WAITING_S}
-        rules = replace(scenario.rules, laps=played.laps, **limits)
+        rules = replace(
+            scenario.rules, laps=played.laps, limit_s=LONGEST_S, finish_limit_s=WAITING_S
+        )
         scenario = replace(scenario, rules=rules)
         opponents = self.rivals.against(snapshot, scenario.karts - 1, chance)
         task = replace(
