@@ -1,6 +1,7 @@
 """A driver that has learned: `learned:NAME` drives the policy of a file or of a training run."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -8,14 +9,29 @@ from agents.policies.nature import Nature, preset_for
 from agents.policies.session import Policy
 from agents.policies.shelf import policy_path
 from race_server import codes
-from race_server.autopilot import FIELD, REACH
-from race_server.driver import Briefing
-from race_server.env.actions import MEMORY, action_kind, discrete_table, read_action
+from race_server.autopilot import (
+    ASIDE,
+    FIELD,
+    REACH,
+    URGE,
+    Autopilot,
+    item_kinds,
+    starts_of,
+)
+from race_server.driver import Briefing, driver_named
+from race_server.env.actions import (
+    MEMORY,
+    action_kind,
+    advice_of,
+    discrete_table,
+    read_action,
+)
 from race_server.errors import DriverError
-from race_server.kernels.jit import kernel
+from race_server.kernels.jit import bind, kernel
 from race_server.messages import Button, Control
-from race_server.observe import Layout, Observation
+from race_server.observe import PRESETS, Layout, Observation
 from race_server.params import vehicle_record
+from race_server.rules.items import items
 from race_server.state import KART, Float32s, Floats, Ints, Records
 
 # Lidars that differ by less, in rad or m, are the same.
@@ -38,7 +54,10 @@ class Learned:
             DriverError: there is none of that name, or its file is foreign or damaged.
         """
         self.policy = Policy(policy_path(name))
-        self.preset = preset_for(self.policy.nature, self.policy.name)
+        nature = self.policy.nature
+        self._base = driver_named(nature.base) if nature.base else None
+        seen = PRESETS[self._base.preset] if self._base is not None else ()
+        self.preset = preset_for(nature, self.policy.name, seen)
         self._kind = action_kind(self.policy.nature.action)
         self._table = discrete_table()
 
@@ -51,9 +70,14 @@ class Learned:
         _check_briefing(self.policy.nature, briefing, self.policy.name)
         self._briefing = briefing
         self._drive: Callable[[], None] | None = None
+        self._places: Ints | None = None
+        if self._base is not None:
+            self._base.reset(briefing)
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
+        if isinstance(self._base, Autopilot):
+            return self._act_by_advice(self._base, observation)
         if self._drive is None:
             self._prepare(observation.layout)
             assert self._drive is not None
@@ -61,6 +85,16 @@ class Learned:
         self._drive()
         steering, throttle, brake, buttons = self._controls[0, 0].tolist()
         return Control(steering, throttle, brake, Button(int(buttons)))
+
+    def _act_by_advice(self, base: Autopilot, observation: Observation) -> Control:
+        """Return what the driver does that the policy advises."""
+        told, nature = self._briefing, self.policy.nature
+        if self._places is None:
+            gear = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
+            self._places = places_in(observation.layout, nature, gear, self.policy.name)
+        action = self.policy.decide(observation.values[None, self._places])[0]
+        base.take_advice(observation, advice_of(action, told.vehicle.width).tolist())
+        return base.act(observation)
 
     def _prepare(self, layout: Layout) -> None:
         """Take a seat: a batch of one."""
@@ -93,8 +127,21 @@ class Learned:
             DriverError: the karts have another lidar than the policy learned with.
         """
         places = places_in(layout, self.policy.nature, gear, self.policy.name)
-        at = np.array([layout.slices[part].start for part in TOLD], np.int64)
         worlds, numbers = seats[:, 0], seats[:, 1]
+        if self._base is not None:
+            base: Any = type(self._base)
+            kinds = item_kinds(tuple(item.name for item in items()))
+            seen_by_base = (seats, views, starts_of(layout), vehicles, gear, kinds)
+            follow = bind(base.decide_all, *seen_by_base, memory, controls)
+            width = float(vehicles[0, 0].width)
+
+            def advise() -> None:
+                actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
+                memory[worlds, numbers, ASIDE : URGE + 1] = advice_of(actions, width)
+                follow()
+
+            return advise
+        at = np.array([layout.slices[part].start for part in TOLD], np.int64)
         karts = np.zeros(len(seats), KART)
 
         def drive() -> None:

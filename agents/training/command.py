@@ -158,6 +158,9 @@ def _bar(
                     soft_wrap=True,
                 )
 
+            if news.ratings and not quiet:
+                console.print(f"ratings: {_ratings_in_words(news)}", markup=False, soft_wrap=True)
+
         yield tell
 
 
@@ -166,6 +169,10 @@ def _words_of(news: "News") -> str:
     crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
     lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
     return f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+
+
+def _ratings_in_words(news: "News") -> str:
+    return ", ".join(f"{one.driver} {one.mu:.1f} ± {2.0 * one.sigma:.1f}" for one in news.ratings)
 
 
 def _marks_in_words(marks: Any) -> str:

@@ -12,6 +12,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.training.courses import names_of
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.settings import Settings
 from agents.training.tasks import training_task
@@ -29,7 +30,7 @@ _TAKEN = {
 TD3_NOISE = 0.1
 
 
-def world_of(settings: Settings, pace: Pace) -> VecNormalize:
+def world_of(settings: Settings, pace: Pace) -> Normaliser:
     """Return the karts that learn, with running means of what they see.
 
     Raises:
@@ -43,7 +44,8 @@ def world_of(settings: Settings, pace: Pace) -> VecNormalize:
         curriculum=Stages(settings, pace) if settings.curriculum else None,
     )
     gamma = settings.algorithm.options.get("gamma", 0.99)
-    return VecNormalize(karts, norm_reward=settings.algorithm.normalise_reward, gamma=gamma)
+    rewards = settings.algorithm.normalise_reward
+    return Normaliser(karts, settings.horizon, norm_reward=rewards, gamma=gamma)
 
 
 class Stages:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,9 @@ from agents.training.checkpoint import save_checkpoint
 from agents.training.curve import Point, append
 from agents.training.evaluation import Examiner, Marks
 from agents.training.pace import Pace
+from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
+from race_server.results.ratings import Rating
 
 CURVE, LATEST, BEST = "curve.csv", "latest.pt", "best.pt"
 TELL_S = 1.0  # between two looks at the figures
@@ -33,6 +35,7 @@ class News:
     crash_rate: float | None
     best_lap_s: float | None
     marks: Marks | None = None
+    ratings: tuple[Rating, ...] = ()  # where they have just changed, the strongest first
 
 
 Tell = Callable[[News], None]
@@ -49,11 +52,13 @@ class Overseer(BaseCallback):
         pace: Pace,
         tell: Tell,
         best_score: float = -np.inf,
+        self_play: SelfPlay | None = None,
     ) -> None:
         """Watch a training whose files go into `folder`."""
         super().__init__()
         self.settings = settings
         self.pace = pace
+        self.self_play = self_play
         tried = settings.evaluation
         self.examiner = Examiner(settings, tried.tracks, tried.first_seed)
         self.best: list[Marks] = []
@@ -85,6 +90,8 @@ class Overseer(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         # Between rollouts, so that no policy is tried out half-way through its lessons.
+        if self.self_play is not None and self.self_play.go_on(self.model, self.pace.done):
+            self._look(rated=True)
         if int(self.pace.share * self.settings.evaluation.times) > self._tries:
             self.examine()
 
@@ -101,15 +108,17 @@ class Overseer(BaseCallback):
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 
-    def _look(self, marks: Marks | None = None) -> None:
+    def _look(self, marks: Marks | None = None, *, rated: bool = False) -> None:
         now = time.monotonic()
         if self.pace.done > self._told_steps:
             self._rate = (self.pace.done - self._told_steps) / max(now - self._told, 1e-6)
         self._told, self._told_steps = now, self.pace.done
         news = self._news(self._rate, marks)
+        if rated and self.self_play is not None:
+            news = replace(news, ratings=tuple(self.self_play.ratings))
         self._tell(news)
         row = int(self.pace.share * ROWS)
-        if marks is not None or row > self._rows:
+        if marks is not None or rated or row > self._rows:
             self._rows = row
             append(self._folder / CURVE, self._point(news))
 
@@ -128,6 +137,7 @@ class Overseer(BaseCallback):
 
     def _point(self, news: News) -> Point:
         marks = news.marks
+        rated = self.self_play.newest if self.self_play is not None else None
         return Point(
             minutes=self.pace.seconds / 60.0,
             steps=news.steps,
@@ -140,4 +150,6 @@ class Overseer(BaseCallback):
             tried_crash_rate=marks.crash_rate if marks else None,
             tried_best_lap_s=marks.best_lap_s if marks else None,
             tried_reward=marks.reward if marks else None,
+            rating=rated.mu if rated else None,
+            rating_sigma=rated.sigma if rated else None,
         )

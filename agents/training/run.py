@@ -20,6 +20,7 @@ from agents.training.film import record_laps
 from agents.training.learner import learner_of, world_of
 from agents.training.overseer import BEST, CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
+from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
 from race_server.errors import RaceError, ScenarioError
 
@@ -61,7 +62,8 @@ def train(
         # Other worlds and other chances than at the beginning.
         learner.set_random_seed(settings.seed + pace.done)
     folder.begin(place, settings)
-    overseer = Overseer(settings, place, world, pace, tell, best_score)
+    played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
+    overseer = Overseer(settings, place, world, pace, tell, best_score, played)
     try:
         stopped = _learn(learner, overseer, pace)
         overseer.examine()

@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+LEARNER = "learner"  # in the seats of self-play
 Range = tuple[float, float]
 
 
@@ -60,6 +61,23 @@ class Race(_Table):
     learners: int = Field(default=1, ge=1, le=64)
     opponents: tuple[str, ...] = ()
     rules: dict[str, Any] = {}
+
+
+class SelfPlay(_Table):
+    """Who sits in which seat of a race, drawn anew for each stretch of the training.
+
+    A seat is `learner`, `pool`, or the name of a driver. The pool: anchors, and snapshots of the
+    learner as it once was.
+    """
+
+    seats: tuple[str, ...] = ()  # of all karts; none: there is no self-play
+    anchors: tuple[str, ...] = ("raceline", "idm", "follow_gap")
+    stretch: int = Field(default=200_000, ge=1)  # decisions of learning karts
+    snapshot: int = Field(default=400_000, ge=1)  # decisions from one snapshot to the next
+    snapshots: int = Field(default=6, ge=1)  # that stay in the pool: the first and the newest
+    share: float = Field(default=0.5, ge=0.0, le=1.0)  # of the pool's seats that snapshots take
+    races: int = Field(default=8, ge=1)  # that rate each snapshot
+    laps: int = Field(default=2, ge=1)  # of those races
 
 
 class Episode(_Table):
@@ -119,13 +137,18 @@ class Settings(_Table):
     threads: int = Field(default=1, ge=1)  # of the worlds and of PyTorch
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
-    action: Literal["continuous", "report_b", "discrete", "control"] = "continuous"
+    action: Literal["continuous", "report_b", "discrete", "control", "residual"] = "continuous"
+    base: str = ""  # the driver that residual actions advise
+    # What is seen is cut to this before it is normalised: nobody near is 1000 m away, which
+    # would make all that is near look alike.
+    horizon: float | None = Field(default=None, gt=0.0)
     reward: str | dict[str, float] = "progress"
     algorithm: Algorithm = Algorithm()
     network: Network = Network()
     lidar: Lidar = Lidar()
     gap: Gap = Gap()
     race: Race = Race()
+    self_play: SelfPlay = SelfPlay()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()

@@ -3,7 +3,7 @@
 import os
 import time
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -31,6 +31,7 @@ from race_server.messages import Phase
 
 if TYPE_CHECKING:
     from race_server.reception import Reception
+    from race_server.start import Plan
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
@@ -55,6 +56,9 @@ def start(
     ] = 0,
     listen: Annotated[str, typer.Option(help="Address to listen on.")] = "",
     session: Annotated[str, typer.Option(help="Name of the race session.")] = "race",
+    races: Annotated[
+        int, typer.Option(min=1, help="So many races, one after another; then ratings are shown.")
+    ] = 1,
     results: Results = "",
     record: Record = "",
     as_json: AsJson = False,
@@ -88,11 +92,33 @@ def start(
         in_process=one_process,
         real=tuple(Real(seat) for seat in spread(mixed, karts)),
     )
+    if races > 1:
+        _start_series(plan, races, seed, console, as_json=as_json)
+        return
     document = run_race(plan, console)
     if as_json:
         print_document(document)
     else:
         show_result(document, track, laps, session)
+
+
+def _start_series(plan: "Plan", races: int, seed: int, console: Console, *, as_json: bool) -> None:
+    """Run several races and show who is how strong."""
+    from race_server.series import rating_table, run_series
+    from race_server.start import run_race
+
+    def run(one: "Plan", number: int) -> dict[str, Any]:
+        document = run_race(one, console)
+        best = min(document["karts"], key=lambda kart: kart["rank"])
+        text = f"race {number + 1} of {races}, seed {seed + number}: won by {best['driver']}"
+        console.print(text, style="dim", markup=False, soft_wrap=True)
+        return document
+
+    found = run_series(plan, races, seed, run)
+    if as_json:
+        print_document(found)
+    else:
+        console.print(rating_table(found["ratings"], races))
 
 
 def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: Console) -> None:

@@ -83,3 +83,21 @@ def opponents_of(
             Opponents(name, tuple(numbers), layout, driver, starts_of(layout), gear, kinds)
         )
     return found
+
+
+def advised(name: str) -> str:
+    """Return the name of the driver that residual actions advise, if it takes advice.
+
+    Raises:
+        DriverError: it is unknown.
+        ScenarioError: none is named, or it takes none.
+    """
+    if not name:
+        raise ScenarioError(
+            "action 'residual' needs a driver to advise; name one, such as base = 'raceline'"
+        )
+    if not getattr(type(driver_named(name)), "takes_advice", False):
+        raise ScenarioError(
+            f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
+        )
+    return name

@@ -1,0 +1,168 @@
+"""Self-play: who sits where, snapshots that are rated, and a policy that advises a driver."""
+
+import json
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+from agents.learned import Learned
+from agents.policies.session import Policy
+from agents.training import curve, folder
+from agents.training.overseer import CURVE
+from agents.training.rivals import Rivals, short_name
+from agents.training.run import Outcome, train
+from agents.training.self_play import RATINGS
+from agents.training.settings import SelfPlay
+from agents.training.sheet import read_settings
+from agents.training.tasks import training_task
+from race_server.driver import Briefing, driver_named
+from race_server.env.batch import Batch, Task
+from race_server.env.presets import LEARNING_RULES
+from race_server.errors import ScenarioError
+from race_server.observe import Observation
+from race_server.params import TT02
+from race_server.rules.items import items
+from race_server.scenario.base import Scenario
+from race_server.track.load import load_course
+from race_server.trial.run import numbers_of
+
+QUICK = (
+    "minutes=none",
+    "steps=3000",
+    "worlds=4",
+    "tracks={names = ['oval']}",
+    "gap={}",
+    "network.layers=[16]",
+    "race={karts = 4, learners = 2, opponents = ['idm']}",
+    "self_play={seats = ['learner', 'learner', 'pool', 'idm'], anchors = ['raceline', 'idm'], "
+    "stretch = 1000, snapshot = 1000, races = 2, laps = 1}",
+    "evaluation={seeds = 1, times = 1, seconds = 2.0}",
+    "evaluation.tracks={names = ['oval']}",
+    "evaluation.final={names = ['oval']}",
+    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """A run of three thousand decisions in three stretches."""
+    place = folder.new_folder("quick", tmp_path_factory.mktemp("runs") / "quick")
+    return train(read_settings("race", QUICK), place)
+
+
+BRIEFING = Briefing(0, TT02, 3, "line", 0.05, items=tuple(item.name for item in items()))
+
+# The pool
+
+
+def test_seats_are_mapped_to_drivers_and_the_pool_is_drawn(tmp_path: Path) -> None:
+    seats = ("learner", "pool", "raceline", "pool")
+    rivals = Rivals(SelfPlay(seats=seats, anchors=("avoider", "idm")), tmp_path)
+    drawn = [rivals.seated(Random(seed)) for seed in range(20)]
+    assert {row[1] for row in drawn} == {"raceline"}
+    assert {name for row in drawn for name in (row[0], row[2])} == {"avoider", "idm"}
+
+
+def test_a_full_pool_keeps_the_first_snapshot_and_the_newest(tmp_path: Path) -> None:
+    rivals = Rivals(SelfPlay(snapshots=2), tmp_path)
+    for decisions in (100, 200, 300):
+        path = rivals.place_for(decisions)
+        path.touch()
+        rivals.add(path)
+    assert [path.stem[-3:] for path in rivals.snapshots] == ["100", "300"]
+    assert sorted(rivals.folder.glob("*.onnx")) == rivals.snapshots
+    assert Rivals(SelfPlay(snapshots=2), tmp_path).snapshots == rivals.snapshots
+
+
+def test_seats_that_do_not_fit_the_race_are_named() -> None:
+    with pytest.raises(ScenarioError, match=r"seats names 2 karts, 1 of them learners; race.karts"):
+        read_settings("race", ["self_play.seats=['learner', 'idm']"])
+
+
+# A run
+
+
+def test_a_run_leaves_snapshots_and_ratings(outcome: Outcome) -> None:
+    words = json.loads((outcome.folder / RATINGS).read_text())
+    names = {row["driver"] for row in words["ratings"]}
+    snapshots = {path.stem for path in outcome.folder.glob("snapshots/*.onnx")}
+    assert {"raceline", "idm"} | snapshots == names
+    assert len(snapshots) >= 2
+    assert all(sorted(rank for _, rank in race) == [1, 2, 3, 4] for race in words["races"])
+
+
+def test_the_curve_tells_the_rating_of_the_newest_snapshot(outcome: Outcome) -> None:
+    rows = [row for row in curve.read(outcome.folder / CURVE) if "rating" in row]
+    assert rows
+    assert all(row["rating_sigma"] > 0.0 for row in rows)
+
+
+def test_tables_name_a_snapshot_by_its_file() -> None:
+    assert short_name("learned:/tmp/a/learner-000001000.onnx") == "learner-000001000"
+    assert short_name("learned:race") == "learned:race"
+
+
+# A policy that advises
+
+
+def oval(karts: int) -> Scenario:
+    return Scenario(load_course("oval"), karts=karts, rules=LEARNING_RULES)
+
+
+def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
+    others = {"learners": 1, "opponents": ("idm",)}
+    advised = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
+    driven = Batch(Task((oval(2),), action="control", observation="line", **others), seed=4)
+    driver = driver_named("raceline")
+    driver.reset(BRIEFING)
+    for step in range(80):
+        seen = Observation(3 * step, driven.layout, driven.observations[0, 0].copy())
+        driven.step(numbers_of(driver.act(seen)))
+        advised.step(np.zeros((1, 1, 3)))
+    assert advised.world.karts["x"][0] == pytest.approx(driven.world.karts["x"][0], abs=1e-5)
+    assert advised.world.karts["distance"][0, 0] > 1.0
+
+
+def test_advice_shifts_the_lane_to_its_side() -> None:
+    task = Task((oval(1),), action="residual", base="raceline", observation=("line_offset",))
+    left, right = Batch(task, seed=4), Batch(task, seed=4)
+    for _ in range(60):
+        left.step([[[0.4, 0.0, 0.0]]])
+        right.step([[[-0.4, 0.0, 0.0]]])
+    assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
+
+
+def test_only_a_driver_that_takes_advice_can_be_advised() -> None:
+    with pytest.raises(ScenarioError, match="'avoider' takes no advice"):
+        Batch(Task((oval(1),), action="residual", base="avoider"))
+    with pytest.raises(ScenarioError, match="needs a driver to advise"):
+        Batch(Task((oval(1),), action="residual"))
+
+
+def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Outcome) -> None:
+    path = outcome.folder / "policy.onnx"
+    policy, driver = Policy(path), Learned(str(path))
+    assert driver.preset == "line"
+    task = training_task(read_settings("race", QUICK))
+    trained = Batch(Task(task.scenarios, **_shared(task, task.observation)), seed=3)
+    wide = {**_shared(task, "line"), "action": "control", "base": ""}
+    raced = Batch(Task(task.scenarios, **wide), seed=3)
+    driver.reset(BRIEFING)
+    for step in range(80):
+        trained.step(policy.decide(trained.observations[:, 0]))
+        seen = Observation(3 * step, raced.layout, raced.observations[0, 0].copy())
+        raced.step(numbers_of(driver.act(seen)))
+        assert raced.world.karts[0, 0].x == pytest.approx(trained.world.karts[0, 0].x, abs=1e-5)
+    assert trained.world.karts[0, 0].speed > 0.5
+
+
+def _shared(task: Task, observation: object) -> dict[str, object]:
+    return {
+        "learners": 1,
+        "opponents": ("idm",),
+        "observation": observation,
+        "action": task.action,
+        "base": task.base,
+    }
