@@ -54,7 +54,8 @@ def cells_of(plan: Reproduction, scale: Scale) -> list[Cell]:
 
 def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
     steps = max(round(scale.steps * row.steps_share), 1)
-    changes = (*plan.changes, *row.changes, *scale.changes)
+    quick = row.quick_changes if scale is plan.quick else ()
+    changes = (*plan.changes, *row.changes, *scale.changes, *quick)
     words = [*changes, "minutes=none", f"steps={steps}", f"seed={seed}", f"title={row.name!r}"]
     settings = read_settings(plan.preset, words)
     if row.twist.choices:

@@ -27,6 +27,7 @@ class Row:
     theirs: tuple[str, ...] = ()  # texts, one for each of `their_heads`
     their_number: float | None = None  # what the plot shows beside ours
     steps_share: float = 1.0  # of the reproduction's decisions
+    quick_changes: tuple[str, ...] = ()  # besides, where a quick run has too few decisions
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,11 @@
 
 import json
 import multiprocessing
+import signal
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -96,13 +99,24 @@ def _driven(
         return
     # PyTorch's threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_worker) as pool:
         waiting = {pool.submit(drive_cell, cell): cell for cell in cells}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
+        except BrokenProcessPool as error:
+            raise ScenarioError(
+                "the process of a training died; the same command goes on, fewer --jobs need "
+                "less memory"
+            ) from error
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin_worker() -> None:
+    """Let Ctrl-C end this process without a word: the one that started it speaks."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    warnings.filterwarnings("ignore", module="stable_baselines3")
 
 
 def _telling(tell: Tell, known: int, cells: int) -> Callable[[int, Cell, float], None]:
