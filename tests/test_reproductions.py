@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agents.reproductions import run
-from agents.reproductions.cell import Cell, cells_of, drive_cell, read_cell, write_cell
+from agents.reproductions.cell import Cell, cells_of, drive_cell, mean_return, read_cell, write_cell
 from agents.reproductions.plan import Exam, Reproduction, Row, Scale, Twist
 from agents.reproductions.reports.report_b_time_trial import seconds_of
 from agents.reproductions.shelf import reproduction_named, reproduction_names
@@ -120,7 +120,7 @@ def test_what_is_worse_in_another_order_or_missing_is_said() -> None:
     remarks = " ".join(remarks_on(plan, lines_of(plan, known)))
     assert "theirs: PPO, DQN; ours: DQN, PPO (another order)" in remarks
     assert "worse than theirs in mean reward: PPO." in remarks
-    assert "it fails: SAC." in remarks
+    assert "come to no mean reward, so they fail: SAC." in remarks
 
 
 def test_a_quick_page_says_so_and_names_what_is_assumed() -> None:
@@ -135,6 +135,11 @@ def test_a_quick_page_says_so_and_names_what_is_assumed() -> None:
 
 
 # Cells
+
+
+def test_before_its_first_episode_a_training_earned_what_that_one_did() -> None:
+    assert mean_return([(10, 1.0)] * 19 + [(20, 3.0)]) == pytest.approx(1.05)
+    assert mean_return([]) is None
 
 
 def test_a_twist_turns_choices_and_small_steps_into_increments() -> None:

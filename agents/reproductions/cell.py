@@ -85,7 +85,7 @@ def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
 
     figures = asdict(examine(cell.settings, cell.exam, decide))
     figures["learning_cpu_s"] = learning_s
-    figures["learning_return"] = float(np.mean([value for _, value in watch.curve] or [0.0]))
+    figures["learning_return"] = mean_return(watch.curve)
     return {
         "row": cell.row.name,
         "seed": cell.seed,
@@ -96,6 +96,15 @@ def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
     }
 
 
+def mean_return(curve: list[tuple[int, float]]) -> float | None:
+    """Return the mean of a curve; before its first point it counts as that one."""
+    if not curve:
+        return None
+    returns = [value for _, value in curve]
+    earlier = max(POINTS - len(returns), 0)
+    return float(np.mean([returns[0]] * earlier + returns))
+
+
 class _Watch(BaseCallback):
     """Keeps the pace and notes the return of the last hundred episodes."""
 
@@ -103,14 +112,17 @@ class _Watch(BaseCallback):
         super().__init__()
         self.pace = pace
         self.curve: list[tuple[int, float]] = []
+        self._points = 0
         self._tell = tell
 
     def _on_step(self) -> bool:
         self.pace.done += self.training_env.num_envs
-        if int(self.pace.share * POINTS) > len(self.curve):
-            episodes = [row["r"] for row in self.model.ep_info_buffer or ()]
-            known = self.curve[-1][1] if self.curve else 0.0
-            self.curve.append((self.pace.done, float(np.mean(episodes)) if episodes else known))
+        if int(self.pace.share * POINTS) > self._points:
+            self._points = int(self.pace.share * POINTS)
+            # Among many agents it takes a while until the first episode is over.
+            if self.model.ep_info_buffer:
+                mean = np.mean([row["r"] for row in self.model.ep_info_buffer])
+                self.curve.append((self.pace.done, float(mean)))
             self._tell(self.pace.share)
         return True
 

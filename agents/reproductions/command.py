@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from agents.reproductions.run import News, Outcome
 
 RESULTS = Path("docs") / "results"
+WORDY = ("remark", "finding")  # columns of the report that are sentences
 
 
 def reproduce(
@@ -85,16 +86,27 @@ def _show(outcome: "Outcome", *, quick: bool) -> None:
 
     from agents.reproductions.table import base_of, cells_of, heads_of, scale_words
 
-    plan = outcome.plan
+    plan, base = outcome.plan, base_of(outcome.plan, outcome.lines)
     title = f"{plan.title}\n{scale_words(outcome.scale, quick=quick)}"
-    table = Table(title=title, title_justify="left", show_lines=True)
-    for number, head in enumerate(heads_of(plan)):
-        is_word = number <= len(plan.their_heads)
-        table.add_column(head, justify="left" if is_word else "right")
-    base = base_of(plan, outcome.lines)
-    for line in outcome.lines:
-        table.add_row(*cells_of(plan, line, base))
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+    heads = heads_of(plan)
+    texts = [cells_of(plan, line, base) for line in outcome.lines]
+    # Words of the report would leave no room for figures.
+    shown = [number for number, head in enumerate(heads) if not head.endswith(WORDY)]
+    for number in shown:
+        justify: Literal["left", "right"] = "right" if number else "left"
+        # A name may be folded, a figure may not.
+        width = max((len(row[number]) for row in texts), default=0) if number else 10
+        table.add_column(heads[number], justify=justify, min_width=width)
     console = Console()
+    for row in texts:
+        table.add_row(*(row[number] for number in shown))
     console.print(table)
+    if base is not None:
+        console.print(f"in brackets: the difference to {base.row.name}", highlight=False)
+    for number, head in enumerate(heads):
+        if number not in shown:
+            words = "".join(f"\n  {row[0]}: {row[number]}" for row in texts)
+            console.print(f"{head}{words}", markup=False, highlight=False)
     for remark in outcome.document["remarks"]:
         console.print(remark, markup=False, highlight=False)

@@ -79,13 +79,19 @@ class Reproduction:
     assumptions: tuple[str, ...] = ()  # what the report does not say, and what is different here
     base: str = ""  # a row that all others are compared with
 
+    @property
+    def plotted_word(self) -> str:
+        """Return what is plotted, without its unit."""
+        return self.plotted.head.split(",")[0]
+
     def exam_words(self, scale: Scale) -> str:
         """Return how a policy is examined."""
         where = " and ".join((*self.exam.tracks.names, *self._set_words()))
+        starts = "one start" if self.exam.seeds == 1 else f"{self.exam.seeds} starts"
         company = "alone" if self.exam.alone else "among the other cars"
         return (
-            f"each then drives {scale.exam_s:g} s without exploration from {self.exam.seeds} "
-            f"start(s) on each of {where}, {company}, beginning anew after a crash"
+            f"each then drives {scale.exam_s:g} s without exploration from {starts} "
+            f"on each of {where}, {company}, beginning anew after a crash"
         )
 
     def _set_words(self) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ def _curves(plot: Any, lines: Sequence[Line]) -> None:
             label = line.row.name
             plot.plot(*zip(*line.curve, strict=True), style, color=colour, label=label, linewidth=1)
     plot.set_xlabel("decisions")
+    plot.locator_params(axis="x", nbins=5)
     plot.set_ylabel("return of an episode, mean of the last 100")
     plot.grid(alpha=0.3)
     if plot.get_legend_handles_labels()[0]:

@@ -43,7 +43,10 @@ def _line(row: Row, runs: Sequence[dict[str, Any]]) -> Line:
         means[key] = float(np.mean(known)) if known else None
         spreads[key] = float(np.std(known)) if known else 0.0
     points = min(len(run["curve"]) for run in runs)
-    curve = np.mean([run["curve"][:points] for run in runs], axis=0) if points else np.zeros((0, 2))
+    # The ends are abreast; the first episode may be over sooner or later.
+    curve = (
+        np.mean([run["curve"][-points:] for run in runs], axis=0) if points else np.zeros((0, 2))
+    )
     steps = max(run["steps"] for run in runs)
     pairs = tuple((float(at), float(value)) for at, value in curve)
     return Line(row, len(runs), steps, means, spreads, pairs)
@@ -63,10 +66,10 @@ def remarks_on(plan: Reproduction, lines: Sequence[Line]) -> list[str]:
     is_higher = plan.better == "higher"
     worse = [name for name, (them, us) in both.items() if (us < them) == is_higher]
     if worse:
-        remarks.append(f"Ours are worse than theirs in {column.head}: {', '.join(worse)}.")
+        remarks.append(f"Ours are worse than theirs in {column.head}: {'; '.join(worse)}.")
     none = [name for name in numbers if numbers[name] is None]
     if none:
-        remarks.append(f"Ours has no {column.head}, so that it fails: {', '.join(none)}.")
+        remarks.append(f"Ours come to no {plan.plotted_word}, so they fail: {'; '.join(none)}.")
     return remarks
 
 

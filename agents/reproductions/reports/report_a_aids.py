@@ -74,7 +74,8 @@ REPRODUCTION = Reproduction(
         "It counts hours on different computers; here all rows have the same number of decisions, "
         "and the processor time of learning is told.",
         "The return while learning is the mean over the whole training of the last hundred "
-        "episodes' return: higher the earlier something is learned.",
+        "episodes' return: higher the earlier something is learned. Among many agents the short "
+        "episodes are over first, which lowers it in short trainings.",
         "Curiosity, imitation and the penalty for a crooked stop are about parking and left out.",
     ),
 )
