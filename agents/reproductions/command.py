@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from agents.reproductions.run import News, Outcome
 
 RESULTS = Path("docs") / "results"
+NAME_WIDTH = 14  # characters of a row's name on a narrow terminal
 WORDY = ("remark", "finding")  # columns of the report that are sentences
 
 
@@ -96,11 +97,15 @@ def _show(outcome: "Outcome", *, quick: bool) -> None:
     for number in shown:
         justify: Literal["left", "right"] = "right" if number else "left"
         # A name may be folded, a figure may not.
-        width = max((len(row[number]) for row in texts), default=0) if number else 10
+        longest = [*heads[number].split(), *(row[number] for row in texts if number)]
+        width = max(len(word) for word in longest) if number else NAME_WIDTH
         table.add_column(heads[number], justify=justify, min_width=width)
     console = Console()
     for row in texts:
         table.add_row(*(row[number] for number in shown))
+    # Rather wider than the terminal than without its last figures.
+    least = sum((column.min_width or 0) + 2 for column in table.columns)
+    console.width = max(console.width, least)
     console.print(table)
     if base is not None:
         console.print(f"in brackets: the difference to {base.row.name}", highlight=False)
