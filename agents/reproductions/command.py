@@ -99,12 +99,12 @@ def _show(outcome: "Outcome", *, quick: bool) -> None:
         # A name may be folded, a figure may not.
         longest = [*heads[number].split(), *(row[number] for row in texts if number)]
         width = max(len(word) for word in longest) if number else NAME_WIDTH
-        table.add_column(heads[number], justify=justify, min_width=width)
+        table.add_column(heads[number], justify=justify, width=width)
     console = Console()
     for row in texts:
         table.add_row(*(row[number] for number in shown))
     # Rather wider than the terminal than without its last figures.
-    least = sum((column.min_width or 0) + 2 for column in table.columns)
+    least = sum((column.width or 0) + 2 for column in table.columns)
     console.width = max(console.width, least)
     console.print(table)
     if base is not None:
