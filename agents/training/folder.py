@@ -47,7 +47,7 @@ def new_folder(name: str, wanted: Path | None) -> Path:
 def begin(folder: Path, settings: Settings) -> None:
     """Write what a run is before it begins."""
     (folder / CONFIG).write_text(as_toml(settings), encoding="utf-8")
-    _write_json(folder / VERSIONS, _versions())
+    _write_json(folder / VERSIONS, versions())
 
 
 def settings_in(folder: Path, changes: tuple[str, ...] = ()) -> Settings:
@@ -61,7 +61,8 @@ def settings_in(folder: Path, changes: tuple[str, ...] = ()) -> Settings:
     return read_settings(str(folder / CONFIG), changes)
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that decide what is learned."""
     found = {"python": sys.version.split()[0]}
     for package in PACKAGES:
         try:

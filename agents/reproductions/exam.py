@@ -1,0 +1,104 @@
+"""How a trained policy drives: it begins anew after each crash, and everything is counted."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.reproductions.plan import Exam
+from agents.training.settings import Settings
+from agents.training.tasks import decision_s, evaluation_tasks
+from race_server.env.batch import Batch
+from race_server.env.rewards import TERMS
+from race_server.env.rig import RESET_WORLD
+
+Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
+
+FIRST_SEED = 70_000  # far from those of training
+# After a start ranks are put in order for the first time: no place was gained by that.
+SETTLED_S = 1.0
+_AT = {name: number for number, name in enumerate(TERMS)}
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What a policy did in an exam, over all tracks and starts."""
+
+    minutes: float  # of driving
+    reward: float  # of a decision, crashes included
+    speed: float  # [m/s]
+    nearest: float  # [m] to whatever is nearest, the mean
+    crashes: int
+    crashes_per_minute: float
+    stops: int  # ends of an episode that were no crash: it stood, or drove the wrong way
+    places_per_minute: float  # gained, less those lost
+    laps: int  # whole ones, from a start or flying
+    median_lap_s: float | None
+    best_lap_s: float | None
+
+
+def examine(settings: Settings, exam: Exam, decide: Decide) -> Figures:
+    """Drive a policy on all tracks of an exam."""
+    race = settings.race.model_copy(update={"karts": 1, "opponents": ()})
+    tried = settings.evaluation.model_copy(update={"seconds": exam.seconds})
+    changed: dict[str, Any] = {"evaluation": tried, **({"race": race} if exam.alone else {})}
+    tasks = evaluation_tasks(settings.model_copy(update=changed), exam.tracks)
+    tally = _Tally()
+    for task in tasks.values():
+        begun = replace(task, random_start=exam.random_start, most_steps=0)
+        batch = Batch(begun, worlds=exam.seeds, seed=FIRST_SEED, after=RESET_WORLD)
+        tally.drive(batch, decide, round(exam.seconds / decision_s()))
+        batch.close()
+    return tally.figures()
+
+
+class _Tally:
+    """Counts over several batches."""
+
+    def __init__(self) -> None:
+        self.rewards: list[NDArray[Any]] = []
+        self.terms: list[NDArray[Any]] = []
+        self.laps_us: list[int] = []
+        self.crashes = self.ends = 0
+        self.places = 0.0
+
+    def drive(self, batch: Batch, decide: Decide, steps: int) -> None:
+        seen = batch.reset(FIRST_SEED)
+        laps = np.zeros(batch.worlds, np.int64)
+        settled = round(SETTLED_S / decision_s())
+        for _ in range(steps):
+            young = batch.rig.episodes["steps"][:, 0] < settled
+            batch.step(decide(seen.reshape(batch.worlds, -1)))
+            terms = batch.rig.terms[:, 0]
+            self.rewards.append(batch.rewards[:, 0].copy())
+            self.terms.append(terms.copy())
+            self.places += float(terms[~young, _AT["places"]].sum())
+            over = batch.terminated[:, 0].astype(bool)
+            self.ends += int(over.sum())
+            self.crashes += int((terms[:, _AT["crash"]] > 0.0).sum())
+            # A world that began anew tells of its last episode elsewhere.
+            episodes = batch.rig.episodes[:, 0]
+            now = np.where(over, batch.rig.ended[:, 0]["laps"], episodes["laps"])
+            last = np.where(over, batch.rig.ended[:, 0]["last_lap_us"], episodes["last_lap_us"])
+            self.laps_us += [int(lap) for lap in last[now > laps]]
+            laps = np.where(over, 0, now)
+
+    def figures(self) -> Figures:
+        terms = np.concatenate(self.terms)
+        minutes = len(terms) * decision_s() / 60.0
+        laps = np.array(self.laps_us) / 1e6
+        return Figures(
+            minutes=minutes,
+            reward=float(np.concatenate(self.rewards).mean()),
+            speed=float(terms[:, _AT["speed"]].mean()),
+            nearest=float(terms[:, _AT["range"]].mean()),
+            crashes=self.crashes,
+            crashes_per_minute=self.crashes / minutes,
+            stops=self.ends - self.crashes,
+            places_per_minute=self.places / minutes,
+            laps=len(laps),
+            median_lap_s=float(np.median(laps)) if len(laps) else None,
+            best_lap_s=float(laps.min()) if len(laps) else None,
+        )

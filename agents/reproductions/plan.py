@@ -1,0 +1,98 @@
+"""What a reproduction is: rows of settings, the report's figures beside them, and what is shown."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from agents.training.settings import Tracks
+
+
+@dataclass(frozen=True)
+class Twist:
+    """What a report does that settings of a training cannot say."""
+
+    # Observations by running means, divided by their largest values, or as they are.
+    scaling: Literal["running", "largest", "none"] = "running"
+    choices: bool = False  # the policy picks among increments: DQN has no others
+    steering_share: float = 1.0  # of the 9° of a full increment
+    growing_crash: bool = False  # a crash costs one more than the crash before
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: what is changed, and what the report found."""
+
+    name: str
+    changes: tuple[str, ...] = ()  # of the reproduction's settings, as `race train --set`
+    twist: Twist = Twist()
+    theirs: tuple[str, ...] = ()  # texts, one for each of `their_heads`
+    their_number: float | None = None  # what the plot shows beside ours
+    steps_share: float = 1.0  # of the reproduction's decisions
+    quick_changes: tuple[str, ...] = ()  # besides, where a quick run has too few decisions
+
+
+@dataclass(frozen=True)
+class Exam:
+    """How a trained policy is driven: it begins anew after each crash until the time is over."""
+
+    tracks: Tracks
+    alone: bool  # or among the karts of the training
+    random_start: bool
+    seeds: int = 4
+    seconds: float = 180.0  # of driving, for each seed and track
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much is trained."""
+
+    steps: int  # decisions of each run
+    seeds: int  # runs of each row
+    exam_s: float  # [s] of driving, for each start and track
+    changes: tuple[str, ...] = ()  # of settings, so that few steps suffice
+
+
+@dataclass(frozen=True)
+class Column:
+    """A figure that is shown, see `agents.reproductions.exam.Figures`."""
+
+    key: str
+    head: str
+    digits: int = 2
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """A table of a report."""
+
+    title: str
+    source: str  # where the report's figures stand
+    preset: str
+    rows: tuple[Row, ...]
+    exam: Exam
+    full: Scale
+    quick: Scale
+    their_heads: tuple[str, ...]
+    columns: tuple[Column, ...]
+    plotted: Column
+    better: Literal["higher", "lower"] = "higher"
+    changes: tuple[str, ...] = ()  # of the preset, for all rows
+    assumptions: tuple[str, ...] = ()  # what the report does not say, and what is different here
+    base: str = ""  # a row that all others are compared with
+
+    @property
+    def plotted_word(self) -> str:
+        """Return what is plotted, without its unit."""
+        return self.plotted.head.split(",")[0]
+
+    def exam_words(self, scale: Scale) -> str:
+        """Return how a policy is examined."""
+        where = " and ".join((*self.exam.tracks.names, *self._set_words()))
+        starts = "one start" if self.exam.seeds == 1 else f"{self.exam.seeds} starts"
+        company = "alone" if self.exam.alone else "among the other cars"
+        return (
+            f"each then drives {scale.exam_s:g} s without exploration from {starts} "
+            f"on each of {where}, {company}, beginning anew after a crash"
+        )
+
+    def _set_words(self) -> tuple[str, ...]:
+        return (f"the tracks of the set {self.exam.tracks.set!r}",) if self.exam.tracks.set else ()

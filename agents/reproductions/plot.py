@@ -1,0 +1,71 @@
+"""A reproduction as a picture: how it learned, and the figure that is compared."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.reproductions.plan import Reproduction
+from agents.reproductions.summary import Line
+
+OURS, THEIRS = "tab:blue", "tab:orange"
+
+
+def draw(path: Path, plan: Reproduction, lines: Sequence[Line], words: str) -> None:
+    """Draw the curves of learning, and ours beside theirs. words: how much was trained."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 1.5 + max(3.2, 0.5 * len(lines))), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _curves(left, lines)
+    _bars(right, plan, lines)
+    figure.suptitle(f"{plan.title}\n{words}", fontsize=11)
+    figure.savefig(path, dpi=100)
+
+
+def _curves(plot: Any, lines: Sequence[Line]) -> None:
+    import matplotlib
+
+    colours = matplotlib.colormaps["tab20"].colors  # type: ignore[attr-defined]  # untyped there
+    for number, line in enumerate(lines):
+        if line.curve:
+            style = "-" if number < 10 else "--"
+            colour = colours[(2 * number) % 20]
+            label = line.row.name
+            plot.plot(*zip(*line.curve, strict=True), style, color=colour, label=label, linewidth=1)
+    plot.set_xlabel("decisions")
+    plot.locator_params(axis="x", nbins=5)
+    plot.set_ylabel("return of an episode, mean of the last 100")
+    plot.grid(alpha=0.3)
+    if plot.get_legend_handles_labels()[0]:
+        plot.legend(frameon=False, fontsize=7)
+
+
+def _bars(plot: Any, plan: Reproduction, lines: Sequence[Line]) -> None:
+    places = np.arange(len(lines))
+    has_theirs = any(line.row.their_number is not None for line in lines)
+    height = 0.4 if has_theirs else 0.7
+    ours = [line.number(plan.plotted) for line in lines]
+    spreads = [line.spreads[plan.plotted.key] for line in lines]
+    at = places - height / 2.0 if has_theirs else places
+    widths = [value or 0.0 for value in ours]
+    plot.barh(at, widths, height, xerr=spreads, color=OURS, label="ours")
+    if has_theirs:
+        numbers = [line.row.their_number for line in lines]
+        widths = [value or 0.0 for value in numbers]
+        plot.barh(places + height / 2.0, widths, height, color=THEIRS, label="theirs")
+        for place, number in zip(places, numbers, strict=True):
+            _say_none(plot, place + height / 2.0, number)
+        plot.legend(frameon=False, fontsize=8)
+    for place, value in zip(at, ours, strict=True):
+        _say_none(plot, place, value)
+    plot.set_yticks(places, [line.row.name for line in lines], fontsize=8)
+    plot.invert_yaxis()
+    plot.set_xlabel(plan.plotted.head)
+    plot.grid(alpha=0.3, axis="x")
+
+
+def _say_none(plot: Any, place: float, value: float | None) -> None:
+    if value is None:
+        plot.text(0.0, place, " none", va="center", fontsize=8)

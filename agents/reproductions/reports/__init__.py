@@ -1,0 +1,1 @@
+"""One file for each table; its name, with dashes, is that of the reproduction."""

@@ -1,0 +1,52 @@
+"""Report of the 1/10 race, 2024, table 5.1: which algorithm earns most in 100 000 steps."""
+
+from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from agents.reproductions.report_b import ASSUMPTIONS, OWN
+from agents.training.settings import Tracks
+
+_PLAIN = ("algorithm.learning_rate=5e-4",)
+
+REPRODUCTION = Reproduction(
+    title="Three algorithms on the task of the 1/10 race",
+    source="Report of the 1/10 race, table 5.1: 100 000 steps, learning rate 5e-4, mean of 10 runs",
+    preset="report-b",
+    rows=(
+        Row("PPO", _PLAIN, OWN, ("3.86", "converges fastest"), 3.8601),
+        Row(
+            "DQN",
+            (*_PLAIN, "algorithm.name=dqn", "algorithm.options={}", "action=discrete"),
+            Twist(scaling="largest", choices=True),
+            ("2.65", "always drives into the wall"),
+            2.6487,
+        ),
+        Row(
+            "SAC",
+            (*_PLAIN, "algorithm.name=sac", "algorithm.options={}"),
+            OWN,
+            ("0.97", "slows down to avoid walls; at times swings before one"),
+            0.9715,
+        ),
+    ),
+    exam=Exam(Tracks(set="train-2023"), alone=False, random_start=True),
+    full=Scale(steps=100_000, seeds=10, exam_s=180.0),
+    quick=Scale(steps=6_144, seeds=2, exam_s=60.0),
+    their_heads=("mean reward", "remark"),
+    columns=(
+        Column("reward", "reward of a decision"),
+        Column("speed", "speed, m/s"),
+        Column("crashes_per_minute", "crashes/min", 1),
+        Column("laps", "laps", 1),
+        Column("learning_cpu_s", "learning, CPU s", 0),
+    ),
+    plotted=Column("reward", "mean reward"),
+    assumptions=(
+        *ASSUMPTIONS,
+        "The report does not say what its mean reward is the mean of. Ours is that of a decision "
+        "after the training, without exploration, crashes of -300 included.",
+        "It takes the table from an earlier internship whose reward it does not print; ours is "
+        "the report's own, so that rather the order than the figures can be compared.",
+        "It does not say how DQN, which picks one of a few actions, moves the car. Ours picks "
+        "from 3 increments of speed by 5 of steering.",
+        "Besides the learning rate DQN and SAC have the defaults of Stable-Baselines3.",
+    ),
+)

@@ -1,0 +1,101 @@
+"""The training world of a cell: that of `race train`, with a report's peculiarities around it."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
+
+from agents.reproductions.plan import Twist
+from agents.training.settings import Settings
+from agents.training.tasks import training_task
+from race_server.env.sb3 import KartVecEnv
+from race_server.observe import Layout
+from race_server.params import vehicle_named
+from race_server.scenario.sensors import Lidar
+
+Array = NDArray[Any]
+
+# Increments of speed and steering that a policy picks from; the reports name none.
+CHOICES = np.array(list(product((0.0, 0.5, 1.0), (-1.0, -0.5, 0.0, 0.5, 1.0))), np.float32)
+
+
+def actions_of(twist: Twist, answers: Array) -> Array:
+    """Return the actions that a policy's answers mean, shape (n, A)."""
+    actions = CHOICES[np.asarray(answers, np.int64).ravel()] if twist.choices else answers
+    if twist.steering_share == 1.0:
+        return actions
+    return actions * np.array([1.0, twist.steering_share], np.float32)
+
+
+class Twisted(VecEnvWrapper):
+    """Karts whose actions and rewards are a report's."""
+
+    def __init__(self, karts: KartVecEnv, twist: Twist) -> None:
+        """Stand between the karts and whoever learns."""
+        chosen = spaces.Discrete(len(CHOICES)) if twist.choices else karts.action_space
+        super().__init__(karts, action_space=chosen)
+        self.twist = twist
+        self.crashes = 0
+
+    def reset(self) -> Any:
+        """Begin new races."""
+        return self.venv.reset()
+
+    def step_async(self, actions: Array) -> None:
+        """Take a policy's answers."""
+        self.venv.step_async(actions_of(self.twist, actions))
+
+    def step_wait(self) -> Any:
+        """Move on by one decision; with growing crashes the n-th costs n more."""
+        seen, rewards, dones, infos = self.venv.step_wait()
+        for number in np.flatnonzero(dones):
+            episode = infos[number]["episode"]
+            self.crashes += episode["crashes"]
+            if self.twist.growing_crash and episode["crashes"]:
+                rewards[number] -= self.crashes
+                episode["r"] -= self.crashes
+        return seen, rewards, dones, infos
+
+
+def world_of(settings: Settings, twist: Twist) -> VecNormalize:
+    """Return the karts that learn.
+
+    Raises:
+        RaceError: the settings make no race.
+    """
+    karts = KartVecEnv(
+        training_task(settings),
+        worlds=settings.worlds,
+        seed=settings.seed,
+        threads=settings.threads,
+    )
+    world = VecNormalize(
+        Twisted(karts, twist),
+        norm_obs=twist.scaling != "none",
+        norm_reward=settings.algorithm.normalise_reward,
+        gamma=settings.algorithm.options.get("gamma", 0.99),
+    )
+    if twist.scaling == "largest":
+        seen: Any = world.obs_rms
+        seen.mean = np.zeros_like(seen.mean)
+        seen.var = largest_values(karts.batch.layout, settings.vehicle) ** 2
+        world.training = False
+    return world
+
+
+def largest_values(layout: Layout, vehicle: str) -> NDArray[np.float64]:
+    """Return what each number of an observation is divided by, shape (size,)."""
+    car = vehicle_named(vehicle)
+    known = {
+        "lidar": Lidar().reach,
+        "lidar_before": Lidar().reach,
+        "speed": car.top_speed,
+        "steering": car.steering_limit,
+    }
+    largest = np.ones(layout.size)
+    for name, place in layout.slices.items():
+        largest[place] = known.get(name, 1.0)
+    return largest
