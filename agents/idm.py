@@ -1,61 +1,18 @@
 """Follows the kart ahead by the Intelligent Driver Model, and overtakes when it gains by that."""
 
-import math
-
-from agents.tactics import SPEED, finish_decision
-from agents.tracking import (
-    OFFSET,
-    acceleration_on_line,
-    press_for,
-    speed_on_line,
-    steering_on_line,
-)
-from agents.traffic import (
-    ABREAST,
-    NOWHERE,
-    lane_past,
-    lane_past_hazards,
-    leader,
-    move_over,
-    wait_in_line,
-)
-from race_server.autopilot import DECISION, SHIFT, Autopilot
+from agents.foresight import look_ahead
+from agents.lane import drive_in_lane
+from agents.tactics import SPEED
+from agents.tracking import speed_on_line
+from agents.traffic import ABREAST, NOWHERE, lane_past, leader
+from race_server.autopilot import SHIFT, Autopilot
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.state import Floats, Ints, Record, Records
 
-# The model's figures, for a race instead of a road: time gap [s], gap when standing in lengths,
-# shares of motor and brakes that are comfortable.
-TIME_GAP_S = 0.35
-STANDING_GAP = 0.3
-COMFORT = 0.6
 # How many lengths ahead another kart is followed, or passed.
 NEAR_LENGTHS, NEAR_S = 3.0, 1.5
 # What an overtaking must bring [m/s].
 GAIN = 0.3
-
-
-@kernel
-def follow_acceleration(
-    speed: float,
-    wanted: float,
-    gap: float,
-    approach: float,
-    most: float,
-    comfort: float,
-    standing: float,
-) -> float:
-    """Return the acceleration [m/s²] of the Intelligent Driver Model behind another kart.
-
-    a (1 - (v / v0)⁴ - (s* / s)²) with the wanted gap s* = s0 + max(0, v T + v dv / (2 √(a b))):
-    Treiber, Hennecke and Helbing, Congested traffic states in empirical observations and
-    microscopic simulations, Physical Review E 62, 1805 (2000). speed: v; wanted: v0, both [m/s];
-    gap: s [m] between the bodies; approach: dv [m/s], how much slower the other is; most: a
-    [m/s²] of the motor; comfort: b [m/s²] of the brakes; standing: s0 [m].
-    """
-    dynamic = speed * TIME_GAP_S + speed * approach / (2.0 * math.sqrt(most * comfort))
-    distance = (standing + max(dynamic, 0.0)) / max(gap, 0.05 * standing)
-    share = speed / max(wanted, 0.1)
-    return most * (1.0 - share**4 - distance * distance)
 
 
 @kernel
@@ -69,30 +26,9 @@ def follow(
     control: Floats,
 ) -> None:
     """Follow the line behind a slower kart, or in a lane past it."""
+    look_ahead(seen, at, vehicle, gear, memory)
     wanted = lane_to_gain(seen, at, vehicle, memory[SHIFT])
-    wanted = lane_past_hazards(seen, at, vehicle, wanted)
-    lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
-    memory[SHIFT] = lane
-    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane)
-    acceleration = min(acceleration, behind_leader(seen, at, vehicle))
-    force = press_for(seen, at, vehicle, acceleration, control)
-    control[0] = steering_on_line(seen, at, vehicle, lane, force)
-    wait_in_line(seen, at, vehicle, gear, memory)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
-
-
-@large_kernel
-def behind_leader(seen: Floats, at: Ints, vehicle: Record) -> float:
-    """Return the model's acceleration [m/s²] behind the kart ahead, infinite if there is none."""
-    gap, pace, _ = leader(seen, at, vehicle, seen[at[OFFSET]], 0.5 * vehicle.length)
-    if gap == math.inf:
-        return math.inf
-    speed = max(seen[at[SPEED]], 0.0)
-    most = COMFORT * vehicle.motor_force / vehicle.mass
-    comfort = COMFORT * vehicle.brake_force / vehicle.mass
-    wanted = 1.2 * vehicle.top_speed
-    standing = STANDING_GAP * vehicle.length
-    return follow_acceleration(speed, wanted, gap, speed - pace, most, comfort, standing)
+    drive_in_lane(seen, at, vehicle, gear, kinds, memory, control, wanted)
 
 
 @large_kernel

@@ -1,25 +1,11 @@
 """Drives the reference line at its speeds and passes who is slower where there is room."""
 
-from agents.idm import behind_leader
-from agents.tactics import SPEED, finish_decision
-from agents.tracking import (
-    acceleration_on_line,
-    press_for,
-    speed_on_line,
-    steering_on_line,
-)
-from agents.traffic import (
-    ABREAST,
-    FORESIGHT_S,
-    NOWHERE,
-    SLOWER,
-    lane_past,
-    lane_past_hazards,
-    leader,
-    move_over,
-    wait_in_line,
-)
-from race_server.autopilot import DECISION, SHIFT, Autopilot
+from agents.foresight import look_ahead
+from agents.lane import drive_in_lane
+from agents.tactics import SPEED
+from agents.tracking import speed_on_line
+from agents.traffic import ABREAST, FORESIGHT_S, NOWHERE, SLOWER, lane_past, leader
+from race_server.autopilot import SHIFT, Autopilot
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.state import Floats, Ints, Record, Records
 
@@ -35,16 +21,9 @@ def race(
     control: Floats,
 ) -> None:
     """Follow the line, or a lane beside it that passes whoever is slower."""
+    look_ahead(seen, at, vehicle, gear, memory)
     wanted = open_lane(seen, at, vehicle, memory[SHIFT])
-    wanted = lane_past_hazards(seen, at, vehicle, wanted)
-    lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
-    memory[SHIFT] = lane
-    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane)
-    acceleration = min(acceleration, behind_leader(seen, at, vehicle))
-    force = press_for(seen, at, vehicle, acceleration, control)
-    control[0] = steering_on_line(seen, at, vehicle, lane, force)
-    wait_in_line(seen, at, vehicle, gear, memory)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    drive_in_lane(seen, at, vehicle, gear, kinds, memory, control, wanted)
 
 
 @large_kernel

@@ -30,6 +30,9 @@ GRIP_SCALE = PART_NUMBERS["grip_scale"]
 # of minimum time knows what slip costs, but leaves no grip to correct an error with.
 STRAIGHT_SHARE = 0.99
 BEND_SHARE = 0.98
+# The same on tyres so stiff that the wheels turn through all their slip within one decision: they
+# slide at once, and without a warning.
+STIFF_BEND_SHARE = 0.95
 # Share of the line's braking that is planned with: it brakes into bends with all tyres at their
 # limit, and a kart that does so cannot be steered.
 BRAKE_SHARE = 0.8
@@ -82,7 +85,9 @@ def speed_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, distanc
 
     Less grip means that all accelerations of the line, and so the squares of its speeds, shrink.
     """
-    grip = vehicle.grip * GRAVITY
+    grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
+    if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
+        bend_share = STIFF_BEND_SHARE
     place = distance / max(seen[at[STEP]], 0.01)
     square = math.inf
     for back in range(AHEAD):
@@ -94,7 +99,7 @@ def speed_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, distanc
             later = seen[at[LINE_SPEED] + index + 1]
             square += BRAKE_SHARE * max(speed * speed - later * later, 0.0)
         used = min(speed * speed * abs(bend) / grip, 1.0)
-        share = STRAIGHT_SHARE + (BEND_SHARE - STRAIGHT_SHARE) * used
+        share = STRAIGHT_SHARE + (bend_share - STRAIGHT_SHARE) * used
         # Nearer to the middle of a bend it is tighter.
         tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
         square = min(square, share * share * speed * speed * tighter)

@@ -212,8 +212,16 @@ PARTS = (
     Part("line_ahead_y", AHEAD, "m", -1e3, 1e3, "kart", "points of the reference line"),
     Part("line_curvature_ahead", AHEAD, "1/m", -10, 10, "line", "its curvature at those points"),
     Part("line_speed_ahead", AHEAD, "m/s", 0, 100, "line", "its speed at those points"),
-    Part("line_left_ahead", AHEAD, "m", 0, 100, "line", "asphalt to its left at those points"),
-    Part("line_right_ahead", AHEAD, "m", 0, 100, "line", "asphalt to its right at those points"),
+    Part(
+        "line_left_ahead",
+        AHEAD,
+        "m",
+        0,
+        100,
+        "line",
+        "asphalt to its left at those points, as far as a fixed obstacle that the line passes",
+    ),
+    Part("line_right_ahead", AHEAD, "m", 0, 100, "line", "the same to its right"),
 )
 
 PART_NUMBERS = {part.name: number for number, part in enumerate(PARTS)}

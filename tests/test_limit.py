@@ -92,7 +92,6 @@ def test_known_minimum_times_are_reproduced(track: str, cap: float) -> None:
     pytest.importorskip("casadi")
     limit = reference_limit(load_course(track), vehicle_named("tt02-facts"), cap)
     assert limit.minimum_time.time_s == pytest.approx(KNOWN[track][cap], rel=0.015)
-    assert limit.solve_s < 5.0
     assert all(getattr(limit, name).time_s >= limit.minimum_time.time_s for name in LINES)
 
 

@@ -8,12 +8,17 @@ import pytest
 from courses import ring
 
 from race_server.env.batch import Batch, Task
+from race_server.limit.detour import edge_of
 from race_server.limit.line import reference_line, with_line
+from race_server.meeting.formats import Obstacles
+from race_server.meeting.obstacles import with_obstacles
 from race_server.observe import Observation, layout_of, wants_line
 from race_server.params import TT02
 from race_server.scenario.base import Scenario, make_worlds
 from race_server.session import Session
+from race_server.track.course import Obstacle
 from race_server.track.load import load_course
+from race_server.track.polyline import nearest_on
 
 RING = replace(ring(radius=6.0, half_width=0.7), digest="a ring of 6 m")
 
@@ -123,6 +128,32 @@ def test_without_casadi_the_line_that_stands_in_names_the_way_out(
     scenario = with_line(with_line(Scenario(RING, karts=1)), solve=True)
     assert scenario.line is not None
     assert "pip install race-server[mpc]`; the centre line stands in" in scenario.line.note
+
+
+def test_the_line_leads_around_an_obstacle_and_is_itself_again_behind_it() -> None:
+    # A car turned along the ring at its north end, its middle 0.2 m outside of the line.
+    box = Obstacle(0.0, 6.2, np.pi, TT02.length, TT02.width)
+    plain, led = (reference_line(replace(RING, obstacles=boxes), TT02) for boxes in ((), (box,)))
+    beside = np.argmax(led.y)
+    # Half its width, half the car's own and half a width of room are inside of 6.2 m.
+    assert np.hypot(led.x, led.y)[beside] == pytest.approx(6.2 - 1.5 * TT02.width, abs=0.03)
+    assert led.right[beside] == pytest.approx(TT02.width, abs=0.04)
+    assert led.speed.min() < 0.98 * plain.speed.min()
+    assert np.hypot(led.x[0], led.y[0]) == pytest.approx(6.0, abs=1e-3)
+    assert led.speed[0] == pytest.approx(plain.speed[0], rel=5e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_no_part_of_a_car_on_the_line_comes_near_an_obstacle_or_a_border(seed: int) -> None:
+    course = with_obstacles(load_course("covapsy-train-2023"), Obstacles(), TT02, seed)
+    line = reference_line(course, TT02)
+    assert line.note == ""  # the limit of the empty course is known
+    boxes = np.vstack([edge_of(box) for box in course.obstacles])
+    for x, y, heading in zip(line.x[::8], line.y[::8], line.heading[::8], strict=True):
+        car = edge_of(Obstacle(x, y, heading, TT02.length, TT02.width))
+        apart = np.hypot(*(car[:, None] - boxes).transpose(2, 0, 1))
+        assert apart.min() > 0.07
+        assert nearest_on(course.borders, car)[0].min() > 0.02
 
 
 def test_a_batch_attaches_the_line_that_a_scripted_driver_wants() -> None:

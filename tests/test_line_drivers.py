@@ -3,19 +3,28 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from courses import ring
 from races import run_race
 
-from agents.idm import follow_acceleration
+from agents.following import follow_acceleration
+from agents.latency import LATENCY, estimate_latency, remember_command
 from agents.tracking import tyre_slip
+from race_server.autopilot import memory_size
 from race_server.limit.line import with_line
 from race_server.limit.reference import reference_limit
+from race_server.meeting.formats import Obstacles
+from race_server.meeting.obstacles import with_obstacles
 from race_server.messages import Status
-from race_server.params import GRAVITY, TT02
+from race_server.observe import PART_NUMBERS
+from race_server.params import GRAVITY, TT02, vehicle_record
 from race_server.scenario.base import Rules, Scenario
 from race_server.session import Session
 from race_server.track.load import load_course
+from race_server.trial.cell import Cell
+from race_server.trial.gaps import Gap
+from race_server.trial.run import drive_cell
 
 SLOW = replace(TT02, name="slow", top_speed=1.5)
 
@@ -57,6 +66,50 @@ def test_a_slower_kart_is_followed_where_there_is_none(name: str) -> None:
     assert slow.rank == 1
     assert (chaser.contacts, slow.contacts) == (0, 0)
     assert chaser.wall_contacts == 0
+
+
+@pytest.mark.parametrize("name", ["raceline", "idm"])
+def test_what_stands_on_the_track_is_passed_without_a_touch(name: str) -> None:
+    course = with_obstacles(load_course("covapsy-train-2023"), Obstacles(), TT02, seed=4)
+    rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=60.0)
+    session, _ = run_race(with_line(Scenario(course, karts=1, rules=rules)), [name])
+    kart = session.world.karts[0, 0]
+    assert kart.status == Status.FINISHED
+    assert kart.wall_contacts == 0
+
+
+@pytest.mark.parametrize("delay", [1, 2])
+def test_answers_that_act_late_cost_no_time(delay: int) -> None:
+    cell = Cell("raceline", "covapsy-test-2023", gap=Gap("late", delay=delay), laps=1)
+    (lap,) = drive_cell(cell).laps
+    limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
+    assert lap.is_clean
+    assert lap.time_s < 1.05 * limit
+
+
+def test_a_car_on_tyres_that_hardly_slip_touches_nothing_either() -> None:
+    cell = Cell("raceline", "covapsy-test-2023", vehicle="tt02-facts", laps=1)
+    (lap,) = drive_cell(cell).laps
+    assert lap.is_clean
+
+
+@pytest.mark.parametrize("delay", [0, 2, 3, 7])
+def test_how_the_wheels_turn_tells_how_late_commands_act(delay: int) -> None:
+    # Thirds of a decision; the wheels are asked for another angle at every third one.
+    at, seen, control = np.zeros(len(PART_NUMBERS), np.int64), np.zeros(1), np.zeros(4)
+    memory, gear = np.zeros(memory_size(0)), np.array([0.0, 0.0, 0.05])
+    vehicle = vehicle_record(TT02)[0]
+    turn = TT02.steering_rate * 0.05 / 3.0
+    asked = [0.0]
+    for step in range(3 * 30):
+        if step % 3 == 0:
+            estimate_latency(seen, at, vehicle, gear, memory)
+            control[0] = 0.8 * math.sin(1.7 * (step // 9))
+            remember_command(memory, control)
+        asked.append(control[0] * TT02.steering_limit)
+        wanted = asked[max(len(asked) - 1 - delay, 0)]
+        seen[0] += min(max(wanted - seen[0], -turn), turn)
+    assert memory[LATENCY] == delay
 
 
 def test_without_a_line_nobody_drives_by_one() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from race_server.errors import RaceError
 from race_server.limit.bounds import Bounds, bounds_of
+from race_server.limit.detour import around
 from race_server.limit.frame import frame_of
 from race_server.limit.profile import speeds_on
 from race_server.limit.reference import known_limit, reference_limit
@@ -36,7 +37,8 @@ def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> 
     That is the lap of minimum time where it is known: shipped, or in the user's cache. solve: look
     for it, once, where it is not; that takes seconds and needs CasADi, so ask for it when somebody
     wants the line. Otherwise the centre line stands in, with the speeds that it allows, and the
-    line's `note` says so in one sentence for whoever drives by it.
+    line's `note` says so in one sentence for whoever drives by it. Either is led around the
+    course's fixed obstacles.
     """
     return _line_on(course, vehicle, solve)
 
@@ -44,6 +46,11 @@ def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> 
 @lru_cache(maxsize=64)
 def _line_on(course: Course, vehicle: Vehicle, solve: bool) -> ReferenceLine:
     bounds = bounds_of(vehicle)
+    return around(course, _free_line(course, vehicle, bounds, solve), bounds, vehicle)
+
+
+def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) -> ReferenceLine:
+    """Return the line of a course as if nothing stood on it."""
     try:
         limit = reference_limit(course, vehicle) if solve else known_limit(course, bounds)
     except RaceError as error:

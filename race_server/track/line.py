@@ -22,7 +22,7 @@ class ReferenceLine:
     heading: Floats  # (N,) [rad]
     curvature: Floats  # (N,) [1/m] left positive
     speed: Floats  # (N,) [m/s]
-    left: Floats  # (N,) [m] of asphalt to the left of this line
+    left: Floats  # (N,) [m] of asphalt to the left of this line, as far as an obstacle there
     right: Floats  # (N,) [m] the same to its right
     beside: NDArray[np.int64]  # (N,) sample of this line abreast of each of the centre line
     note: str = ""  # why it only stands in for the reference limit; empty if it is that

@@ -1,0 +1,34 @@
+"""One decision of a driver on the reference line, once it knows in which lane it wants to be."""
+
+from agents.following import behind_leader
+from agents.latency import remember_command
+from agents.tactics import finish_decision
+from agents.tracking import acceleration_on_line, press_for, steering_on_line
+from agents.traffic import lane_past_hazards, move_over, wait_in_line
+from race_server.autopilot import DECISION, SHIFT
+from race_server.kernels.jit import kernel
+from race_server.state import Floats, Ints, Record
+
+
+@kernel
+def drive_in_lane(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+    wanted: float,
+) -> None:
+    """Go over to a lane `wanted` [m] left of the line, round hazards and behind who is there."""
+    wanted = lane_past_hazards(seen, at, vehicle, wanted)
+    lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
+    memory[SHIFT] = lane
+    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane)
+    acceleration = min(acceleration, behind_leader(seen, at, vehicle))
+    force = press_for(seen, at, vehicle, acceleration, control)
+    control[0] = steering_on_line(seen, at, vehicle, lane, force)
+    wait_in_line(seen, at, vehicle, gear, memory)
+    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    remember_command(memory, control)
