@@ -17,13 +17,14 @@ COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 
 def save_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> None:
     """Write where a training stands."""
-    seen, worth = world.obs_rms, world.ret_rms
+    seen: Any = world.obs_rms  # one box, hence one set of means
+    worth = world.ret_rms
     numbers = [
         (name, torch.as_tensor(value).clone())
         for name, value in (
-            ("mean", seen.mean),  # type: ignore[union-attr]  # observations are one box
-            ("variance", seen.var),  # type: ignore[union-attr]
-            ("count", seen.count),  # type: ignore[union-attr]
+            ("mean", seen.mean),
+            ("variance", seen.var),
+            ("count", seen.count),
             ("return_mean", worth.mean),
             ("return_variance", worth.var),
             ("return_count", worth.count),

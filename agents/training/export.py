@@ -40,7 +40,7 @@ class _Graph:
     constants: list[Any] = field(default_factory=list)
     end: str = INPUT
 
-    def then(self, operator: str, *constants: NDArray[Any], **attributes: Any) -> None:
+    def then(self, operator: str, *constants: Any, **attributes: Any) -> None:
         """Add an operator behind the end, with constants as its further inputs."""
         number = len(self.nodes)
         names = []

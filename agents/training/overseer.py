@@ -64,13 +64,14 @@ class Overseer(BaseCallback):
         self._tell = tell
         self._told = time.monotonic()
         self._told_steps = pace.done
+        self._rate = 0.0
         self._rows = int(pace.share * ROWS)
         self._tries = int(pace.share * settings.evaluation.times)
 
     def decide(self, seen: NDArray[np.float32]) -> NDArray[Any]:
         """Return the learner's best actions."""
         actions: NDArray[Any] = self.model.predict(
-            self._world.normalize_obs(seen),  # type: ignore[arg-type]  # one box
+            self._world.normalize_obs(seen),
             deterministic=True,
         )[0]
         return actions
@@ -89,6 +90,7 @@ class Overseer(BaseCallback):
     def examine(self) -> None:
         """Try the policy out, and keep it if it is the best so far."""
         self._tries = int(self.pace.share * self.settings.evaluation.times)
+        self._look()  # so that no time of trying out counts as that of learning's pace
         self.last = self.examiner.examine(self.decide)
         save_checkpoint(self._folder / LATEST, self.model, self._world, self.pace)
         score = self.last[-1].score(self.settings.evaluation.score)
@@ -100,9 +102,10 @@ class Overseer(BaseCallback):
 
     def _look(self, marks: Marks | None = None) -> None:
         now = time.monotonic()
-        rate = (self.pace.done - self._told_steps) / max(now - self._told, 1e-6)
+        if self.pace.done > self._told_steps:
+            self._rate = (self.pace.done - self._told_steps) / max(now - self._told, 1e-6)
         self._told, self._told_steps = now, self.pace.done
-        news = self._news(rate, marks)
+        news = self._news(self._rate, marks)
         self._tell(news)
         row = int(self.pace.share * ROWS)
         if marks is not None or row > self._rows:

@@ -1,34 +1,38 @@
 """How much of a training is over: by the clock, or by decisions."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from agents.training.settings import Settings
 
 
 @dataclass
 class Pace:
-    """The elapsed share of a training, also across interruptions."""
+    """The elapsed share of a training, also across interruptions. Its clock stands at first."""
 
     minutes: float | None
     steps: int | None
     spent_s: float = 0.0  # before this process
     done: int = 0  # decisions so far
-    _begun: float = field(default_factory=time.monotonic)
+    _begun: float | None = None  # not yet
 
     @classmethod
     def of(cls, settings: Settings) -> "Pace":
         """Return the pace that settings ask for, at its beginning."""
         return cls(settings.minutes, settings.steps)
 
-    def restart(self) -> None:
-        """Begin to count now: what was got ready before is not training."""
+    def start(self) -> None:
+        """Let the clock run: what was got ready before is not training."""
         self._begun = time.monotonic()
+
+    def stop(self) -> None:
+        """Let the clock stand."""
+        self.spent_s, self._begun = self.seconds, None
 
     @property
     def seconds(self) -> float:
         """Time spent so far [s]."""
-        return self.spent_s + time.monotonic() - self._begun
+        return self.spent_s + (time.monotonic() - self._begun if self._begun is not None else 0.0)
 
     @property
     def share(self) -> float:

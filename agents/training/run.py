@@ -62,11 +62,10 @@ def train(
     try:
         stopped = _learn(learner, overseer, pace)
         overseer.examine()
-        # What was learned goes on from here, even if another moment was the best.
-        load_best = place / BEST
+        pace.stop()
         spent = pace.seconds, pace.done
-        load_checkpoint(load_best, learner, world, pace)
-        pace.restart()
+        # The latest is for going on; what drives is the best.
+        load_checkpoint(place / BEST, learner, world, pace)
         document = _conclude(settings, place, learner, world, overseer, spent, say)
     finally:
         world.close()
@@ -76,11 +75,10 @@ def train(
 
 def _learn(learner: Any, overseer: Overseer, pace: Pace) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
-    pace.restart()
+    pace.start()
     if pace.is_over:
         return False
     try:
-        # The learner's own count begins with this process: off-policy it fills its memory first.
         learner.learn(pace.steps_left, callback=overseer, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True

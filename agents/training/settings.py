@@ -15,8 +15,10 @@ class Algorithm(_Table):
     """Who learns. `options` are those of Stable-Baselines3's class."""
 
     name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
-    learning_rate: float = Field(3e-4, gt=0.0)
-    last_learning_rate: float | None = Field(None, ge=0.0)  # at the end; falls evenly until then
+    learning_rate: float = Field(default=3e-4, gt=0.0)
+    last_learning_rate: float | None = Field(
+        default=None, ge=0.0
+    )  # at the end; falls evenly until then
     options: dict[str, Any] = {}
     normalise_reward: bool = True
 
@@ -24,7 +26,7 @@ class Algorithm(_Table):
 class Network(_Table):
     """The network of the actor; that of the critic has the same layers."""
 
-    layers: tuple[int, ...] = Field((64, 64), min_length=1)
+    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
     # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
@@ -34,9 +36,9 @@ class Network(_Table):
 class Lidar(_Table):
     """The lidar of training. A race's has 201 rays: 101, 41 or 21 of them are among those."""
 
-    rays: int = Field(201, ge=2, le=2048)
-    noise: float = Field(0.01, ge=0.0)  # [m] standard deviation
-    dropout: float = Field(0.0, ge=0.0, lt=1.0)  # share of rays that come back as 0
+    rays: int = Field(default=201, ge=2, le=2048)
+    noise: float = Field(default=0.01, ge=0.0)  # [m] standard deviation
+    dropout: float = Field(default=0.0, ge=0.0, lt=1.0)  # share of rays that come back as 0
 
 
 class Gap(_Table):
@@ -54,8 +56,8 @@ class Gap(_Table):
 class Race(_Table):
     """Who else is on the track, and the rules; they stand in `race_server.scenario.base.Rules`."""
 
-    karts: int = Field(1, ge=1, le=64)
-    learners: int = Field(1, ge=1, le=64)
+    karts: int = Field(default=1, ge=1, le=64)
+    learners: int = Field(default=1, ge=1, le=64)
     opponents: tuple[str, ...] = ()
     rules: dict[str, Any] = {}
 
@@ -63,9 +65,11 @@ class Race(_Table):
 class Episode(_Table):
     """Where an episode begins and ends."""
 
-    steps: int = Field(1200, ge=0)  # decisions until it is cut off; 0: the rules alone end it
+    steps: int = Field(
+        default=1200, ge=0
+    )  # decisions until it is cut off; 0: the rules alone end it
     random_start: bool = True
-    crash_range: float = Field(0.0, ge=0.0)  # [m] a nearer lidar range is a crash
+    crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
 
 
 class Tracks(_Table):
@@ -86,10 +90,10 @@ class Evaluation(_Table):
     """How the policy is tried out during training: elsewhere, and under other seeds."""
 
     tracks: Tracks = Tracks(set="unseen")
-    seeds: int = Field(4, ge=1)
-    first_seed: int = Field(10_000, ge=0)
-    times: int = Field(10, ge=1)  # during a training, the end included
-    seconds: float = Field(60.0, gt=0.0)
+    seeds: int = Field(default=4, ge=1)
+    first_seed: int = Field(default=10_000, ge=0)
+    times: int = Field(default=10, ge=1)  # during a training, the end included
+    seconds: float = Field(default=60.0, gt=0.0)
     # What makes a policy the best: metres per second until the time is over, a crash ending
     # them; or the return.
     score: Literal["speed", "return"] = "speed"
@@ -107,11 +111,11 @@ class Settings(_Table):
     """One run of training."""
 
     title: str = ""
-    minutes: float | None = Field(None, gt=0.0)
-    steps: int | None = Field(None, ge=1)  # decisions of learning karts; instead of minutes
-    seed: int = Field(1, ge=0)
-    worlds: int = Field(64, ge=1)
-    threads: int = Field(1, ge=1)  # of the worlds and of PyTorch
+    minutes: float | None = Field(default=None, gt=0.0)
+    steps: int | None = Field(default=None, ge=1)  # decisions of learning karts; instead of minutes
+    seed: int = Field(default=1, ge=0)
+    worlds: int = Field(default=64, ge=1)
+    threads: int = Field(default=1, ge=1)  # of the worlds and of PyTorch
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
     action: Literal["continuous", "report_b", "discrete", "control"] = "continuous"

@@ -1,0 +1,261 @@
+"""Training: settings are checked, a run leaves a complete folder, and its policy drives."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+
+from agents.learned import Learned
+from agents.policies.nature import KEY
+from agents.policies.session import Policy
+from agents.training import curve, folder
+from agents.training.courses import course_named, names_of, track_sets
+from agents.training.learner import CLASSES
+from agents.training.overseer import BEST, CURVE, LATEST
+from agents.training.pace import Pace
+from agents.training.run import Outcome, train
+from agents.training.settings import Tracks
+from agents.training.sheet import as_toml, preset_names, read_settings
+from agents.training.tasks import training_task
+from race_server.driver import Briefing, driver_named
+from race_server.env.batch import Batch, Task
+from race_server.env.gap import RealityGap
+from race_server.errors import DriverError, ScenarioError
+from race_server.observe import Observation
+from race_server.params import KART_60, TT02, Vehicle
+from race_server.trial.run import numbers_of
+
+QUICK = (
+    "minutes=none",
+    "steps=2000",
+    "worlds=8",
+    "tracks={names = ['oval']}",
+    "lidar.rays=21",
+    "network.layers=[16]",
+    "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 2, seconds = 3.0}",
+    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """A run of two thousand decisions."""
+    place = folder.new_folder("quick", tmp_path_factory.mktemp("runs") / "quick")
+    return train(read_settings("time-trial", QUICK), place)
+
+
+@pytest.fixture
+def policy_file(outcome: Outcome) -> Path:
+    return outcome.folder / "policy.onnx"
+
+
+def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
+    return Briefing(0, vehicle, 3, "lidar", decision_s, lidar_field=np.radians(200.0))
+
+
+# Settings
+
+
+@pytest.mark.parametrize("name", ["time-trial", "race", "full"])
+def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: Path) -> None:
+    assert name in preset_names()
+    settings = read_settings(name)
+    path = tmp_path / "again.toml"
+    path.write_text(as_toml(settings))
+    assert read_settings(str(path)) == settings
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("algorithm.name=ppoo", "algorithm.name = 'ppoo': input should be 'ppo', 'sac'"),
+        ("worlds=0", "worlds = '0': input should be greater than or equal to 1"),
+        ("wolds=3", "wolds = '3': no such key; known here are action, algorithm"),
+        ("network.layer=[3]", "network.layer = .* known here are activation, first_action"),
+        ("steps=10", "give one of the two"),
+        ("algorithm.name=dqn", "dqn needs discrete actions"),
+        ("gap.mass=[1.0]", "gap.mass"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        read_settings("time-trial", [change])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("race.rules.lap=3", "race.rules.lap = 3: no such rule"),
+        ("race.rules.laps=many", "race.rules.laps = 'many': give a int"),
+        ("tracks.set=moon", "track set 'moon' is unknown; choose one of train"),
+    ],
+)
+def test_a_task_that_makes_no_race_is_refused(change: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        training_task(read_settings("time-trial", [change]))
+
+
+def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
+    settings = read_settings("time-trial", [*QUICK, "algorithm.options.n_step=3"])
+    with pytest.raises(ScenarioError, match=r"algorithm.options.n_step = 3: ppo has no such"):
+        train(settings, tmp_path)
+
+
+def test_no_course_to_be_tried_out_on_is_learned_on() -> None:
+    sets = {name: set(names_of(Tracks(set=name))) for name in track_sets()}
+    assert not sets["unseen"] & sets["train"]
+    assert len(sets["train"]) >= 12
+
+
+def test_a_reversed_course_is_found_by_its_name() -> None:
+    assert course_named("oval-reversed").name == "oval-reversed"
+
+
+def test_the_share_of_a_training_goes_by_what_it_is_measured_in() -> None:
+    assert Pace(None, 1000, done=250).share == 0.25
+    assert Pace(2.0, None, spent_s=60.0).share == pytest.approx(0.5)
+
+
+# A run
+
+
+def test_a_run_leaves_a_complete_folder(outcome: Outcome) -> None:
+    names = {path.name for path in outcome.folder.iterdir()}
+    wanted = {"config.toml", "versions.json", "evaluation.json", "policy.onnx", "README.md"}
+    assert wanted | {CURVE, "curve.png", LATEST, BEST} <= names
+    assert len(curve.read(outcome.folder / CURVE)) >= 2
+    assert outcome.evaluation["steps"] >= 2000
+    assert [row["track"] for row in outcome.evaluation["tracks"]] == ["oval", "all"]
+
+
+def test_the_file_answers_like_the_learner(outcome: Outcome) -> None:
+    assert outcome.evaluation["compared_observations"] >= 400
+    assert outcome.evaluation["parity"] <= 1e-5
+
+
+def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> None:
+    for name in ("config.toml", LATEST, BEST, CURVE, "evaluation.json"):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    again = train(folder.settings_in(tmp_path, ("steps=2800",)), tmp_path, resume=True)
+    first = outcome.evaluation["steps"]
+    assert 2800 <= again.evaluation["steps"] < 2800 + first
+    steps = [row["steps"] for row in curve.read(tmp_path / CURVE)]
+    assert steps == sorted(steps)
+    assert again.evaluation["minutes"] > outcome.evaluation["minutes"]
+
+
+def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:
+    (tmp_path / LATEST).write_bytes(b"\x80\x04nonsense")
+    with pytest.raises(ScenarioError, match=r"latest.pt: damaged"):
+        train(folder.settings_in(outcome.folder), tmp_path, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "action"), [("sac", "continuous"), ("td3", "report_b"), ("dqn", "discrete")]
+)
+def test_every_algorithm_makes_a_file_that_answers_like_it(
+    algorithm: str, action: str, tmp_path: Path
+) -> None:
+    changes = [
+        *QUICK[:-1],
+        "steps=400",
+        f"algorithm={{name = '{algorithm}', options = {{learning_starts = 100}}}}",
+        f"action={action}",
+        "evaluation.times=1",
+    ]
+    done = train(read_settings("time-trial", changes), tmp_path)
+    assert done.evaluation["parity"] <= 1e-5
+    assert algorithm in CLASSES
+
+
+# The driver
+
+
+def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> None:
+    driver = driver_named(f"learned:{policy_file}")
+    assert driver.preset == "lidar"
+
+
+def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> None:
+    policy, driver = Policy(policy_file), Learned(str(policy_file))
+    task = replace(training_task(read_settings("time-trial", QUICK)), gap=RealityGap())
+    trained = Batch(task, seed=3)
+    wide = Task(task.scenarios, observation="lidar", action="control", random_start=True)
+    raced = Batch(wide, seed=3)
+    driver.reset(briefing())
+    for step in range(60):
+        trained.step(policy.decide(trained.observations[:, 0]))
+        seen = Observation(step, raced.layout, raced.observations[0, 0].copy())
+        raced.step(numbers_of(driver.act(seen)))
+        if trained.terminated[0, 0]:
+            break
+        assert raced.world.karts[0, 0].x == pytest.approx(trained.world.karts[0, 0].x, abs=1e-6)
+    assert step > 5
+
+
+def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:
+    from agents.learned import places_in
+    from race_server.observe import layout_of
+
+    nature = Policy(policy_file).nature
+    places = places_in(layout_of("lidar", 201), nature, np.radians(200.0), "it")
+    assert places[:3].tolist() == [0, 10, 20]
+    assert len(places) == nature.size
+    with pytest.raises(DriverError, match="learned with 21 numbers of 'lidar', the race shows 200"):
+        places_in(layout_of("lidar", 200), nature, np.radians(200.0), "it")
+
+
+def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
+    driver = Learned(str(policy_file))
+    with pytest.raises(DriverError, match="learned to drive 'tt02', not 'kart-60'"):
+        driver.reset(briefing(KART_60))
+    with pytest.raises(DriverError, match=r"every 0.05 s, not every 0.1 s"):
+        driver.reset(briefing(decision_s=0.1))
+
+
+def test_damaged_and_foreign_files_are_refused_in_one_sentence(
+    policy_file: Path, tmp_path: Path
+) -> None:
+    bad = tmp_path / "bad.onnx"
+    bad.write_bytes(policy_file.read_bytes()[:500])
+    with pytest.raises(DriverError, match="damaged or no ONNX file"):
+        Learned(str(bad))
+    model = onnx.load(policy_file)
+    words = json.loads(model.metadata_props[0].value)
+    for change, message in (
+        ({"version": 99}, "version 99, this program drives version 1"),
+        ({"parts": ["sonar"]}, "does not know"),
+        ({"action": "telepathy"}, "answers with actions 'telepathy'"),
+        ({"sizes": [1, 1, 1, 1]}, "takes 44 numbers and gives 3; its metadata speak of 4"),
+        ({"vehicle": 3}, "vehicle = 3"),
+    ):
+        onnx.helper.set_model_props(model, {KEY: json.dumps({**words, **change})})
+        onnx.save(model, bad)
+        with pytest.raises(DriverError, match=message):
+            Learned(str(bad))
+    onnx.helper.set_model_props(model, {"author": "somebody"})
+    onnx.save(model, bad)
+    with pytest.raises(DriverError, match="is no policy of this program"):
+        Learned(str(bad))
+
+
+def test_an_unknown_policy_is_named_with_the_known_ones() -> None:
+    with pytest.raises(DriverError, match="policy 'nobody' is unknown; known are"):
+        driver_named("learned:nobody")
+
+
+def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> None:
+    code = (
+        "import sys; from race_server.driver import driver_named; "
+        f"driver_named('learned:{policy_file}'); "
+        "print({'torch', 'numba', 'onnx', 'pydantic_core'} & set(sys.modules))"
+    )
+    command = [sys.executable, "-c", code]
+    environment = {"RACE_SERVER_INTERPRET": "1", "PATH": "", "HOME": str(policy_file.parent)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.strip() == "set()"
