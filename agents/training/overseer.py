@@ -76,6 +76,13 @@ class Overseer(BaseCallback):
         )[0]
         return actions
 
+    def imitated(self, decisions: int) -> None:
+        """Take note of decisions outside of the learner's own worlds."""
+        self.pace.done += decisions
+        if time.monotonic() - self._told > TELL_S:
+            self._look()
+        self._on_rollout_start()
+
     def _on_step(self) -> bool:
         self.pace.done += self.training_env.num_envs
         if time.monotonic() - self._told > TELL_S:

@@ -17,9 +17,11 @@ from agents.training.courses import names_of
 from agents.training.evaluation import Marks
 from agents.training.export import MOST_DIFFERENCE, difference, export_policy, nature_from
 from agents.training.film import record_laps
+from agents.training.imitation import Imitation
 from agents.training.learner import learner_of, world_of
 from agents.training.overseer import BEST, CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
+from agents.training.schedule import Schedule
 from agents.training.settings import Settings
 from race_server.errors import RaceError, ScenarioError
 
@@ -59,8 +61,9 @@ def train(
         best_score = folder.read_evaluation(place).get("score", -np.inf)
     folder.begin(place, settings)
     overseer = Overseer(settings, place, world, pace, tell, best_score)
+    imitation = _imitation(settings, learner, world, pace, say)
     try:
-        stopped = _learn(learner, overseer, pace)
+        stopped = _learn(learner, overseer, Schedule(settings, pace), imitation)
         overseer.examine()
         pace.stop()
         spent = pace.seconds, pace.done
@@ -73,13 +76,32 @@ def train(
     return Outcome(place, document, stopped)
 
 
-def _learn(learner: Any, overseer: Overseer, pace: Pace) -> bool:
+def _imitation(
+    settings: Settings, learner: Any, world: VecNormalize, pace: Pace, say: Callable[[str], None]
+) -> Imitation | None:
+    """Return the warm start, if there is one that is not over yet."""
+    warm = settings.warm_start
+    if not warm.is_wanted or pace.share >= warm.share:
+        return None
+    return Imitation(settings, learner, world, say)
+
+
+def _learn(
+    learner: Any, overseer: Overseer, schedule: Schedule, imitation: Imitation | None
+) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
+    pace = overseer.pace
     pace.start()
     if pace.is_over:
         return False
     try:
-        learner.learn(pace.steps_left, callback=overseer, reset_num_timesteps=False)
+        if imitation is not None:
+            overseer.init_callback(learner)
+            imitation.go(pace, overseer.imitated)
+            imitation.close()
+        if not pace.is_over:
+            callbacks = [overseer, schedule]
+            learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True
     return False
