@@ -17,7 +17,7 @@ from agents.training.demonstrations import (
 from agents.training.demonstrator import demonstrate
 from agents.training.imitation import Imitation, School
 from agents.training.learner import learner_of, world_of
-from agents.training.lessons import Memory
+from agents.training.lessons import Lessons, Memory
 from agents.training.pace import Pace
 from agents.training.run import train
 from agents.training.schedule import Schedule
@@ -26,7 +26,7 @@ from agents.training.sheet import read_settings
 from agents.training.teacher import actions_of
 from race_server.cli import app
 from race_server.env.actions import CONTINUOUS, CONTROL
-from race_server.errors import RecordingError, ScenarioError
+from race_server.errors import RaceError, RecordingError, ScenarioError
 
 QUICK = (
     "minutes=none",
@@ -118,7 +118,7 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_imitated_is_refused(changes: tuple[str, ...], message: str) -> None:
-    with pytest.raises((ScenarioError, RecordingError, Exception), match=message):
+    with pytest.raises(RaceError, match=message):
         imitate(settings(*changes))
 
 
@@ -147,6 +147,21 @@ def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
         learns.append(learner.policy.action_net.weight.requires_grad)
     assert learns == [False, False, True, True]
     assert learner.policy.log_std.tolist() == pytest.approx([-4.0] * 3)
+    world.close()
+
+
+def test_stretched_inputs_change_no_answer() -> None:
+    wanted = settings()
+    world = world_of(wanted, Pace.of(wanted))
+    learner = learner_of(wanted, world, Pace.of(wanted), None)
+    lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32))
+    seen = np.random.default_rng(0).normal(1.0, 0.3, (500, 44)).astype(np.float32)
+    seen[:, 1] = seen[:, 0] + 0.01 * seen[:, 2]
+    before = lessons.answer(seen)
+    lessons.look_at(seen)
+    with lessons.stretched():
+        assert not np.allclose(lessons.answer(seen), before, atol=1e-3)
+    assert np.allclose(lessons.answer(seen), before, atol=1e-5)
     world.close()
 
 

@@ -27,6 +27,8 @@ from race_server.env.batch import Batch
 from race_server.env.vector import after_an_episode
 from race_server.errors import ScenarioError
 
+LOOKED_AT = 20_000  # observations whose spread is found out
+
 # Called with the decisions since the last call.
 Pass = Callable[[int], None]
 
@@ -99,6 +101,7 @@ class Imitation:
             self._memory.add(seen, labels)
         self._school = School(settings, say) if wanted.teacher else None
         self._errors = np.zeros(width)
+        self._next_look = 1  # once there are so many labels
 
     def go(self, pace: Pace, passed: Pass) -> None:
         """Imitate until the share of the training for it is over."""
@@ -107,13 +110,21 @@ class Imitation:
             if self._school is not None:
                 for _ in range(self._wanted.decisions):
                     self._drive(self._school, elapsed)
-            for _ in range(self._wanted.lessons):
-                seen, labels = self._memory.draw(self._wanted.batch_size, self._chance)
-                self._errors += 0.02 * (self._lessons.learn(seen, labels, elapsed) - self._errors)
+            self._learn(elapsed)
             passed(self._wanted.decisions * (self._school.karts if self._school else 0))
         self._learner.policy.log_std.data.fill_(self._wanted.log_std)
         figures = ", ".join(f"{error:.3f}" for error in self._errors)
         self._say(f"imitation: {self._memory.count} labels, mean errors of the actions {figures}")
+
+    def _learn(self, elapsed: float) -> None:
+        memory, lessons = self._memory, self._lessons
+        if memory.count >= self._next_look:
+            lessons.look_at(memory.draw(LOOKED_AT, self._chance)[0])
+            self._next_look = 2 * memory.count
+        with lessons.stretched():
+            for _ in range(self._wanted.lessons):
+                seen, labels = memory.draw(self._wanted.batch_size, self._chance)
+                self._errors += 0.02 * (lessons.learn(seen, labels, elapsed) - self._errors)
 
     def _drive(self, school: School, elapsed: float) -> None:
         """Let the learner, and at first also the teacher, drive for one decision."""

@@ -1,5 +1,7 @@
 """Lessons: a network's answers are drawn towards those that a teacher or a demonstration gave."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -50,25 +52,50 @@ class Lessons:
         self._world = world
         self._weights = torch.from_numpy(weights)
         self._net = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
+        self._first: torch.nn.Linear = policy.mlp_extractor.policy_net[0]
+        self._stretch = self._shrink = torch.eye(self._first.in_features)
         self._optimiser = torch.optim.Adam(self._net.parameters(), lr=wanted.learning_rate)
         space: Any = world.action_space
         self._low, self._high = torch.from_numpy(space.low), torch.from_numpy(space.high)
 
+    def look_at(self, seen: Array) -> None:
+        """Find out how inputs are stretched until they are as good as uncorrelated.
+
+        Neighbouring rays, and a scan and the one before, tell nearly the same; what tells them
+        apart would hardly be learned.
+        """
+        rows = self._scaled(seen)
+        spread = torch.cov(rows.T) + self._wanted.floor * torch.eye(rows.shape[1])
+        values, directions = torch.linalg.eigh(spread)
+        self._stretch = directions @ torch.diag(values.rsqrt()) @ directions.T
+        self._shrink = directions @ torch.diag(values.sqrt()) @ directions.T
+
+    @contextmanager
+    def stretched(self) -> Iterator[None]:
+        """Learn on stretched inputs: the first layer is changed so that no answer changes."""
+        self._change_first(self._shrink)
+        yield
+        self._change_first(self._stretch)
+
+    def _change_first(self, change: torch.Tensor) -> None:
+        with torch.no_grad():
+            self._first.weight.copy_(self._first.weight @ change)
+
     def answer(self, seen: Array) -> Array:
         """Return the actor's own actions, shape (n, A)."""
         with torch.no_grad():
-            return self._limited(self._net(self._normalised(seen))).numpy()
+            return self._limited(self._net(self._scaled(seen))).numpy()
 
     def learn(self, seen: Array, labels: Array, elapsed: float) -> Array:
         """Take one step towards the labels; return the mean error of each number, shape (A,).
 
-        elapsed: share of the warm start, by which the learning rate falls.
+        Within `stretched`. elapsed: share of the warm start, by which the learning rate falls.
         """
         first, last = self._wanted.learning_rate, self._wanted.last_learning_rate
         for group in self._optimiser.param_groups:
             group["lr"] = first + elapsed * (last - first)
         wanted = torch.from_numpy(labels)
-        answers = self._net(self._normalised(seen))
+        answers = self._net(self._scaled(seen) @ self._stretch)
         # Beyond a limit an answer does the same as at it, and is not wrong.
         beyond = ((wanted >= self._high) & (answers > self._high)) | (
             (wanted <= self._low) & (answers < self._low)
@@ -91,5 +118,5 @@ class Lessons:
     def _limited(self, answers: torch.Tensor) -> torch.Tensor:
         return torch.minimum(torch.maximum(answers, self._low), self._high)
 
-    def _normalised(self, seen: Array) -> torch.Tensor:
+    def _scaled(self, seen: Array) -> torch.Tensor:
         return torch.from_numpy(np.asarray(self._world.normalize_obs(seen), np.float32))

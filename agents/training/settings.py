@@ -127,6 +127,8 @@ class WarmStart(_Table):
     batch_size: int = Field(default=2048, ge=1)
     learning_rate: float = Field(default=1e-3, gt=0.0)
     last_learning_rate: float = Field(default=1e-5, ge=0.0)
+    # Inputs are stretched until they are uncorrelated, but for directions of less variance.
+    floor: float = Field(default=3e-3, gt=0.0)
     loss: Literal["squared", "absolute", "huber"] = "squared"
     steering_weight: float = Field(default=1.0, ge=0.0)  # of its error, against the pedals'
 
@@ -134,6 +136,33 @@ class WarmStart(_Table):
     def is_wanted(self) -> bool:
         """Whether there is anybody to imitate."""
         return bool(self.teacher or self.demonstrations)
+
+
+class Gail(_Table):
+    """Reward for driving like demonstrations; without them there is none."""
+
+    demonstrations: str = ""  # a file of `race demonstrate`
+    scale: float = Field(default=1.0, gt=0.0)
+    own_share: float = Field(default=0.0, ge=0.0)  # of the race's own reward that stays
+    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    learning_rate: float = Field(default=3e-4, gt=0.0)
+    decisions: int = Field(default=16, ge=1)  # of each kart between lessons of the discriminator
+    lessons: int = Field(default=4, ge=1)
+    batch_size: int = Field(default=256, ge=1)
+    # Noise on what the discriminator learns from, in deviations, so that it is not too sure.
+    blur: float = Field(default=0.1, ge=0.0)
+
+
+class Curiosity(_Table):
+    """Reward for what could not be foreseen; without bonus there is none."""
+
+    bonus: float = Field(default=0.0, ge=0.0)  # for a usual surprise
+    features: int = Field(default=16, ge=1)
+    hidden: int = Field(default=64, ge=1)
+    forward_share: float = Field(default=0.2, ge=0.0, le=1.0)  # of the loss; the inverse's the rest
+    learning_rate: float = Field(default=1e-3, gt=0.0)
+    decisions: int = Field(default=16, ge=1)  # of each kart between lessons of its models
+    batch_size: int = Field(default=256, ge=1)
 
 
 class Settings(_Table):
@@ -158,5 +187,7 @@ class Settings(_Table):
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()
     warm_start: WarmStart = WarmStart()
+    gail: Gail = Gail()
+    curiosity: Curiosity = Curiosity()
     evaluation: Evaluation = Evaluation()
     goal: Goal = Goal()
