@@ -29,7 +29,7 @@ from agents.reflex import (
     watch_speed,
 )
 from race_server.messages import Button, Control, Pose, Source
-from race_server.params import Vehicle
+from race_server.params import GRAVITY, Vehicle
 from race_server.wire.drive import HudFrame
 
 MICROSECONDS = 1_000_000
@@ -37,6 +37,11 @@ MICROSECONDS = 1_000_000
 WHEEL_DEVIATION, WHEEL_SHARE, GYRO_DEVIATION = 0.05, 0.02, 0.02  # [m/s], of the speed, [rad/s]
 # Without a position fix for so long the place is dead reckoning.
 FIX_S = 0.5
+# [rad] by which the rear tyres run aside at the limit of their grip, as a standard deviation.
+SLIP = 0.1
+# Accelerations, as shares of what the tyres hold, that only a wall or another kart can cause: in
+# all, and across beside that of the bend that is driven.
+BLOW, PUSH = 1.3, 0.5
 
 
 STOP = Control(brake=1.0)
@@ -61,6 +66,7 @@ class Readings:
     wheel_speed: float  # [m/s]
     yaw_rate: float  # [rad/s] of the gyro, with its bias
     steering: float  # [rad] at the road wheels
+    acceleration: tuple[float, float] | None = None  # [m/s²] ahead and to the left
     fix: Fix | None = None
     echoes: Echoes | None = None
 
@@ -130,13 +136,29 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        self.fusion.predict(dt)
+        self.fusion.predict(dt, slip=self._slip(), blow=self._blow(readings.acceleration))
         speed = readings.wheel_speed
         self.fusion.see_speed(speed, WHEEL_DEVIATION + WHEEL_SHARE * abs(speed))
         self.fusion.see_yaw_rate(readings.yaw_rate, GYRO_DEVIATION)
         if (fix := readings.fix) is not None:
             if self.fusion.see_position(fix.x, fix.y, fix.deviation):
                 self._fix_s, self._source = readings.time_s, fix.source
+
+    def _slip(self) -> float:
+        """Return how fast the rear axle may slip aside [m/s], as a standard deviation."""
+        assert self.fusion is not None
+        speed, rate = (abs(float(value)) for value in self.fusion.state[[SPEED, YAW_RATE]])
+        return SLIP * speed * min(speed * rate / (self.vehicle.grip * GRAVITY), 1.0)
+
+    def _blow(self, acceleration: tuple[float, float] | None) -> float:
+        """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""
+        if acceleration is None or self.fusion is None:
+            return 0.0
+        ahead, left = acceleration
+        across = left - float(self.fusion.state[SPEED] * self.fusion.state[YAW_RATE])
+        tyres = self.vehicle.grip * GRAVITY
+        is_push = abs(across) > PUSH * tyres or math.hypot(ahead, left) > BLOW * tyres
+        return math.hypot(ahead, across) if is_push else 0.0
 
     def _begin(self, fix: Fix | None) -> None:
         """Begin at the first fix, facing along the course: nobody stands on a grid otherwise."""

@@ -1,37 +1,49 @@
-"""Follow the gap: drive towards the deepest free direction that the body fits through.
+"""Follow the gap: through the opening that the scan tells of, on the path of least bending.
 
-Needs a lidar and nothing else. After Sezer and Gokasan (2012) and the disparity extender of
-Otterness (2019).
+Needs a lidar and nothing else. Where the scan jumps most, a near edge hides where the way goes on:
+that is the gap, after Sezer and Gokasan (2012) and the disparity extender of Otterness (2019).
+Without an edge it is the middle of the deepest free directions. The walls on both sides of it make
+a corridor, in whose frame a path is planned as far as one can see; its bends and its end, behind
+which nothing is known, say how fast. Nothing is kept from one scan to the next.
 """
 
 import math
 
-from agents.scan import nearest, ray_angle, repair, widen_edges
+from agents.bending import point_along, smooth_path, speed_before
+from agents.corridor import find_gates, largest_edge
+from agents.latency import LATENCY, THIRDS, estimate_latency, remember_command
+from agents.scan import age_of_scan, move_scan, ray_angle, repair, widen_edges
 from agents.tactics import SPEED, finish_decision, press_pedals
-from race_server.autopilot import FIELD, KEPT, REACH, Autopilot
+from agents.tracking import rear_limit
+from race_server.autopilot import DECISION, FIELD, KEPT, REACH, Autopilot
 from race_server.kernels.jit import kernel
 from race_server.observe import PART_NUMBERS
 from race_server.params import GRAVITY
 from race_server.state import Floats, Ints, Record, Records
 
 LIDAR = PART_NUMBERS["lidar"]
+LATERAL_SPEED = PART_NUMBERS["lateral_speed"]
 YAW_RATE = PART_NUMBERS["yaw_rate"]
 SPEED_CAP = PART_NUMBERS["speed_cap"]
 GRIP_SCALE = PART_NUMBERS["grip_scale"]
 # Directions further off than this [rad] are behind the shoulder.
 SHOULDER = math.radians(80.0)
-BESIDE = math.radians(60.0)
-NARROW = math.radians(12.6)
-DEEP_SHARE = 0.93
-# An edge hides half-widths of so many body widths; it is a rise of so many body lengths.
-HALF_WIDTHS, EDGE_LENGTHS = 0.85, 1.5
-# Steers to a point in the gap so far away: body lengths, and time at the present speed [s].
-LOOK_LENGTHS, LOOK_S = 1.5, 0.1
-LEAD_S = 0.06  # the gap is where it will be seen so much later
-ROOM, PUSH = 0.7, 0.1  # body widths beside the lidar; share of the tightest bend to get it
-STOP_GAP = 0.3  # body lengths
-# Of the grip. A bend is only begun at the curvature asked for, hence more than there is.
-BEND_SHARE, BRAKE_SHARE, END_SHARE = 1.2, 0.6, 0.8
+# Without an edge: directions that reach this share of the deepest one. An edge then hides
+# half-widths of so many body widths; it is a rise of so many body lengths, here and elsewhere.
+DEEP_SHARE, HALF_WIDTHS, EDGE_LENGTHS = 0.96, 0.7, 0.45
+# Of the scan [m ahead of the middle], and how much later [s] a decision has half of its effect.
+MOUNT, LEAD_S = 0.07, 0.05
+# Gates, in body widths: distance between two, least width, distance of the path from their ends.
+SPACING, NARROW, MARGIN = 2.2, 1.65, 1.3
+HIDDEN_RADIUS = 0.95  # of the tightest bend
+MOST_MOVE = 0.5  # body widths that a point of the path moves in a round
+# Steers to a point of the path so far away: body lengths, and time at the present speed [s].
+LOOK_LENGTHS, LOOK_S = 0.34, 0.16
+# Of the grip: in the bends of the path; in the bend steered, which is only begun; of the brakes.
+BEND_SHARE, STEER_SHARE, BRAKE_SHARE = 0.85, 1.2, 0.8
+# Of the speed in the tightest bend: at the end of what is seen, and where there is no path.
+END_SHARE, BLIND_SHARE = 1.0, 0.5
+GAIN = 3.0  # of the pedals [s/m]
 
 
 @kernel
@@ -44,26 +56,99 @@ def follow(
     memory: Floats,
     control: Floats,
 ) -> None:
-    """Steer to the deepest gap; as fast as the kart can stop or turn in the free space ahead."""
-    rays, field, speed = at[-1], gear[FIELD], seen[at[SPEED]]
-    free = KEPT + rays
+    """Take the path through the gap, as fast as its bends and what is seen of it allow."""
+    rays, field, speed = at[-1], gear[FIELD], max(seen[at[SPEED]], 0.0)
+    path = KEPT + 4 * rays
     repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
-    step = field / (rays - 1)
-    half, jump = HALF_WIDTHS * vehicle.width, EDGE_LENGTHS * vehicle.length
-    widen_edges(memory, KEPT, rays, step, half, jump, memory, free)
+    split, hides = find_gap(memory, rays, field, vehicle)
+    estimate_latency(seen, at, vehicle, gear, memory)
+    later = LEAD_S + memory[LATENCY] * gear[DECISION] / THIRDS
+    later += age_of_scan(seen, at[LIDAR], rays, gear[DECISION], memory)
+    gap = ray_angle(split, rays, field) - later * seen[at[YAW_RATE]]
+    look_ahead(seen, at, memory, rays, field, later)
+    wheelbase, width = vehicle.front_axle + vehicle.rear_axle, vehicle.width
+    tightest = wheelbase / math.tan(vehicle.steering_limit)
+    gates, closed = find_gates(
+        memory,
+        path,
+        rays,
+        split,
+        hides,
+        HIDDEN_RADIUS * tightest,
+        SPACING * width,
+        NARROW * width,
+        0.5 * vehicle.length,
+    )
+    look = LOOK_LENGTHS * vehicle.length + LOOK_S * speed
+    grip = vehicle.grip * GRAVITY * seen[at[GRIP_SCALE]]
+    slow = math.sqrt(grip * tightest)
+    if gates < 2:
+        bend, target = 2.0 * math.sin(gap) / look, BLIND_SHARE * slow
+    else:
+        drift = math.atan2(seen[at[LATERAL_SPEED]], max(speed, 1.0))
+        smooth_path(memory, path, gates, drift, width, MARGIN * width, MOST_MOVE * width)
+        x, y = point_along(memory, path, gates, look)
+        bend = bend_to(x, y, drift)
+        end = 0.0 if closed else END_SHARE * slow
+        braking = BRAKE_SHARE * min(grip, vehicle.brake_force / vehicle.mass)
+        target = speed_before(memory, path, gates, end, grip, BEND_SHARE, braking)
+    steered = min(max(abs(bend), 1e-3), 1.0 / tightest)
+    target = min(target, math.sqrt(STEER_SHARE * grip / steered), vehicle.top_speed)
+    control[0] = min(max(math.atan(bend * wheelbase) / vehicle.steering_limit, -1.0), 1.0)
+    press_pedals(speed, min(target, seen[at[SPEED_CAP]]), GAIN, control)
+    spare_rear(vehicle, grip, abs(speed * seen[at[YAW_RATE]]) / max(grip, 0.1), control)
+    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    remember_command(memory, control)
+
+
+@kernel
+def spare_rear(vehicle: Record, grip: float, turning: float, control: Floats) -> None:
+    """Press the pedals no further than the rear tyres hold: a kart that slides there turns round.
+
+    grip: [m/s²]; turning: the share of it in use across.
+    """
+    force = vehicle.mass * max(grip, 0.1)
+    drive = force * rear_limit(vehicle, vehicle.front_drive, turning)
+    brake = force * rear_limit(vehicle, vehicle.front_brake, turning)
+    control[1] = min(control[1], drive / vehicle.motor_force)
+    control[2] = min(control[2], brake / vehicle.brake_force)
+
+
+@kernel
+def find_gap(memory: Floats, rays: int, field: float, vehicle: Record) -> tuple[int, float]:
+    """Return the last ray of the right wall, and the side of the edge that hides the way on.
+
+    The side is 1 for left, -1 for right, 0 where no edge hides anything.
+    """
+    jump = EDGE_LENGTHS * vehicle.length
+    edge = largest_edge(memory, KEPT, rays, field, jump)
+    if edge >= 0:
+        return edge, 1.0 if memory[KEPT + edge] > memory[KEPT + edge + 1] else -1.0
+    free, half = KEPT + rays, HALF_WIDTHS * vehicle.width
+    widen_edges(memory, KEPT, rays, field / (rays - 1), half, jump, memory, free)
     depth = nearest_deepest(memory, free, rays, field)
     angle = middle_of_gap(memory, free, rays, field, DEEP_SHARE * depth)
-    angle -= LEAD_S * seen[at[YAW_RATE]]
-    look = min(LOOK_LENGTHS * vehicle.length + LOOK_S * max(speed, 0.0), depth)
-    # The circle through a point at this distance and angle.
-    bend = 2.0 * math.sin(angle) / max(look, 1e-3)
-    bend = _keep_off_the_sides(memory, rays, field, gear[REACH], vehicle, bend)
-    wheelbase = vehicle.front_axle + vehicle.rear_axle
-    control[0] = math.atan(bend * wheelbase) / vehicle.steering_limit
-    front = _front(memory, free, rays, field, angle, depth)
-    target = _speed(vehicle, front, bend, seen[at[GRIP_SCALE]])
-    press_pedals(speed, min(target, seen[at[SPEED_CAP]]), 2.5, control)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    ray = int((angle / field + 0.5) * (rays - 1))
+    return min(max(ray, 1), rays - 3), 0.0
+
+
+@kernel
+def look_ahead(
+    seen: Floats, at: Ints, memory: Floats, rays: int, field: float, later: float
+) -> None:
+    """Write the scan's points as seen from where the kart will be `later` [s]."""
+    turn = later * seen[at[YAW_RATE]]
+    ahead, aside = later * max(seen[at[SPEED]], 0.0), later * seen[at[LATERAL_SPEED]]
+    cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
+    dx, dy = ahead * cos - aside * sin - MOUNT, ahead * sin + aside * cos
+    move_scan(memory, rays, field, dx, dy, turn)
+
+
+@kernel
+def bend_to(x: float, y: float, drift: float) -> float:
+    """Return the curvature [1/m] of the circle to a point, begun in the direction `drift` [rad]."""
+    aside = y * math.cos(drift) - x * math.sin(drift)
+    return 2.0 * aside / max(x * x + y * y, 1e-3)
 
 
 @kernel
@@ -100,44 +185,6 @@ def middle_of_gap(free: Floats, base: int, rays: int, field: float, deep: float)
 
 
 @kernel
-def _keep_off_the_sides(
-    ranges: Floats, rays: int, field: float, reach: float, vehicle: Record, bend: float
-) -> float:
-    """Return the curvature [1/m]: to the gap, but never into what is right beside."""
-    tightest = math.tan(vehicle.steering_limit) / (vehicle.front_axle + vehicle.rear_axle)
-    room = ROOM * vehicle.width
-    left = nearest(ranges, KEPT, rays, field, BESIDE, math.pi, reach)
-    right = nearest(ranges, KEPT, rays, field, -math.pi, -BESIDE, reach)
-    if left < room:
-        bend = min(bend, 0.0) - PUSH * tightest * (1.0 - left / room)
-    if right < room:
-        bend = max(bend, 0.0) + PUSH * tightest * (1.0 - right / room)
-    return min(max(bend, -tightest), tightest)
-
-
-@kernel
-def _front(free: Floats, base: int, rays: int, field: float, angle: float, depth: float) -> float:
-    """Return the way [m] that is free towards the gap; less where the nose points at a wall."""
-    front = nearest(free, base, rays, field, angle - NARROW, angle + NARROW, depth)
-    ahead = nearest(free, base, rays, field, -NARROW, NARROW, depth)
-    return min(front, ahead + 0.5 * front)
-
-
-@kernel
-def _speed(vehicle: Record, front: float, bend: float, grip_scale: float) -> float:
-    """Return the speed [m/s] that the free way `front` [m] and the bend [1/m] allow."""
-    grip = vehicle.grip * GRAVITY * grip_scale
-    wheelbase = vehicle.front_axle + vehicle.rear_axle
-    way = max(front - STOP_GAP * vehicle.length, 0.0)
-    # At the end of the free way there is room for the tightest bend, unless it is here already.
-    end = END_SHARE * math.sqrt(grip * wheelbase / math.tan(vehicle.steering_limit))
-    end = min(end, 0.5 * end + 2.0 * way)
-    braking = BRAKE_SHARE * min(grip, vehicle.brake_force / vehicle.mass)
-    target = math.sqrt(end * end + 2.0 * braking * way)
-    return min(target, math.sqrt(BEND_SHARE * grip / max(abs(bend), 1e-3)), vehicle.top_speed)
-
-
-@kernel
 def follow_all(
     seats: Ints,
     seen: Floats,
@@ -155,7 +202,7 @@ def follow_all(
 
 
 class FollowGap(Autopilot):
-    """Steers to the deepest gap; as fast as it can stop or turn in the free space ahead."""
+    """Drives through the gap in the scan on the path of least bending."""
 
     preset = "lidar"
     decide = staticmethod(follow)

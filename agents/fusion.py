@@ -21,6 +21,10 @@ STRAIGHT = 1e-4  # [rad/s] turns slower than this are driven as straight lines
 GATE_ONE, GATE_TWO = 10.83, 13.82
 # So many readings of a sensor refused in a row: the filter is wrong, not they.
 MOST_REFUSED = 5
+# A kart that slides keeps its direction for about so long.
+SLIDE_S = 0.1
+# Variance [rad²] of a heading that is known to about 20 degrees.
+ROUGH = 0.15
 
 
 @dataclass(frozen=True)
@@ -111,18 +115,30 @@ class Fusion:
         self._agility = agility or Agility()
         back_x, back_y = x - lever * math.cos(heading), y - lever * math.sin(heading)
         self.state: Floats = np.array([back_x, back_y, heading, 0.0, 0.0, 0.0])
-        self.covariance: Floats = np.diag([1.0, 1.0, 0.15, 0.25, 0.25, 2.5e-3])
+        self.covariance: Floats = np.diag([1.0, 1.0, ROUGH, 0.25, 0.25, 2.5e-3])
         self._refused: dict[str, int] = {}  # readings in a row that were not believed
 
-    def predict(self, dt: float) -> None:
-        """Drive on for `dt` seconds."""
+    def predict(self, dt: float, *, slip: float = 0.0, blow: float = 0.0) -> None:
+        """Drive on for `dt` seconds.
+
+        slip: standard deviation [m/s] of the rear axle's speed across; blow: [m/s²] that no tyre
+        can have caused. Who is pushed moves where the body does not point, at up to the speed that
+        it had.
+        """
         if dt <= 0.0:
             return
         slope = jacobian_of(self.state, dt)
-        noise = process_noise(float(self.state[HEADING]), dt, self._agility)
+        heading = float(self.state[HEADING])
+        noise = process_noise(heading, dt, self._agility)
+        aside = np.array([-math.sin(heading), math.cos(heading), 0.0, 0.0, 0.0, 0.0])
+        noise += slip * slip * SLIDE_S * dt * np.outer(aside, aside)
         self.state = drive_on(self.state, dt)
         self.state[HEADING] = wrap(float(self.state[HEADING]))
         self.covariance = slope @ self.covariance @ slope.T + noise
+        if blow > 0.0:
+            speed = abs(float(self.state[SPEED])) + blow * dt
+            slid, turned = speed * speed * SLIDE_S * dt, (blow * dt) ** 2
+            self.covariance += np.diag([slid, slid, 0.0, turned, 0.0, 0.0])
 
     def see_position(self, x: float, y: float, deviation: float) -> bool:
         """Take a position fix; False if it was not believed."""
@@ -167,14 +183,17 @@ class Fusion:
     def _doubt(self, sensor: str, residual: Floats, slope: Floats) -> None:
         """Count a refusal; after too many in a row doubt the state by as much as it misses.
 
-        But not the gyro's bias, which drifts and never jumps.
+        But not the gyro's bias, which drifts and never jumps. Who lost the place has lost the
+        heading too, by nobody knows how much: it must not be made to explain the place.
         """
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > MOST_REFUSED:
             self._refused[sensor] = 0
             slope = slope.copy()
-            slope[:, BIAS] = 0.0
+            slope[:, [HEADING, BIAS]] = 0.0
             self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
+            if sensor == "position":
+                self.covariance[HEADING, HEADING] += ROUGH
 
     @property
     def deviation(self) -> float:

@@ -66,5 +66,6 @@ class FollowAndPass(Autopilot):
     """Drives the reference line, follows a slower kart at a distance and passes it."""
 
     preset = "line"
+    takes_advice = True
     decide = staticmethod(follow)
     decide_all = staticmethod(follow_all)

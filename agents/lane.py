@@ -5,7 +5,7 @@ from agents.latency import remember_command
 from agents.tactics import finish_decision
 from agents.tracking import acceleration_on_line, press_for, steering_on_line
 from agents.traffic import lane_past_hazards, move_over, wait_in_line
-from race_server.autopilot import DECISION, SHIFT
+from race_server.autopilot import ASIDE, DECISION, FASTER, SHIFT
 from race_server.kernels.jit import kernel
 from race_server.state import Floats, Ints, Record
 
@@ -21,11 +21,14 @@ def drive_in_lane(
     control: Floats,
     wanted: float,
 ) -> None:
-    """Go over to a lane `wanted` [m] left of the line, round hazards and behind who is there."""
-    wanted = lane_past_hazards(seen, at, vehicle, wanted)
+    """Go over to a lane `wanted` [m] left of the line, round hazards and behind who is there.
+
+    Advice shifts the lane and scales the speed; what is in the way still counts.
+    """
+    wanted = lane_past_hazards(seen, at, vehicle, wanted + memory[ASIDE])
     lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
     memory[SHIFT] = lane
-    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane)
+    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane, memory[FASTER])
     acceleration = min(acceleration, behind_leader(seen, at, vehicle))
     force = press_for(seen, at, vehicle, acceleration, control)
     control[0] = steering_on_line(seen, at, vehicle, lane, force)

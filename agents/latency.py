@@ -5,7 +5,7 @@ under which the last commands explain how the wheels turned. That holds for an a
 back, for a slow link and, roughly, for an actuator that lags behind.
 """
 
-from race_server.autopilot import DECISION, KEPT
+from race_server.autopilot import DECISION, LATELY
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.observe import PART_NUMBERS
 from race_server.state import Floats, Ints, Record
@@ -23,11 +23,11 @@ FADING = 0.97
 # share of what speaks against the one believed.
 EVIDENCE, SHARE = 1e-4, 0.5
 
-# Places in a driver's memory, behind what all drivers keep: one who sees no lidar needs no more.
-# The last commands, newest first, each steering, throttle, brake; what spoke against each delay.
-LATENCY = KEPT
-WHEELS = KEPT + 1
-COMMANDS = KEPT + 2
+# Places in a driver's memory: the latency, how the wheels stood; the last commands, newest first,
+# each steering, throttle, brake; what spoke against each delay.
+LATENCY = LATELY
+WHEELS = LATELY + 1
+COMMANDS = LATELY + 2
 COMMAND = 3
 AGAINST = COMMANDS + (LONGEST + 1) * COMMAND
 

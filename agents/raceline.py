@@ -61,5 +61,6 @@ class Raceline(Autopilot):
     """Drives the reference line at its speeds and passes who is slower where there is room."""
 
     preset = "line"
+    takes_advice = True
     decide = staticmethod(race)
     decide_all = staticmethod(race_all)

@@ -46,6 +46,7 @@ class Limits:
     reaction_s: float  # until the brakes bite
     half_width: float  # [m] of the corridor that the body needs
     berth: float  # [m] beside it that people get: an echo is one point of somebody who is wider
+    swerve: float  # [m/s²] across by which a driver may turn towards somebody at any time
     nose: float  # [m] from the rear axle to the front bumper
     stand_off: float  # [m] that must be left
     restart: float  # [m] that must be free before a kart that braked for something drives on
@@ -67,6 +68,7 @@ class Limits:
             reaction_s=0.2,
             half_width=0.55 * vehicle.width,
             berth=0.35 * vehicle.width,
+            swerve=0.3 * 0.7 * vehicle.grip * GRAVITY,
             nose=vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length,
             stand_off=0.25 * vehicle.length,
             restart=1.5 * vehicle.length,
@@ -156,14 +158,16 @@ def is_on_way(
 def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
     """Return which echoes will be hit along an arc unless the kart brakes fully now.
 
-    To borders a kart need not keep its distance: drivers use all of the track.
+    To borders a kart need not keep its distance: drivers use all of the track. People get a berth,
+    and the wider the longer it takes to get there: a bend opens, a driver turns.
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
-    beside = np.where(echoes.kinds == codes.OBSTACLE, limits.berth, 0.0)
+    time_s = limits.reaction_s + np.maximum(echoes.closing, 0.0) / (2.0 * limits.braking)
+    berth = limits.berth + 0.5 * limits.swerve * time_s**2
+    beside = np.where(echoes.kinds == codes.OBSTACLE, berth, 0.0)
     ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
-    needed = echoes.closing * (limits.reaction_s + echoes.closing / (2.0 * limits.braking))
-    return ahead & (gap < needed)
+    return ahead & (gap < echoes.closing * time_s)
 
 
 def watch_obstacles(

@@ -2,6 +2,7 @@
 
 import math
 
+from race_server.autopilot import KEPT, SCAN_AGE, SCAN_SUM
 from race_server.kernels.jit import kernel
 from race_server.state import Floats
 
@@ -76,3 +77,29 @@ def nearest(
         if low < ray_angle(ray, rays, field) < high:
             best = min(best, ranges[base + ray])
     return best
+
+
+@kernel
+def age_of_scan(seen: Floats, start: int, rays: int, decision_s: float, memory: Floats) -> float:
+    """Return how long [s] the same scan has been seen, at most 0.1 s."""
+    total = 0.0
+    for ray in range(rays):
+        total += seen[start + ray]
+    memory[SCAN_AGE] = min(memory[SCAN_AGE] + decision_s, 0.1) if total == memory[SCAN_SUM] else 0.0
+    memory[SCAN_SUM] = total
+    return memory[SCAN_AGE]
+
+
+@kernel
+def move_scan(memory: Floats, rays: int, field: float, dx: float, dy: float, turn: float) -> None:
+    """Write the kept scan's points as seen from elsewhere: x ahead, then y to the left.
+
+    (dx, dy): where that is [m]; turn: the direction ahead there [rad].
+    """
+    cos, sin = math.cos(turn), math.sin(turn)
+    xs, ys = KEPT + 2 * rays, KEPT + 3 * rays
+    for ray in range(rays):
+        angle, distance = ray_angle(ray, rays, field), memory[KEPT + ray]
+        x, y = distance * math.cos(angle) - dx, distance * math.sin(angle) - dy
+        memory[xs + ray] = cos * x + sin * y
+        memory[ys + ray] = cos * y - sin * x

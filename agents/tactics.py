@@ -1,7 +1,16 @@
 """What every driver here does alike: when to use an item, and how to get free when stuck."""
 
 from race_server import codes
-from race_server.autopilot import ATTEMPTS, DECISION, ESCAPE, PRESSED, REVERSING, STANDING
+from race_server.autopilot import (
+    ATTEMPTS,
+    DECISION,
+    ESCAPE,
+    PRESSED,
+    REVERSING,
+    STANDING,
+    URGE,
+    URGENT,
+)
 from race_server.kernels.jit import kernel
 from race_server.observe import NEARBY, PART_NUMBERS
 from race_server.state import Floats, Ints, Record
@@ -37,7 +46,7 @@ def finish_decision(
         _stand(control)
         return
     # A button acts when it goes down, so it is let go after each press.
-    pressed = memory[PRESSED] == 0.0 and wants_item(seen, at, vehicle, kinds, control)
+    pressed = memory[PRESSED] == 0.0 and _is_used(seen, at, vehicle, kinds, memory, control)
     memory[PRESSED] = 1.0 if pressed else 0.0
     buttons = codes.USE_ITEM if pressed else 0
     if seen[at[RESCUE_OFFERED]] > 0.0:
@@ -55,6 +64,16 @@ def _stand(control: Floats) -> None:
     control[0] = 0.0
     control[1] = 0.0
     control[2] = 1.0
+
+
+@kernel
+def _is_used(
+    seen: Floats, at: Ints, vehicle: Record, kinds: Ints, memory: Floats, control: Floats
+) -> bool:
+    """Return whether to use the item held: as advised, or else as the driver sees it."""
+    if abs(memory[URGE]) > URGENT:
+        return bool(memory[URGE] > 0.0 and seen[at[ITEM]] > 0.5)
+    return wants_item(seen, at, vehicle, kinds, control)
 
 
 @kernel

@@ -20,15 +20,13 @@ What differs here, and why:
 import math
 
 from agents.follow_gap import middle_of_gap, nearest_deepest
-from agents.scan import ray_angle, repair, widen_edges
+from agents.scan import age_of_scan, move_scan, repair, widen_edges
 from agents.tactics import SPEED, finish_decision, press_pedals
 from race_server.autopilot import (
     DECISION,
     FIELD,
     KEPT,
     REACH,
-    SCAN_AGE,
-    SCAN_SUM,
     Autopilot,
 )
 from race_server.kernels.jit import kernel
@@ -135,13 +133,7 @@ def place_points(memory: Floats, rays: int, field: float, ahead: float, turn: fl
     It will have driven `ahead` [m] and turned by `turn` [rad].
     """
     dx, dy = ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn)
-    cos, sin = math.cos(turn), math.sin(turn)
-    xs, ys = KEPT + 2 * rays, KEPT + 3 * rays
-    for ray in range(rays):
-        angle, distance = ray_angle(ray, rays, field), memory[KEPT + ray]
-        x, y = distance * math.cos(angle) - dx, distance * math.sin(angle) - dy
-        memory[xs + ray] = cos * x + sin * y
-        memory[ys + ray] = cos * y - sin * x
+    move_scan(memory, rays, field, dx, dy, turn)
 
 
 @kernel
@@ -259,7 +251,7 @@ def feel(
     widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
     depth = nearest_deepest(memory, widened, rays, field)
     goal = middle_of_gap(memory, widened, rays, field, GAP_DEEP * depth)
-    later = LEAD_S + _age_of_scan(seen, at[LIDAR], rays, gear[DECISION], memory)
+    later = LEAD_S + age_of_scan(seen, at[LIDAR], rays, gear[DECISION], memory)
     turn = later * seen[at[YAW_RATE]]
     place_points(memory, rays, field, later * speed, turn)
     now = math.tan(seen[at[STEERING]]) / wheelbase
@@ -269,17 +261,6 @@ def feel(
     press_pedals(seen[at[SPEED]], min(target, seen[at[SPEED_CAP]]), 2.7, control)
     control[2] = min(1.2 * control[2], 1.0)  # the brake is what saves a bend taken too fast
     finish_decision(seen, at, vehicle, gear, kinds, memory, control)
-
-
-@kernel
-def _age_of_scan(seen: Floats, start: int, rays: int, decision_s: float, memory: Floats) -> float:
-    """Return how long [s] the same scan has been seen, at most 0.1 s."""
-    total = 0.0
-    for ray in range(rays):
-        total += seen[start + ray]
-    memory[SCAN_AGE] = min(memory[SCAN_AGE] + decision_s, 0.1) if total == memory[SCAN_SUM] else 0.0
-    memory[SCAN_SUM] = total
-    return memory[SCAN_AGE]
 
 
 @kernel

@@ -112,12 +112,17 @@ def speed_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, distanc
 
 @kernel
 def acceleration_on_line(
-    seen: Floats, at: Ints, vehicle: Record, gear: Floats, shift: float
+    seen: Floats, at: Ints, vehicle: Record, gear: Floats, shift: float, faster: float
 ) -> float:
-    """Return the acceleration [m/s²] that brings the kart to the line's speeds."""
+    """Return the acceleration [m/s²] that brings the kart to the line's speeds.
+
+    faster: share by which they are exceeded, within what flags and effects allow.
+    """
     speed, step = max(seen[at[SPEED]], SLOWEST), gear[DECISION]
     now = speed_on_line(seen, at, vehicle, shift, 0.0)
     soon = speed_on_line(seen, at, vehicle, shift, speed * step)
+    now = min((1.0 + faster) * now, seen[at[SPEED_CAP]])
+    soon = min((1.0 + faster) * soon, seen[at[SPEED_CAP]])
     # Whoever is off the line or across it has less room than the line thinks.
     off = abs(seen[at[OFFSET]] - shift) / vehicle.width
     across = abs(seen[at[HEADING]])

@@ -10,6 +10,7 @@ from typing import Any
 from agents.control_unit import ControlUnit
 from agents.onboard import Onboard, is_home
 from agents.reflex import Cause
+from plant.body import Body
 from plant.kart import Plant
 from plant.radar import Person, gap_to
 
@@ -20,8 +21,26 @@ STAY_S = 2.0  # so long a person stays once the kart stands
 WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
 # What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].
 BRAKES_AT = 2.0
-MOST_BEND = 0.12  # [rad] of course between kart and person
+# [rad] that the way to the person may turn, and by which the course may turn otherwise there.
+MOST_BEND, MOST_STRAY = 0.3, 0.12
+# A turn that takes so long shows that the machine had no time for the kart's program.
+PAUSE_S = 0.3
 RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
+# It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
+# the fastest that it has been.
+FAST, NEARLY_FASTEST = 0.45, 0.75
+
+
+@dataclass
+class Pace:
+    """Whether a kart is fast, as far as this course allows."""
+
+    fastest: float = 0.0  # [m/s] so far
+
+    def is_fast(self, body: Body) -> bool:
+        """Take note of a speed and return whether it is high."""
+        self.fastest = max(self.fastest, body.speed)
+        return body.speed > min(FAST * body.vehicle.top_speed, NEARLY_FASTEST * self.fastest)
 
 
 @dataclass
@@ -32,14 +51,17 @@ class Passage:
     person: Person | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     is_over: bool = False
+    _pace: Pace = field(default_factory=Pace)
     _stood_s: float = math.inf
 
     def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
         """Step out, be met, walk away."""
+        is_fast = self._pace.is_fast(plant.body)
         if self.is_over or raced_s < self.after_s:
             return
         if self.person is None:
-            self._step_out(plant, unit, raced_s)
+            if is_fast:
+                self._step_out(plant, unit, raced_s)
             return
         body, figures = plant.body, self.figures
         figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
@@ -66,23 +88,19 @@ class Passage:
         plant.throttle = None
 
     def _step_out(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
-        """Step out on the way of the kart, on a stretch without a sharp bend."""
+        """Step out on the way of the kart, where it need not turn much before."""
         body, limits = plant.body, unit.limits
         way = body.speed * limits.reaction_s + body.speed**2 / (2.0 * limits.braking)
         radius = 0.15 * body.vehicle.length
         ahead = limits.nose - body.vehicle.rear_axle + ROOM * way + limits.stand_off + radius
         curvature = math.tan(body.steering) / body.vehicle.wheelbase
-        course = unit.fence.heading_at(
-            body.x + ahead * math.cos(body.heading), body.y + ahead * math.sin(body.heading)
-        )
-        bend = math.remainder(course - body.heading, 2.0 * math.pi)
-        is_fast = body.speed > 0.45 * body.vehicle.top_speed
-        if not is_fast or abs(bend) > MOST_BEND or abs(curvature * ahead) > MOST_BEND:
-            return
         middle = body.heading + 0.5 * curvature * ahead
-        self.person = Person(
-            body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle), radius
-        )
+        x, y = body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle)
+        turned = curvature * ahead
+        stray = math.remainder(unit.fence.heading_at(x, y) - body.heading - turned, 2.0 * math.pi)
+        if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
+            return
+        self.person = Person(x, y, radius)
         plant.around.people.append(self.person)
         plant.throttle = 1.0
         self.figures = {
@@ -109,6 +127,7 @@ class Cut:
     after_s: float  # of racing
     figures: dict[str, Any] = field(default_factory=dict)
     is_over: bool = False
+    _pace: Pace = field(default_factory=Pace)
     _from: tuple[float, float] = (0.0, 0.0)
     _stood_s: float = math.inf
 
@@ -116,7 +135,7 @@ class Cut:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
         if not onboard.is_cut:
-            if raced_s < self.after_s or body.speed < 0.45 * body.vehicle.top_speed:
+            if not self._pace.is_fast(body) or raced_s < self.after_s:
                 return
             onboard.is_cut = True
             plant.throttle = 1.0
@@ -148,9 +167,13 @@ class Diary:
     _cap: float = math.inf
     _slow_s: float = math.inf  # from then on the kart should be as slow as it was told
     _errors: list[float] = field(default_factory=list)
+    _turned_s: float = math.inf
+    _pauses: int = 0
 
     def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
         """Note one decision; False once this kart has nothing more to do."""
+        self._pauses += now_s - self._turned_s > PAUSE_S
+        self._turned_s = now_s
         hud = unit.hud
         if hud is None:
             return True
@@ -196,6 +219,7 @@ class Diary:
                 (order[2] / max(order[0], 1.0) for order in kept), default=0.0
             ),
             "scrapes": self.plant.scrapes,
+            "pauses": self._pauses,
             "pedestrian": self.passage.figures if self.passage else None,
             "cut": self.cut.figures if self.cut else None,
             **self.figures,

@@ -14,6 +14,9 @@ from plant.radar import Floats, Surroundings, scan
 from race_server.messages import Control, Source
 from race_server.params import Vehicle
 
+# The body meets borders at least so often, and stands still beyond so long a pause.
+PART_S, MOST_S = 0.05, 2.0
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -25,6 +28,7 @@ class Sensors:
     wheel_deviation: float = 0.03  # [m/s]
     gyro_deviation: float = 0.01  # [rad/s]
     gyro_bias: float = 0.02  # [rad/s]
+    accelerometer_deviation: float = 0.3  # [m/s²]
 
 
 @dataclass
@@ -44,6 +48,7 @@ class Plant:
     _radar_s: float = -math.inf
     _control: Control = STOP
     _is_scraping: bool = False
+    _velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east and north, at the last reading
 
     def __post_init__(self) -> None:
         """Begin the sensors' noise."""
@@ -65,12 +70,10 @@ class Plant:
 
     def read(self, now_s: float) -> Readings:
         """Let the body move on to now and return what the sensors give."""
+        acceleration = None
         if self._now_s > -math.inf:
-            # A process that was held up does not drive through walls when it wakes.
-            seconds = min(now_s - self._now_s, 0.2)
-            command = self.command
-            self.body.advance(seconds, command.steering, command.throttle, command.brake)
-            self._meet_borders()
+            self._move_on(min(now_s - self._now_s, MOST_S))
+            acceleration = self._acceleration(now_s - self._now_s)
         self._now_s = now_s
         body, sensors, normal = self.body, self.sensors, self._noise.normal
         return Readings(
@@ -78,9 +81,34 @@ class Plant:
             wheel_speed=body.speed + normal(0.0, sensors.wheel_deviation),
             yaw_rate=body.yaw_rate + sensors.gyro_bias + normal(0.0, sensors.gyro_deviation),
             steering=body.steering,
+            acceleration=acceleration,
             fix=self._fix(now_s),
             echoes=self._scan() if self._is_due(now_s) else None,
         )
+
+    def _move_on(self, seconds: float) -> None:
+        """Move the body; a process that was held up does not drive through walls meanwhile."""
+        command = self.command
+        while seconds > 0.0:
+            part = min(seconds, PART_S)
+            self.body.advance(part, command.steering, command.throttle, command.brake)
+            self._meet_borders()
+            seconds -= part
+
+    def _acceleration(self, seconds: float) -> tuple[float, float] | None:
+        """Return the mean acceleration since the last reading, ahead and to the left."""
+        body, (was_east, was_north) = self.body, self._velocity
+        cos, sin = math.cos(body.heading), math.sin(body.heading)
+        east = body.speed * cos - body.lateral_speed * sin
+        north = body.speed * sin + body.lateral_speed * cos
+        self._velocity = east, north
+        if seconds <= 0.0:
+            return None
+        x, y = (east - was_east) / seconds, (north - was_north) / seconds
+        ahead, left = self._noise.normal(
+            (x * cos + y * sin, y * cos - x * sin), self.sensors.accelerometer_deviation
+        )
+        return float(ahead), float(left)
 
     def _scan(self) -> Echoes:
         others = self.look()

@@ -20,6 +20,13 @@ class ActKind(IntEnum):
     WITHDRAW = 1  # a kart is out of the race
     FLAG = 2  # value: Flag
     PENALTY = 3  # value: [s] that the stewards add to a kart's race time
+    CLOSE = 4  # nobody may take a kart's seat; value: 1 where its driver was sent away
+    OPEN = 5  # somebody may again
+    CLOCK = 6  # value: 1 the clock stands, 0 it goes on
+
+
+# Those that concern one kart.
+ON_KARTS = (ActKind.WITHDRAW, ActKind.PENALTY, ActKind.CLOSE, ActKind.OPEN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +40,7 @@ class Act:
 
 
 def carry_out(world: World, act: Act) -> None:
-    """Do it to the only race of a world."""
+    """Do to the only race of a world what an act does to it."""
     _ACTS[act.kind](world, act.kart, act.value)
 
 
@@ -49,8 +56,15 @@ def _penalise(world: World, kart: int, seconds: float) -> None:
     penalise(world, 0, kart, round(seconds * 1e6), codes.EVENT_PENALTY)
 
 
+def _leave(_world: World, _kart: int, _value: float) -> None:
+    """Do nothing: such an act concerns the session, and karts drive no differently."""
+
+
 _ACTS: dict[ActKind, Callable[[World, int, float], None]] = {
     ActKind.WITHDRAW: _withdraw,
     ActKind.FLAG: _show_flag,
     ActKind.PENALTY: _penalise,
+    ActKind.CLOSE: _leave,
+    ActKind.OPEN: _leave,
+    ActKind.CLOCK: _leave,
 }

@@ -5,12 +5,13 @@ one call; a driver's own process runs the same function as plain Python and neve
 compiler. `Autopilot` is what makes a `Driver` of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
+from race_server.clock import TICK_S
 from race_server.driver import Briefing
 from race_server.kernels.jit import INTERPRET
 from race_server.messages import Button, Control
@@ -21,10 +22,17 @@ from race_server.rules.items import items
 # What a kernel is told of its gear, by place in `gear`.
 FIELD, REACH, DECISION = range(3)
 
-# Numbers that a driver keeps from one decision to the next. Behind them is room for two scans,
-# for the points of a scan, and for a row of WORK numbers.
-STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE, KEPT = range(9)
-WORK = 128
+# Numbers that a driver keeps from one decision to the next; the last are what it commanded lately.
+# Behind them is room for two scans, for the points of a scan, and for a row of WORK numbers.
+STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE = range(8)
+# Advice of a policy to a driver that takes it, zeros without one: so far to the left [m], so much
+# faster as a share, and the button: press above URGENT, hold below its negative.
+ASIDE, FASTER, URGE, LATELY = range(8, 12)
+URGENT = 0.3
+KEPT = LATELY + 32
+WORK = 320
+# A driver that was away for longer begins its counts anew all the same [s].
+LONGEST_S = 1.0
 
 # (seen, at, vehicle, gear, kinds, memory, control) -> None
 Decide = Callable[..., None]
@@ -73,20 +81,24 @@ class Autopilot:
     part p begins at `at[p]`; vehicle: its figures; gear: lidar field [rad], lidar reach [m], time
     between decisions [s]; kinds: what using each item does; memory: zeros at the start.
     decide_all: the same for many karts in one call, see `agents/avoider.py`.
+    takes_advice: whether it does what a policy writes into its memory, see ASIDE.
     """
 
     preset: ClassVar[str]
+    takes_advice: ClassVar[bool] = False
     decide: ClassVar[Decide]
     decide_all: ClassVar[Decide]
 
     def reset(self, briefing: Briefing) -> None:
         """Get ready for a new race."""
         self._figures: _Figures | None = None
+        self._tick = -1  # of the last decision
         self._briefing = briefing
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
         figures = self._figures or self._prepare(observation.layout)
+        figures.gear[DECISION] = self._elapsed_s(observation.tick)
         seen = observation.values.astype(np.float64)
         type(self).decide(
             seen.tolist() if INTERPRET else seen,
@@ -99,6 +111,22 @@ class Autopilot:
         )
         steering, throttle, brake, buttons = (float(value) for value in figures.control)
         return Control(steering, throttle, brake, Button(int(buttons)))
+
+    def take_advice(self, observation: Observation, advice: Sequence[float]) -> None:
+        """Keep advice for the next decision: to the left [m], faster [share], button."""
+        figures = self._figures or self._prepare(observation.layout)
+        for place, value in zip((ASIDE, FASTER, URGE), advice, strict=True):
+            figures.memory[place] = value
+
+    def _elapsed_s(self, tick: int) -> float:
+        """Return the time since the last decision [s]; a bad network makes it a long one.
+
+        What a driver counts, such as for how long it stands, would otherwise go too slowly.
+        """
+        last, self._tick = self._tick, tick
+        regular = self._briefing.decision_s
+        elapsed = (tick - last) * TICK_S
+        return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
 
     def _prepare(self, layout: Layout) -> _Figures:
         briefing = self._briefing

@@ -14,6 +14,7 @@ from race_server.commands import (
     limit,
     race,
     recording,
+    relay,
     results,
     serve,
     track,
@@ -33,6 +34,7 @@ app.command()(race.start)
 app.command()(serve.serve)
 app.command()(race.drive)
 app.command()(race.watch)
+app.command()(relay.relay)
 app.command()(limit.limit)
 app.command()(day.day)
 app.command()(trial.trial)

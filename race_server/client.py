@@ -7,9 +7,11 @@ from functools import partial
 from typing import TypeVar
 
 from race_server.admission.keys import ClientKeys
-from race_server.clock import ticks_of
+from race_server.caution import Caution
+from race_server.clock import TICK_S, ticks_of
 from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError, LinkError, WireError
+from race_server.foresight import Foresight
 from race_server.messages import Control
 from race_server.observe import Observation
 from race_server.reception import Reception
@@ -38,9 +40,12 @@ def drive(
     keys: ClientKeys | None = None,
     reception: Reception | None = None,
     tell: Callable[[Reception], None] = lambda _: None,
+    raw: bool = False,
 ) -> Briefing:
     """Drive one race to its end and return the briefing that the driver had.
 
+    raw: the driver sees what came as it came, however old it is, and drives as it likes; else a
+    slow network is allowed for, see `race_server.foresight` and `race_server.caution`.
     reception: takes what is heard; tell: is called with it after each observation.
 
     Raises:
@@ -55,7 +60,7 @@ def drive(
         try:
             heard = _listen(seat, reception)
             persist(partial(_get_ready, seat, heard))
-            _answer(driver, name, seat, heard, tell)
+            _answer(driver, name, seat, heard, tell, raw=raw)
         except DriverError:
             seat.act(topics.LEAVE)
             raise
@@ -89,9 +94,14 @@ def _answer(
     seat: Seat,
     reception: Reception,
     tell: Callable[[Reception], None],
+    *,
+    raw: bool,
 ) -> None:
     """Answer observations until the race is over for this kart."""
-    decision_ticks = max(ticks_of(seat.welcome.briefing.decision_s), 1)
+    briefing = seat.welcome.briefing
+    decision_ticks = max(ticks_of(briefing.decision_s), 1)
+    caution = Caution(briefing.vehicle)
+    foresight = Foresight(briefing.vehicle, briefing.lidar_field)
     sequence = 0
     epoch = answered = -1
     last = time.monotonic()
@@ -109,11 +119,19 @@ def _answer(
             epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
             reception.begin()
         reception.note(frame.tick, last, decision_ticks)
+        if not raw and reception.is_in_real_time():
+            caution.note(reception.last_age_s, reception.last_gap_s)
         tell(reception)
         if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
             answered = frame.tick
             observation = Observation(frame.tick, seat.layout, frame.values)
-            control = _call(name, "act", partial(driver.act, observation))
+            shown = observation
+            if caution.is_needed:
+                age_s = reception.offset.age_s(frame.tick * TICK_S, last)
+                shown = foresight.ahead(observation, last, age_s, caution.late_s)
+            control = _call(name, "act", partial(driver.act, shown))
+            control = caution.temper(control, shown.scalar("speed"))
+        foresight.note(time.monotonic(), control)
         sequence += 1
         seat.answer(frame.epoch, sequence, frame.tick, control)
         if observation.scalar("finished") > 0.0:

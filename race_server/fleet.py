@@ -1,13 +1,15 @@
 """The real karts of a session: what they tell goes into the world, and what they must obey back."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from race_server import codes
+from race_server.clock import TICKS_PER_SECOND
 from race_server.messages import Doubt, Pose, Trust
 from race_server.params import Vehicle
-from race_server.state import PLACEMENT, Floats, World
+from race_server.state import PLACEMENT, Floats, Ints, World
 from race_server.track.course import Course
 from race_server.tracking import MICROSECONDS, Gates, Orders, Tracker
 
@@ -15,6 +17,15 @@ from race_server.tracking import MICROSECONDS, Gates, Orders, Tracker
 BEYOND_LENGTHS = 1.0
 # The centre line is looked at about every so many metres.
 LOOK_M = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Where real karts were put before a tick, and how far they knew what to obey."""
+
+    tick: int
+    rows: Floats  # (n, 10), see state.PLACEMENT
+    orders: Ints  # (n, 2) numbers of the newest orders given, and of the newest acknowledged
 
 
 class Fleet:
@@ -43,10 +54,29 @@ class Fleet:
 
     def begin(self, world: World, now_us: int) -> None:
         """Expect all of them on the grid of a new race."""
+        race = world.races[0]
+        lights_s = int(race.start_tick - race.tick) / TICKS_PER_SECOND
         for seat, tracker in self.trackers.items():
-            kart = world.karts[0, seat]
-            place = Pose(0, float(kart.x), float(kart.y), float(kart.heading), 0.0)
-            self.trackers[seat] = tracker.at_start(place, now_us)
+            place = _place_of(world, seat)
+            self.trackers[seat] = tracker.at_start(place, now_us, lights_s=lights_s)
+
+    def recall(self, placements: Placements) -> None:
+        """Know again what was known of the karts that a recording places."""
+        for row, orders in zip(placements.rows, placements.orders, strict=True):
+            if tracker := self.trackers.get(int(row[0])):
+                tracker.trust, tracker.doubt = Trust(int(row[1])), Doubt(int(row[2]))
+                tracker.orders.sequence, tracker.orders.acknowledged = map(int, orders)
+
+    def take_up(self, world: World, now_us: int) -> None:
+        """Go on with a race whose server was killed: expect all karts about where they were."""
+        for seat, tracker in self.trackers.items():
+            self.trackers[seat] = tracker.taken_up(_place_of(world, seat), now_us)
+
+    def placed(self, tick: int, rows: Floats) -> Placements:
+        """Return placements as they are recorded."""
+        orders = [self.orders(int(seat)) for seat in rows[:, 0]]
+        numbers = [(known.sequence, known.acknowledged) for known in orders]
+        return Placements(tick, rows, np.array(numbers, np.int64))
 
     def take(self, seat: int, pose: Pose, arrived_us: int) -> Doubt:
         """Take a pose that arrived and return what speaks against it."""
@@ -89,20 +119,37 @@ class Fleet:
         ]
 
 
+def _place_of(world: World, seat: int) -> Pose:
+    """Return where a kart is in the world, as a pose."""
+    kart = world.karts[0, seat]
+    return Pose(
+        stamp_us=0,
+        x=float(kart.x),
+        y=float(kart.y),
+        heading=float(kart.heading),
+        speed=float(kart.speed),
+        lateral_speed=float(kart.lateral_speed),
+        yaw_rate=float(kart.yaw_rate),
+        steering=float(kart.steering),
+    )
+
+
 def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[float, ...] | None:
     """Return the row of one kart; None while it has not been heard of yet."""
     kart, flag = world.karts[0, seat], int(world.races[0].flag)
     if kart.status == codes.ABSENT:
         return None
-    tracker.follow(now_us)
     stops = kart.status != codes.RACING
+    tracker.follow(now_us, is_racing=not stops)
     what = (float(kart.speed_cap), float(kart.thrust_scale), flag, int(kart.yellow), tracker.trust)
     tracker.orders.change((*what, stops), now_us)
+    # A kart that was trusted before its server was killed is not moved by the simulation since.
+    trust = tracker.trust or Trust(int(kart.trust))
     pose = tracker.pose_at(now_us)
-    if tracker.trust is Trust.SIMULATED or pose is None:
+    if trust is Trust.SIMULATED or pose is None:
         return None
     return (
-        *(seat, int(tracker.trust), int(tracker.doubt)),
+        *(seat, int(trust), int(tracker.doubt)),
         *(pose.x, pose.y, pose.heading, pose.speed, pose.lateral_speed, pose.yaw_rate),
         pose.steering,
     )

@@ -72,6 +72,8 @@ class Reception:
     missing: int = 0  # observations that were sent and never seen
     longest_gap_s: float = 0.0
     worst_age_s: float = 0.0  # of what the driver acted on, right before the next came
+    last_age_s: float = 0.0  # the same, of the newest two
+    last_gap_s: float = 0.0  # between the newest two
     reconnects: int = 0
     laps: int = 0  # as they were announced
     outcome: str = ""  # how the race ended for this driver, and why
@@ -93,8 +95,10 @@ class Reception:
         self.offset.note(tick * TICK_S, now_s)
         if before >= 0:
             self.missing += max((tick - before) // decision_ticks - 1, 0)
-            self.longest_gap_s = max(self.longest_gap_s, now_s - heard_at)
-            self.worst_age_s = max(self.worst_age_s, self.offset.age_s(before * TICK_S, now_s))
+            self.last_gap_s = now_s - heard_at
+            self.last_age_s = self.offset.age_s(before * TICK_S, now_s)
+            self.longest_gap_s = max(self.longest_gap_s, self.last_gap_s)
+            self.worst_age_s = max(self.worst_age_s, self.last_age_s)
         else:
             self._first = (tick, now_s)
         self.ages_s.append(self.offset.age_s(tick * TICK_S, now_s))

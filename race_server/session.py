@@ -15,7 +15,7 @@ from race_server import codes
 from race_server.acts import Act, ActKind, carry_out
 from race_server.badge import key_of
 from race_server.errors import SeatError, WireError
-from race_server.fleet import Fleet
+from race_server.fleet import Fleet, Placements
 from race_server.kernels.jit import bind
 from race_server.messages import (
     Button,
@@ -31,13 +31,17 @@ from race_server.messages import (
 )
 from race_server.observe import PRESETS, Layout, layout_of
 from race_server.scenario.base import ABSENT, Scenario, line_up_race, make_world
-from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, silence_after
+from race_server.serials import Granted, Serials
+from race_server.silence import AWAY_TICKS, STOP, Silence, control_under, grace_of, silence_after
 from race_server.stages.observation import observe_karts
+from race_server.stages.standings import rank
 from race_server.state import Float32s, Floats, Ints, World, digest
 from race_server.step import advance, place_karts
 
 # Late joiners are told of so many events.
 RECENT_EVENTS = 256
+# Why a seat is closed; the place of each is the value of the act that closes it.
+CLOSED_FOR = ("by the steward", "the steward sent its driver away")
 
 
 @dataclass
@@ -74,6 +78,10 @@ class Inputs:
     sequences: Ints  # (n,) of the drivers' messages
 
 
+# What acts on a race, in the order in which it does.
+Entry = Inputs | Placements | Act | Granted
+
+
 @dataclass
 class Session:
     """One race session on one scenario; it may be run again and again, an epoch each time."""
@@ -90,8 +98,10 @@ class Session:
     recent: deque[Event] = field(default_factory=lambda: deque(maxlen=RECENT_EVENTS))
     laps_us: dict[int, list[int]] = field(default_factory=dict)
     is_recorded: bool = False
-    log: list[Inputs | Act] = field(default_factory=list)  # while recorded; who records empties it
+    log: list[Entry] = field(default_factory=list)  # while recorded; who records empties it
     closed: dict[int, str] = field(default_factory=dict)  # seats that nobody may take, and why
+    serials: Serials = field(default_factory=Serials)  # of requests that were granted
+    is_paused: bool = False  # the clock stands
 
     def __post_init__(self) -> None:
         """Build the world once; each start puts it back."""
@@ -217,22 +227,30 @@ class Session:
             seat.is_present = False
             seat.away_since = self.tick
 
-    def close(self, number: int, reason: str) -> None:
+    def close(self, number: int) -> None:
         """Let nobody take a seat; who has it keeps it."""
         self._check_number(number)
-        self.closed[number] = reason
+        self.do(ActKind.CLOSE, number, 0.0)
 
     def unclose(self, number: int) -> None:
         """Let a seat be taken again."""
         self._check_number(number)
-        self.closed.pop(number, None)
+        self.do(ActKind.OPEN, number)
 
-    def kick(self, number: int, reason: str) -> None:
+    def kick(self, number: int) -> None:
         """Take a seat from its driver, who may not come back."""
-        seat = self.seat(number)
-        self.close(number, reason)
-        seat.key = b""
+        self.do(ActKind.CLOSE, self.seat(number).number, 1.0)
         self.leave(number)
+
+    def stand_still(self, *, stands: bool) -> None:
+        """Stop the clock of the race, or let it go on; whoever lets time pass obeys."""
+        self.do(ActKind.CLOCK, value=float(stands))
+
+    def grant(self, secret: int, serial: int) -> None:
+        """Take note of a request that was granted, so that copies of it are refused."""
+        self.serials.note(key_of(secret), serial)
+        if self.is_recorded:
+            self.log.append(Granted(self.tick, key_of(secret), serial))
 
     def _check_number(self, number: int) -> None:
         if not 0 <= number < len(self.seats):
@@ -264,6 +282,7 @@ class Session:
         self.epoch += 1
         self.recent.clear()
         self.log.clear()
+        self.is_paused = False
         self._controls[:] = 0.0
         self._loaded[:] = 0.0
         self.laps_us = {seat.number: [] for seat in self.seats}
@@ -349,8 +368,11 @@ class Session:
         All that real karts do to the world goes through here: the same placements before the same
         ticks give the same race.
         """
-        if len(placements):
-            place_karts(self.world, 0, placements)
+        if not len(placements):
+            return
+        if self.is_recorded:
+            self.log.append(self.fleet.placed(self.tick, placements))
+        place_karts(self.world, 0, placements)
 
     def waits_for(self) -> list[int]:
         """Return the racing seats that have not yet answered the observation of this tick."""
@@ -382,7 +404,19 @@ class Session:
                 self.log.append(Inputs(now, changed, self._loaded[changed], sequences))
         return self._move(ticks)
 
-    def drive_again(self, inputs: Inputs) -> None:
+    def do_again(self, entry: Entry) -> None:
+        """Let something act that a recording holds."""
+        if isinstance(entry, Inputs):
+            self._drive_again(entry)
+        elif isinstance(entry, Placements):
+            place_karts(self.world, 0, entry.rows)
+            self.fleet.recall(entry)
+        elif isinstance(entry, Act):
+            self._carry_out(entry)
+        else:
+            self.serials.note(entry.key, entry.serial)
+
+    def _drive_again(self, inputs: Inputs) -> None:
         """Let the controls of a recording act from this tick on."""
         self._controls[0, inputs.seats] = inputs.controls
         for seat, sequence in zip(inputs.seats, inputs.sequences, strict=True):
@@ -411,7 +445,12 @@ class Session:
         # A control that came after a link was gone shows that the driver is there.
         is_linked = seat.is_present or seat.control_tick > seat.away_since
         overdue = now - seat.control_tick - self.decision_ticks
-        seat.silence = silence_after(overdue, is_linked=is_linked)
+        length = self.scenario.vehicle_of(seat.number).length
+        speed = self.world.karts["speed"][0, seat.number]
+        grace = grace_of(speed, length) if seat.control_tick >= 0 else 0
+        silence = silence_after(overdue - grace, is_linked=is_linked)
+        # A kart that slows down unheard must not be given its grace anew, and drive off again.
+        seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
         hangs = racing and seat.silence is Silence.STOPPED and seat.control_tick >= 0
         hangs = hangs and not seat.is_tracked  # of real karts the fleet knows more
         if hangs and seat.away_since < 0:  # its link is there, but it answers no more
@@ -440,12 +479,39 @@ class Session:
         """
         self.do(ActKind.PENALTY, self.seat(number).number, seconds)
 
+    def penalise_late(self, number: int, seconds: float) -> list[Event]:
+        """Add a penalty to a race that is over, rank its karts anew, return what happened.
+
+        The recording of the race is closed, so this act is in none.
+        """
+        carry_out(self.world, Act(self.tick, ActKind.PENALTY, number, seconds))
+        rank(self.world, 0)
+        return self.take_events()
+
     def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
         """Do something to the race from outside, and log it."""
         act = Act(self.tick, kind, kart, value)
         if self.is_recorded:
             self.log.append(act)
+        self._carry_out(act)
+
+    def _carry_out(self, act: Act) -> None:
         carry_out(self.world, act)
+        if act.kind is ActKind.CLOSE:
+            self.closed[act.kart] = CLOSED_FOR[bool(act.value)]
+            if act.value:
+                self.seats[act.kart].key = b""
+        elif act.kind is ActKind.OPEN:
+            self.closed.pop(act.kart, None)
+        elif act.kind is ActKind.CLOCK:
+            self.is_paused = bool(act.value)
+
+    def log_what_holds(self) -> None:
+        """Log what was decided before the race began and still holds."""
+        for number, reason in self.closed.items():
+            value = float(CLOSED_FOR.index(reason))
+            self.log.append(Act(self.tick, ActKind.CLOSE, number, value))
+        self.log.extend(self.serials.granted(self.tick))
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call and remember them for late comers."""
@@ -497,8 +563,12 @@ class Session:
 
     def standings(self) -> list[Standing]:
         """Return one row for each taken seat, best place first."""
-        rows = [self._standing(seat) for seat in self.seats if seat.is_taken]
+        rows = [row for row in self.table() if self.seats[row.seat].is_taken]
         return sorted(rows, key=lambda row: row.rank)
+
+    def table(self) -> list[Standing]:
+        """Return one row for each seat, whether or not somebody still sits there."""
+        return [self._standing(seat) for seat in self.seats]
 
     def _standing(self, seat: Seat) -> Standing:
         karts = self.world.karts[0]

@@ -6,7 +6,7 @@ one that is away or silent for `AWAY_TICKS` has withdrawn.
 
 from enum import IntEnum
 
-from race_server.clock import ticks_of
+from race_server.clock import TICKS_PER_SECOND, ticks_of
 from race_server.messages import Control
 
 # The last control acts for so long, as if it had been sent again.
@@ -18,6 +18,9 @@ BRAKE_TICKS = ticks_of(1.5)
 BRAKE = 0.5
 # … and at last it stands, wheels straight and brake on, until its driver has withdrawn.
 AWAY_TICKS = ticks_of(10.0)
+# All of this comes later to a slow kart: as long as it drives no further than its own length
+# without being heard there is nothing to brake for, up to so much longer.
+SLOW_TICKS = ticks_of(0.75)
 
 STOP = Control(brake=1.0)
 
@@ -29,6 +32,12 @@ class Silence(IntEnum):
     COASTING = 1
     BRAKING = 2
     STOPPED = 3
+
+
+def grace_of(speed: float, length: float) -> int:
+    """Return how many ticks more a kart may go on at a speed [m/s]. length: its own [m]."""
+    alone = TICKS_PER_SECOND * length / max(abs(speed), 1e-3)
+    return min(max(round(alone) - FRESH_TICKS, 0), SLOW_TICKS)
 
 
 def silence_after(ticks: int, *, is_linked: bool) -> Silence:

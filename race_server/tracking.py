@@ -20,10 +20,12 @@ STALE_S = 0.4
 DOUBT_S, PARK_S, OUT_S = 0.4, 2.0, 20.0
 # So many poses in a row, over at least this time, must agree before a kart is believed again.
 AGREEING, AGREEING_S = 8, 0.25
-# At the start nobody expects a pose sooner than this.
+# Nobody expects the first pose sooner than this, nor before the start.
 FIRST_S = 1.0
 # A kart that does not acknowledge what it must obey for so long cannot be relied on.
 DEAF_S = 1.5
+# More orders than a server can have given that was killed before they were written down.
+UNWRITTEN = 3600
 LEAST_QUALITY = 0.2
 # What a message may be late by, as the clock sees it; it counts at the kart's speed.
 JITTER_S = 0.03
@@ -157,6 +159,13 @@ class Orders:
     _what: tuple[float, ...] = ()
     _since_us: int = 0
 
+    def taken_up(self, now_us: int) -> "Orders":
+        """Return the orders for the rest of a race whose server was killed: all are repeated.
+
+        Their numbers are higher than any that the kart may have heard of and nobody wrote down.
+        """
+        return Orders(self.sequence + UNWRITTEN, self.acknowledged, _since_us=now_us)
+
     def change(self, what: tuple[float, ...], now_us: int) -> None:
         """Number the orders anew if they are others than before."""
         if what != self._what:
@@ -201,9 +210,30 @@ class Tracker:
     _heard_us: int = 0
     _changed_us: int = 0
 
-    def at_start(self, pose: Pose, now_us: int) -> "Tracker":
-        """Return a tracker that expects the kart on the grid; its clock is known from before."""
-        return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=now_us)
+    def at_start(self, pose: Pose, now_us: int, *, lights_s: float = 0.0) -> "Tracker":
+        """Return a tracker that expects the kart on the grid; its clock is known from before.
+
+        lights_s: time until the lights go out: until then nobody is in anybody's way.
+        """
+        since_us = now_us + round(max(lights_s - FIRST_S, 0.0) * MICROSECONDS)
+        return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=since_us)
+
+    def taken_up(self, place: Pose, now_us: int) -> "Tracker":
+        """Return a tracker for the rest of a race whose server was killed.
+
+        A kart that was trusted has as long as at the start to be heard of again.
+        """
+        trust = Trust.SIMULATED if self.trust is Trust.TRUSTED else self.trust
+        orders = self.orders.taken_up(now_us)
+        return Tracker(
+            self.gates,
+            orders=orders,
+            trust=trust,
+            doubt=self.doubt,
+            _known=place,
+            _known_us=now_us,
+            _changed_us=now_us,
+        )
 
     def take(self, pose: Pose, arrived_us: int, *, is_inside: bool) -> Doubt:
         """Take a pose that arrived and return what speaks against it."""
@@ -219,6 +249,7 @@ class Tracker:
             self._agreeing = 0
         if doubt is not Doubt.NONE:
             self.refused[doubt] += 1
+        if doubt is not Doubt.NONE or self.trust is Trust.TRUSTED:
             self.doubt = doubt
         return doubt
 
@@ -238,9 +269,12 @@ class Tracker:
             self._known, self._known_us = pose, at_us
         return Doubt.NONE
 
-    def follow(self, now_us: int) -> None:
-        """Work out how far the kart is believed now."""
-        if self.trust is Trust.OUT:
+    def follow(self, now_us: int, *, is_racing: bool = True) -> None:
+        """Work out how far the kart is believed now.
+
+        A trusted kart whose race is over may leave: it stands where it was, and is not missed.
+        """
+        if self.trust is Trust.OUT or (self.trust is Trust.TRUSTED and not is_racing):
             return
         is_deaf = self.orders.is_unheard(now_us)
         waited = (now_us - self._changed_us) / MICROSECONDS
@@ -249,11 +283,12 @@ class Tracker:
                 self._turn(Trust.DOUBTFUL, Doubt.DEAF, now_us)
             elif self.age_s(now_us) > DOUBT_S:
                 heard = now_us - self._heard_us < DOUBT_S * MICROSECONDS
-                self._turn(Trust.DOUBTFUL, self.doubt if heard else Doubt.SILENT, now_us)
+                why = (self.doubt or Doubt.STALE) if heard else Doubt.SILENT
+                self._turn(Trust.DOUBTFUL, why, now_us)
         elif not is_deaf and self._agrees(now_us):
             self._known, self._known_us = self._last, self._last_us
             self._turn(Trust.TRUSTED, Doubt.NONE, now_us)
-        elif self.trust is Trust.SIMULATED and waited > FIRST_S:
+        elif self.trust is Trust.SIMULATED and is_racing and waited > FIRST_S:
             self._turn(Trust.DOUBTFUL, self.doubt or Doubt.SILENT, now_us)
         elif self.trust is Trust.DOUBTFUL and waited > PARK_S:
             self._turn(Trust.PARKED, self.doubt, now_us)

@@ -1,7 +1,7 @@
 """zenoh, and nothing else that knows it.
 
 The server's session is the router: it listens on one address, with scouting, gossip and shared
-memory off; `guard` says who may do what there. Callbacks do no more than put bytes into bounded
+memory off; `admission` says who may do what there. Callbacks do no more than put bytes into bounded
 mailboxes, one for each key, so that nobody crowds others out; the server's loop empties them. A
 session that is not closed keeps its process alive, so both ends are context managers and are closed
 at exit as well.
@@ -146,7 +146,10 @@ class ServerLink(_Link):
         self._requests: dict[str, deque[Request]] = {}
         self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
-        self._kept: list[Any] = [self._hear_seat(seat) for seat in range(seats)]
+        # In real time controls wait in rings of zenoh until the loop takes them: no Python runs as
+        # they arrive, so that no flood fights the loop for the interpreter.
+        self._rings: list[tuple[Any, Callable[[Any], None]]] = []
+        self._kept: list[Any] = [self._hear_seat(seat, real_time) for seat in range(seats)]
         self._kept += [self._hear_kart(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
@@ -163,8 +166,14 @@ class ServerLink(_Link):
 
         return call
 
-    def _hear_seat(self, seat: int) -> Any:
-        return self._hear(topics.CONTROL, seat, self._inputs[seat].append)
+    def _hear_seat(self, seat: int, real_time: bool) -> Any:
+        store = self._keeper(topics.CONTROL, seat, self._inputs[seat].append)
+        if not real_time:
+            return self._hear(topics.CONTROL, seat, store)
+        ring: Any = zenoh.handlers.RingChannel(MOST_INPUTS)
+        subscriber = self._hear(topics.CONTROL, seat, ring)
+        self._rings.append((subscriber, store))
+        return subscriber
 
     def _hear_kart(self, seat: int) -> Any:
         mailbox = self._poses[seat]
@@ -172,9 +181,13 @@ class ServerLink(_Link):
         def note(data: bytes) -> None:
             mailbox.append((data, time.monotonic_ns() // 1000))
 
-        return self._hear(topics.POSE, seat, note)
+        return self._hear(topics.POSE, seat, self._keeper(topics.POSE, seat, note))
 
-    def _hear(self, topic: Topic, seat: int, keep: Callable[[bytes], None]) -> Any:
+    def _keeper(
+        self, topic: Topic, seat: int, keep: Callable[[bytes], None]
+    ) -> Callable[[Any], None]:
+        """Return what keeps a message that shows the badge of its seat's holder."""
+
         def store(sample: zenoh.Sample) -> None:
             badge = sample.attachment
             if badge is None or not self.holders.is_holder(seat, badge.to_bytes()):
@@ -190,10 +203,11 @@ class ServerLink(_Link):
             keep(data)
             self._arrived.set()
 
+        return self._counted(store)
+
+    def _hear(self, topic: Topic, seat: int, handler: Any) -> Any:
         key = key_of(topic, self._name, seat)
-        return self._session.declare_subscriber(
-            key, self._counted(store), allowed_origin=zenoh.Locality.REMOTE
-        )
+        return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
 
     def _hear_queries(self, topic: Topic) -> Any:
         def store(query: zenoh.Query) -> None:
@@ -258,6 +272,11 @@ class ServerLink(_Link):
     def take_inputs(self) -> list[tuple[int, bytes]]:
         """Return the newest controls of each seat since the last call, oldest first."""
         self._arrived.clear()
+        for subscriber, store in self._rings:
+            for _ in range(MOST_INPUTS):
+                if (sample := subscriber.try_recv()) is None:
+                    break
+                store(sample)
         found = []
         for seat, mailbox in enumerate(self._inputs):
             while mailbox:

@@ -1,5 +1,6 @@
 """Who may do what on the network: access rules, limits, keys, logins, replays, the steward."""
 
+import io
 import json
 import stat
 import threading
@@ -22,12 +23,17 @@ from race_server.admission.token import local_token, read_token
 from race_server.badge import badge_of, key_of, key_of_badge
 from race_server.drills.deny import drill_deny
 from race_server.errors import KeysError, LinkError, SeatError, WireError
+from race_server.logs import Log
 from race_server.marshal import Marshal
-from race_server.messages import Phase
+from race_server.messages import Event, EventKind, Phase
+from race_server.results.keeper import Keeper
+from race_server.results.queries import races
+from race_server.results.store import Store
+from race_server.results.writer import Writer
 from race_server.scenario.base import Rules, Scenario
 from race_server.seat import take_seat
-from race_server.server import REAL, RaceServer
-from race_server.server.refusals import Refusals
+from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
+from race_server.server.refusals import MOST_LINES, Refusals
 from race_server.server.steward import Steward
 from race_server.session import Session
 from race_server.start import free_address
@@ -49,6 +55,7 @@ from race_server.wire.lobby import (
     encode_join,
     encode_seat_act,
 )
+from race_server.wire.spectate import decode_events
 
 COURSE = ring(radius=6.0, half_width=0.7)
 SEAT, OTHER, SPECTATOR, STEWARD = roles_of(2)
@@ -311,12 +318,26 @@ def test_who_owns_a_seat_takes_it_up_once_its_old_link_is_gone() -> None:
     assert session.seats[1].fits(99)
 
 
-def test_a_refusal_is_counted_each_time_and_told_once(capsys: pytest.CaptureFixture[str]) -> None:
-    refusals = Refusals()
-    for _ in range(3):
-        refusals.note("control again", 2)
-    assert refusals["control again"] == 3
-    assert capsys.readouterr().err.count('reason="control again" seat=2') == 1
+def test_a_refusal_is_counted_each_time_and_told_once_for_each_seat() -> None:
+    stream = io.StringIO()
+    refusals = Refusals(Log(stream=stream))
+    for seat in (2, 2, -1, 2, -1):
+        refusals.note("control again", seat)
+    assert refusals["control again"] == 5
+    lines = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [line["event"] for line in lines] == ["refused for the first time"] * 2
+    assert [line.get("seat") for line in lines] == [2, None]
+
+
+def test_reasons_without_end_are_counted_but_not_all_told() -> None:
+    stream = io.StringIO()
+    refusals = Refusals(Log(stream=stream))
+    for number in range(1000):
+        refusals.note(f"reason {number}")
+    assert len(refusals) == 1000
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == MOST_LINES + 1
+    assert "more reasons" in lines[-1]
 
 
 def test_a_stewards_messages_survive_the_wire() -> None:
@@ -328,6 +349,62 @@ def test_a_stewards_messages_survive_the_wire() -> None:
 
 
 # Over the network
+
+
+@pytest.mark.net
+def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
+    tmp_path: Path,
+) -> None:
+    address, path = free_address(), tmp_path / "results.sqlite"
+    rules = Rules(laps=1, countdown_s=0.1, items=False)
+    session = Session("cup", Scenario(COURSE, karts=2, rules=rules))
+    amended: list[RaceResult] = []
+    heard: list[Event] = []
+    with (
+        Writer(Store(path), print) as writer,
+        ServerLink(address, "cup", 2) as link,
+        ClientLink(address, "cup") as steward,
+    ):
+        steward.listen(topics.EVENTS, lambda data: heard.extend(decode_events(data)[1]))
+        drivers = ("pure_pursuit", "follow_gap")
+        server = RaceServer(
+            session,
+            link,
+            LOCKSTEP,
+            drivers,
+            Keeper(writer),
+            token="token",
+            amended=amended.append,
+        )
+        result = server.run(0)
+        assert result is not None
+        server.reopen()
+        thread = threading.Thread(target=server.wait_in_lobby, args=(2,))
+        thread.start()
+        try:
+            winner, second = (row.seat for row in result.standings)
+            line = Marshal(steward, "token").decide("penalty", seat=winner, value=60.0)
+        finally:
+            server.stop()
+            thread.join(10.0)
+    assert line.endswith(f"seat {winner}, {drivers[winner]}, after the race")
+    (changed,) = amended
+    assert [row.seat for row in changed.standings] == [second, winner]
+    assert changed.standings[1].race_time_us == result.standings[0].race_time_us + 60_000_000
+    assert changed.standings[0].gap_us == 0 < changed.standings[1].gap_us
+    assert changed.digest == result.digest
+    assert changed.events[-1].kind is EventKind.PENALTY
+    assert changed.events[-1] in heard
+    (race,) = races(path)
+    assert [row["seat"] for row in race["entries"]] == [second, winner]
+    assert race["entries"][1]["penalty_us"] == 60_000_000
+
+
+def test_once_the_next_race_begins_a_result_stands() -> None:
+    session = racing()
+    session.phase = Phase.LOBBY
+    with pytest.raises(SeatError, match="no race is on"):
+        told(Steward(session, "token"), "penalty", 1, 5.0)
 
 
 @contextmanager

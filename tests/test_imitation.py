@@ -36,6 +36,7 @@ QUICK = (
     "lidar.rays=21",
     "network={layers = [32], activation = 'relu'}",
     "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 1, seconds = 3.0}",
+    "evaluation.final={names = ['oval']}",
     "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
     "warm_start.teacher=raceline",
     "warm_start.batch_size=256",

@@ -43,7 +43,7 @@ def learned(wanted: Settings) -> tuple[Marks, VecNormalize]:
     world = world_of(wanted, pace)
     learner = learner_of(wanted, world, pace, None)
     learner.learn(wanted.steps)
-    examiner = Examiner(wanted)
+    examiner = Examiner(wanted, wanted.evaluation.tracks, wanted.evaluation.first_seed)
     marks = examiner.examine(
         lambda seen: learner.predict(world.normalize_obs(seen), deterministic=True)[0]
     )

@@ -174,8 +174,8 @@ def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
             lambda: session.start(),
             lambda: session.drop(0),
             lambda: session.come_back(0),
-            lambda: server.refused.update(["too long"]),
-            lambda: server.refused.update(["too long"]),
+            lambda: server.refused.note("too long", 0),
+            lambda: server.refused.note("too long", 0),
         )
         for now, step in enumerate(steps):
             step()

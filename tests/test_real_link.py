@@ -11,11 +11,15 @@ from test_live import COURSE, free_address
 from agents.control_unit import ControlUnit
 from agents.onboard import Onboard, fence_of, take_part
 from agents.reflex import Command
+from plant.body import Body
+from plant.incident import Pace
 from plant.kart import Plant, Sensors
 from plant.radar import Surroundings
+from race_server.drills.mixed import _judge_both, way_to_stop
 from race_server.errors import SeatError
 from race_server.messages import Control, Trust
 from race_server.observe import Observation
+from race_server.params import KART_30, TT02
 from race_server.scenario.base import Rules, Scenario
 from race_server.seat import Seat, take_seat
 from race_server.server import LOCKSTEP, REAL, RaceServer
@@ -97,6 +101,37 @@ def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:
             take_seat(client, replace(join, tracked=False))
         server.stop()
         lobby.join(5.0)
+
+
+def test_a_kart_that_is_cut_off_has_as_far_to_stop_as_its_brakes_need() -> None:
+    # 0.35 s at 8.33 m/s are 2.9 m; then half of 7.36 m/s² of brakes: 9.5 m.
+    assert way_to_stop(KART_30, 30.0 / 3.6) == pytest.approx(12.4, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "doubts", "is_busy", "is_well"),
+    [
+        ("pedestrian", [], False, True),
+        ("pedestrian", ["silent"], False, False),
+        ("pedestrian", ["silent"], True, True),
+        ("pedestrian", ["jump"], True, False),
+        ("cut", ["silent"], False, True),
+        ("cut", ["stale", "silent"], False, False),
+    ],
+)
+def test_only_a_busy_machine_excuses_a_doubt_and_only_a_late_pose(
+    name: str, doubts: list[str], is_busy: bool, is_well: bool
+) -> None:
+    kart = {"worst_excess_share": 0.0, "slowdowns": 1}
+    part = {"seat": 2, "laps": 1, "items_used": 1, "kart": kart, "doubts": doubts}
+    assert (_judge_both({name: part}, is_busy=is_busy) == []) is is_well
+
+
+def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None:
+    pace, body = Pace(), Body(TT02, 0.0, 0.0, 0.0)
+    for speed, is_fast in ((2.0, True), (1.0, False), (1.8, True), (4.6, True), (3.0, False)):
+        body.speed = speed
+        assert pace.is_fast(body) is is_fast
 
 
 def test_the_fence_of_a_course_is_its_kerb() -> None:

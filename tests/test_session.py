@@ -12,6 +12,7 @@ from race_server.silence import (
     BRAKE_TICKS,
     COAST_TICKS,
     FRESH_TICKS,
+    SLOW_TICKS,
     STOP,
     Silence,
     control_under,
@@ -170,11 +171,24 @@ def test_a_kart_steers_on_until_it_is_to_stand() -> None:
     assert control_under(Silence.STOPPED, last) == STOP
 
 
+def test_a_slow_kart_goes_on_longer_unheard_but_never_drives_off_again() -> None:
+    session = racing()
+    session.take_control(0, 1, 1, session.tick, Control(throttle=0.5))
+    throttles = []
+    for _ in range(180):
+        session.advance(1)
+        throttles.append(float(session.world.karts["throttle"][0, 0]))
+    driven = throttles.count(0.5)
+    assert FRESH_TICKS + 10 < driven < FRESH_TICKS + SLOW_TICKS + 10
+    assert throttles == [0.5] * driven + [0.0] * (180 - driven)
+
+
 def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
     session = racing()
     session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
     brakes = []
     for _ in range(120):
+        session.world.karts["speed"][0, 0] = 3.0  # too fast for any grace
         session.advance(1)
         brakes.append(float(session.world.karts["brake"][0, 0]))
     assert [brakes[tick] for tick in (10, 25, 40, 110)] == [0.0, 0.0, 0.5, 1.0]
@@ -184,7 +198,7 @@ def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
 def test_a_driver_that_hangs_with_its_link_open_has_withdrawn() -> None:
     session = racing()
     session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
-    for _ in range(BRAKE_TICKS + AWAY_TICKS + 10):
+    for _ in range(SLOW_TICKS + BRAKE_TICKS + AWAY_TICKS + 10):
         session.advance(1)
     assert session.world.karts["status"][0, 0] == Status.RETIRED
     assert session.world.karts["status"][0, 1] == Status.RACING  # it never drove: nothing hangs

@@ -155,6 +155,30 @@ def test_silence_makes_a_kart_doubtful_then_parks_it_then_ends_its_race() -> Non
     assert tracker.doubt is Doubt.SILENT
 
 
+def test_at_the_start_a_kart_has_until_the_lights_go_out_to_be_heard() -> None:
+    tracker = Tracker(GATES).at_start(Pose(0, 0.0, 0.0, 0.0, 0.0), 0, lights_s=3.0)
+    tracker.follow(2_900_000)
+    assert tracker.trust is Trust.SIMULATED
+    tracker.follow(3_100_000)
+    assert tracker.trust is Trust.DOUBTFUL
+
+
+def test_a_kart_whose_race_is_over_may_leave() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    for second in range(1, 40):
+        tracker.follow(second * 1_000_000, is_racing=False)
+    assert tracker.trust is Trust.TRUSTED
+
+
+def test_poses_that_all_come_late_are_named_as_what_they_are() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    tracker.take(Pose(1_000_000, 0.0, 0.0, 0.0, 0.0), 1_380_000, is_inside=True)
+    tracker.follow(1_450_000)
+    assert (tracker.trust, tracker.doubt) == (Trust.DOUBTFUL, Doubt.STALE)
+
+
 def test_a_kart_comes_back_elsewhere_once_its_poses_agree_for_a_while() -> None:
     tracker = Tracker(GATES)
     standing(tracker, 0.0, 1.0)

@@ -25,6 +25,7 @@ from agents.training.tasks import training_task
 from race_server.driver import Briefing, driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.gap import RealityGap
+from race_server.env.presets import LEARNING_RULES
 from race_server.errors import DriverError, ScenarioError
 from race_server.observe import Observation
 from race_server.params import KART_60, TT02, Vehicle
@@ -37,7 +38,9 @@ QUICK = (
     "tracks={names = ['oval']}",
     "lidar.rays=21",
     "network.layers=[16]",
-    "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 2, seconds = 3.0}",
+    "evaluation={seeds = 2, times = 2, seconds = 3.0}",
+    "evaluation.tracks={names = ['oval']}",
+    "evaluation.final={names = ['oval']}",
     "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
 )
 
@@ -54,6 +57,9 @@ def policy_file(outcome: Outcome) -> Path:
     return outcome.folder / "policy.onnx"
 
 
+GEAR = np.array([np.radians(200.0), 8.0, 0.05])
+
+
 def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
     return Briefing(0, vehicle, 3, "lidar", decision_s, lidar_field=np.radians(200.0))
 
@@ -61,7 +67,7 @@ def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
 # Settings
 
 
-@pytest.mark.parametrize("name", ["time-trial", "race", "full"])
+@pytest.mark.parametrize("name", ["time-trial", "taught", "race", "full"])
 def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: Path) -> None:
     assert name in preset_names()
     settings = read_settings(name)
@@ -109,6 +115,7 @@ def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
 def test_no_course_to_be_tried_out_on_is_learned_on() -> None:
     sets = {name: set(names_of(Tracks(set=name))) for name in track_sets()}
     assert not sets["unseen"] & sets["train"]
+    assert not sets["validation"] & (sets["train"] | sets["unseen"])
     assert len(sets["train"]) >= 12
 
 
@@ -150,8 +157,8 @@ def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> Non
 
 
 def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:
-    (tmp_path / LATEST).write_bytes(b"\x80\x04nonsense")
-    with pytest.raises(ScenarioError, match=r"latest.pt: damaged"):
+    (tmp_path / BEST).write_bytes(b"\x80\x04nonsense")
+    with pytest.raises(ScenarioError, match=r"best.pt: damaged"):
         train(folder.settings_in(outcome.folder), tmp_path, resume=True)
 
 
@@ -198,16 +205,35 @@ def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> Non
     assert step > 5
 
 
+def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Path) -> None:
+    name = f"learned:{policy_file}"
+    scenario = replace(
+        training_task(read_settings("time-trial", QUICK)).scenarios[0],
+        karts=3,
+        rules=LEARNING_RULES,
+    )
+    task = Task((scenario,), learners=1, opponents=(name,), action="control")
+    batch, driver = Batch(task, worlds=2, seed=5), driver_named(name)
+    layout, view = batch.opponents[0].layout, batch.rig.views[1, 2]
+    driver.reset(briefing())
+    for step in range(30):
+        seen = Observation(step, layout, view[: layout.size].astype(np.float32))
+        own = numbers_of(driver.act(seen))
+        batch.step(np.zeros((2, 1, 4)))
+        assert batch.rig.controls[1, 2] == pytest.approx(own, abs=1e-6)
+    assert batch.world.karts[1, 2].speed > 0.1
+
+
 def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:
     from agents.learned import places_in
     from race_server.observe import layout_of
 
     nature = Policy(policy_file).nature
-    places = places_in(layout_of("lidar", 201), nature, np.radians(200.0), "it")
+    places = places_in(layout_of("lidar", 201), nature, GEAR, "it")
     assert places[:3].tolist() == [0, 10, 20]
     assert len(places) == nature.size
     with pytest.raises(DriverError, match="learned with 21 numbers of 'lidar', the race shows 200"):
-        places_in(layout_of("lidar", 200), nature, np.radians(200.0), "it")
+        places_in(layout_of("lidar", 200), nature, GEAR, "it")
 
 
 def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
@@ -259,3 +285,14 @@ def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> Non
     environment = {"RACE_SERVER_INTERPRET": "1", "PATH": "", "HOME": str(policy_file.parent)}
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.net
+def test_laps_of_a_policy_are_recorded(policy_file: Path, tmp_path: Path) -> None:
+    from agents.training.film import record_laps
+    from race_server.recording.reader import read_recording
+
+    made = record_laps(tmp_path, policy_file.absolute(), "oval", "tt02", seed=1)
+    assert made is not None
+    assert [path.name for path in tmp_path.iterdir()] == ["laps.mcap"]
+    assert read_recording(made).is_complete

@@ -241,6 +241,17 @@ def test_retire_policy_takes_a_kart_out_at_the_first_wall() -> None:
     assert world.karts["retired_for"][0, 0] == Retirement.CRASH
 
 
+def test_a_contact_in_the_first_ticks_counts_and_leaning_on_is_the_same_one() -> None:
+    world = make_world(scenario(karts=2))
+    first, second = world.karts[0]
+    second.x = first.x + 0.6 * np.cos(first.heading)
+    second.y = first.y + 0.6 * np.sin(first.heading)
+    second.heading = first.heading + np.pi
+    first.speed = second.speed = 2.0
+    advance(world, np.zeros((1, 2, 4)), 25)
+    assert list(world.karts["contacts"][0]) == [1, 1]
+
+
 def test_ghosts_drive_through_each_other() -> None:
     world = make_world(scenario(karts=2, rules=replace(QUICK, kart_contact="ghost")))
     world.karts["x"][0, 1], world.karts["y"][0, 1] = world.karts["x"][0, 0], 0.0

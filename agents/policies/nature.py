@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from race_server.env.actions import ACTIONS
+from race_server.env.actions import ACTIONS, RESIDUAL
 from race_server.errors import DriverError
 from race_server.observe import PART_NUMBERS, PRESETS
 
@@ -32,6 +32,7 @@ class Nature:
     seed: int
     settings: str  # digest of all settings of the training
     simulator: str  # version of this program
+    base: str = ""  # the driver that residual actions advise
     version: int = VERSION
 
     @property
@@ -73,7 +74,7 @@ def nature_of(metadata: Mapping[str, str], name: str) -> Nature:
 def _built(words: dict[str, Any], name: str) -> Nature:
     values: dict[str, Any] = {}
     for field in fields(Nature):
-        value = words.get(field.name)
+        value = words.get(field.name, "" if field.name == "base" else None)
         if isinstance(value, list):
             value = tuple(value)
         elif field.type is float and isinstance(value, int):
@@ -96,18 +97,25 @@ def _check(nature: Nature, name: str) -> None:
         raise DriverError(
             f"{name} answers with actions {nature.action!r}; known are {', '.join(ACTIONS)}"
         )
+    if (ACTIONS[nature.action] == RESIDUAL) != bool(nature.base):
+        raise DriverError(
+            f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; export it again"
+        )
     sizes_fit = len(nature.sizes) == len(nature.parts)
     if not sizes_fit or not all(isinstance(size, int) and size > 0 for size in nature.sizes):
         raise DriverError(f"{name}: {len(nature.parts)} parts of sizes {nature.sizes} do not fit")
 
 
-def preset_for(nature: Nature, name: str) -> str:
+def preset_for(nature: Nature, name: str, more: tuple[str, ...] = ()) -> str:
     """Return the smallest observation of a live race that holds all that a policy sees.
+
+    more: parts that the driver sees which it advises.
 
     Raises:
         DriverError: there is none.
     """
-    fitting = [preset for preset, parts in PRESETS.items() if set(nature.parts) <= set(parts)]
+    wanted = {*nature.parts, *more}
+    fitting = [preset for preset, parts in PRESETS.items() if wanted <= set(parts)]
     if not fitting:
         raise DriverError(f"{name} sees {', '.join(nature.parts)}: no observation holds them all")
     return min(fitting, key=lambda preset: len(PRESETS[preset]))

@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 
 from agents.policies.nature import INPUT, OUTPUT, Nature, nature_of
 from agents.policies.shelf import policy_bytes
-from race_server.env.actions import ACTIONS, CONTINUOUS, CONTROL, DISCRETE, INCREMENTS
+from race_server.env.actions import ACTIONS, WIDTHS
 from race_server.errors import DriverError
 
 Float32s = NDArray[np.float32]
-
-# Numbers of an action, by kind.
-WIDTHS = {CONTINUOUS: 3, INCREMENTS: 2, DISCRETE: 1, CONTROL: 4}
 
 
 class Policy:

@@ -39,6 +39,11 @@ def policy_path(name: str) -> Path:
     raise DriverError(f"policy {name!r} is unknown; known are {known}; or give an .onnx file")
 
 
+def name_of(run: Path) -> str:
+    """Return the name by which a run of training is found: its folder's, or the whole path."""
+    return run.name if run.absolute().parent == runs_folder().absolute() else str(run.absolute())
+
+
 def policy_names() -> list[str]:
     """Return the names of shipped policies and of runs that have one."""
     runs = {path.parent.name for path in runs_folder().glob(f"*/{POLICY}")}

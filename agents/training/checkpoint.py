@@ -15,8 +15,10 @@ from race_server.errors import ScenarioError
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 
 
-def save_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> None:
-    """Write where a training stands."""
+def save_checkpoint(
+    path: Path, learner: Any, world: VecNormalize, pace: Pace, score: float = 0.0
+) -> None:
+    """Write where a training stands, and what score the policy had if it was the best."""
     seen: Any = world.obs_rms  # one box, hence one set of means
     worth = world.ret_rms
     numbers = [
@@ -36,6 +38,7 @@ def save_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -
         "counters": {name: int(getattr(learner, name)) for name in COUNTERS},
         "seconds": pace.seconds,
         "done": pace.done,
+        "score": score,
     }
     # Written aside and moved: whoever is killed here leaves the checkpoint before whole.
     aside = path.with_suffix(".part")
@@ -43,8 +46,8 @@ def save_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -
     aside.replace(path)
 
 
-def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> None:
-    """Take a training up where a checkpoint left it.
+def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> float:
+    """Take a training up where a checkpoint left it; return the score that it was kept for.
 
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
@@ -62,6 +65,7 @@ def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -
         for name in COUNTERS:
             setattr(learner, name, content["counters"][name])
         pace.spent_s, pace.done = float(content["seconds"]), int(content["done"])
+        return float(content["score"])
     except FileNotFoundError as error:
         raise ScenarioError(f"{path}: no such checkpoint; give the folder of a run") from error
     except Exception as error:  # PyTorch's reader raises whatever a damaged file leads it to

@@ -4,7 +4,7 @@ import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 def train(
     preset: Annotated[
-        str, typer.Argument(help="time-trial, race, full, or a .toml file of settings.")
+        str, typer.Argument(help="time-trial, taught, race, full, or a .toml file of settings.")
     ] = "",
     track_set: Annotated[str, typer.Option(help="A named set of tracks: train, …")] = "",
     tracks: Annotated[str, typer.Option(help="Comma-separated names, instead of a set.")] = "",
-    minutes: Annotated[float | None, typer.Option(help="Learn for so long.")] = None,
-    steps: Annotated[int | None, typer.Option(help="Learn for so many decisions.")] = None,
+    minutes: Annotated[float | None, typer.Option(help="Learn for so long, in all.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Learn for so many decisions, in all.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of worlds and network.")] = None,
     algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or dqn.")] = "",
     worlds: Annotated[int | None, typer.Option(help="Races at once.")] = None,
@@ -66,7 +66,11 @@ def train(
         settings = read_settings(preset, words)
         place = folder.new_folder(Path(preset).stem, out)
     console.print(f"run: {place}", markup=False, soft_wrap=True)
-    with _bar(settings, console, quiet=as_json) as tell, warnings.catch_warnings():
+    with (
+        _left_clean(place),
+        _bar(settings, console, quiet=as_json) as tell,
+        warnings.catch_warnings(),
+    ):
         warnings.filterwarnings("ignore", module="stable_baselines3")
         outcome = train_it(
             settings,
@@ -118,6 +122,16 @@ def _run_folder(name: str) -> Path:
 
 
 @contextmanager
+def _left_clean(place: Path) -> Iterator[None]:
+    """Leave no empty folder behind where settings make no training."""
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            place.rmdir()
+
+
+@contextmanager
 def _bar(
     settings: "Settings", console: Console, *, quiet: bool
 ) -> Iterator[Callable[["News"], None]]:
@@ -139,10 +153,13 @@ def _bar(
             if news.marks is not None and not quiet:
                 console.print(
                     f"{100.0 * news.share:3.0f} %, {news.steps} decisions; {_words_of(news)}; "
-                    f"unseen: {_marks_in_words(news.marks)}",
+                    f"validation: {_marks_in_words(news.marks)}",
                     markup=False,
                     soft_wrap=True,
                 )
+
+            if news.ratings and not quiet:
+                console.print(f"ratings: {_ratings_in_words(news)}", markup=False, soft_wrap=True)
 
         yield tell
 
@@ -152,6 +169,10 @@ def _words_of(news: "News") -> str:
     crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
     lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
     return f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+
+
+def _ratings_in_words(news: "News") -> str:
+    return ", ".join(f"{one.driver} {one.mu:.1f} ± {2.0 * one.sigma:.1f}" for one in news.ratings)
 
 
 def _marks_in_words(marks: Any) -> str:
@@ -174,6 +195,8 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
         return
     from rich.table import Table
 
+    from agents.policies.shelf import name_of
+
     table = Table("track", title="the best policy on unseen courses", title_justify="left")
     for column in ("speed [m/s]", "crash rate", "laps", "best lap [s]", "return"):
         table.add_column(column, justify="right")
@@ -182,4 +205,8 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
         figures = (f"{row['speed']:.2f}", f"{row['crash_rate']:.2f}", f"{row['laps']:.1f}")
         table.add_row(row["track"], *figures, lap, f"{row['reward']:.1f}")
     Console().print(table)
-    console.print(f"drive it: race trial --drivers learned:{outcome.folder.name}", markup=False)
+    console.print(
+        f"drive it: race trial --drivers learned:{name_of(outcome.folder)}",
+        markup=False,
+        soft_wrap=True,
+    )

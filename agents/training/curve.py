@@ -21,6 +21,8 @@ class Point:
     tried_crash_rate: float | None = None
     tried_best_lap_s: float | None = None
     tried_reward: float | None = None
+    rating: float | None = None  # of the newest snapshot, in self-play
+    rating_sigma: float | None = None
 
 
 def append(path: Path, point: Point) -> None:

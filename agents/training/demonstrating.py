@@ -27,7 +27,7 @@ def demonstrate(
     out: Annotated[Path, typer.Option(help="The file.")] = Path("demonstrations.npz"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Record what a driver sees and does: `race demonstrate raceline --noise 0.2 --out laps.npz`.
+    """Record what a driver sees and does: `race demonstrate raceline --noise 0.1 --out laps.npz`.
 
     Learn from it: `race train time-trial --set warm_start.demonstrations=laps.npz`.
     """

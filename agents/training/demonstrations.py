@@ -37,6 +37,7 @@ class About:
     parts: tuple[str, ...]  # of an observation, in order
     lidar_rays: int
     lidar_field: float  # [rad]
+    lidar_reach: float  # [m]
     decision_s: float
     version: int = VERSION
 
@@ -148,7 +149,8 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         )
     try:
         layout = layout_of(about.parts, about.lidar_rays)
-        places = places_in(layout, nature, about.lidar_field, "the learner")
+        gear = np.array([about.lidar_field, about.lidar_reach, about.decision_s])
+        places = places_in(layout, nature, gear, "the learner")
     except RaceError as error:
         raise ScenarioError(f"{path}: {error}") from error
     actions = actions_of(shown.controls.astype(np.float64), kind)

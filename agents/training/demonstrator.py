@@ -87,6 +87,7 @@ def demonstrate(
         parts=PRESETS[EVERYTHING],
         lidar_rays=Lidar().rays,
         lidar_field=Lidar().field,
+        lidar_reach=Lidar().reach,
         decision_s=DECISION_S,
     )
     observations = np.concatenate([one.observations for one in shown]).astype(np.float32)

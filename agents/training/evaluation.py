@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.training.courses import names_of
-from agents.training.settings import Goal, Settings
+from agents.training.settings import Goal, Settings, Tracks
 from agents.training.tasks import decision_s, evaluation_tasks
 from race_server.env.batch import Batch
 from race_server.env.rig import STAY
@@ -49,19 +49,19 @@ class Examiner:
     """The worlds in which policies are tried out; they are made once."""
 
     settings: Settings
+    tracks: Tracks
+    first_seed: int
     batches: dict[str, Batch] = field(default_factory=dict)
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return names_of(self.settings.evaluation.tracks)
+        return names_of(self.tracks)
 
     def _batch(self, name: str) -> Batch:
         if not self.batches:
-            wanted = self.settings.evaluation
-            for track, task in evaluation_tasks(self.settings).items():
-                self.batches[track] = Batch(
-                    task, worlds=wanted.seeds, seed=wanted.first_seed, after=STAY
-                )
+            seeds = self.settings.evaluation.seeds
+            for track, task in evaluation_tasks(self.settings, self.tracks).items():
+                self.batches[track] = Batch(task, worlds=seeds, seed=self.first_seed, after=STAY)
         return self.batches[name]
 
     def examine(self, decide: Decide) -> list[Marks]:
@@ -72,7 +72,7 @@ class Examiner:
     def observations(self, decide: Decide, steps: int) -> NDArray[np.float32]:
         """Return what karts see that a policy drives, shape (n, size)."""
         batch = self._batch(self._names[0])
-        first = batch.reset(self.settings.evaluation.first_seed)
+        first = batch.reset(self.first_seed)
         seen = [first.reshape(-1, batch.layout.size).copy()]
         for _ in range(steps):
             batch.step(decide(seen[-1]))
@@ -81,7 +81,7 @@ class Examiner:
 
     def _examine_on(self, name: str, decide: Decide) -> Marks:
         batch = self._batch(name)
-        seen = batch.reset(self.settings.evaluation.first_seed)
+        seen = batch.reset(self.first_seed)
         learners = batch.learners
         begun = batch.world.karts["distance"][:, :learners].copy()
         times = np.zeros(begun.shape)

@@ -81,8 +81,11 @@ def export_policy(path: Path, learner: Any, world: VecNormalize, nature: Nature)
 
 
 def _normalise(graph: _Graph, world: VecNormalize) -> None:
-    """Add what `VecNormalize` does, in double precision as there."""
+    """Add what `Normaliser` does, in double precision as there."""
     numbers: Any = world.obs_rms
+    horizon = getattr(world, "horizon", np.float32(np.inf))
+    if np.isfinite(horizon):
+        graph.then("Clip", -horizon, horizon)
     graph.then("Cast", to=TensorProto.DOUBLE)
     graph.then("Sub", np.asarray(numbers.mean, np.float64))
     graph.then("Div", np.sqrt(np.asarray(numbers.var, np.float64) + world.epsilon))
@@ -148,6 +151,7 @@ def nature_from(settings: Settings, tracks: tuple[str, ...]) -> Nature:
         seed=settings.seed,
         settings=digest_of(settings),
         simulator=__version__,
+        base=settings.base,
     )
 
 

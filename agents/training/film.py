@@ -1,6 +1,6 @@
 """A recording of a learned policy: a few laps alone, in a session of its own."""
 
-from dataclasses import replace
+import tempfile
 from pathlib import Path
 
 from agents.training.courses import course_named
@@ -13,6 +13,7 @@ from race_server.session import Session
 from race_server.start import free_address
 from race_server.transport import ServerLink
 
+FILM = "laps.mcap"
 LAPS = 3
 LIMIT_S = 120.0
 
@@ -26,15 +27,15 @@ def record_laps(folder: Path, policy: Path, track: str, vehicle: str, seed: int)
     scenario = Scenario(
         course_named(track), karts=1, vehicles=(vehicle_named(vehicle),), rules=rules, seed=seed
     )
+    session, driver = Session("learned", scenario), f"learned:{policy}"
     said: list[str] = []
-    before = set(folder.glob("*.mcap"))
-    session, driver = Session("learned", replace(scenario)), f"learned:{policy}"
-    with (
-        Logbook(folder, "learned", said.append) as book,
-        ServerLink(free_address(), "learned", 1) as link,
-    ):
-        RaceServer(session, link, LOCKSTEP, (driver,), logbook=book).run(0)
-    new = sorted(set(folder.glob("*.mcap")) - before)
-    if session.phase is not Phase.FINISHED or not new:
-        return None
-    return new[-1].replace(folder / "laps.mcap")
+    with tempfile.TemporaryDirectory(dir=folder) as aside:
+        with (
+            Logbook(Path(aside), "learned", said.append) as book,
+            ServerLink(free_address(), "learned", 1) as link,
+        ):
+            RaceServer(session, link, LOCKSTEP, (driver,), logbook=book).run(0)
+        made = sorted(Path(aside).glob("*.mcap"))
+        if session.phase is not Phase.FINISHED or not made:
+            return None
+        return made[-1].replace(folder / FILM)

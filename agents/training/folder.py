@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from agents.policies.shelf import POLICY, runs_folder
+from agents.policies.shelf import POLICY, name_of, runs_folder
 from agents.training.evaluation import Marks
 from agents.training.settings import Settings
 from agents.training.sheet import as_toml, read_settings
@@ -78,12 +78,6 @@ def write_evaluation(folder: Path, marks: list[Marks], more: dict[str, Any]) -> 
     return document
 
 
-def read_evaluation(folder: Path) -> dict[str, Any]:
-    """Return what an earlier end of this run wrote; nothing if there was none."""
-    path = folder / EVALUATION
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-
-
 def _write_json(path: Path, document: dict[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
@@ -99,18 +93,18 @@ def write_readme(folder: Path, settings: Settings, evaluation: dict[str, Any]) -
 Learned by {settings.algorithm.name} in {evaluation["steps"]} decisions and \
 {evaluation["minutes"]:.1f} minutes, seed {settings.seed}.
 
-Do it again:
+Do it again, {_likeness(settings)}:
 
     race train {CONFIG}
 
-Go on with it:
+Go on with it, until it has learned for twice as long in all:
 
-    race train --resume {folder.name} --minutes 10
+    race train --resume {name_of(folder)} {_twice(settings)}
 
 Drive it:
 
-    race trial --drivers learned:{folder.name} --tracks covapsy-test-2023
-    race start --drivers learned:{folder.name},follow_gap --karts 4
+    race trial --drivers learned:{name_of(folder)} --tracks covapsy-test-2023
+    race start --drivers learned:{name_of(folder)},follow_gap --karts 4
 
 The best policy, tried out on {settings.evaluation.seeds} seeds from the start grid:
 
@@ -122,6 +116,19 @@ The best policy, tried out on {settings.evaluation.seeds} seeds from the start g
 {evaluation["decision_us"]:.0f} µs for a decision.
 """
     (folder / README).write_text(text, encoding="utf-8")
+
+
+def _likeness(settings: Settings) -> str:
+    """Return how much alike a repetition is: a clock never stops a training at the same place."""
+    if settings.steps is not None:
+        return f"to the bit with the versions in {VERSIONS}"
+    return "as far as a clock allows; with --steps it is the same to the bit"
+
+
+def _twice(settings: Settings) -> str:
+    if settings.steps is not None:
+        return f"--steps {2 * settings.steps}"
+    return f"--minutes {2.0 * (settings.minutes or 0.0):g}"
 
 
 def _lap(row: dict[str, Any]) -> str:

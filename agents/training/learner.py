@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from agents.training.courses import names_of
 from agents.training.curiosity import Curious
 from agents.training.gail import Discriminator
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.rewarded import Judge, Rewarded, width_of
 from agents.training.settings import Settings
@@ -32,7 +33,7 @@ _TAKEN = {
 TD3_NOISE = 0.1
 
 
-def world_of(settings: Settings, pace: Pace) -> VecNormalize:
+def world_of(settings: Settings, pace: Pace) -> Normaliser:
     """Return the karts that learn, with running means of what they see.
 
     Raises:
@@ -46,9 +47,8 @@ def world_of(settings: Settings, pace: Pace) -> VecNormalize:
         curriculum=Stages(settings, pace) if settings.curriculum else None,
     )
     gamma = settings.algorithm.options.get("gamma", 0.99)
-    return VecNormalize(
-        _judged(settings, karts), norm_reward=settings.algorithm.normalise_reward, gamma=gamma
-    )
+    rewards = settings.algorithm.normalise_reward
+    return Normaliser(_judged(settings, karts), settings.horizon, norm_reward=rewards, gamma=gamma)
 
 
 def _judged(settings: Settings, karts: VecEnv) -> VecEnv:

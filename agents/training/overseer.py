@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,9 @@ from agents.training.checkpoint import save_checkpoint
 from agents.training.curve import Point, append
 from agents.training.evaluation import Examiner, Marks
 from agents.training.pace import Pace
+from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
+from race_server.results.ratings import Rating
 
 CURVE, LATEST, BEST = "curve.csv", "latest.pt", "best.pt"
 TELL_S = 1.0  # between two looks at the figures
@@ -33,6 +35,7 @@ class News:
     crash_rate: float | None
     best_lap_s: float | None
     marks: Marks | None = None
+    ratings: tuple[Rating, ...] = ()  # where they have just changed, the strongest first
 
 
 Tell = Callable[[News], None]
@@ -49,12 +52,15 @@ class Overseer(BaseCallback):
         pace: Pace,
         tell: Tell,
         best_score: float = -np.inf,
+        self_play: SelfPlay | None = None,
     ) -> None:
         """Watch a training whose files go into `folder`."""
         super().__init__()
         self.settings = settings
         self.pace = pace
-        self.examiner = Examiner(settings)
+        self.self_play = self_play
+        tried = settings.evaluation
+        self.examiner = Examiner(settings, tried.tracks, tried.first_seed)
         self.best: list[Marks] = []
         self.best_score = best_score
         self.last: list[Marks] = []
@@ -81,7 +87,7 @@ class Overseer(BaseCallback):
         self.pace.done += decisions
         if time.monotonic() - self._told > TELL_S:
             self._look()
-        self._on_rollout_start()
+        self._examine_in_time()
 
     def _on_step(self) -> bool:
         self.pace.done += self.training_env.num_envs
@@ -91,6 +97,11 @@ class Overseer(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         # Between rollouts, so that no policy is tried out half-way through its lessons.
+        if self.self_play is not None and self.self_play.go_on(self.model, self.pace.done):
+            self._look(rated=True)
+        self._examine_in_time()
+
+    def _examine_in_time(self) -> None:
         if int(self.pace.share * self.settings.evaluation.times) > self._tries:
             self.examine()
 
@@ -103,19 +114,21 @@ class Overseer(BaseCallback):
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
             self.best, self.best_score = self.last, score
-            save_checkpoint(self._folder / BEST, self.model, self._world, self.pace)
+            save_checkpoint(self._folder / BEST, self.model, self._world, self.pace, score)
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 
-    def _look(self, marks: Marks | None = None) -> None:
+    def _look(self, marks: Marks | None = None, *, rated: bool = False) -> None:
         now = time.monotonic()
         if self.pace.done > self._told_steps:
             self._rate = (self.pace.done - self._told_steps) / max(now - self._told, 1e-6)
         self._told, self._told_steps = now, self.pace.done
         news = self._news(self._rate, marks)
+        if rated and self.self_play is not None:
+            news = replace(news, ratings=tuple(self.self_play.ratings))
         self._tell(news)
         row = int(self.pace.share * ROWS)
-        if marks is not None or row > self._rows:
+        if marks is not None or rated or row > self._rows:
             self._rows = row
             append(self._folder / CURVE, self._point(news))
 
@@ -134,6 +147,7 @@ class Overseer(BaseCallback):
 
     def _point(self, news: News) -> Point:
         marks = news.marks
+        rated = self.self_play.newest if self.self_play is not None else None
         return Point(
             minutes=self.pace.seconds / 60.0,
             steps=news.steps,
@@ -146,4 +160,6 @@ class Overseer(BaseCallback):
             tried_crash_rate=marks.crash_rate if marks else None,
             tried_best_lap_s=marks.best_lap_s if marks else None,
             tried_reward=marks.reward if marks else None,
+            rating=rated.mu if rated else None,
+            rating_sigma=rated.sigma if rated else None,
         )

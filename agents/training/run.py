@@ -14,19 +14,22 @@ from agents.policies.shelf import POLICY
 from agents.training import curve, folder
 from agents.training.checkpoint import load_checkpoint
 from agents.training.courses import names_of
-from agents.training.evaluation import Marks
+from agents.training.evaluation import Examiner, Marks
 from agents.training.export import MOST_DIFFERENCE, difference, export_policy, nature_from
 from agents.training.film import record_laps
 from agents.training.imitation import Imitation
 from agents.training.learner import learner_of, world_of
+from agents.training.lines import Say
 from agents.training.overseer import BEST, CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
 from agents.training.schedule import Schedule
+from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
 from race_server.errors import RaceError, ScenarioError
 
 PARITY_STEPS = 200  # decisions whose observations the file and the learner are compared on
 TIMED = 2000  # decisions that are timed
+FRESH_SEEDS = 100_000  # the last evaluation's seeds lie so far behind those that chose the policy
 
 
 @dataclass
@@ -57,13 +60,15 @@ def train(
     learner = learner_of(settings, world, pace, str(place / "tensorboard") if tensorboard else None)
     best_score = -np.inf
     if resume:
+        best_score = load_checkpoint(place / BEST, learner, world, pace)
         load_checkpoint(place / LATEST, learner, world, pace)
-        best_score = folder.read_evaluation(place).get("score", -np.inf)
+        # Other worlds and other chances than at the beginning.
+        learner.set_random_seed(settings.seed + pace.done)
     folder.begin(place, settings)
-    overseer = Overseer(settings, place, world, pace, tell, best_score)
-    imitation = _imitation(settings, learner, world, pace, say)
+    played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
+    overseer = Overseer(settings, place, world, pace, tell, best_score, played)
     try:
-        stopped = _learn(learner, overseer, Schedule(settings, pace), imitation)
+        stopped = _learn(settings, learner, world, overseer, say)
         overseer.examine()
         pace.stop()
         spent = pace.seconds, pace.done
@@ -76,35 +81,34 @@ def train(
     return Outcome(place, document, stopped)
 
 
-def _imitation(
-    settings: Settings, learner: Any, world: VecNormalize, pace: Pace, say: Callable[[str], None]
-) -> Imitation | None:
-    """Return the warm start, if there is one that is not over yet."""
-    warm = settings.warm_start
-    if not warm.is_wanted or pace.share >= warm.share:
-        return None
-    return Imitation(settings, learner, world, say)
-
-
 def _learn(
-    learner: Any, overseer: Overseer, schedule: Schedule, imitation: Imitation | None
+    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
 ) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
     pace = overseer.pace
-    pace.start()
-    if pace.is_over:
-        return False
     try:
-        if imitation is not None:
-            overseer.init_callback(learner)
-            imitation.go(pace, overseer.imitated)
-            imitation.close()
+        if settings.warm_start.is_wanted and pace.share < settings.warm_start.share:
+            _imitate(settings, learner, world, overseer, say)
+        pace.start()
         if not pace.is_over:
-            callbacks = [overseer, schedule]
+            callbacks = [overseer, Schedule(settings, pace)]
             learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True
     return False
+
+
+def _imitate(
+    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+) -> None:
+    overseer.init_callback(learner)
+    imitation = Imitation(settings, learner, world, say)
+    overseer.pace.start()
+    try:
+        imitation.go(overseer.pace, overseer.imitated)
+    finally:
+        overseer.pace.stop()
+        imitation.close()
 
 
 def _conclude(
@@ -120,22 +124,25 @@ def _conclude(
     path = place / POLICY
     export_policy(path, learner, world, nature_from(settings, names_of(settings.tracks)))
     policy = Policy(path)
-    seen = overseer.examiner.observations(policy.decide, PARITY_STEPS)
+    tried = settings.evaluation
+    examiner = Examiner(settings, tried.final, tried.first_seed + FRESH_SEEDS)
+    seen = examiner.observations(policy.decide, PARITY_STEPS)
     parity = difference(policy, learner, world, seen)
     if parity > MOST_DIFFERENCE:
         raise ScenarioError(
             f"{path} answers otherwise than the learner, by {parity:.1e}; at most "
             f"{MOST_DIFFERENCE:g} is rounding: report this with {folder.CONFIG}"
         )
-    marks = overseer.examiner.examine(policy.decide)
+    marks = examiner.examine(policy.decide)
+    examiner.close()
     document = folder.write_evaluation(
         place,
         marks,
         {
             "score": overseer.best_score,
-            "scored_by": settings.evaluation.score,
-            "seeds": settings.evaluation.seeds,
-            "seconds": settings.evaluation.seconds,
+            "scored_by": tried.score,
+            "seeds": tried.seeds,
+            "seconds": tried.seconds,
             "parity": parity,
             "compared_observations": len(seen),
             "decision_us": decision_us(policy, seen),

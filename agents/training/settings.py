@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+LEARNER = "learner"  # in the seats of self-play
 Range = tuple[float, float]
 
 
@@ -63,6 +64,23 @@ class Race(_Table):
     rules: dict[str, Any] = {}
 
 
+class SelfPlay(_Table):
+    """Who sits in which seat of a race, drawn anew for each stretch of the training.
+
+    A seat is `learner`, `pool`, or the name of a driver. The pool: anchors, and snapshots of the
+    learner as it once was.
+    """
+
+    seats: tuple[str, ...] = ()  # of all karts; none: there is no self-play
+    anchors: tuple[str, ...] = ("raceline", "idm", "follow_gap")
+    stretch: int = Field(default=200_000, ge=1)  # decisions of learning karts
+    snapshot: int = Field(default=400_000, ge=1)  # decisions from one snapshot to the next
+    snapshots: int = Field(default=6, ge=1)  # that stay in the pool: the first and the newest
+    share: float = Field(default=0.5, ge=0.0, le=1.0)  # of the pool's seats that snapshots take
+    races: int = Field(default=4, ge=1)  # that rate each snapshot
+    laps: int = Field(default=2, ge=1)  # of those races
+
+
 class Episode(_Table):
     """Where an episode begins and ends."""
 
@@ -88,9 +106,10 @@ class Stage(_Table):
 
 
 class Evaluation(_Table):
-    """How the policy is tried out during training: elsewhere, and under other seeds."""
+    """How the policy is tried out: on courses and seeds that it does not learn on."""
 
-    tracks: Tracks = Tracks(set="unseen")
+    tracks: Tracks = Tracks(set="validation")  # during training: they say which policy is the best
+    final: Tracks = Tracks(set="unseen")  # at the end, under seeds of their own: how good it is
     seeds: int = Field(default=4, ge=1)
     first_seed: int = Field(default=10_000, ge=0)
     times: int = Field(default=10, ge=1)  # during a training, the end included
@@ -176,13 +195,18 @@ class Settings(_Table):
     threads: int = Field(default=1, ge=1)  # of the worlds and of PyTorch
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
-    action: Literal["continuous", "report_b", "discrete", "control"] = "continuous"
+    action: Literal["continuous", "report_b", "discrete", "control", "residual"] = "continuous"
+    base: str = ""  # the driver that residual actions advise
+    # What is seen is cut to this before it is normalised: nobody near is 1000 m away, which
+    # would make all that is near look alike.
+    horizon: float | None = Field(default=None, gt=0.0)
     reward: str | dict[str, float] = "progress"
     algorithm: Algorithm = Algorithm()
     network: Network = Network()
     lidar: Lidar = Lidar()
     gap: Gap = Gap()
     race: Race = Race()
+    self_play: SelfPlay = SelfPlay()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from agents.training.settings import Settings
+from agents.training.settings import LEARNER, Settings
 from race_server.errors import ScenarioError
 
 PRESETS = Path(__file__).parent / "presets"
@@ -58,6 +58,7 @@ def settings_of(words: Words, source: str) -> Settings:
         raise ScenarioError(
             f"{source}: minutes = {settings.minutes}, steps = {settings.steps}: give one of the two"
         )
+    _check_seats(settings, source)
     is_discrete = settings.action == "discrete"
     if (settings.algorithm.name == "dqn") != is_discrete and settings.algorithm.name != "ppo":
         raise ScenarioError(
@@ -65,6 +66,16 @@ def settings_of(words: Words, source: str) -> Settings:
             f"{settings.action!r}: dqn needs discrete actions, sac and td3 others, ppo takes all"
         )
     return settings
+
+
+def _check_seats(settings: Settings, source: str) -> None:
+    seats, race = settings.self_play.seats, settings.race
+    learners = seats.count(LEARNER)
+    if seats and (len(seats), learners) != (race.karts, race.learners):
+        raise ScenarioError(
+            f"{source}: self_play.seats names {len(seats)} karts, {learners} of them learners; "
+            f"race.karts = {race.karts}, race.learners = {race.learners}: make them agree"
+        )
 
 
 def _sentence(error: ValidationError, source: str) -> str:

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from agents.training.courses import course_named, names_of
-from agents.training.settings import Settings
+from agents.training.settings import Settings, Tracks
 from race_server.env.batch import Task
 from race_server.env.gap import RealityGap
 from race_server.env.presets import LEARNING_RULES
@@ -26,8 +26,8 @@ def training_task(settings: Settings) -> Task:
     return _task(settings, scenarios)
 
 
-def evaluation_tasks(settings: Settings) -> dict[str, Task]:
-    """Return a task for each track that a policy is tried out on, from its start grid.
+def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
+    """Return a task for each track that a policy is to be tried out on, from its start grid.
 
     Raises:
         RaceError: a track does not exist.
@@ -35,10 +35,19 @@ def evaluation_tasks(settings: Settings) -> dict[str, Task]:
     steps = round(settings.evaluation.seconds / decision_s())
     return {
         name: replace(
-            _task(settings, (_scenario(settings, name),)), random_start=False, most_steps=steps
+            _task(settings, (_from_the_middle(_scenario(settings, name)),)),
+            random_start=False,
+            most_steps=steps,
         )
-        for name in names_of(settings.evaluation.tracks)
+        for name in names_of(tracks)
     }
+
+
+def _from_the_middle(scenario: Scenario) -> Scenario:
+    """Return a scenario in which the first kart does not start first: others are to be passed."""
+    karts = scenario.karts
+    order = tuple((kart + karts // 2) % karts for kart in range(karts))
+    return replace(scenario, grid_order=order)
 
 
 def decision_s() -> float:
@@ -50,10 +59,12 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
     race, episode = settings.race, settings.episode
     return Task(
         scenarios,
-        opponents=race.opponents,
+        opponents=race.opponents
+        or (settings.self_play.anchors if settings.self_play.seats else ()),
         learners=race.learners,
         observation=settings.observation,
         action=settings.action,
+        base=settings.base,
         reward=settings.reward,
         gap=RealityGap(**settings.gap.model_dump()),
         decision_ticks=DECISION_TICKS,

@@ -19,6 +19,7 @@ Seed = Annotated[int, typer.Option(help="Of the moments that are chosen at rando
 @app.command()
 def crash(
     times: Annotated[int, typer.Option(min=1, help="So often the server is killed.")] = 10,
+    real: Annotated[int, typer.Option(min=0, max=4, help="So many of the eight exist.")] = 0,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -26,7 +27,7 @@ def crash(
     from race_server.drills.crash import drill_crash
 
     with progress("killing the server", times) as tell:
-        document = drill_crash(times, seed=seed, tell=tell)
+        document = drill_crash(times, real=real, seed=seed, tell=tell)
     finish(document, as_json=as_json)
 
 
@@ -42,6 +43,7 @@ def deny(as_json: AsJson = False) -> None:
     finish(document, as_json=as_json)
 
 
+@app.command()
 def hostile(
     messages: Annotated[int, typer.Option(min=1000, help="So many are sent and decoded.")] = 20_000,
     rate: Annotated[int, typer.Option(min=1, help="So many a second.")] = 5000,
@@ -61,10 +63,11 @@ def network(
     loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.2,
     delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 100.0,
     jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 50.0,
+    track: Annotated[str, typer.Option(help="Course.")] = "oval-report",
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3,
     drivers: Annotated[
         str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
-    ] = "pure_pursuit",
+    ] = "pure_pursuit,follow_gap,avoider",
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -76,8 +79,29 @@ def network(
     names = known_drivers(drivers) or DRIVERS
     weather = Weather(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
-        document = drill_network(weather, laps=laps, drivers=names, seed=seed, tell=tell)
+        document = drill_network(
+            weather, track=track, laps=laps, drivers=names, seed=seed, tell=tell
+        )
     finish(document, as_json=as_json, rows="drivers")
+
+
+@app.command()
+def sites(
+    delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 20.0,
+    jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 5.0,
+    loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.0,
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 2,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Race four karts of two halls against each other, over a network between them; needs root."""
+    from race_server.drills.sites import drill_sites
+    from race_server.drills.wire import Weather
+
+    weather = Weather(loss, delay / 1e3, jitter / 1e3)
+    with progress("racing", None) as tell:
+        document = drill_sites(weather, laps=laps, seed=seed, tell=tell)
+    finish(document, as_json=as_json, rows="karts")
 
 
 @app.command()

@@ -23,6 +23,7 @@ from race_server.messages import Flag, Phase, Standing, Status
 if TYPE_CHECKING:
     from race_server.reception import Reception
     from race_server.results.writer import Writer
+    from race_server.start import Plan
 
 MIXED = ("pure_pursuit", "follow_gap", "avoider")
 
@@ -78,6 +79,9 @@ def start(
     ] = 0,
     listen: Listen = "",
     session: SessionName = "race",
+    races: Annotated[
+        int, typer.Option(min=1, help="So many races, one after another; then ratings are shown.")
+    ] = 1,
     results: Results = "",
     record: Record = "",
     as_json: AsJson = False,
@@ -111,11 +115,35 @@ def start(
         in_process=one_process,
         real=tuple(Real(seat) for seat in spread(mixed, karts)),
     )
+    if races > 1:
+        _start_series(plan, races, seed, console, as_json=as_json)
+        return
     document = run_race(plan, console)
     if as_json:
         print(json.dumps(document))
     else:
         show_result(document, track, laps, session)
+
+
+def _start_series(
+    plan: "Plan", races: int, seed: int, console: Console, *, as_json: bool
+) -> None:
+    """Run several races and show who is how strong."""
+    from race_server.series import rating_table, run_series
+    from race_server.start import run_race
+
+    def run(one: "Plan", number: int) -> dict[str, Any]:
+        document = run_race(one, console)
+        best = min(document["karts"], key=lambda kart: kart["rank"])
+        text = f"race {number + 1} of {races}, seed {seed + number}: won by {best['driver']}"
+        console.print(text, style="dim", markup=False, soft_wrap=True)
+        return document
+
+    found = run_series(plan, races, seed, run)
+    if as_json:
+        print(json.dumps(found))
+    else:
+        console.print(rating_table(found["ratings"], races))
 
 
 def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: Console) -> None:
@@ -218,6 +246,9 @@ def drive(
     ] = -1,
     keys: KeysFolder = None,
     patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
+    raw: Annotated[
+        bool, typer.Option("--raw", help="Make no allowance for a slow network.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON document on stdout: what was heard.")
     ] = False,
@@ -240,6 +271,7 @@ def drive(
         wanted=given.seat(seat),
         timeout_s=patience,
         keys=given.keys,
+        raw=raw,
         reception=reception if as_json or console.is_terminal else None,
     )
     if console.is_terminal:

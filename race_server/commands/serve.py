@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from race_server.recording.logbook import Logbook
     from race_server.recording.reader import Recording
     from race_server.results.keeper import Keeper
-    from race_server.scenario.base import Scenario
+    from race_server.scenario.base import Rules, Scenario
     from race_server.session import Session
 
 # Encrypted, to all of this machine's networks.
@@ -64,7 +64,14 @@ def serve(
         int,
         typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
     ] = -1,
+    finish_limit: Annotated[
+        float, typer.Option(min=0.0, help="s after the winner in which others may finish; 0: all.")
+    ] = 100.0,
     once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
+    review: Annotated[
+        float,
+        typer.Option(min=0.0, help="With --once: s after it in which stewards may add penalties."),
+    ] = 0.0,
     result: Annotated[
         Path | None, typer.Option(help="Write the result of the last race to this file.")
     ] = None,
@@ -108,6 +115,7 @@ def serve(
     """
     from race_server.admission.settings import Door, check_door
     from race_server.kernels.jit import is_compiled
+    from race_server.scenario.base import Rules
     from race_server.server import LOCKSTEP, REAL
     from race_server.server.rehearsal import warm_up
 
@@ -119,7 +127,8 @@ def serve(
         raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
     log = Log(as_json=log_json)
     fillers = known_drivers(fill)
-    scenario = _scenario(track, vehicle, karts, laps, seed, fillers, log, items, catch_up)
+    rules = Rules(laps=laps, items=items, catch_up=catch_up, finish_limit_s=finish_limit)
+    scenario = _scenario(track, vehicle, karts, rules, seed, fillers, log)
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about half a minute")
     warm_up(scenario, fillers)
@@ -135,6 +144,7 @@ def serve(
         record,
         result,
         once,
+        review,
         metrics,
         as_json,
         held,
@@ -166,6 +176,7 @@ class Service:
     record: str
     result: Path | None
     once: bool
+    review: float  # [s]
     metrics: int | None  # port
     as_json: bool
     keys: "ServerKeys | None"  # None: closed to other machines
@@ -206,7 +217,17 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
         real_time = service.pace == REAL
         link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
         token = keys.token if keys else stack.enter_context(local_token(address, name))
-        server = RaceServer(race, link, service.pace, service.fillers, keeper, logbook, token, log)
+        server = RaceServer(
+            race,
+            link,
+            service.pace,
+            service.fillers,
+            keeper,
+            logbook,
+            token,
+            log,
+            amended=lambda result: _tell(result.as_json(), race, service),
+        )
         stopped = _stop_on_signals(server)
         log.say(
             "listening",
@@ -228,7 +249,7 @@ def _serve(service: Service, log: Log, *, fresh: bool) -> None:
                 break
             _tell(outcome.as_json(), race, service)
             if service.once:
-                server.see_off()
+                server.see_off(service.review)
                 break
             server.reopen()
 
@@ -247,26 +268,24 @@ def _scenario(
     track: str,
     vehicle: str,
     karts: int,
-    laps: int,
+    rules: "Rules",
     seed: int,
     fillers: tuple[str, ...],
     log: Log,
-    items: bool,
-    catch_up: bool,
 ) -> "Scenario":
     """Return the race that is wanted, with a line to drive along where one is known."""
     from race_server.driver import driver_named
     from race_server.limit.line import with_line
     from race_server.observe import wants_line
     from race_server.params import vehicle_named
-    from race_server.scenario.base import Rules, Scenario
+    from race_server.scenario.base import Scenario
     from race_server.track.load import load_course
 
     scenario = Scenario(
         load_course(track),
         karts=karts,
         vehicles=(vehicle_named(vehicle),),
-        rules=Rules(laps=laps, items=items, catch_up=catch_up),
+        rules=rules,
         seed=seed,
     )
     wanted = any(wants_line(driver_named(name).preset) for name in fillers)

@@ -1,6 +1,7 @@
 """The server is killed in the middle of races, again and again; no lap may be lost.
 
-Each race is a real server with its guard and eight driver processes. A spectator hears what is
+Each race is a real server with its guard and eight driver processes; some of the karts may be real
+ones, played by plants, which have to be believed again each time. A spectator hears what is
 announced, and the drill holds every lap that was announced against the result, the recording and
 the results file at the end.
 """
@@ -24,7 +25,7 @@ from race_server.messages import EventKind, Phase
 from race_server.recording.reader import read_recording
 from race_server.recording.rerun import Rerun
 from race_server.results.queries import all_laps
-from race_server.start import START_S, Team, free_address, team
+from race_server.start import START_S, Team, free_address, spread, team
 from race_server.transport import ClientLink
 from race_server.wire import topics
 from race_server.wire.spectate import decode_events, decode_snapshot
@@ -74,21 +75,22 @@ class RaceReport:
     kills: int = 0
     resume_s: list[float] = field(default_factory=list)
     lost_ticks: list[int] = field(default_factory=list)
+    real_laps: int = 0
     faults: list[str] = field(default_factory=list)
 
 
 def drill_crash(
-    times: int, *, seed: int = 1, tell: Callable[[int], None] = lambda _: None
+    times: int, *, real: int = 0, seed: int = 1, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
     """Kill a racing server so many times and return the figures.
 
-    tell: is told the number of kills so far.
+    real: so many of the karts exist; tell: is told the number of kills so far.
     """
     chance = random.Random(seed)
     reports: list[RaceReport] = []
     while (done := sum(report.kills for report in reports)) < times:
         tell(done)
-        report = _race(times - done, chance, partial(_tell_sum, tell, done))
+        report = _race(times - done, real, chance, partial(_tell_sum, tell, done))
         reports.append(report)
         if report.kills == 0 and not report.faults:
             report.faults.append("a race ended before the server could be killed")
@@ -105,6 +107,8 @@ def drill_crash(
         "kills": sum(report.kills for report in reports),
         "races": len(reports),
         "karts": KARTS,
+        "real_karts": real,
+        "real_laps": sum(report.real_laps for report in reports),
         "resumed": len(resumes),
         "laps_lost": sum("lap" in fault for fault in faults),
         "resume_s_median": round(statistics.median(resumes), 3) if resumes else None,
@@ -118,34 +122,36 @@ def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
     tell(before + kills)
 
 
-def _race(most: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
+def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
     """Run one race, killing its server up to `most` times, and check what is left of it."""
     report = RaceReport()
     with tempfile.TemporaryDirectory(prefix="drill-") as folder, team() as group:
         place = Path(folder)
         address = free_address()
         with (place / "log").open("wb") as log:
-            _start(group, address, place, log)
+            _start(group, address, real, place, log)
             try:
                 spectator, link = _watch(address)
                 with link:
                     _kill_and_wait(group, spectator, report, most, chance, tell)
                     _wait(lambda: group.processes[0].poll() is not None, START_S, "end")
-                _check(place, spectator, report)
+                _check(place, spectator, spread(real, KARTS), report)
             except RaceError as error:
                 report.faults.append(f"{error}; {_tail(place / 'log')}")
     return report
 
 
-def _start(group: Team, address: str, place: Path, log: Any) -> None:
+def _start(group: Team, address: str, real: int, place: Path, log: Any) -> None:
     serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(LAPS), "--once"]
     serve += ["--listen", address, "--session", "drill", "--record", str(place)]
     serve += ["--results", str(place / "results.sqlite"), "--result", str(place / "result.json")]
     group.start(serve, log)
     for seat in range(KARTS):
         name = DRIVERS[seat % len(DRIVERS)]
-        drive = ["drive", name, "--connect", address, "--session", "drill", "--seat", str(seat)]
-        group.start([*drive, "--patience", str(START_S)], log)
+        ask = ["--connect", address, "--session", "drill", "--seat", str(seat)]
+        ask += ["--patience", str(START_S)]
+        plant = ["plant", "--driver", name, "--seed", str(seat + 1)]
+        group.start([*(plant if seat in spread(real, KARTS) else ["drive", name]), *ask], log)
 
 
 def _watch(address: str) -> tuple[Spectator, ClientLink]:
@@ -204,7 +210,7 @@ def _wait(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
         time.sleep(0.002)
 
 
-def _check(place: Path, spectator: Spectator, report: RaceReport) -> None:
+def _check(place: Path, spectator: Spectator, real: tuple[int, ...], report: RaceReport) -> None:
     """Hold what was announced against result, recording and results file."""
     result = place / "result.json"
     if not result.exists():
@@ -216,6 +222,10 @@ def _check(place: Path, spectator: Spectator, report: RaceReport) -> None:
         for kart in document["karts"]
         for number, time_us in enumerate(kart["lap_times_us"], 1)
     }
+    real_laps = {seat: sum(lap[0] == seat for lap in driven) for seat in real}
+    report.real_laps = sum(real_laps.values())
+    if standing := [str(seat) for seat, laps in real_laps.items() if laps == 0]:
+        report.faults.append(f"real karts finished no lap: seats {', '.join(standing)}")
     kept = {(r["seat"], r["lap"], r["time_us"]) for r in all_laps(place / "results.sqlite")}
     (path,) = place.glob("drill-*.mcap")
     recording = read_recording(path)

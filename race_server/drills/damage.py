@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from race_server.errors import WireError
-from race_server.messages import Button, Control
+from race_server.messages import Button, Control, Pose
 from race_server.wire import topics
+from race_server.wire.admin import Decision, decode_decision, encode_decision
 from race_server.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.wire.lobby import Join, SeatAct, decode_join, decode_seat_act, encode_join
 from race_server.wire.lobby import encode_seat_act as encode_act
+from race_server.wire.pose import PoseFrame, decode_pose, encode_pose
 from race_server.wire.topics import Topic
 
 # Words at which readers of offsets and counts stumble.
@@ -34,12 +36,17 @@ class Inbound:
 def inbound() -> tuple[Inbound, ...]:
     """Return all inbound topics that carry a message."""
     control = ControlFrame(1, 7, 90, Control(0.25, 0.5, 0.0, Button.USE_ITEM))
+    pose = PoseFrame(1, 7, 3, Pose(99, 1.0, 2.0, 0.5, 3.0, deviation=0.1, quality=0.9))
     act = encode_act(SeatAct(3, 12345))
+    decision = encode_decision(Decision("0" * 32, "penalty", 3, 5.0, 1 << 40, "mallory"))
     return (
         Inbound(topics.CONTROL, encode_control(control), decode_control),
+        Inbound(topics.POSE, encode_pose(pose), decode_pose),
         Inbound(topics.JOIN, encode_join(Join("mallory", "lidar", 2, 99)), decode_join),
         Inbound(topics.READY, act, decode_seat_act),
         Inbound(topics.LEAVE, act, decode_seat_act),
+        Inbound(topics.ACT, decision, decode_decision),
+        Inbound(topics.ACTS, decision, decode_decision),
     )
 
 

@@ -6,6 +6,7 @@ Those who attack speak zenoh themselves and keep to none of our client's rules.
 
 import contextlib
 import io
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from race_server.drills.intruder import Ears
 from race_server.drills.report import Finding, document_of
 from race_server.drills.stage import Stage, staged
 from race_server.errors import LinkError
+from race_server.logs import Log
 from race_server.seat import Seat, take_seat
 from race_server.transport import ClientLink
 from race_server.wire import topics
@@ -53,17 +55,17 @@ class Scene:
 def drill_deny() -> dict[str, Any]:
     """Return the document of `race drill deny`."""
     begun = time.perf_counter()
-    log = io.StringIO()
-    with contextlib.redirect_stderr(log):
-        findings = list(_closed_doors())
-        with _scene() as scene:
+    said = io.StringIO()
+    findings = list(_closed_doors())
+    with Log(stream=said) as log:
+        with _scene(log) as scene:
             for part in (*_PARTS, logins.try_full_house):
                 part(scene)
             refused = dict(scene.stage.server.refused)
         findings += scene.findings
-        with staged(1, 1, "tcp") as stage:
-            findings += logins.try_passwords_only(stage)
-    findings.append(_told_once(log.getvalue()))
+    findings.append(_told_once(said.getvalue()))
+    with staged(1, 1, "tcp") as stage:
+        findings += logins.try_passwords_only(stage)
     seconds = round(time.perf_counter() - begun, 1)
     return document_of(findings, acts=len(findings), seconds=seconds, refused=refused)
 
@@ -84,9 +86,9 @@ _PARTS: tuple[Callable[[Scene], None], ...] = (
 
 
 @contextlib.contextmanager
-def _scene() -> Iterator[Scene]:
+def _scene(log: Log) -> Iterator[Scene]:
     """Start a race of honest drivers with an honest spectator."""
-    with staged(SEATS, SPECTATORS) as stage, contextlib.ExitStack() as stack:
+    with staged(SEATS, SPECTATORS, log=log) as stage, contextlib.ExitStack() as stack:
         arrived, told = Ears(), Ears()
         stage.server.link.overhear(arrived.hear_at)
         links = [stack.enter_context(stage.link(f"seat-{seat}")) for seat in range(SEATS)]
@@ -117,10 +119,11 @@ def _closed_doors() -> Iterator[Finding]:
 
 def _told_once(log: str) -> Finding:
     """Return whether each kind of refusal has one line in the log."""
-    lines = [line.split("event=refused", 1)[1] for line in log.splitlines() if "refused" in line]
-    twice = sorted({line for line in lines if lines.count(line) > 1})
-    missing = [word for word in ("second login", "again") if not any(word in x for x in lines)]
-    seen = f"{len(lines)} lines"
+    rows = [json.loads(line) for line in log.splitlines()]
+    told = [f"{r['reason']} of {r.get('seat')}" for r in rows if r["event"].startswith("refused")]
+    twice = sorted({words for words in told if told.count(words) > 1})
+    missing = [word for word in ("second login", "again") if not any(word in x for x in told)]
+    seen = f"{len(told)} lines"
     seen += f", twice: {twice}" if twice else ""
     seen += f", missing: {missing}" if missing else ""
     return Finding("refusals in the log", "one line each", seen, not twice and not missing)

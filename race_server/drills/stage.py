@@ -10,6 +10,7 @@ from pathlib import Path
 
 from race_server.admission.issue import Order, issue_keys
 from race_server.admission.keys import ClientKeys, read_client_keys, read_server_keys
+from race_server.logs import Log
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import REAL, RaceServer
 from race_server.server.rehearsal import warm_up
@@ -47,7 +48,9 @@ def free_port() -> int:
 
 
 @contextmanager
-def staged(seats: int, spectators: int, protocol: str = "tls") -> Iterator[Stage]:
+def staged(
+    seats: int, spectators: int, protocol: str = "tls", log: Log | None = None
+) -> Iterator[Stage]:
     """Serve an open session in its lobby; drivers who get ready race without end of laps."""
     with tempfile.TemporaryDirectory(prefix="race-drill-") as name:
         folder, port = Path(name, "keys"), free_port()
@@ -59,7 +62,7 @@ def staged(seats: int, spectators: int, protocol: str = "tls") -> Iterator[Stage
         session = Session(SESSION, scenario)
         address = f"{protocol}/127.0.0.1:{port}"
         with ServerLink(address, SESSION, seats, keys=held, real_time=True) as link:
-            server = RaceServer(session, link, REAL, token=held.token)
+            server = RaceServer(session, link, REAL, token=held.token, log=log)
             thread = threading.Thread(target=server.run, args=(seats,))
             thread.start()
             try:

@@ -145,6 +145,9 @@ def _plug_in(namespace: str, device: str, end: int) -> int:
     own, other = ADDRESSES[end], ADDRESSES[1 - end]
     _ip("-n", namespace, "address", "add", own, "peer", other, "dev", device)
     _ip("-n", namespace, "link", "set", device, "up")
+    # What an end says to itself passes through lo, which must not take all of 127/8 for itself.
+    _ip("-n", namespace, "link", "set", "lo", "up")
+    _ip("-n", namespace, "address", "flush", "dev", "lo")
     return tun
 
 

@@ -9,19 +9,27 @@ from race_server.errors import ScenarioError
 from race_server.kernels.jit import kernel
 from race_server.state import Float32s, Floats, Record
 
-CONTINUOUS, INCREMENTS, DISCRETE, CONTROL = range(4)
+CONTINUOUS, INCREMENTS, DISCRETE, CONTROL, RESIDUAL = range(5)
 ACTIONS = {
     "continuous": CONTINUOUS,
     "report_b": INCREMENTS,
     "discrete": DISCRETE,
     "control": CONTROL,
+    "residual": RESIDUAL,
 }
+# Numbers of an action, by kind.
+WIDTHS = {CONTINUOUS: 3, INCREMENTS: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 3}
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
 # speed that is set is at least 0.1 m/s, so that a policy cannot stall.
 SPEED_STEP = 0.5
 STEERING_STEP = math.radians(9.0)
 SLOWEST = 0.1
+
+# A residual action of 1 advises a scripted driver to be so many widths further left, or so much
+# faster as a share: enough to drive over a box beside the line, or out of a bend under a boost.
+ASIDE_WIDTHS = 4.0
+FASTER_SHARE = 0.12
 
 # Slower than this [m/s] a kart that brakes goes into reverse.
 REVERSE_BELOW = 0.1
@@ -55,6 +63,15 @@ def discrete_table() -> Floats:
     return np.array(rows)
 
 
+def advice_of(actions: Float32s, width: float) -> Floats:
+    """Return what residual actions (..., 3) advise: aside [m], faster [share], button.
+
+    width: of the vehicle [m].
+    """
+    scales = np.array([ASIDE_WIDTHS * width, FASTER_SHARE, 1.0])
+    return np.clip(actions.astype(np.float64), -1.0, 1.0) * scales
+
+
 @kernel
 def read_action(
     kind: int,
@@ -65,7 +82,12 @@ def read_action(
     memory: Floats,
     control: Floats,
 ) -> None:
-    """Fill `control` (4,) steering, throttle, brake, buttons from one kart's action."""
+    """Fill `control` (4,) steering, throttle, brake, buttons from one kart's action.
+
+    A residual one has been advice to a scripted driver, whose answer lies in `control` already.
+    """
+    if kind == RESIDUAL:
+        return
     if kind == INCREMENTS:
         _add_increments(action, kart, vehicle, memory, control)
         return

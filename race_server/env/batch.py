@@ -16,20 +16,20 @@ from typing import Any
 import numpy as np
 
 from race_server import codes
-from race_server.autopilot import memory_size
+from race_server.autopilot import ASIDE, URGE, memory_size
 from race_server.clock import TICK_S
 from race_server.driver import driver_named
 from race_server.env.actions import (
-    CONTINUOUS,
-    CONTROL,
-    DISCRETE,
     MEMORY,
+    RESIDUAL,
+    WIDTHS,
     action_kind,
+    advice_of,
     discrete_table,
 )
 from race_server.env.decide import decide, restart
 from race_server.env.gap import DRAWS, RealityGap
-from race_server.env.opponents import opponents_of
+from race_server.env.opponents import advised, opponents_of
 from race_server.env.rewards import TERMS, reward_weights
 from race_server.env.rig import (
     BEFORE,
@@ -61,6 +61,7 @@ class Task:
     learners: int = 0  # 0: all karts without an opponent's name
     observation: str | tuple[str, ...] = "radar"
     action: str = "continuous"
+    base: str = ""  # the driver that a residual action advises
     reward: str | Mapping[str, float] = "progress"
     gap: RealityGap = field(default_factory=RealityGap)
     decision_ticks: int = 3
@@ -75,7 +76,8 @@ class Task:
         if self.both_directions:
             backward = [replace(s, course=reversed_course(s.course), line=None) for s in scenarios]
             scenarios = (*scenarios, *backward)
-        presets = [driver_named(name).preset for name in self.opponents]
+        drivers = (*self.opponents, self.base) if self.base else self.opponents
+        presets = [driver_named(name).preset for name in drivers]
         if not any(wants_line(observation) for observation in (self.observation, *presets)):
             return scenarios
         return tuple(_lined(scenario) for scenario in scenarios)
@@ -117,6 +119,11 @@ class Batch:
         self.opponents = opponents_of(
             task.opponents or ("",), self.learners, self.karts, first.lidar.rays, gear, names
         )
+        self._advises = action_kind(task.action) == RESIDUAL
+        if self._advises:
+            base = advised(task.base)
+            rays = first.lidar.rays
+            self.opponents += opponents_of((base,), 0, self.learners, rays, gear, names)
         fitted = self._fitted()
         scenarios = tuple(replace(s, fitted=_kept_absent(s, fitted)) for s in scenarios)
         self.scenarios = scenarios
@@ -167,7 +174,7 @@ class Batch:
         sensors = [_sensors_of(self.layout)] * self.learners + [0] * (self.karts - self.learners)
         for group in self.opponents:
             for kart in group.karts:
-                sensors[kart] = _sensors_of(group.layout)
+                sensors[kart] |= _sensors_of(group.layout)
         if self.task.crash_range > 0.0:
             sensors[: self.learners] = [s | codes.LIDAR for s in sensors[: self.learners]]
         return tuple(sensors)
@@ -176,7 +183,6 @@ class Batch:
         task, karts, learners, size = self.task, self.karts, self.learners, self.layout.size
         gap = task.gap.ranges()
         kind = action_kind(task.action)
-        numbers = {CONTINUOUS: 3, DISCRETE: 1, CONTROL: 4}.get(kind, 2)
         settings = np.zeros(1, SETTINGS)
         settings["crash_range"] = task.crash_range
         settings["decision_ticks"] = task.decision_ticks
@@ -201,7 +207,7 @@ class Batch:
             odds=np.cumsum(np.full(scenarios, 1.0 / scenarios)),
             gap=gap,
             table=discrete_table(),
-            actions=np.zeros((*shape, numbers), np.float32),
+            actions=np.zeros((*shape, WIDTHS[kind]), np.float32),
             controls=np.zeros((worlds, karts, 4)),
             commanded=np.zeros((*shape, MEMORY)),
             delayed=np.zeros((*shape, rings[0], 4)),
@@ -321,6 +327,11 @@ class Batch:
         """
         if actions is not None:
             self.rig.actions[...] = np.reshape(actions, self.rig.actions.shape)
+        if self._advises:
+            width = float(self.world.vehicles[0, 0].width)
+            places = slice(ASIDE, URGE + 1)
+            advice = advice_of(self.rig.actions, width)
+            self.rig.memory[:, : self.learners, places] = advice
         if self._pool is None:
             for calls in self._decisions:
                 _call_all(calls)

@@ -102,12 +102,13 @@ def _begin_anew(world: World, rig: Rig, templates: Templates, w: int) -> None:
 
 @kernel
 def show(world: World, rig: Rig, w: int) -> None:
-    """Fill the observations of the learning karts and of the scripted ones."""
+    """Fill the observations of the learning karts and of the scripted drivers."""
     learners = rig.rewards.shape[1]
     for k in range(learners):
         if rig.idle[w, k] == 0:
             hand_out(world, rig, w, k)
-    for k in range(learners, world.karts.shape[1]):
+    for k in range(world.karts.shape[1]):
+        # A learning kart has a scripted driver, too, where actions are advice to one.
         if rig.opponent_parts[k, 0] >= 0:
             _show_opponent(world, rig, w, k)
 

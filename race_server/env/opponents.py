@@ -1,4 +1,9 @@
-"""Scripted karts among the learning ones: their drivers' kernels, each called once a decision."""
+"""Karts that do not learn among those that do: their drivers, each called once a decision.
+
+A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
+instead: told seats, views, layout, vehicles, gear, memory and controls it returns a call that
+fills the controls. What it keeps lies in `memory`, which is zero when a race begins.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,12 +21,12 @@ from race_server.state import Floats, Ints, Records
 
 @dataclass(frozen=True)
 class Opponents:
-    """All karts that one scripted driver drives in a batch."""
+    """All karts that one driver drives in a batch."""
 
     name: str
     karts: tuple[int, ...]
     layout: Layout
-    decide_all: Any
+    driver: Any
     at: Ints
     gear: Floats
     kinds: Ints
@@ -35,8 +40,14 @@ class Opponents:
         self, worlds: int, views: Floats, vehicles: Records, memory: Floats, controls: Floats
     ) -> Callable[[], None]:
         """Return what fills the controls of these karts from what they see."""
+        seats, driver = self.seats(worlds), self.driver
+        if hasattr(driver, "driving"):
+            drive: Callable[[], None] = driver.driving(
+                seats, views, self.layout, vehicles, self.gear, memory, controls
+            )
+            return drive
         told = (self.at, vehicles, self.gear, self.kinds)
-        return bind(self.decide_all, self.seats(worlds), views, *told, memory, controls)
+        return bind(type(driver).decide_all, seats, views, *told, memory, controls)
 
 
 def opponents_of(
@@ -61,8 +72,7 @@ def opponents_of(
     found = []
     for name, numbers in seats.items():
         driver = driver_named(name)
-        decide_all = getattr(type(driver), "decide_all", None)
-        if decide_all is None:
+        if not (hasattr(type(driver), "decide_all") or hasattr(driver, "driving")):
             raise ScenarioError(
                 f"driver {name!r} cannot race in a batch: it has no `decide_all`, see "
                 "race_server/autopilot.py; let it join a live server instead"
@@ -70,6 +80,22 @@ def opponents_of(
         layout = layout_of(driver.preset, rays)
         kinds = item_kinds(item_names)
         found.append(
-            Opponents(name, tuple(numbers), layout, decide_all, starts_of(layout), gear, kinds)
+            Opponents(name, tuple(numbers), layout, driver, starts_of(layout), gear, kinds)
         )
     return found
+
+
+def advised(name: str) -> str:
+    """Return the name of the driver that residual actions advise, if it takes advice.
+
+    Raises:
+        DriverError: it is unknown.
+        ScenarioError: none is named, or it takes none.
+    """
+    if not name:
+        raise ScenarioError("action 'residual' needs a driver to advise; name one, such as base = 'raceline'")
+    if not getattr(type(driver_named(name)), "takes_advice", False):
+        raise ScenarioError(
+            f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
+        )
+    return name

@@ -58,6 +58,23 @@ class KartVecEnv(VecEnv):
         self._reset_seeds()
         return self._seen()
 
+    def change(self, task: Task, seed: int) -> None:
+        """Race another task with as many learning karts from now on; `reset` comes next.
+
+        How often each scenario is drawn stays as it was, where there are as many.
+        """
+        before = self.batch
+        self.batch = Batch(
+            task,
+            worlds=before.worlds,
+            seed=seed,
+            after=after_an_episode(before.learners),
+            threads=before.threads,
+        )
+        if self.batch.rig.odds.shape == before.rig.odds.shape:
+            self.batch.rig.odds[:] = before.rig.odds
+        before.close()
+
     def step_async(self, actions: Array) -> None:
         """Take the actions of all karts, shape (n, A)."""
         self._actions = actions

@@ -22,7 +22,11 @@ def beginning_of(
     """
     setting, arrays = pack_scenario(session.scenario)
     seats = tuple(
-        SeatRow(seat.number, seat.driver, seat.preset, seat.key, seat.number in local_seats)
+        SeatRow(
+            *(seat.number, seat.driver, seat.preset, seat.key),
+            is_local=seat.number in local_seats,
+            is_tracked=seat.is_tracked,
+        )
         for seat in session.seats
         if seat.is_taken
     )

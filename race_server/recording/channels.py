@@ -42,7 +42,9 @@ def _binary_schema(name: str) -> bytes:
 
 START = ChannelKind("journal/start", "journal.RaceStart")
 INPUTS = ChannelKind("journal/inputs", "journal.Inputs")
+PLACEMENTS = ChannelKind("journal/placements", "journal.Placements")
 ACTS = ChannelKind("journal/acts", "journal.Acts")
+GRANTED = ChannelKind("journal/granted", "journal.Granted")
 DIGEST = ChannelKind("journal/digest", "journal.Digest")
 LAPS = ChannelKind("laps", "journal.Lap")
 SNAPSHOTS = ChannelKind("out/snapshot", "spectate.Snapshot")
@@ -51,4 +53,7 @@ STANDINGS = ChannelKind("out/standings", "spectate.Standings")
 # What Foxglove draws, see `scene.py`.
 SCENE = ChannelKind("scene", "foxglove.SceneUpdate", "json")
 
-CHANNELS = (START, INPUTS, ACTS, DIGEST, LAPS, SNAPSHOTS, EVENTS, STANDINGS, SCENE)
+CHANNELS = (
+    *(START, INPUTS, PLACEMENTS, ACTS, GRANTED, DIGEST, LAPS),
+    *(SNAPSHOTS, EVENTS, STANDINGS, SCENE),
+)

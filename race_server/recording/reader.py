@@ -12,16 +12,31 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from race_server.acts import Act, ActKind
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, WireError
-from race_server.recording.channels import ACTS, CHANNELS, DIGEST, INPUTS, LAPS, START, ChannelKind
-from race_server.session import Inputs
+from race_server.fleet import Placements
+from race_server.recording.channels import (
+    ACTS,
+    CHANNELS,
+    DIGEST,
+    GRANTED,
+    INPUTS,
+    LAPS,
+    PLACEMENTS,
+    SNAPSHOTS,
+    START,
+    ChannelKind,
+)
+from race_server.serials import Granted
+from race_server.session import Entry, Inputs
 from race_server.wire.journal import (
     StartFrame,
     decode_acts,
     decode_digest,
+    decode_granted,
     decode_inputs,
     decode_lap,
     decode_start,
 )
+from race_server.wire.placement import NUMBERS, decode_placements
 
 # A chunk of ours is far smaller; a damaged length must not fill the memory.
 MOST_RECORD = 1 << 26
@@ -43,12 +58,13 @@ class Recording:
 
     path: Path
     start: StartFrame
-    entries: list[Inputs | Act] = field(default_factory=list)
+    entries: list[Entry] = field(default_factory=list)
     digests: list[tuple[int, str]] = field(default_factory=list)
     laps: list[tuple[int, int, int, int]] = field(default_factory=list)  # seat, number, µs, tick
     is_complete: bool = False  # the race was over; without it the server died, or the file is cut
     is_torn: bool = False  # the file ends in the middle of something
     last_tick: int = 0  # the newest that the recording tells of
+    snapshot: bytes = b""  # the last one, as it was sent
 
 
 def read_lines(path: Path) -> Iterator[Line | None]:
@@ -149,6 +165,15 @@ def _take(recording: Recording, line: Line) -> None:
     elif line.kind is ACTS:
         for value, tick, kind, kart in decode_acts(line.data).tolist():
             recording.entries.append(Act(tick, ActKind(kind), kart, value))
+    elif line.kind is PLACEMENTS:
+        tick, rows = decode_placements(line.data)
+        columns = [rows[name].astype("f8") for name in ("seat", "trust", "doubt", *NUMBERS)]
+        orders = np.stack([rows["orders"], rows["acknowledged"]], axis=1).astype("i8")
+        recording.entries.append(Placements(tick, np.stack(columns, axis=1), orders))
+    elif line.kind is GRANTED:
+        recording.entries.append(Granted(*decode_granted(line.data)))
+    elif line.kind is SNAPSHOTS:
+        recording.snapshot = line.data
     elif line.kind is DIGEST:
         tick, digest, is_last = decode_digest(line.data)
         recording.digests.append((tick, digest))

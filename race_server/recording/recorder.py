@@ -21,27 +21,32 @@ from mcap.writer import CompressionType, Writer
 from race_server import __version__
 from race_server.acts import Act
 from race_server.clock import TICKS_PER_SECOND
+from race_server.fleet import Placements
 from race_server.recording.channels import (
     ACTS,
     CHANNELS,
     DIGEST,
+    GRANTED,
     INPUTS,
     LAPS,
+    PLACEMENTS,
     START,
     ChannelKind,
 )
 from race_server.recording.reader import NANOSECONDS, Line
-from race_server.session import Inputs
+from race_server.session import Entry, Inputs
 from race_server.wire.journal import (
     ACT,
     INPUT,
     StartFrame,
     encode_acts,
     encode_digest,
+    encode_granted,
     encode_inputs,
     encode_lap,
     encode_start,
 )
+from race_server.wire.placement import NUMBERS, PLACED, encode_placements
 
 # What has been handed over is with the operating system after so long.
 FLUSH_S = 0.05
@@ -53,8 +58,8 @@ CLOSE_S = 10.0
 # A message, or what makes one: encoding is left to the thread.
 Content = bytes | Callable[[], bytes]
 # A channel's key, the time [ns], and the message; a flush is wanted where there is no channel.
-Entry = tuple[str, int, Content]
-_FLUSH: Entry = ("", 0, b"")
+Message = tuple[str, int, Content]
+_FLUSH: Message = ("", 0, b"")
 
 
 class Recorder:
@@ -75,7 +80,7 @@ class Recorder:
         self._writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start("race-server", f"race-server {__version__}")
         self._channels = {kind.key: self._register(kind, session) for kind in CHANNELS}
-        self._queue: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._taken = 0
         self._settled = 0
         self._is_failing = False
@@ -114,7 +119,7 @@ class Recorder:
         """How many messages have been handed over and are not yet written."""
         return self._taken - self._settled
 
-    def _hand_over(self, entry: Entry) -> int:
+    def _hand_over(self, entry: Message) -> int:
         if not self._is_failing and self.backlog < MOST_WAITING:
             self._taken += 1
             self._queue.put(entry)
@@ -124,13 +129,18 @@ class Recorder:
         """Write how the race begins."""
         self.write(START, 0, lambda: encode_start(frame))
 
-    def note(self, log: list[Inputs | Act]) -> None:
+    def note(self, log: list[Entry]) -> None:
         """Write what acted on the race since the last call, and empty the log."""
         for entry in log:
             if isinstance(entry, Inputs):
                 self.write(INPUTS, entry.tick, partial(_encode_inputs, entry))
-            else:
+            elif isinstance(entry, Placements):
+                self.write(PLACEMENTS, entry.tick, partial(_encode_placements, entry))
+            elif isinstance(entry, Act):
                 self.write(ACTS, entry.tick, partial(_encode_act, entry))
+            else:
+                numbers = (entry.tick, entry.key, entry.serial)
+                self.write(GRANTED, entry.tick, partial(encode_granted, *numbers))
         log.clear()
 
     def note_digest(self, tick: int, digest: str, *, is_last: bool = False) -> int:
@@ -213,6 +223,14 @@ def _encode_inputs(inputs: Inputs) -> bytes:
         rows[name] = inputs.controls[:, column]
     rows["sequence"], rows["seat"] = inputs.sequences, inputs.seats
     return encode_inputs(inputs.tick, rows)
+
+
+def _encode_placements(placements: Placements) -> bytes:
+    rows = np.zeros(len(placements.rows), PLACED)
+    for column, name in enumerate(("seat", "trust", "doubt", *NUMBERS)):
+        rows[name] = placements.rows[:, column]
+    rows["orders"], rows["acknowledged"] = placements.orders.T
+    return encode_placements(placements.tick, rows)
 
 
 def _encode_act(act: Act) -> bytes:

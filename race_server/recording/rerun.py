@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from race_server.acts import Act, carry_out
+from race_server.acts import ON_KARTS, Act
 from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, ScenarioError, SeatError
+from race_server.fleet import Placements
 from race_server.messages import Event, Phase
 from race_server.recording.reader import Recording
 from race_server.recording.setting import unpack_scenario
-from race_server.session import Seat, Session
+from race_server.session import Entry, Inputs, Seat, Session
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,37 @@ def session_of(recording: Recording) -> Session:
         session = Session(start.session, scenario, decision_ticks=start.decision_ticks)
         for row in start.seats:
             session.seats[row.number] = Seat(
-                row.number, row.driver, row.preset, key=row.key, is_taken=True, is_ready=True
+                *(row.number, row.driver, row.preset, row.key),
+                is_taken=True,
+                is_ready=True,
+                is_tracked=row.is_tracked,
             )
+            if row.is_tracked:
+                session.fleet.admit(row.number, scenario.vehicle_of(row.number))
         session.epoch = start.epoch - 1
         session.start()
     except (ScenarioError, SeatError, LookupError) as error:
         raise RecordingError(f"recording {recording.path} makes no race: {error}") from error
     return session
+
+
+def _check_seats(entry: Entry, recording: Recording, seats: int) -> None:
+    """Do nothing for what concerns karts of the race; the world has no others.
+
+    Raises:
+        RecordingError: it concerns others.
+    """
+    numbers: list[int] = []
+    if isinstance(entry, Inputs):
+        numbers = entry.seats.tolist()
+    elif isinstance(entry, Placements):
+        numbers = entry.rows[:, 0].astype(int).tolist()
+    elif isinstance(entry, Act):
+        numbers = [entry.kart] if entry.kind in ON_KARTS else []
+    if other := [number for number in numbers if not 0 <= number < seats]:
+        raise RecordingError(
+            f"recording {recording.path} is damaged: seat {other[0]} is not in a race of {seats}"
+        )
 
 
 class Rerun:
@@ -53,6 +78,8 @@ class Rerun:
         """
         self.recording = recording
         self.session = session_of(recording)
+        for entry in recording.entries:
+            _check_seats(entry, recording, len(self.session.seats))
         self.difference: Difference | None = None
         self.compared = 0  # digests that were equal
 
@@ -74,10 +101,7 @@ class Rerun:
                     return
                 digest = next(digests, None)
             while entry is not None and entry.tick <= tick:
-                if isinstance(entry, Act):
-                    carry_out(session.world, entry)
-                else:
-                    session.drive_again(entry)
+                session.do_again(entry)
                 entry = next(entries, None)
             if tick >= last or session.phase not in {Phase.COUNTDOWN, Phase.RUNNING}:
                 return

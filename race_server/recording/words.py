@@ -6,12 +6,15 @@ from dataclasses import asdict
 from typing import Any
 
 from race_server.acts import ActKind
+from race_server.messages import Doubt, Trust
 from race_server.recording.channels import (
     ACTS,
     DIGEST,
     EVENTS,
+    GRANTED,
     INPUTS,
     LAPS,
+    PLACEMENTS,
     SCENE,
     SNAPSHOTS,
     STANDINGS,
@@ -21,10 +24,12 @@ from race_server.recording.reader import Line
 from race_server.wire.journal import (
     decode_acts,
     decode_digest,
+    decode_granted,
     decode_inputs,
     decode_lap,
     decode_start,
 )
+from race_server.wire.placement import decode_placements
 from race_server.wire.spectate import decode_events, decode_snapshot, decode_standings
 
 Words = dict[str, Any]
@@ -56,6 +61,21 @@ def _inputs(data: bytes) -> Words:
     names = ("steering", "throttle", "brake", "buttons", "sequence", "seat")
     inputs = [dict(zip(names, row[:6], strict=True)) for row in rows.tolist()]
     return {"tick": tick, "inputs": inputs}
+
+
+def _placements(data: bytes) -> Words:
+    tick, rows = decode_placements(data)
+    names = rows.dtype.names or ()
+    karts = [dict(zip(names, row, strict=True)) for row in rows.tolist()]
+    for kart in karts:
+        kart["trust"] = Trust(kart["trust"]).name.lower()
+        kart["doubt"] = Doubt(kart["doubt"]).name.lower()
+    return {"tick": tick, "placements": karts}
+
+
+def _granted(data: bytes) -> Words:
+    tick, key, serial = decode_granted(data)
+    return {"tick": tick, "key": key.hex(), "serial": serial}
 
 
 def _acts(data: bytes) -> Words:
@@ -98,6 +118,8 @@ def _standings(data: bytes) -> Words:
 _READERS: dict[str, Callable[[bytes], Words]] = {
     START.key: _start,
     INPUTS.key: _inputs,
+    PLACEMENTS.key: _placements,
+    GRANTED.key: _granted,
     ACTS.key: _acts,
     DIGEST.key: _digest,
     LAPS.key: _lap,

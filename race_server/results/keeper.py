@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -9,7 +10,7 @@ from importlib.metadata import entry_points
 
 from race_server import __version__
 from race_server.driver import ENTRY_POINTS
-from race_server.messages import Event, EventKind, Phase
+from race_server.messages import Event, EventKind, Phase, Standing
 from race_server.results.store import FINISHED, STOPPED, Entry, Lap, Outcome, Race
 from race_server.results.writer import Writer
 from race_server.scenario.base import Rules
@@ -36,10 +37,12 @@ class Keeper:
         self._writer = writer
         self._sectors: dict[int, list[int]] = {}
         self._dirty: set[int] = set()
+        self._outcome: Outcome | None = None  # of the race that was closed last
 
     def begin(self, session: Session, pace: str, started_at: str = "") -> None:
         """Open a race in the file. started_at: UTC, ISO 8601; now, if it is empty."""
         self._sectors.clear()
+        self._outcome = None
         self._writer.submit(_race_of(session, pace, started_at or utc_now()))
 
     def take_up(self, session: Session, pace: str, started_at: str) -> None:
@@ -51,8 +54,14 @@ class Keeper:
     def end(self, session: Session) -> None:
         """Close a race in the file, and wait until that is done."""
         ended = FINISHED if session.phase is Phase.FINISHED else STOPPED
-        outcome = Outcome(session.digest(), ended, tuple(session.standings()))
-        self._writer.wait(self._writer.submit(outcome), HOLD_S)
+        self._outcome = Outcome(session.digest(), ended, tuple(session.standings()))
+        self._writer.wait(self._writer.submit(self._outcome), HOLD_S)
+
+    def amend(self, standings: Sequence[Standing]) -> None:
+        """Replace the result of the race that was closed last, and wait until that is done."""
+        if self._outcome is not None:
+            self._outcome = replace(self._outcome, standings=tuple(standings))
+            self._writer.wait(self._writer.submit(self._outcome), HOLD_S)
 
     def look(self, session: Session) -> None:
         """Note before a tick whose lap has been clean so far."""

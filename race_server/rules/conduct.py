@@ -1,4 +1,4 @@
-"""How karts treat each other: who is blocked, and whose fault a blow is."""
+"""How karts treat each other: who is blocked, what is a contact, whose fault a blow is."""
 
 import math
 
@@ -6,6 +6,9 @@ from race_server.kernels.jit import kernel
 
 # A blow is taken by the front if its direction and the heading differ by less than 45°.
 FRONT = math.sqrt(0.5)
+# Two bodies that lean against each other touch again and again: that is one contact until they
+# have been apart for so many ticks.
+TOUCH_TICKS = 30
 
 
 @kernel
@@ -45,3 +48,12 @@ def is_ramming(
         return False
     # Who is reversed into is not at fault.
     return facing > FRONT and nose < 0.0 and approach >= 0.5 * closing
+
+
+@kernel
+def is_new_touch(tick: int, last_tick: int, contacts: int) -> bool:
+    """Return whether a touch is a contact of its own; the first one of a race always is.
+
+    last_tick: of the contact counted last; contacts: counted so far.
+    """
+    return contacts == 0 or tick - last_tick > TOUCH_TICKS

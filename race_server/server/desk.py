@@ -30,8 +30,6 @@ from race_server.wire.spectate import encode_events, encode_standings
 
 # A seat is given away again if its driver's link does not show up in the lobby for so long.
 SHOW_UP_S = 10.0
-# So many drivers' last serials are remembered.
-MOST_SERIALS = 1024
 _QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
@@ -54,7 +52,6 @@ class Desk:
         self._link = link
         self._steward = steward
         self._refused = refused
-        self._serials: dict[bytes, int] = {}  # of the last request with a secret
         self._told = told
         self._linked: set[int] = set()  # seats whose driver's link is there
         self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
@@ -113,7 +110,7 @@ class Desk:
                 "install the same version of race-server on both sides"
             )
         wanted = _agreed(request.seat, join.wanted)
-        self._check_serial(join.secret, join.serial)
+        session.serials.check(key_of(join.secret), join.serial)
         seat = session.join(
             join.driver,
             join.preset,
@@ -122,7 +119,7 @@ class Desk:
             owns=self._link.is_open and request.seat >= 0,
             tracked=join.tracked,
         )
-        self._note_serial(join.secret, join.serial)
+        session.grant(join.secret, join.serial)
         self._link.holders.admit(seat.number, seat.key)
         if session.phase is Phase.LOBBY and seat.number not in self._linked:
             self._expected[seat.number] = time.monotonic()
@@ -133,8 +130,8 @@ class Desk:
         seat = self._session.seat(_agreed(request.seat, act.seat))
         if not seat.fits(act.secret):
             raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
-        self._check_serial(act.secret, act.serial)
-        self._note_serial(act.secret, act.serial)
+        self._session.serials.check(key_of(act.secret), act.serial)
+        self._session.grant(act.secret, act.serial)
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)
         else:
@@ -147,16 +144,6 @@ class Desk:
         if 0 <= decision.seat < len(self._session.seats):
             self._link.holders.admit(decision.seat, self._session.seats[decision.seat].key)
         return encode_reply("")
-
-    def _check_serial(self, secret: int, serial: int) -> None:
-        last = self._serials.get(key_of(secret), 0)
-        if serial <= last:
-            raise SeatError(f"request {serial} again: already at {last}, so this is a copy")
-
-    def _note_serial(self, secret: int, serial: int) -> None:
-        if len(self._serials) >= MOST_SERIALS:
-            del self._serials[next(iter(self._serials))]
-        self._serials[key_of(secret)] = serial
 
     def _welcome(self, seat: Seat, secret: int) -> Welcome:
         session = self._session

@@ -1,11 +1,10 @@
-"""What becomes of a session, for the log: who comes and goes, what is refused, how races end.
+"""What becomes of a session, for the log: who comes and goes, how races start and end.
 
 The diary looks at the session a few times a second and says what has changed, so nothing that is
-said costs a tick anything, and no flood of messages becomes a flood of lines.
+said costs a tick anything. What is refused tells `refusals`.
 """
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from race_server import codes
@@ -20,8 +19,6 @@ from race_server.silence import Silence
 LOOK_S = 0.1
 # Ticks that were missed are summed up so often.
 SUM_UP_S = 60.0
-# Reasons are few; should somebody find out how to make up more, they are not all told.
-MOST_REASONS = 64
 
 
 @dataclass
@@ -36,14 +33,11 @@ class _Known:
 class Diary:
     """Says what happens in a session."""
 
-    def __init__(
-        self, session: Session, refused: Mapping[str, int], meters: Meters, log: Log | None
-    ) -> None:
+    def __init__(self, session: Session, meters: Meters, log: Log | None) -> None:
         """Look at nothing yet."""
-        self._session, self._refused, self._meters, self._log = session, refused, meters, log
+        self._session, self._meters, self._log = session, meters, log
         self._known = [_Known() for _ in session.seats]
         self._phase = session.phase
-        self._told: set[str] = set()
         self._missed = 0
         self._next_look = self._next_sum = 0.0
 
@@ -54,10 +48,6 @@ class Diary:
         self._next_look = now + LOOK_S
         self._look_at_seats(self._log)
         self._look_at_phase(self._log)
-        for reason in self._refused.keys() - self._told:
-            if len(self._told) < MOST_REASONS:
-                self._log.warn("refused for the first time", reason=reason)
-            self._told.add(reason)
         if now > self._next_sum:
             self._next_sum = now + SUM_UP_S
             self._sum_up(self._log)

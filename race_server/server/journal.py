@@ -30,6 +30,8 @@ class Journal:
         self._size = (vehicle.length, vehicle.width)
         session.is_recorded = True
         if not old:
+            session.log_what_holds()
+            self._recorder.note(session.log)
             course = session.scenario.course
             self._recorder.write(SCENE, 0, partial(course_scene, course, self._recorder.time_of(0)))
 

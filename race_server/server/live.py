@@ -2,6 +2,7 @@
 
 import gc
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from race_server.clock import Pacer, ticks_of
@@ -22,6 +23,7 @@ from race_server.server.meters import Meters
 from race_server.server.outcome import RaceResult
 from race_server.server.refusals import Refusals
 from race_server.server.steward import Steward
+from race_server.server.verdict import Verdict
 from race_server.session import Seat, Session
 from race_server.transport import ServerLink
 from race_server.wire.drive import decode_control
@@ -50,20 +52,23 @@ class RaceServer:
     logbook: Logbook | None = None  # where recordings go
     token: str = ""  # the steward's; without one there is no steward
     log: Log | None = None  # where it says what happens
+    amended: Callable[[RaceResult], None] = lambda _: None  # told if stewards change a result
     missed_ticks: int = 0
-    refused: Refusals = field(default_factory=Refusals)
+    refused: Refusals = field(init=False)
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Open the desk and send for the herald."""
         self.session.takes_tracked = self.pace == REAL
         self.meters = Meters(len(self.session.seats))
-        self._diary = Diary(self.session, self.refused, self.meters, self.log)
+        self.refused = Refusals(self.log)
+        self._diary = Diary(self.session, self.meters, self.log)
         self._journal: Journal | None = None
         self._gate = Gate()
         self._paddock = Paddock(self.session)
         self._herald = Herald(self.session, self.link)
-        self._steward = Steward(self.session, self.token)
+        self._verdict = Verdict(self.session, self._herald, self.keeper, self.amended)
+        self._steward = Steward(self.session, self.token, self._verdict.penalise)
         self._desk = Desk(self.session, self.link, self._steward, self.refused, self._gate.told)
         self._stop = False
 
@@ -101,12 +106,16 @@ class RaceServer:
         self._paddock.clear()
         self._herald.tell_standings()
 
-    def see_off(self) -> None:
-        """Tell drivers the end until they have gone: on a bad network the first word gets lost."""
-        deadline, again = time.monotonic() + SEE_OFF_S, 0.0
-        while not self._stop and (now := time.monotonic()) < deadline:
+    def see_off(self, review_s: float = 0.0) -> None:
+        """Tell drivers the end until they have gone: on a bad network the first word gets lost.
+
+        review_s: for so long at least stewards may change the result.
+        """
+        begun, again = time.monotonic(), 0.0
+        while not self._stop and (now := time.monotonic()) < begun + max(SEE_OFF_S, review_s):
             self._hear()
-            if not any(self._is_linked(seat) for seat in self.session.seats):
+            is_reviewed = now >= begun + review_s
+            if is_reviewed and not any(self._is_linked(seat) for seat in self.session.seats):
                 return
             if now > again:
                 again = now + REPEAT_S
@@ -129,6 +138,7 @@ class RaceServer:
 
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
+        self._verdict.lapse()
         self.session.start(_now_us())
         self._open_book()
         return self._race_on(list(self.session.recent))
@@ -145,9 +155,11 @@ class RaceServer:
             if row.is_local:
                 self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
             else:
-                self.link.holders.admit(row.number, row.key)
+                # As it is now: who was sent away has none.
+                self.link.holders.admit(row.number, self.session.seats[row.number].key)
         if self.pace == LOCKSTEP:
             self._wait_for_return()
+        self.session.fleet.take_up(self.session.world, _now_us())
         return self._begin_again(self._race_on(events))
 
     def _wait_for_return(self) -> None:
@@ -187,6 +199,7 @@ class RaceServer:
             self.session.fleet.figures(_now_us()),
         )
         self._diary.close(result)
+        self._verdict.result = result
         return result
 
     def _open_book(self) -> None:
@@ -223,7 +236,7 @@ class RaceServer:
         pacer.start()
         session = self.session
         while self._goes_on():
-            if self._steward.is_paused:
+            if self.session.is_paused:
                 self._stand_still()
                 pacer.start()
             begun = time.perf_counter()
@@ -242,7 +255,7 @@ class RaceServer:
 
     def _race_in_lockstep(self) -> None:
         while self._goes_on():
-            if self._steward.is_paused:
+            if self.session.is_paused:
                 self._stand_still()
             self._tell_seats()
             self._hear_all()
@@ -255,8 +268,10 @@ class RaceServer:
     def _stand_still(self) -> None:
         """Let no time pass while the clock stands; drivers hear now and then that we are here."""
         again = 0.0
-        while self._steward.is_paused and self._goes_on():
+        while self.session.is_paused and self._goes_on():
             self._hear()
+            if self._journal and self.session.log:
+                self._journal.note(self.session.tick, [])
             if time.monotonic() > again:
                 again = time.monotonic() + REPEAT_S
                 self._repeat([seat.number for seat in self.session.seats if seat.is_present])

@@ -30,6 +30,7 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
     rehearsal.advance(1)
     rehearsal.show_flag(Flag.YELLOW)
     rehearsal.penalise(0, 1.0)
+    rehearsal.penalise_late(0, 1.0)
     rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.leave(0)
 

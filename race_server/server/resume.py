@@ -6,6 +6,7 @@ from race_server.recording.reader import Recording
 from race_server.recording.rerun import Rerun
 from race_server.results.keeper import Keeper
 from race_server.session import Session
+from race_server.wire.spectate import decode_snapshot
 
 
 def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
@@ -34,6 +35,16 @@ def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[
             f"the race of recording {recording.path} cannot be taken up: driven again it differs "
             f"from tick {tick} on. Was it recorded with other versions of race-server or numba?"
         )
+    _count_on(session, recording)
     for seat in session.seats:
         seat.away_since = session.tick if seat.is_taken else -1
     return session, events
+
+
+def _count_on(session: Session, recording: Recording) -> None:
+    """Let each driver's messages be counted on from the newest that spectators knew was taken."""
+    if not recording.snapshot:
+        return
+    for kart in decode_snapshot(recording.snapshot).karts:
+        seat = session.seats[kart["seat"]]
+        seat.sequence = max(seat.sequence, int(kart["acknowledged"]))

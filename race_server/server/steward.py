@@ -14,21 +14,32 @@ from race_server.wire.admin import Decision
 MOST_LINES = 500
 # A penalty beyond this is a slip of the finger.
 MOST_PENALTY_S = 600.0
+RACING = frozenset({Phase.COUNTDOWN, Phase.RUNNING})
+
+
+def _refuse_late(_seat: int, _seconds: float) -> str:
+    raise SeatError("no race is on")
 
 
 class Steward:
     """Carries out what the steward decides, and keeps a log of it."""
 
-    def __init__(self, session: Session, token: str) -> None:
+    def __init__(
+        self,
+        session: Session,
+        token: str,
+        penalise_late: Callable[[int, float], str] = _refuse_late,
+    ) -> None:
         """Obey whoever knows the token.
 
-        token: "" for nobody.
+        token: "" for nobody. penalise_late: changes the result of a race that is over, and
+        returns the driver's name.
         """
         self._session = session
+        self._penalise_late = penalise_late
         self._token = token
         self.challenge = secrets.randbits(63) | 1
         self.lines: deque[str] = deque(maxlen=MOST_LINES)
-        self.is_paused = False
         self.wants_restart = False
 
     def check(self, decision: Decision) -> None:
@@ -73,31 +84,34 @@ class Steward:
 
     def _pause(self, _: Decision) -> str:
         self._need_race()
-        self.is_paused = True
+        self._session.stand_still(stands=True)
         return "the clock stands"
 
     def _resume(self, _: Decision) -> str:
-        self.is_paused = False
+        self._session.stand_still(stands=False)
         return "the clock goes on"
 
     def _penalty(self, decision: Decision) -> str:
-        self._need_race()
         if not 0.0 < decision.value <= MOST_PENALTY_S:
             raise SeatError(
                 f"a penalty of {decision.value:g} s: give more than 0 and at most "
                 f"{MOST_PENALTY_S:g} s"
             )
+        sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
+        if self._session.phase not in RACING:
+            driver = self._penalise_late(decision.seat, decision.value)
+            return f"{sentence}, {driver}, after the race"
         driver = self._session.seat(decision.seat).driver
         self._session.penalise(decision.seat, decision.value)
-        return f"{decision.value:g} s penalty for seat {decision.seat}, {driver}"
+        return f"{sentence}, {driver}"
 
     def _kick(self, decision: Decision) -> str:
         driver = self._session.seat(decision.seat).driver
-        self._session.kick(decision.seat, "the steward sent its driver away")
+        self._session.kick(decision.seat)
         return f"seat {decision.seat}, {driver}, sent away"
 
     def _close(self, decision: Decision) -> str:
-        self._session.close(decision.seat, "by the steward")
+        self._session.close(decision.seat)
         return f"seat {decision.seat} closed"
 
     def _open(self, decision: Decision) -> str:
@@ -106,12 +120,11 @@ class Steward:
 
     def _restart(self, _: Decision) -> str:
         self._need_race()
-        self.is_paused = False
         self.wants_restart = True
         return "the race starts anew"
 
     def _need_race(self) -> None:
-        if self._session.phase not in {Phase.COUNTDOWN, Phase.RUNNING}:
+        if self._session.phase not in RACING:
             phase = self._session.phase.name.lower()
             raise SeatError(f"no race is on: the session is in phase {phase}")
 

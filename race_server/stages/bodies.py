@@ -8,15 +8,13 @@ from race_server.kernels.contacts import box_on_box, box_on_segment, impulse, to
 from race_server.kernels.geometry import cos_sin, wrap_angle
 from race_server.kernels.jit import kernel
 from race_server.kernels.motion import move
-from race_server.rules.conduct import is_ramming
+from race_server.rules.conduct import is_new_touch, is_ramming
 from race_server.rules.effects import surface_roll
 from race_server.stages.report import report, retire
 from race_server.state import Record, World
 
-# A touch softer than this closing speed [m/s] is no event; another one is reported only after
-# this many ticks.
+# A touch softer than this closing speed [m/s] is no event.
 TOUCH_SPEED = 0.2
-TOUCH_TICKS = 30
 
 
 @kernel
@@ -156,7 +154,7 @@ def _meet_wall(
         _push(kart, vehicle, cos, sin, px, py, jx, jy)
     tick = world.races[w].tick
     if closing < -TOUCH_SPEED and kart.status == codes.RACING:
-        if tick - kart.contact_wall_tick > TOUCH_TICKS:
+        if is_new_touch(tick, kart.contact_wall_tick, kart.wall_contacts):
             kart.contact_wall_tick = tick
             kart.wall_contacts += 1
             kart.lap_clean = 0
@@ -299,7 +297,7 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
     if b_moves:
         _push(b, vb, cb, sb, bx, by, -jx, -jy)
     tick = world.races[w].tick
-    if closing < -TOUCH_SPEED and tick - a.contact_kart_tick > TOUCH_TICKS:
+    if closing < -TOUCH_SPEED and is_new_touch(tick, a.contact_kart_tick, a.contacts):
         a.contact_kart_tick = tick
         b.contact_kart_tick = tick
         a.contacts += 1

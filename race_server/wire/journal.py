@@ -14,11 +14,20 @@ from numpy.typing import NDArray
 
 from race_server.errors import WireError
 from race_server.wire.generated.journal import Act as ActStruct
-from race_server.wire.generated.journal import Acts, Digest, Inputs, Lap, RaceStart, Seat
+from race_server.wire.generated.journal import (
+    Acts,
+    Digest,
+    Granted,
+    Inputs,
+    Lap,
+    RaceStart,
+    Seat,
+)
 from race_server.wire.generated.journal import Input as InputStruct
 from race_server.wire.strict import U16, U32, root_of
 
 START, INPUTS, ACTS, DIGEST, LAP = b"RSTA", b"RINP", b"RACT", b"RDIG", b"RLAP"
+GRANTED = b"RGRA"
 
 INPUT = np.dtype(
     [
@@ -33,6 +42,7 @@ ACT = np.dtype([("value", "<f8"), ("tick", "<u4"), ("kind", "<u2"), ("kart", "<i
 I64 = struct.Struct("<q")
 MOST_SEATS, MOST_ACTS = 64, 4096
 MOST_START, MOST_MESSAGE = 1 << 24, 1 << 17
+MOST_KEY = 64
 
 Rows = NDArray[Any]
 
@@ -46,6 +56,7 @@ class SeatRow:
     preset: str
     key: bytes  # digest of the secret
     is_local: bool
+    is_tracked: bool = False  # a real kart
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +106,7 @@ def _build_seat(builder: Any, seat: SeatRow) -> int:
     Seat.AddKey(builder, key)
     Seat.AddNumber(builder, seat.number)
     Seat.AddIsLocal(builder, seat.is_local)
+    Seat.AddIsTracked(builder, seat.is_tracked)
     return int(Seat.End(builder))
 
 
@@ -127,9 +139,10 @@ def decode_start(data: bytes) -> StartFrame:
 
 
 def _read_seat(row: Any) -> SeatRow:
-    key = bytes(row.Key(index) for index in range(min(row.KeyLength(), 64)))
+    key = bytes(row.Key(index) for index in range(min(row.KeyLength(), MOST_KEY)))
     driver, preset = row.Driver().decode()[:32], row.Preset().decode()[:32]
-    return SeatRow(row.Number(), driver, preset, key, bool(row.IsLocal()))
+    is_local, is_tracked = bool(row.IsLocal()), bool(row.IsTracked())
+    return SeatRow(row.Number(), driver, preset, key, is_local, is_tracked)
 
 
 def encode_inputs(tick: int, rows: Rows) -> bytes:
@@ -186,6 +199,29 @@ def decode_acts(data: bytes) -> Rows:
     if not np.isfinite(rows["value"]).all():
         raise WireError("an act's value is not finite")
     return rows
+
+
+def encode_granted(tick: int, key: bytes, serial: int) -> bytes:
+    """Return a request that was granted before a tick as a message."""
+    builder = flatbuffers.Builder(128)
+    sender = builder.CreateByteVector(key)
+    Granted.Start(builder)
+    Granted.AddKey(builder, sender)
+    Granted.AddSerial(builder, serial)
+    Granted.AddTick(builder, tick)
+    builder.Finish(Granted.End(builder), GRANTED)
+    return bytes(builder.Output())
+
+
+def decode_granted(data: bytes) -> tuple[int, bytes, int]:
+    """Return tick, key and serial of a request that was granted.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, GRANTED, 256)
+    first, count = table.vector(0, 1, MOST_KEY)
+    return table.scalar(2, U32), data[first : first + count], table.scalar(1, U32)
 
 
 def encode_digest(tick: int, digest: str, *, is_last: bool) -> bytes:

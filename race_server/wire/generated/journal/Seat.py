@@ -79,8 +79,15 @@ class Seat(object):
             return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
         return False
 
+    # Seat
+    def IsTracked(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(14))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def SeatStart(builder):
-    builder.StartObject(5)
+    builder.StartObject(6)
 
 def Start(builder):
     SeatStart(builder)
@@ -120,6 +127,12 @@ def SeatAddIsLocal(builder, isLocal):
 
 def AddIsLocal(builder, isLocal):
     SeatAddIsLocal(builder, isLocal)
+
+def SeatAddIsTracked(builder, isTracked):
+    builder.PrependBoolSlot(5, isTracked, 0)
+
+def AddIsTracked(builder, isTracked):
+    SeatAddIsTracked(builder, isTracked)
 
 def SeatEnd(builder):
     return builder.EndObject()

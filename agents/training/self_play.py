@@ -1,0 +1,143 @@
+"""Self-play: opponents change between stretches of a training, and snapshots are rated."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from agents.policies.session import Policy
+from agents.training.courses import names_of
+from agents.training.export import export_policy, nature_from
+from agents.training.normaliser import Normaliser
+from agents.training.rivals import Rivals, driver_of, short_name
+from agents.training.settings import Settings
+from agents.training.tasks import decision_s, evaluation_tasks
+from race_server.env.batch import Batch, Task
+from race_server.env.rig import STAY
+from race_server.env.sb3 import KartVecEnv
+from race_server.results.ratings import Rating, ratings
+from race_server.scenario.base import Scenario
+
+RATINGS = "ratings.json"
+# A race that rates is over after this time [s], whoever has not finished by then.
+LONGEST_S = 120.0
+
+Order = list[tuple[str, int]]
+
+
+class SelfPlay:
+    """Exchanges opponents, takes snapshots and rates them."""
+
+    def __init__(self, settings: Settings, folder: Path, world: Normaliser, done: int) -> None:
+        """Begin, or go on after `done` decisions.
+
+        Raises:
+            ResultsError: openskill is not installed.
+        """
+        self.settings = settings
+        self.rivals = Rivals(settings.self_play, folder)
+        self.races, self.ratings = _read(folder / RATINGS)
+        self._file = folder / RATINGS
+        self._world = world
+        ratings([])
+        played = settings.self_play
+        self._stretch = -1
+        self._snapshot = done // played.snapshot
+
+    def go_on(self, learner: Any, done: int) -> bool:
+        """Take a snapshot and begin a stretch where it is time; return whether ratings changed."""
+        played = self.settings.self_play
+        is_rated = done // played.snapshot > self._snapshot
+        if is_rated:
+            self._snapshot = done // played.snapshot
+            self.keep(learner, done)
+        if done // played.stretch > self._stretch:
+            self._stretch = done // played.stretch
+            self._exchange(learner)
+        return is_rated
+
+    def keep(self, learner: Any, done: int) -> None:
+        """Take the learner as it is now into the pool, and rate it."""
+        path = self.rivals.place_for(done)
+        nature = nature_from(self.settings, names_of(self.settings.tracks))
+        export_policy(path, learner, self._world, nature)
+        self.rivals.add(path)
+        self.races += self._raced(path)
+        self.ratings = ratings(self.races)
+        _write(self._file, self.races, self.ratings)
+
+    @property
+    def newest(self) -> Rating | None:
+        """The rating of the newest snapshot."""
+        names = [short_name(driver_of(path)) for path in self.rivals.snapshots[-1:]]
+        return next((one for one in self.ratings if one.driver in names), None)
+
+    def _chance(self, what: str, number: int) -> Random:
+        return Random(f"{self.settings.seed}-{what}-{number}")
+
+    def _exchange(self, learner: Any) -> None:
+        """Let the next stretch begin: other opponents, other places on the grid."""
+        karts: KartVecEnv = self._world.unwrapped  # type: ignore[assignment]
+        chance = self._chance("stretch", self._stretch)
+        task = replace(
+            karts.batch.task,
+            # Those of the batch know their reference lines already.
+            scenarios=tuple(_reordered(one, chance) for one in karts.batch.scenarios),
+            opponents=self.rivals.seated(chance),
+        )
+        karts.change(task, chance.getrandbits(31))
+        # What was seen last is of races that are no more.
+        learner._last_obs = self._world.reset()
+        learner._last_episode_starts[:] = True
+        if learner._vec_normalize_env is not None:
+            learner._last_original_obs = self._world.get_original_obs()
+
+    def _raced(self, snapshot: Path) -> list[Order]:
+        """Return the orders of races of a snapshot against the pool."""
+        played, number = self.settings.self_play, self._snapshot
+        chance = self._chance("rating", number)
+        task = next(iter(evaluation_tasks(self.settings, self.settings.tracks).values()))
+        scenario = task.scenarios[0]
+        rules = replace(scenario.rules, laps=played.laps, limit_s=LONGEST_S)
+        scenario = replace(scenario, rules=rules)
+        opponents = self.rivals.against(snapshot, scenario.karts - 1, chance)
+        task = replace(
+            task,
+            scenarios=tuple(_reordered(scenario, chance) for _ in range(played.races)),
+            learners=1,
+            opponents=opponents,
+            most_steps=0,
+        )
+        return raced(task, Policy(snapshot), short_name(driver_of(snapshot)), played.races, number)
+
+
+def raced(task: Task, policy: Policy, name: str, races: int, seed: int) -> list[Order]:
+    """Return the orders in which karts of several races finish; the first drives by the policy."""
+    batch = Batch(task, worlds=races, seed=seed, after=STAY)
+    for _ in range(round(LONGEST_S / decision_s())):
+        batch.step(policy.decide(batch.observations[:, 0]))
+        if batch.world.races["over"].all():
+            break
+    names = [name, *(short_name(driver) for driver in task.opponents)]
+    ranks = batch.world.karts["rank"].tolist()
+    batch.close()
+    return [list(zip(names, row, strict=True)) for row in ranks]
+
+
+def _reordered(scenario: Scenario, chance: Random) -> Scenario:
+    """Return a scenario with another order on the grid."""
+    return replace(scenario, grid_order=tuple(chance.sample(range(scenario.karts), scenario.karts)))
+
+
+def _read(path: Path) -> tuple[list[Order], list[Rating]]:
+    if not path.is_file():
+        return [], []
+    words = json.loads(path.read_text(encoding="utf-8"))
+    races = [[(driver, rank) for driver, rank in race] for race in words["races"]]
+    return races, ratings(races)
+
+
+def _write(path: Path, races: list[Order], rated: list[Rating]) -> None:
+    words = {"ratings": [asdict(one) for one in rated], "races": races}
+    path.write_text(json.dumps(words, indent=1) + "\n", encoding="utf-8")
