@@ -59,7 +59,7 @@ def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
     imitation = Imitation(wanted, learner, world, said.append)
 
     def passed(decisions: int) -> None:
-        pace.done += decisions or wanted.steps or 0
+        pace.done += decisions
 
     imitation.go(pace, passed)
     imitation.close()
@@ -230,7 +230,10 @@ def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> N
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["decisions"] > 50
     wanted = settings(
-        "warm_start.teacher=", f"warm_start.demonstrations={path}", "warm_start.lessons=400"
+        "warm_start.teacher=",
+        f"warm_start.demonstrations={path}",
+        "steps=2048",
+        "warm_start.lessons=50",
     )
     _, said = imitate(wanted)
     errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]

@@ -27,6 +27,7 @@ from race_server.env.batch import Batch
 from race_server.env.vector import after_an_episode
 from race_server.errors import ScenarioError
 
+FIRM = 1e12  # observations after which means do not move any more
 LOOKED_AT = 20_000  # observations whose spread is found out
 
 # Called with the decisions since the last call.
@@ -111,8 +112,12 @@ class Imitation:
                 for _ in range(self._wanted.decisions):
                     self._drive(self._school, elapsed)
             self._learn(elapsed)
-            passed(self._wanted.decisions * (self._school.karts if self._school else 0))
+            # With demonstrations alone nobody drives: as much counts as if somebody did.
+            passed(self._wanted.decisions * self._world.num_envs)
         self._learner.policy.log_std.data.fill_(self._wanted.log_std)
+        # What was learned rests on these means: those of a few demonstrations would move soon.
+        means: Any = self._world.obs_rms
+        means.count = max(means.count, FIRM)
         figures = ", ".join(f"{error:.3f}" for error in self._errors)
         self._say(f"imitation: {self._memory.count} labels, mean errors of the actions {figures}")
 
