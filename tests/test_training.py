@@ -67,7 +67,7 @@ def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
 # Settings
 
 
-@pytest.mark.parametrize("name", ["time-trial", "race", "full", "report-b"])
+@pytest.mark.parametrize("name", ["time-trial", "taught", "race", "full", "report-b"])
 def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: Path) -> None:
     assert name in preset_names()
     settings = read_settings(name)

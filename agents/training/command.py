@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 def train(
     preset: Annotated[
-        str, typer.Argument(help="time-trial, race, full, report-b, or a .toml file of settings.")
+        str,
+        typer.Argument(
+            help="time-trial, taught, race, full, report-b, or a .toml file of settings."
+        ),
     ] = "",
     track_set: Annotated[str, typer.Option(help="A named set of tracks: train, …")] = "",
     tracks: Annotated[str, typer.Option(help="Comma-separated names, instead of a set.")] = "",

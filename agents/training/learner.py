@@ -9,11 +9,14 @@ import torch
 from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents.training.courses import names_of
+from agents.training.curiosity import Curious
+from agents.training.gail import Discriminator
 from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
+from agents.training.rewarded import Judge, Rewarded, width_of
 from agents.training.settings import Settings
 from agents.training.tasks import training_task
 from race_server.env.sb3 import KartVecEnv
@@ -45,7 +48,20 @@ def world_of(settings: Settings, pace: Pace) -> Normaliser:
     )
     gamma = settings.algorithm.options.get("gamma", 0.99)
     rewards = settings.algorithm.normalise_reward
-    return Normaliser(karts, settings.horizon, norm_reward=rewards, gamma=gamma)
+    return Normaliser(_judged(settings, karts), settings.horizon, norm_reward=rewards, gamma=gamma)
+
+
+def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
+    """Return the karts with the rewards of all judges that are wanted."""
+    gail, curiosity = settings.gail, settings.curiosity
+    if gail.demonstrations:
+        judge: Judge = Discriminator(settings)
+        karts = Rewarded(karts, judge, own_share=gail.own_share, decisions=gail.decisions)
+    if curiosity.bonus > 0.0:
+        size, width = width_of(karts.observation_space), width_of(karts.action_space)
+        judge = Curious(curiosity, size, width, settings.seed)
+        karts = Rewarded(karts, judge, own_share=1.0, decisions=curiosity.decisions)
+    return karts
 
 
 class Stages:

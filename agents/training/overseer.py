@@ -82,6 +82,13 @@ class Overseer(BaseCallback):
         )[0]
         return actions
 
+    def imitated(self, decisions: int) -> None:
+        """Take note of decisions outside of the learner's own worlds."""
+        self.pace.done += decisions
+        if time.monotonic() - self._told > TELL_S:
+            self._look()
+        self._examine_in_time()
+
     def _on_step(self) -> bool:
         self.pace.done += self.training_env.num_envs
         if time.monotonic() - self._told > TELL_S:
@@ -92,6 +99,9 @@ class Overseer(BaseCallback):
         # Between rollouts, so that no policy is tried out half-way through its lessons.
         if self.self_play is not None and self.self_play.go_on(self.model, self.pace.done):
             self._look(rated=True)
+        self._examine_in_time()
+
+    def _examine_in_time(self) -> None:
         if int(self.pace.share * self.settings.evaluation.times) > self._tries:
             self.examine()
 

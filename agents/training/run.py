@@ -17,9 +17,12 @@ from agents.training.courses import names_of
 from agents.training.evaluation import Examiner, Marks
 from agents.training.export import MOST_DIFFERENCE, difference, export_policy, nature_from
 from agents.training.film import record_laps
+from agents.training.imitation import Imitation
 from agents.training.learner import learner_of, world_of
+from agents.training.lines import Say
 from agents.training.overseer import BEST, CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
+from agents.training.schedule import Schedule
 from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
 from race_server.errors import RaceError, ScenarioError
@@ -65,7 +68,7 @@ def train(
     played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
     overseer = Overseer(settings, place, world, pace, tell, best_score, played)
     try:
-        stopped = _learn(learner, overseer, pace)
+        stopped = _learn(settings, learner, world, overseer, say)
         overseer.examine()
         pace.stop()
         spent = pace.seconds, pace.done
@@ -78,16 +81,34 @@ def train(
     return Outcome(place, document, stopped)
 
 
-def _learn(learner: Any, overseer: Overseer, pace: Pace) -> bool:
+def _learn(
+    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
-    pace.start()
-    if pace.is_over:
-        return False
+    pace = overseer.pace
     try:
-        learner.learn(pace.steps_left, callback=overseer, reset_num_timesteps=False)
+        if settings.warm_start.is_wanted and pace.share < settings.warm_start.share:
+            _imitate(settings, learner, world, overseer, say)
+        pace.start()
+        if not pace.is_over:
+            callbacks = [overseer, Schedule(settings, pace)]
+            learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True
     return False
+
+
+def _imitate(
+    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+) -> None:
+    overseer.init_callback(learner)
+    imitation = Imitation(settings, learner, world, say)
+    overseer.pace.start()
+    try:
+        imitation.go(overseer.pace, overseer.imitated)
+    finally:
+        overseer.pace.stop()
+        imitation.close()
 
 
 def _conclude(

@@ -80,7 +80,7 @@ class SelfPlay:
 
     def _exchange(self, learner: Any) -> None:
         """Let the next stretch begin: other opponents, other places on the grid."""
-        karts: KartVecEnv = self._world.venv  # type: ignore[assignment]
+        karts: KartVecEnv = self._world.unwrapped  # type: ignore[assignment]
         chance = self._chance("stretch", self._stretch)
         task = replace(
             karts.batch.task,

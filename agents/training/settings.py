@@ -30,6 +30,7 @@ class Network(_Table):
     layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
+    last_log_std: float | None = None  # PPO: at the end no greater than this; falls evenly
     # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
     first_action: tuple[float, ...] = ()
 
@@ -126,6 +127,63 @@ class Goal(_Table):
     best_lap_s: float | None = None  # at most
 
 
+class WarmStart(_Table):
+    """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
+
+    teacher: str = ""  # a scripted driver, which may see more than the learner
+    demonstrations: str = ""  # a file of `race demonstrate`
+    share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
+    critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
+    log_std: float = -2.0  # then; what is learned already needs less trying out
+    # The share of steps that the teacher drives falls from all to none in this share of it.
+    teacher_drives: float = Field(default=0.125, ge=0.0, le=1.0)
+    caution: float = Field(default=1.0, gt=0.0, le=1.0)  # share of its line's speeds
+    margin: float | None = Field(default=None, ge=0.0)  # [m] of its line; None: as in a race
+    noise: float = Field(default=0.05, ge=0.0)  # standard deviation of what is driven
+    memory: int = Field(default=2**20, ge=1)  # labels that are kept
+    decisions: int = Field(default=16, ge=1)  # of each kart between lessons
+    lessons: int = Field(default=6, ge=1)
+    batch_size: int = Field(default=2048, ge=1)
+    learning_rate: float = Field(default=1e-3, gt=0.0)
+    last_learning_rate: float = Field(default=1e-5, ge=0.0)
+    # Inputs are stretched until they are uncorrelated, but for directions of less variance.
+    floor: float = Field(default=3e-3, gt=0.0)
+    loss: Literal["squared", "absolute", "huber"] = "squared"
+    steering_weight: float = Field(default=1.0, ge=0.0)  # of its error, against the pedals'
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether there is anybody to imitate."""
+        return bool(self.teacher or self.demonstrations)
+
+
+class Gail(_Table):
+    """Reward for driving like demonstrations; without them there is none."""
+
+    demonstrations: str = ""  # a file of `race demonstrate`
+    scale: float = Field(default=1.0, gt=0.0)
+    own_share: float = Field(default=0.0, ge=0.0)  # of the race's own reward that stays
+    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    learning_rate: float = Field(default=3e-4, gt=0.0)
+    decisions: int = Field(default=16, ge=1)  # of each kart between lessons of the discriminator
+    lessons: int = Field(default=4, ge=1)
+    batch_size: int = Field(default=256, ge=1)
+    # Noise on what the discriminator learns from, in deviations, so that it is not too sure.
+    blur: float = Field(default=0.1, ge=0.0)
+
+
+class Curiosity(_Table):
+    """Reward for what could not be foreseen; without bonus there is none."""
+
+    bonus: float = Field(default=0.0, ge=0.0)  # for a usual surprise
+    features: int = Field(default=16, ge=1)
+    hidden: int = Field(default=64, ge=1)
+    forward_share: float = Field(default=0.2, ge=0.0, le=1.0)  # of the loss; the inverse's the rest
+    learning_rate: float = Field(default=1e-3, gt=0.0)
+    decisions: int = Field(default=16, ge=1)  # of each kart between lessons of its models
+    batch_size: int = Field(default=256, ge=1)
+
+
 class Settings(_Table):
     """One run of training."""
 
@@ -152,5 +210,8 @@ class Settings(_Table):
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()
+    warm_start: WarmStart = WarmStart()
+    gail: Gail = Gail()
+    curiosity: Curiosity = Curiosity()
     evaluation: Evaluation = Evaluation()
     goal: Goal = Goal()

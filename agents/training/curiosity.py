@@ -1,0 +1,69 @@
+"""Curiosity: what cannot be foreseen yet is worth going to.
+
+An inverse model learns features that tell which action led from one observation to the next; a
+forward model foresees the next features. Its error is the reward: Pathak et al., ICML 2017,
+https://arxiv.org/abs/1705.05363
+"""
+
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+
+from agents.training.rewarded import Rows, Scale, network
+from agents.training.settings import Curiosity
+
+
+class Curious:
+    """A judge who likes what is new."""
+
+    def __init__(self, wanted: Curiosity, size: int, width: int, seed: int) -> None:
+        """Begin without knowing anything. size, width: of an observation and of an action."""
+        self._wanted = wanted
+        count, hidden = wanted.features, wanted.hidden
+        self._features = network((size, hidden, count), seed)
+        self._inverse = network((2 * count, hidden, width), seed + 1)
+        self._forward = network((count + width, hidden, count), seed + 2)
+        parts = (self._features, self._inverse, self._forward)
+        parameters = [weight for part in parts for weight in part.parameters()]
+        self._optimiser = torch.optim.Adam(parameters, lr=wanted.learning_rate)
+        self._scale = Scale(size)
+        self._usual = RunningMeanStd()
+        self._chance = np.random.default_rng(seed)
+
+    def worth(self, seen: Rows, actions: Rows, after: Rows) -> Rows:
+        """Return a reward for each transition, shape (n,): the surprise, in usual ones."""
+        with torch.no_grad():
+            error = self._surprise(self._scale(seen), torch.from_numpy(actions), self._scale(after))
+        surprise = error.numpy()
+        self._usual.update(surprise)
+        usual = float(self._usual.mean) + 1e-8
+        return np.asarray(self._wanted.bonus * np.minimum(surprise / usual, 5.0), np.float32)
+
+    def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
+        """Learn to foresee, from transitions of several decisions."""
+        self._scale.update(seen)
+        before, done, then = self._scale(seen), torch.from_numpy(actions), self._scale(after)
+        for rows in np.array_split(
+            self._chance.permutation(len(seen)), max(len(seen) // self._wanted.batch_size, 1)
+        ):
+            inverse = self._guess(before[rows], then[rows]) - done[rows]
+            forward = self._surprise(before[rows], done[rows], then[rows]).mean()
+            share = self._wanted.forward_share
+            loss: Any = share * forward + (1.0 - share) * (inverse**2).mean()
+            self._optimiser.zero_grad()
+            loss.backward()
+            self._optimiser.step()
+
+    def _guess(self, before: torch.Tensor, then: torch.Tensor) -> torch.Tensor:
+        """Return which action led from one observation to another."""
+        pair = torch.cat([self._features(before), self._features(then)], dim=1)
+        return torch.as_tensor(self._inverse(pair))
+
+    def _surprise(
+        self, before: torch.Tensor, done: torch.Tensor, then: torch.Tensor
+    ) -> torch.Tensor:
+        """Return the forward model's error for each transition, shape (n,)."""
+        known = torch.cat([self._features(before), done], dim=1)
+        return 0.5 * ((self._forward(known) - self._features(then)) ** 2).sum(dim=1)

@@ -1,0 +1,59 @@
+"""`race demonstrate`: laps of a driver go into a file from which others learn."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from race_server.errors import ScenarioError
+
+
+def demonstrate(
+    driver: Annotated[str, typer.Argument(help="An installed driver, such as raceline.")],
+    tracks: Annotated[
+        str, typer.Option("--tracks", "--track", help="Comma-separated names of tracks.")
+    ] = "covapsy-train-2023",
+    laps: Annotated[int, typer.Option(min=1, help="On each track.")] = 5,
+    vehicle: Annotated[str, typer.Option(help="Such as tt02 or kart-60.")] = "tt02",
+    seed: Annotated[int, typer.Option(min=0, help="Of sensors, start and noise.")] = 1,
+    noise: Annotated[
+        float,
+        typer.Option(
+            min=0.0, max=1.0, help="Deviation of pedals and wheel, against which the driver drives."
+        ),
+    ] = 0.0,
+    out: Annotated[Path, typer.Option(help="The file.")] = Path("demonstrations.npz"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Record what a driver sees and does: `race demonstrate raceline --noise 0.1 --out laps.npz`.
+
+    Learn from it: `race train time-trial --set warm_start.demonstrations=laps.npz`.
+    """
+    names = [name.strip() for name in tracks.split(",") if name.strip()]
+    if not names:
+        raise ScenarioError(f"--tracks {tracks!r}: name one track or more")
+    if not out.parent.is_dir():
+        raise ScenarioError(f"--out {out}: there is no folder {out.parent}")
+    try:
+        from agents.training.demonstrations import write_demonstrations
+        from agents.training.demonstrator import demonstrate as watch
+    except ImportError as error:
+        missing = (error.name or "a package").split(".")[0]
+        raise ScenarioError(
+            f"{missing} is not installed: `pip install race-server[train]` brings it"
+        ) from error
+    shown, runs = watch(driver, names, vehicle, laps, seed, noise)
+    write_demonstrations(out, shown)
+    contacts = sum(run.crashes for run in runs)
+    if as_json:
+        count = len(shown.observations)
+        print(json.dumps({"file": str(out), "decisions": count, "wall_contacts": contacts}))
+        return
+    Console(stderr=True).print(
+        f"{out}: {len(shown.observations)} decisions of {driver} in {laps} laps on "
+        f"{', '.join(names)}, with {contacts} wall contacts",
+        markup=False,
+        soft_wrap=True,
+    )

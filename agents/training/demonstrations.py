@@ -1,0 +1,157 @@
+"""Demonstrations: what a driver saw and what it did, in a file that anybody may read safely.
+
+An .npz of plain arrays: `observations` (n, size) with the parts that `about` names, `controls`
+(n, 4) steering, throttle, brake, buttons, and `about`, a JSON text. A policy takes what it sees out
+of the observations, as it does in a race.
+"""
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.learned import places_in
+from agents.training.export import nature_from
+from agents.training.settings import Settings
+from agents.training.teacher import actions_of
+from race_server.env.actions import CONTINUOUS, CONTROL, action_kind
+from race_server.errors import RaceError, RecordingError, ScenarioError
+from race_server.observe import layout_of
+
+# Raise it when a part of an observation or a control comes to mean something else.
+VERSION = 1
+Rows = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class About:
+    """Where demonstrations come from."""
+
+    driver: str
+    tracks: tuple[str, ...]
+    vehicle: str
+    parts: tuple[str, ...]  # of an observation, in order
+    lidar_rays: int
+    lidar_field: float  # [rad]
+    lidar_reach: float  # [m]
+    decision_s: float
+    version: int = VERSION
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """What a driver saw and did."""
+
+    about: About
+    observations: Rows  # (n, size)
+    controls: Rows  # (n, 4)
+
+
+def write_demonstrations(path: Path, shown: Demonstrations) -> None:
+    """Write a file.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    about = np.array(json.dumps(asdict(shown.about)))
+    try:
+        with path.open("wb") as file:
+            np.savez_compressed(
+                file,
+                allow_pickle=False,
+                observations=shown.observations,
+                controls=shown.controls,
+                about=about,
+            )
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def read_demonstrations(path: Path) -> Demonstrations:
+    """Return what a file holds.
+
+    Raises:
+        RecordingError: it is missing, damaged, or of another version.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as tables:
+            words = json.loads(str(tables["about"]))
+            observations, controls = tables["observations"], tables["controls"]
+    except FileNotFoundError as error:
+        raise RecordingError(f"{path}: no such file; record one with `race demonstrate`") from error
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, RecursionError) as error:
+        raise RecordingError(f"{path}: damaged, or no demonstrations: {error}") from error
+    shown = Demonstrations(_about(words, path), observations, controls)
+    _check(shown, path)
+    return shown
+
+
+def _about(words: Any, path: Path) -> About:
+    if not isinstance(words, dict) or words.get("version") != VERSION:
+        version = words.get("version") if isinstance(words, dict) else None
+        raise RecordingError(
+            f"{path}: demonstrations of version {version!r}, this program reads version {VERSION}; "
+            "record them again"
+        )
+    values: dict[str, Any] = {}
+    for field in fields(About):
+        value = words.get(field.name)
+        value = tuple(map(str, value)) if isinstance(value, list) else value
+        kind: Any = tuple if "tuple" in str(field.type) else field.type
+        if not isinstance(value, kind):
+            raise RecordingError(f"{path}: {field.name} = {value!r} makes no demonstrations")
+        values[field.name] = value
+    return About(**values)
+
+
+def _check(shown: Demonstrations, path: Path) -> None:
+    try:
+        size = layout_of(shown.about.parts, shown.about.lidar_rays).size
+    except ScenarioError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    seen, controls = shown.observations, shown.controls
+    count = len(seen) if seen.ndim else 0
+    if count < 1 or seen.shape != (count, size) or controls.shape != (count, 4):
+        raise RecordingError(
+            f"{path}: observations {seen.shape} and controls {controls.shape}: (n, {size}) and "
+            "(n, 4) are wanted, n above zero"
+        )
+    for name, rows in (("observations", seen), ("controls", controls)):
+        if rows.dtype != np.float32 or not np.isfinite(rows).all():
+            raise RecordingError(f"{path}: {name} hold {rows.dtype} or no numbers; record it again")
+
+
+def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
+    """Return what a learner would have seen, (n, size), and should have answered, (n, A).
+
+    Raises:
+        RaceError: the file is damaged, or was recorded with another vehicle, pace or lidar.
+    """
+    shown = read_demonstrations(path)
+    about, nature = shown.about, nature_from(settings, ())
+    for name, recorded, wanted in (
+        ("vehicle", about.vehicle, nature.vehicle),
+        ("decision_s", about.decision_s, nature.decision_s),
+    ):
+        if recorded != wanted:
+            raise ScenarioError(
+                f"{path}: {name} = {recorded!r}, the training's is {wanted!r}; record others"
+            )
+    kind = action_kind(settings.action)
+    if kind not in {CONTINUOUS, CONTROL}:
+        raise ScenarioError(
+            f"action = {settings.action!r}: demonstrations show pedals and wheel; choose "
+            "'continuous' or 'control'"
+        )
+    try:
+        layout = layout_of(about.parts, about.lidar_rays)
+        gear = np.array([about.lidar_field, about.lidar_reach, about.decision_s])
+        places = places_in(layout, nature, gear, "the learner")
+    except RaceError as error:
+        raise ScenarioError(f"{path}: {error}") from error
+    actions = actions_of(shown.controls.astype(np.float64), kind)
+    return np.ascontiguousarray(shown.observations[:, places]), actions

@@ -1,0 +1,67 @@
+"""Adversarial imitation: to be taken for the expert is what is worth something.
+
+A discriminator learns to tell what is driven from what was demonstrated, and rewards what it takes
+for a demonstration: Ho and Ermon, NeurIPS 2016, https://arxiv.org/abs/1606.03476
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.nn import functional
+
+from agents.training.demonstrations import pairs_for
+from agents.training.rewarded import Rows, Scale, network
+from agents.training.settings import Gail, Settings
+
+
+class Discriminator:
+    """A judge who likes what looks like the demonstrations."""
+
+    def __init__(self, settings: Settings) -> None:
+        """Read the demonstrations.
+
+        Raises:
+            RaceError: they are damaged, or do not fit what is to be learned.
+        """
+        wanted: Gail = settings.gail
+        self._wanted = wanted
+        self._seen, self._actions = pairs_for(settings, Path(wanted.demonstrations))
+        size = self._seen.shape[1] + self._actions.shape[1]
+        self._network = network((size, *wanted.layers, 1), settings.seed)
+        self._optimiser = torch.optim.Adam(self._network.parameters(), lr=wanted.learning_rate)
+        self._scale = Scale(size)
+        self._scale.update(np.concatenate([self._seen, self._actions], axis=1))
+        self._chance = np.random.default_rng(settings.seed)
+
+    def worth(self, seen: Rows, actions: Rows, after: Rows) -> Rows:
+        """Return -log(1 - D) for each transition, shape (n,), D being the chance of an expert."""
+        with torch.no_grad():
+            return np.asarray(self._wanted.scale * functional.softplus(self._logit(seen, actions)))
+
+    def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
+        """Learn to tell what was driven from what was demonstrated."""
+        count = self._wanted.batch_size
+        for _ in range(self._wanted.lessons):
+            own = self._chance.integers(0, len(seen), count)
+            shown = self._chance.integers(0, len(self._seen), count)
+            logits = torch.cat(
+                [
+                    self._logit(seen[own], actions[own], self._wanted.blur),
+                    self._logit(self._seen[shown], self._actions[shown], self._wanted.blur),
+                ]
+            )
+            truth = torch.cat([torch.zeros(count), torch.ones(count)])
+            loss: Any = functional.binary_cross_entropy_with_logits(logits, truth)
+            self._optimiser.zero_grad()
+            loss.backward()
+            self._optimiser.step()
+
+    def _logit(self, seen: Rows, actions: Rows, blur: float = 0.0) -> torch.Tensor:
+        """Return how much pairs look like the expert's, shape (n,); blur: noise on all inputs."""
+        pairs = self._scale(np.concatenate([seen, actions], axis=1))
+        if blur > 0.0:
+            noise = self._chance.normal(0.0, blur, tuple(pairs.shape)).astype(np.float32)
+            pairs = pairs + torch.from_numpy(noise)
+        return torch.as_tensor(self._network(pairs))[:, 0]

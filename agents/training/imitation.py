@@ -1,0 +1,157 @@
+"""The warm start: a policy imitates before it learns by reward.
+
+From a teacher it learns in the states that it comes to itself, since what a teacher does on its
+own path says nothing of how to get back to it: DAgger, Ross et al., AISTATS 2011,
+https://arxiv.org/abs/1011.0686
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecNormalize
+
+from agents.training.demonstrations import pairs_for
+from agents.training.lessons import Lessons, Memory
+from agents.training.lines import Say, find_lines
+from agents.training.pace import Pace
+from agents.training.settings import Settings, WarmStart
+from agents.training.tasks import training_task
+from agents.training.teacher import Teacher, shown_to_both
+from race_server.env.actions import CONTINUOUS, action_kind
+from race_server.env.batch import Batch
+from race_server.env.vector import after_an_episode
+from race_server.errors import ScenarioError
+
+FIRM = 1e12  # observations after which means do not move any more
+LOOKED_AT = 20_000  # observations whose spread is found out
+
+# Called with the decisions since the last call.
+Pass = Callable[[int], None]
+
+
+class School:
+    """The worlds in which a learner drives and a teacher says what it would have done."""
+
+    def __init__(self, settings: Settings, say: Say) -> None:
+        """Find the teacher's lines and build the worlds.
+
+        Raises:
+            RaceError: there is no such teacher, or it cannot show what is to be learned.
+        """
+        wanted = settings.warm_start
+        task = shown_to_both(training_task(settings), wanted.teacher)
+        scenarios = find_lines(task.scenarios, wanted.margin, settings.threads, say)
+        task = replace(task, scenarios=scenarios)
+        after = after_an_episode(Batch.count_learners(task))
+        self.batch = Batch(
+            task,
+            worlds=settings.worlds,
+            # Others than those of the rewards, so that both together show more places.
+            seed=settings.seed + settings.worlds,
+            after=after,
+            threads=settings.threads,
+        )
+        self.teacher = Teacher(wanted.teacher, self.batch, wanted.caution)
+        self.karts = self.batch.worlds * self.batch.learners
+        self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
+
+    def look(self, size: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return what learners see, shape (n, size), and what they should do, shape (n, A)."""
+        seen = self.batch.observations
+        labels = self.teacher.labels(seen, self._begun)
+        return seen.reshape(self.karts, -1)[:, :size].copy(), labels
+
+    def move(self, actions: NDArray[np.float32]) -> None:
+        """Move every race on by one decision."""
+        self.batch.step(actions)
+        self._begun = (self.batch.terminated | self.batch.truncated).astype(np.bool_)
+
+
+class Imitation:
+    """A warm start from its first lesson to its last."""
+
+    def __init__(self, settings: Settings, learner: Any, world: VecNormalize, say: Say) -> None:
+        """Get teacher, demonstrations and memory ready.
+
+        Raises:
+            RaceError: one of them does not exist or does not fit.
+        """
+        wanted = settings.warm_start
+        if not isinstance(learner, PPO) or not hasattr(world.action_space, "low"):
+            raise ScenarioError(
+                f"warm_start with algorithm.name = {settings.algorithm.name!r} and action = "
+                f"{settings.action!r}: only ppo with continuous actions can imitate"
+            )
+        self._wanted, self._learner, self._world, self._say = wanted, learner, world, say
+        space: Any = world.observation_space
+        actions: Any = world.action_space
+        self._low, self._high = actions.low, actions.high
+        self._size, width = space.shape[0], actions.shape[0]
+        self._memory = Memory(wanted.memory, self._size, width)
+        self._lessons = Lessons(wanted, learner, world, _weights(wanted, settings.action, width))
+        self._chance = np.random.default_rng(settings.seed)
+        if wanted.demonstrations:
+            seen, labels = pairs_for(settings, Path(wanted.demonstrations))
+            means: Any = world.obs_rms
+            means.update(seen)
+            self._memory.add(seen, labels)
+        self._school = School(settings, say) if wanted.teacher else None
+        self._errors = np.zeros(width)
+        self._next_look = 1  # once there are so many labels
+
+    def go(self, pace: Pace, passed: Pass) -> None:
+        """Imitate until the share of the training for it is over."""
+        while not pace.is_over and pace.share < self._wanted.share:
+            elapsed = pace.share / self._wanted.share
+            if self._school is not None:
+                for _ in range(self._wanted.decisions):
+                    self._drive(self._school, elapsed)
+            self._learn(elapsed)
+            # With demonstrations alone nobody drives: as much counts as if somebody did.
+            passed(self._wanted.decisions * self._world.num_envs)
+        self._learner.policy.log_std.data.fill_(self._wanted.log_std)
+        # What was learned rests on these means: those of a few demonstrations would move soon.
+        means: Any = self._world.obs_rms
+        means.count = max(means.count, FIRM)
+        figures = ", ".join(f"{error:.3f}" for error in self._errors)
+        self._say(f"imitation: {self._memory.count} labels, mean errors of the actions {figures}")
+
+    def _learn(self, elapsed: float) -> None:
+        memory, lessons = self._memory, self._lessons
+        if memory.count >= self._next_look:
+            lessons.look_at(memory.draw(LOOKED_AT, self._chance)[0])
+            self._next_look = 2 * memory.count
+        with lessons.stretched():
+            for _ in range(self._wanted.lessons):
+                seen, labels = memory.draw(self._wanted.batch_size, self._chance)
+                self._errors += 0.02 * (lessons.learn(seen, labels, elapsed) - self._errors)
+
+    def _drive(self, school: School, elapsed: float) -> None:
+        """Let the learner, and at first also the teacher, drive for one decision."""
+        wanted = self._wanted
+        seen, labels = school.look(self._size)
+        self._memory.add(seen, labels)
+        means: Any = self._world.obs_rms
+        means.update(seen)
+        actions = self._lessons.answer(seen)
+        share = 1.0 - elapsed / wanted.teacher_drives if wanted.teacher_drives > 0.0 else 0.0
+        taught = self._chance.random(len(actions)) < share
+        actions[taught] = labels[taught]
+        actions += self._chance.normal(0.0, wanted.noise, actions.shape).astype(np.float32)
+        school.move(np.clip(actions, self._low, self._high))
+
+    def close(self) -> None:
+        """Let the worlds go."""
+        if self._school is not None:
+            self._school.batch.close()
+
+
+def _weights(wanted: WarmStart, action: str, width: int) -> NDArray[np.float32]:
+    weights = np.ones(width, np.float32)
+    weights[1 if action_kind(action) == CONTINUOUS else 0] = wanted.steering_weight
+    return weights

@@ -1,0 +1,71 @@
+"""Reference lines for a teacher: looked for before a training, by several processes at once."""
+
+import contextlib
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
+from multiprocessing import get_context
+
+from race_server.errors import RaceError
+from race_server.limit.bounds import bounds_of
+from race_server.limit.detour import around
+from race_server.limit.line import line_of
+from race_server.limit.reference import known_limit, reference_limit
+from race_server.params import Vehicle
+from race_server.scenario.base import Scenario
+from race_server.track.course import Course
+
+Say = Callable[[str], None]
+Job = tuple[Course, Vehicle, float | None]  # and the margin [m]
+
+
+def find_lines(
+    scenarios: Sequence[Scenario], margin: float | None, workers: int, say: Say
+) -> tuple[Scenario, ...]:
+    """Return the scenarios with lines that keep a margin [m]; None: with lines as in a race.
+
+    What is found is kept in the user's cache. Where no line fits with the margin, that of a race
+    does.
+    """
+    jobs = [(one.course, one.vehicle_of(0), margin) for one in scenarios]
+    unknown = [job for job in jobs if known_limit(job[0], bounds_of(job[1], margin=margin)) is None]
+    if unknown:
+        say(f"reference lines: {len(unknown)} to be found, about a second each")
+        _find(unknown, workers, say)
+    if margin is None:
+        return tuple(scenarios)
+    return tuple(_with_margin(scenario, margin) for scenario in scenarios)
+
+
+def _find(jobs: Sequence[Job], workers: int, say: Say) -> None:
+    for number, _ in enumerate(_found(jobs, min(workers, len(jobs))), 1):
+        if number % 10 == 0 or number == len(jobs):
+            say(f"reference lines: {number} of {len(jobs)}")
+
+
+def _found(jobs: Sequence[Job], workers: int) -> Iterator[None]:
+    """Find lines one after the other, and tell of each."""
+    if workers == 1:
+        yield from itertools.starmap(find_line, jobs)
+        return
+    # A process that is spawned shares no threads with PyTorch, as a fork would.
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(find_line, *job) for job in jobs]):
+            yield future.result()
+
+
+def find_line(course: Course, vehicle: Vehicle, margin: float | None) -> None:
+    """Look for a line and keep it in the user's cache; if there is none, nothing happens."""
+    with contextlib.suppress(RaceError):
+        reference_limit(course, vehicle, margin=margin)
+
+
+def _with_margin(scenario: Scenario, margin: float) -> Scenario:
+    course, vehicle = scenario.course, scenario.vehicle_of(0)
+    bounds = bounds_of(vehicle, margin=margin)
+    limit = known_limit(course, bounds)
+    if limit is None:
+        return scenario
+    line = around(course, line_of(course, bounds, limit.minimum_time), bounds, vehicle)
+    return replace(scenario, line=line)

@@ -1,0 +1,240 @@
+"""Imitation: a teacher's answers are learned, demonstrations are kept, checked and learned from."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from typer.testing import CliRunner
+
+from agents.training.demonstrations import (
+    Demonstrations,
+    pairs_for,
+    read_demonstrations,
+    write_demonstrations,
+)
+from agents.training.demonstrator import demonstrate
+from agents.training.imitation import Imitation, School
+from agents.training.learner import learner_of, world_of
+from agents.training.lessons import Lessons, Memory
+from agents.training.pace import Pace
+from agents.training.run import train
+from agents.training.schedule import Schedule
+from agents.training.settings import Settings
+from agents.training.sheet import read_settings
+from agents.training.teacher import actions_of
+from race_server.cli import app
+from race_server.env.actions import CONTINUOUS, CONTROL
+from race_server.errors import RaceError, RecordingError, ScenarioError
+
+QUICK = (
+    "minutes=none",
+    "steps=12000",
+    "worlds=16",
+    "tracks={names = ['oval']}",
+    "lidar.rays=21",
+    "network={layers = [32], activation = 'relu'}",
+    "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 1, seconds = 3.0}",
+    "evaluation.final={names = ['oval']}",
+    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
+    "warm_start.teacher=raceline",
+    "warm_start.batch_size=256",
+    "warm_start.lessons=24",
+    "warm_start.learning_rate=3e-3",
+    "warm_start.memory=10000",
+    "warm_start.share=1.0",
+)
+
+
+def settings(*changes: str) -> Settings:
+    return read_settings("time-trial", [*QUICK, *changes])
+
+
+def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
+    """Return a learner after its warm start, and what was said."""
+    pace, said = Pace.of(wanted), list[str]()
+    world = world_of(wanted, pace)
+    learner = learner_of(wanted, world, pace, None)
+    imitation = Imitation(wanted, learner, world, said.append)
+
+    def passed(decisions: int) -> None:
+        pace.done += decisions
+
+    imitation.go(pace, passed)
+    imitation.close()
+    world.close()
+    return learner, said
+
+
+@pytest.fixture(scope="module")
+def shown() -> Demonstrations:
+    return demonstrate("raceline", ["oval"], "tt02", laps=1, seed=1, noise=0.1)[0]
+
+
+# A teacher
+
+
+def test_a_teacher_looks_at_what_the_learner_does_not_see() -> None:
+    school = School(settings(), lambda _: None)
+    seen, labels = school.look(44)
+    assert school.batch.layout.size > 100
+    assert seen.shape == (16, 44)
+    assert labels.shape == (16, 3)
+    assert np.abs(labels[:, :2]).max() > 0.1
+    assert np.abs(labels).max() <= 1.0
+
+
+def test_controls_become_what_a_learner_would_answer() -> None:
+    controls = np.array([[0.5, 0.8, 0.0, 0.0], [-0.2, 0.0, 0.6, 1.0]])
+    wanted = [[0.8, 0.5, 0.0], [-0.6, -0.2, 1.0]]
+    assert actions_of(controls, CONTINUOUS) == pytest.approx(np.array(wanted))
+    assert actions_of(controls, CONTROL) == pytest.approx(controls)
+
+
+def test_a_warm_start_comes_near_to_its_teacher_and_is_the_same_again() -> None:
+    first, said = imitate(settings())
+    again, _ = imitate(settings())
+    errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
+    assert errors[1] < 0.15
+    assert first.policy.log_std.exp().tolist() == pytest.approx([np.exp(-2.0)] * 3)
+    for one, other in zip(first.policy.parameters(), again.policy.parameters(), strict=True):
+        assert one.equal(other)
+
+
+def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
+    wanted = settings("warm_start.share=0.5", "network.last_log_std=-3.0")
+    outcome = train(wanted, tmp_path)
+    assert outcome.evaluation["parity"] <= 1e-5
+    assert outcome.evaluation["tracks"][0]["speed"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (("action=report_b",), "'report_b': a teacher shows pedals and wheel"),
+        (("algorithm.name=sac", "algorithm.options={}"), "only ppo with continuous actions"),
+        (("warm_start.teacher=learned:nobody",), "policy 'nobody' is unknown"),
+        (("warm_start.teacher=nobody",), "driver 'nobody' is unknown"),
+    ],
+)
+def test_what_cannot_be_imitated_is_refused(changes: tuple[str, ...], message: str) -> None:
+    with pytest.raises(RaceError, match=message):
+        imitate(settings(*changes))
+
+
+def test_a_memory_forgets_the_oldest() -> None:
+    memory = Memory(4, 1, 1)
+    for value in range(6):
+        memory.add(np.full((1, 1), value, np.float32), np.zeros((1, 1), np.float32))
+    seen, _ = memory.draw(100, np.random.default_rng(0))
+    assert set(seen[:, 0].tolist()) == {2.0, 3.0, 4.0, 5.0}
+
+
+def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
+    wanted = settings("warm_start.share=0.5", "warm_start.critic_share=0.1", "steps=1000")
+    wanted = wanted.model_copy(
+        update={"network": wanted.network.model_copy(update={"last_log_std": -4.0})}
+    )
+    pace = Pace.of(wanted)
+    world = world_of(wanted, pace)
+    learner = learner_of(wanted, world, pace, None)
+    schedule = Schedule(wanted, pace)
+    schedule.init_callback(learner)
+    learns = []
+    for done in (500, 599, 600, 1000):
+        pace.done = done
+        schedule.on_rollout_start()
+        learns.append(learner.policy.action_net.weight.requires_grad)
+    assert learns == [False, False, True, True]
+    assert learner.policy.log_std.tolist() == pytest.approx([-4.0] * 3)
+    world.close()
+
+
+def test_stretched_inputs_change_no_answer() -> None:
+    wanted = settings()
+    world = world_of(wanted, Pace.of(wanted))
+    learner = learner_of(wanted, world, Pace.of(wanted), None)
+    lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32))
+    seen = np.random.default_rng(0).normal(1.0, 0.3, (500, 44)).astype(np.float32)
+    seen[:, 1] = seen[:, 0] + 0.01 * seen[:, 2]
+    before = lessons.answer(seen)
+    lessons.look_at(seen)
+    with lessons.stretched():
+        assert not np.allclose(lessons.answer(seen), before, atol=1e-3)
+    assert np.allclose(lessons.answer(seen), before, atol=1e-5)
+    world.close()
+
+
+# Demonstrations
+
+
+def test_demonstrations_come_back_as_they_were(shown: Demonstrations, tmp_path: Path) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    again = read_demonstrations(tmp_path / "laps.npz")
+    assert again.about == shown.about
+    assert np.array_equal(again.observations, shown.observations)
+    assert np.array_equal(again.controls, shown.controls)
+
+
+def test_a_learner_takes_what_it_sees_out_of_demonstrations(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    seen, actions = pairs_for(settings(), tmp_path / "laps.npz")
+    assert np.array_equal(seen[:, :21], shown.observations[:, 0:201:10])
+    assert np.array_equal(actions[:, 1], shown.controls[:, 0])
+
+
+def test_foreign_and_damaged_files_are_refused_in_one_sentence(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    path = tmp_path / "laps.npz"
+    write_demonstrations(path, shown)
+    with np.load(path) as tables:
+        good = dict(tables)
+    words = json.loads(str(good["about"]))
+
+    def refused(message: str, **changes: object) -> None:
+        with path.open("wb") as file:
+            np.savez(file, **{**good, **changes})
+        with pytest.raises(RecordingError, match=message):
+            read_demonstrations(path)
+
+    refused("version 9, this program reads", about=np.array(json.dumps({**words, "version": 9})))
+    refused("parts", about=np.array(json.dumps({**words, "parts": ["sonar"]})))
+    refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
+    refused("damaged", about=np.array("{"))
+    refused("damaged", observations=np.array([{"an": "object"}], object))
+    refused("are wanted", controls=good["controls"][:-1])
+    refused("no numbers", controls=np.full_like(good["controls"], np.nan))
+    path.write_bytes(b"PK\x03\x04 nonsense")
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    with pytest.raises(RecordingError, match="no such file"):
+        read_demonstrations(tmp_path / "none.npz")
+
+
+def test_demonstrations_of_another_vehicle_are_refused(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    with pytest.raises(ScenarioError, match="vehicle = 'tt02', the training's is 'kart-60'"):
+        pairs_for(settings("vehicle=kart-60"), tmp_path / "laps.npz")
+
+
+def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> None:
+    path = tmp_path / "laps.npz"
+    words = ["demonstrate", "raceline", "--track", "oval", "--laps", "1", "--noise", "0.2"]
+    done = CliRunner().invoke(app, [*words, "--out", str(path), "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["decisions"] > 50
+    wanted = settings(
+        "warm_start.teacher=",
+        f"warm_start.demonstrations={path}",
+        "steps=2048",
+        "warm_start.lessons=50",
+    )
+    _, said = imitate(wanted)
+    errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
+    assert errors[1] < 0.1
