@@ -8,6 +8,7 @@ at exit as well.
 """
 
 import atexit
+import math
 import threading
 import time
 from collections import Counter, deque
@@ -33,6 +34,9 @@ DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
 # So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
 # comes after an honest control must not hide it.
 MOST_INPUTS = 8
+# A driver who falls silent may log in once more, after so long and until so long: its link has
+# stalled.
+STALLED_S, GIVEN_UP_S = 2.0, 30.0
 _WITHOUT_BADGE = {
     topics.CONTROL: "control without the seat's badge",
     topics.POSE: "pose without the seat's badge",
@@ -142,6 +146,7 @@ class ServerLink(_Link):
             deque(maxlen=MOST_INPUTS) for _ in range(seats)
         ]
         self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
+        self._heard_s = [-math.inf] * seats  # when each seat's holder was heard last
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
         self._turn = 0  # where the next round of answers begins
@@ -201,6 +206,7 @@ class ServerLink(_Link):
                 self.dropped["foreign", seat] += 1
                 return
             keep(data)
+            self._heard_s[seat] = time.monotonic()
             self._arrived.set()
 
         return self._counted(store)
@@ -264,7 +270,9 @@ class ServerLink(_Link):
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
                 open_links[name] += 1 if is_new else -1
-                if is_new and open_links[name] > 1:
+                silent_s = time.monotonic() - self._heard_s[owners[name]]
+                has_stalled = STALLED_S < silent_s < GIVEN_UP_S
+                if is_new and open_links[name] > 1 and not has_stalled:
                     self.dropped["second login", owners[name]] += 1
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
