@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -151,11 +151,11 @@ class ServerLink(_Link):
         self._requests: dict[str, deque[Request]] = {}
         self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
+        self._karts: dict[int, Any] = {}  # subscribers to the poses of real karts, by seat
         # In real time controls wait in rings of zenoh until the loop takes them: no Python runs as
         # they arrive, so that no flood fights the loop for the interpreter.
         self._rings: list[tuple[Any, Callable[[Any], None]]] = []
         self._kept: list[Any] = [self._hear_seat(seat, real_time) for seat in range(seats)]
-        self._kept += [self._hear_kart(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
         self._kept.append(self._hear_links())
@@ -290,6 +290,15 @@ class ServerLink(_Link):
             while mailbox:
                 found.append((seat, mailbox.popleft()))
         return found
+
+    def hear_karts(self, seats: Collection[int]) -> None:
+        """Hear poses on these seats and no others: nobody floods where no real kart sits."""
+        for seat in seats:
+            if seat not in self._karts:
+                self._karts[seat] = self._hear_kart(seat)
+        for seat in self._karts.keys() - set(seats):
+            self._karts.pop(seat).undeclare()
+            self._poses[seat].clear()
 
     def take_poses(self) -> list[tuple[int, bytes, int]]:
         """Return the newest poses of each seat since the last call, oldest first.

@@ -348,6 +348,7 @@ class RaceServer:
         self._diary.look(self.meters.turned_at)
         for seat, data in self.link.take_inputs():
             self._take_control(seat, data)
+        self.link.hear_karts(self.session.fleet.trackers.keys())
         for seat, data, arrived_us in self.link.take_poses():
             self._take_pose(seat, data, arrived_us)
         for request in self.link.take_requests():
