@@ -1,7 +1,7 @@
 """A fresh link for a driver whose old one has stalled.
 
 Where packet after packet is lost TCP waits twice as long before it tries again, each time: a link
-may be there and carry nothing for twenty seconds. A fresh one is through within a second or two, and
+may be there and carry nothing for twenty seconds. A fresh one is through within a few seconds, and
 the server takes who shows the same secret on it for the same driver.
 """
 
