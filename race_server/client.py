@@ -121,8 +121,8 @@ def _answer(
         if frame is None:
             if time.monotonic() - last > RETRY_S:
                 raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
-            if epoch >= 0:
-                renewal.begin()
+            if epoch >= 0 and renewal.begin():
+                continue
             with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
                 seat.come_back()
                 reception.reconnects += epoch >= 0

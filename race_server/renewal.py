@@ -55,11 +55,13 @@ class Renewal:
         self.end()
         self._seat.link.close()
 
-    def begin(self) -> None:
-        """Ask for the seat over a fresh link, unless that is under way."""
-        if self._attempt is None:
-            self._attempt = threading.Thread(target=self._renew, name="fresh link")
-            self._attempt.start()
+    def begin(self) -> bool:
+        """Ask for the seat over a fresh link; False where that is under way."""
+        if self._attempt is not None:
+            return False
+        self._attempt = threading.Thread(target=self._renew, name="fresh link")
+        self._attempt.start()
+        return True
 
     def end(self) -> bool:
         """Return whether the seat has moved to a fresh link just now; the old one ends then."""
