@@ -45,6 +45,8 @@ BLOW = 1.3
 
 STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
+# Somebody who was seen so long ago may still be there: beside a front corner no beam reaches.
+UNSEEN_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,7 @@ class ControlUnit:
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
+    _met_s: float = -math.inf  # when somebody was last seen in the way, or near
 
     @classmethod
     def of(cls, vehicle: Vehicle, fence: Fence) -> "ControlUnit":
@@ -222,6 +225,9 @@ class ControlUnit:
         if verdict.brake > 0.0:
             alone = watch_obstacles(still, speed, now, will, self.limits)
             self._is_braking = self._is_braking or alone.brake > 0.0
+            people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
+            if people.brake > 0.0:
+                self._met_s = self._time_s
             return verdict
         if self._is_braking and speed > STANDS:
             return STOP_FOR_OBSTACLE
@@ -230,10 +236,16 @@ class ControlUnit:
             return Verdict()
         held = Verdict()
         if self._is_braking:
-            held = watch_restart(still, self.limits)
+            held = self._hold(watch_restart(still, self.limits))
             self._is_braking = held.brake > 0.0
         near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
         return held if held.brake > 0.0 else near
+
+    def _hold(self, held: Verdict) -> Verdict:
+        """Hold a kart for a while longer than it sees somebody in front."""
+        if held.brake > 0.0:
+            self._met_s = self._time_s
+        return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
 
     def pose(self) -> Pose | None:
         """Return where the kart's centre of gravity is, as it is told to the server."""

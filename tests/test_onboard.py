@@ -9,7 +9,7 @@ from courses import ring
 from filterpy.kalman import ExtendedKalmanFilter
 
 from agents import fusion
-from agents.control_unit import ControlUnit, Fence, Fix, Readings
+from agents.control_unit import UNSEEN_S, ControlUnit, Fence, Fix, Readings
 from agents.fusion import Fusion, antenna_at, antenna_jacobian, drive_on, jacobian_of
 from agents.reflex import (
     Cause,
@@ -352,6 +352,23 @@ def test_a_kart_that_stood_for_a_person_does_not_steer_around_it() -> None:
     assert watch_restart(person, LIMITS).brake == 1.0
 
 
+def test_a_kart_that_stood_for_a_person_waits_who_then_stands_where_no_beam_reaches() -> None:
+    unit = Loop("kart").run(4.0).unit
+    unit.drive(Control(throttle=1.0), unit._time_s)
+    person = Echoes(
+        np.array([unit.limits.nose + 1.0]),
+        np.zeros(1),
+        np.array([2.0]),
+        np.array([codes.OBSTACLE], "u1"),
+    )
+    unit.echoes = person
+    assert unit._watch_ahead(0.0, 0.0, 2.0).brake == 1.0
+    unit.echoes = Echoes.nothing()
+    for later_s, brake in ((0.1, 1.0), (UNSEEN_S - 0.2, 1.0), (0.2, 0.0)):
+        unit._time_s += later_s
+        assert unit._watch_ahead(0.0, 0.0, 0.0).brake == brake
+
+
 @pytest.mark.parametrize(
     ("age_s", "motor", "brake"), [(0.1, 1.0, 0.0), (0.5, 0.0, 0.0), (1.0, 0.0, 0.6)]
 )
@@ -501,7 +518,7 @@ def test_the_reflex_stops_a_plant_before_a_person_with_the_throttle_full() -> No
     assert 0.0 < gap_to(person, body) < 1.5
     loop.foot_down = False
     loop.around.people.clear()
-    loop.run(1.0)
+    loop.run(UNSEEN_S + 1.0)
     assert body.speed > 0.5
 
 
