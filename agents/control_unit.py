@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.fusion import HEADING, SPEED, YAW_RATE, Fusion, X, Y
+from agents.fusion import HEADING, SLIDE, SPEED, YAW_RATE, Fusion, X, Y
 from agents.reflex import (
     STOP_FOR_OBSTACLE,
     Command,
@@ -37,15 +37,16 @@ MICROSECONDS = 1_000_000
 WHEEL_DEVIATION, WHEEL_SHARE, GYRO_DEVIATION = 0.05, 0.02, 0.02  # [m/s], of the speed, [rad/s]
 # Without a position fix for so long the place is dead reckoning.
 FIX_S = 0.5
-# [rad] by which the rear tyres run aside at the limit of their grip, as a standard deviation.
-SLIP = 0.1
-# Accelerations, as shares of what the tyres hold, that only a wall or another kart can cause: in
-# all, and across beside that of the bend that is driven.
-BLOW, PUSH = 1.3, 0.5
+# [rad] by which rear tyres that hold run aside, and [m/s] at a crawl, as standard deviations.
+SLIP, CRAWL_SLIP = 0.1, 0.05
+# An acceleration, as a share of what the tyres hold, that only a wall or another kart can cause.
+BLOW = 1.3
 
 
 STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
+# Somebody who was seen so long ago may still be there: beside a front corner no beam reaches.
+UNSEEN_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -110,9 +111,11 @@ class ControlUnit:
     _driver: Control = STOP
     _driver_s: float = -math.inf
     _time_s: float = 0.0
+    _rate: float = 0.0  # [rad/s] that the gyro gave last
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
+    _met_s: float = -math.inf  # when somebody was last seen in the way, or near
 
     @classmethod
     def of(cls, vehicle: Vehicle, fence: Fence) -> "ControlUnit":
@@ -136,7 +139,9 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        self.fusion.predict(dt, slip=self._slip(), blow=self._blow(readings.acceleration))
+        felt = readings.acceleration
+        self.fusion.predict(dt, push=self._push(felt, readings.yaw_rate, dt), blow=self._blow(felt))
+        self.fusion.see_grip(CRAWL_SLIP + SLIP * abs(float(self.fusion.state[SPEED])))
         speed = readings.wheel_speed
         self.fusion.see_speed(speed, WHEEL_DEVIATION + WHEEL_SHARE * abs(speed))
         self.fusion.see_yaw_rate(readings.yaw_rate, GYRO_DEVIATION)
@@ -144,21 +149,28 @@ class ControlUnit:
             if self.fusion.see_position(fix.x, fix.y, fix.deviation):
                 self._fix_s, self._source = readings.time_s, fix.source
 
-    def _slip(self) -> float:
-        """Return how fast the rear axle may slip aside [m/s], as a standard deviation."""
-        assert self.fusion is not None
-        speed, rate = (abs(float(value)) for value in self.fusion.state[[SPEED, YAW_RATE]])
-        return SLIP * speed * min(speed * rate / (self.vehicle.grip * GRAVITY), 1.0)
+    def _push(
+        self, felt: tuple[float, float] | None, rate: float, dt: float
+    ) -> tuple[float, float]:
+        """Return how the speeds of the rear axle change [m/s²], ahead and to the left.
 
-    def _blow(self, acceleration: tuple[float, float] | None) -> float:
+        felt: by the accelerometer, which sits in the centre of gravity; rate: what the gyro says.
+        """
+        assert self.fusion is not None
+        turned, self._rate = rate - self._rate, rate
+        if felt is None or dt <= 0.0:
+            return 0.0, 0.0
+        speed, turn, slide = self.fusion.state[[SPEED, YAW_RATE, SLIDE]]
+        lever = self.vehicle.rear_axle
+        ahead = felt[0] + turn * (slide + lever * turn)
+        return float(ahead), float(felt[1] - turn * speed - lever * turned / dt)
+
+    def _blow(self, felt: tuple[float, float] | None) -> float:
         """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""
-        if acceleration is None or self.fusion is None:
+        if felt is None:
             return 0.0
-        ahead, left = acceleration
-        across = left - float(self.fusion.state[SPEED] * self.fusion.state[YAW_RATE])
-        tyres = self.vehicle.grip * GRAVITY
-        is_push = abs(across) > PUSH * tyres or math.hypot(ahead, left) > BLOW * tyres
-        return math.hypot(ahead, across) if is_push else 0.0
+        blow = math.hypot(*felt)
+        return blow if blow > BLOW * self.vehicle.grip * GRAVITY else 0.0
 
     def _begin(self, fix: Fix | None) -> None:
         """Begin at the first fix, facing along the course: nobody stands on a grid otherwise."""
@@ -213,6 +225,9 @@ class ControlUnit:
         if verdict.brake > 0.0:
             alone = watch_obstacles(still, speed, now, will, self.limits)
             self._is_braking = self._is_braking or alone.brake > 0.0
+            people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
+            if people.brake > 0.0:
+                self._met_s = self._time_s
             return verdict
         if self._is_braking and speed > STANDS:
             return STOP_FOR_OBSTACLE
@@ -221,10 +236,16 @@ class ControlUnit:
             return Verdict()
         held = Verdict()
         if self._is_braking:
-            held = watch_restart(still, self.limits)
+            held = self._hold(watch_restart(still, self.limits))
             self._is_braking = held.brake > 0.0
         near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
         return held if held.brake > 0.0 else near
+
+    def _hold(self, held: Verdict) -> Verdict:
+        """Hold a kart for a while longer than it sees somebody in front."""
+        if held.brake > 0.0:
+            self._met_s = self._time_s
+        return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
 
     def pose(self) -> Pose | None:
         """Return where the kart's centre of gravity is, as it is told to the server."""
@@ -239,7 +260,7 @@ class ControlUnit:
             y=state[Y] + back * math.sin(heading),
             heading=heading,
             speed=state[SPEED],
-            lateral_speed=back * state[YAW_RATE],
+            lateral_speed=state[SLIDE] + back * state[YAW_RATE],
             yaw_rate=state[YAW_RATE],
             steering=self.steering,
             deviation=self.fusion.deviation,

@@ -111,7 +111,13 @@ class Echoes:
 
     def without_karts(self) -> "Echoes":
         """Return what is left where other karts are not looked at."""
-        kept = self.kinds != codes.KART_HIT
+        return self._kept(self.kinds != codes.KART_HIT)
+
+    def of_people(self) -> "Echoes":
+        """Return what is neither a kart nor a border."""
+        return self._kept(self.kinds == codes.OBSTACLE)
+
+    def _kept(self, kept: NDArray[np.bool_]) -> "Echoes":
         return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
 
 

@@ -15,6 +15,7 @@ from race_server.foresight import Foresight
 from race_server.messages import Control
 from race_server.observe import Observation
 from race_server.reception import Reception
+from race_server.renewal import FRESH_LINK_S, Renewal
 from race_server.seat import SILENCE_S, Seat, insist, take_seat
 from race_server.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.wire import topics
@@ -53,17 +54,22 @@ def drive(
         SeatError: no seat.
         DriverError: the driver raised; its seat is left.
     """
-    with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
+    connect = partial(ClientLink, address, session, keys=keys)
+    with connect(timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
         _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
-        try:
-            heard = _listen(seat, reception)
-            persist(partial(_get_ready, seat, heard))
-            _answer(driver, name, seat, heard, tell, raw=raw)
-        except DriverError:
-            seat.act(topics.LEAVE)
-            raise
+        heard = reception or Reception()
+        if reception is not None:
+            _listen(link, seat.number, reception)
+        catch_up = partial(_catch_up, seat.number, heard)
+        with Renewal(seat, partial(connect, timeout_s=FRESH_LINK_S), catch_up) as renewal:
+            try:
+                persist(partial(_get_ready, seat, heard))
+                _answer(driver, name, seat, renewal, heard, tell, raw=raw)
+            except DriverError:
+                seat.act(topics.LEAVE)
+                raise
         return seat.welcome.briefing
 
 
@@ -73,25 +79,29 @@ def _get_ready(seat: Seat, reception: Reception) -> None:
     reception.offset.note_round_trip(time.monotonic() - begun)
 
 
-def _listen(seat: Seat, reception: Reception | None) -> Reception:
-    """Return what takes note of what a seat hears; with events where somebody wants to know."""
-    if reception is None:
-        return Reception()
+def _listen(link: ClientLink, seat: int, reception: Reception) -> Callable[[bytes], None]:
+    """Let somebody take note of the events of a race; return what takes them."""
 
     def hear_events(data: bytes) -> None:
         with suppress(WireError):
-            for event in decode_events(data)[1]:
-                reception.note_event(event, seat.number)
+            reception.note_events(*decode_events(data), seat)
 
-    seat.link.listen(topics.EVENTS, hear_events)
+    link.listen(topics.EVENTS, hear_events)
     reception.hears_events = True
-    return reception
+    return hear_events
+
+
+def _catch_up(seat: int, reception: Reception, link: ClientLink, deadline: float) -> None:
+    """Listen on a fresh link too, and ask for what the old one owes."""
+    if reception.hears_events:
+        _listen(link, seat, reception)(insist(partial(link.ask, topics.RECENT), deadline))
 
 
 def _answer(
     driver: Driver,
     name: str,
     seat: Seat,
+    renewal: Renewal,
     reception: Reception,
     tell: Callable[[Reception], None],
     *,
@@ -107,14 +117,19 @@ def _answer(
     last = time.monotonic()
     while True:
         frame = seat.hear(SILENCE_S)
+        reception.reconnects += renewal.end()
         if frame is None:
             if time.monotonic() - last > RETRY_S:
                 raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
+            if epoch >= 0 and renewal.begin():
+                continue
             with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
                 seat.come_back()
                 reception.reconnects += epoch >= 0
             continue
         last = time.monotonic()
+        if frame.epoch == epoch and frame.tick < answered:
+            continue  # late, from a link that was given up
         if frame.epoch != epoch:
             epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
             reception.begin()

@@ -3,6 +3,7 @@
 import statistics
 import time
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from race_server.clock import TICK_S, TICKS_PER_SECOND
@@ -82,6 +83,7 @@ class Reception:
     ages_s: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_AGES))
     _first: tuple[int, float] = (-1, 0.0)  # tick and time of the first of this epoch
     _last: tuple[int, float] = (-1, 0.0)
+    _told: set[tuple[int, int]] = field(default_factory=set)  # epochs and numbers of events
 
     def begin(self) -> None:
         """Take note that another race begins."""
@@ -103,6 +105,13 @@ class Reception:
             self._first = (tick, now_s)
         self.ages_s.append(self.offset.age_s(tick * TICK_S, now_s))
         self._last = (tick, now_s)
+
+    def note_events(self, epoch: int, events: Iterable[Event], seat: int) -> None:
+        """Take note of events, each once: after a break the last ones are told again."""
+        for event in events:
+            if (epoch, event.sequence) not in self._told:
+                self._told.add((epoch, event.sequence))
+                self.note_event(event, seat)
 
     def note_event(self, event: Event, seat: int) -> None:
         """Take note of what happened to the driver of a seat."""

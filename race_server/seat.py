@@ -93,8 +93,10 @@ class Seat:
         return decode_welcome(self.link.ask(topics.JOIN, encode_join(request), self.number))
 
 
-def take_seat(link: ClientLink, join: Join) -> Seat:
+def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> Seat:
     """Return a seat in the session; the same request again gives the same seat.
+
+    mailbox: of a seat that the driver has on another link, to go on listening there.
 
     Raises:
         SeatError: the server refuses, with its reason.
@@ -106,7 +108,7 @@ def take_seat(link: ClientLink, join: Join) -> Seat:
     request = replace(join, wanted=number, secret=welcome.secret)
     badge = badge_of(welcome.secret)
     topic = topics.POSE if join.tracked else topics.CONTROL
-    seat = Seat(welcome, Mailbox(), link, request, link.sender(number, badge, topic))
+    seat = Seat(welcome, mailbox or Mailbox(), link, request, link.sender(number, badge, topic))
     link.listen(topics.OBSERVATION, seat.mailbox.put, number)
     link.announce(number, badge)
     return seat

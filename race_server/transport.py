@@ -8,10 +8,11 @@ at exit as well.
 """
 
 import atexit
+import math
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -33,6 +34,9 @@ DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
 # So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
 # comes after an honest control must not hide it.
 MOST_INPUTS = 8
+# A driver who falls silent may log in once more, after so long and until so long: its link has
+# stalled.
+STALLED_S, GIVEN_UP_S = 2.0, 30.0
 _WITHOUT_BADGE = {
     topics.CONTROL: "control without the seat's badge",
     topics.POSE: "pose without the seat's badge",
@@ -142,15 +146,16 @@ class ServerLink(_Link):
             deque(maxlen=MOST_INPUTS) for _ in range(seats)
         ]
         self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
+        self._heard_s = [-math.inf] * seats  # when each seat's holder was heard last
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
         self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
+        self._karts: dict[int, Any] = {}  # subscribers to the poses of real karts, by seat
         # In real time controls wait in rings of zenoh until the loop takes them: no Python runs as
         # they arrive, so that no flood fights the loop for the interpreter.
         self._rings: list[tuple[Any, Callable[[Any], None]]] = []
         self._kept: list[Any] = [self._hear_seat(seat, real_time) for seat in range(seats)]
-        self._kept += [self._hear_kart(seat) for seat in range(seats)]
         self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._hear_presence())
         self._kept.append(self._hear_links())
@@ -201,6 +206,7 @@ class ServerLink(_Link):
                 self.dropped["foreign", seat] += 1
                 return
             keep(data)
+            self._heard_s[seat] = time.monotonic()
             self._arrived.set()
 
         return self._counted(store)
@@ -264,7 +270,9 @@ class ServerLink(_Link):
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
                 open_links[name] += 1 if is_new else -1
-                if is_new and open_links[name] > 1:
+                silent_s = time.monotonic() - self._heard_s[owners[name]]
+                has_stalled = STALLED_S < silent_s < GIVEN_UP_S
+                if is_new and open_links[name] > 1 and not has_stalled:
                     self.dropped["second login", owners[name]] += 1
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
@@ -282,6 +290,15 @@ class ServerLink(_Link):
             while mailbox:
                 found.append((seat, mailbox.popleft()))
         return found
+
+    def hear_karts(self, seats: Collection[int]) -> None:
+        """Hear poses on these seats and no others: nobody floods where no real kart sits."""
+        for seat in seats:
+            if seat not in self._karts:
+                self._karts[seat] = self._hear_kart(seat)
+        for seat in self._karts.keys() - set(seats):
+            self._karts.pop(seat).undeclare()
+            self._poses[seat].clear()
 
     def take_poses(self) -> list[tuple[int, bytes, int]]:
         """Return the newest poses of each seat since the last call, oldest first.

@@ -223,7 +223,7 @@ def test_settings_without_keys_ask_for_no_credentials(keys: Path) -> None:
     held = read_server_keys(keys, "cup", 2)
     opened = server_settings(Door("tls/0.0.0.0:7447", "cup", 2, held))
     assert opened["transport/link/tls"]["enable_mtls"] is True
-    assert opened["transport/unicast/max_sessions"] == 2 + 1 + 4
+    assert opened["transport/unicast/max_sessions"] == 2 * 2 + 1 + 4
 
 
 def test_the_token_of_a_closed_session_lies_there_while_it_is_served(

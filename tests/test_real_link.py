@@ -25,6 +25,7 @@ from race_server.seat import Seat, take_seat
 from race_server.server import LOCKSTEP, REAL, RaceServer
 from race_server.session import Session
 from race_server.transport import ClientLink, ServerLink
+from race_server.wire import topics
 from race_server.wire.lobby import CourseSheet, Join
 
 pytestmark = pytest.mark.net
@@ -141,3 +142,22 @@ def test_the_fence_of_a_course_is_its_kerb() -> None:
     fence = fence_of(sheet_of(session))
     x, y = COURSE.line[0, :2]
     assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
+
+
+def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
+    address = free_address()
+    with ServerLink(address, "race", 2) as link, ClientLink(address, "race") as client:
+        link.hear_karts({1})
+        send = [client.sender(seat, "nobody's", topics.POSE) for seat in (0, 1)]
+        deadline = time.monotonic() + 5.0
+        while not link.dropped and time.monotonic() < deadline:
+            for pose in send:
+                pose(b"rubbish")
+            time.sleep(0.02)
+        assert {seat for _, seat in link.dropped} == {1}
+        link.hear_karts(())
+        time.sleep(0.1)
+        before = link.dropped.copy()
+        send[1](b"rubbish")
+        time.sleep(0.1)
+        assert link.dropped == before

@@ -140,9 +140,9 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
 
 
 def most_sessions(door: Door) -> int:
-    """Return how many clients may be connected at once."""
+    """Return how many clients may be connected at once: drivers twice, while a link stalls."""
     spectators = door.keys.spectators if door.keys else LOCAL_SPECTATORS
-    return door.seats + spectators + SPARE_SESSIONS
+    return 2 * door.seats + spectators + SPARE_SESSIONS
 
 
 def check_door(door: Door) -> None:

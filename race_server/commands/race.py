@@ -2,6 +2,7 @@
 
 import os
 import time
+from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -210,11 +211,16 @@ def watch(
     connect: Connect = "",
     session: SessionName = "",
     keys: KeysFolder = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(help="Let Foxglove draw the race: serve it on this port, 0 for any."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the live leaderboard of a race; with --json the standings once."""
     from dataclasses import asdict
 
+    from race_server.live_view import LiveView
     from race_server.seat import SILENCE_S
     from race_server.start import board_of
     from race_server.transport import ClientLink
@@ -227,7 +233,11 @@ def watch(
             print_document(asdict(watcher.standings) if watcher.standings else {})
             return
         _, items = watcher.rules()
-        with Live(refresh_per_second=8) as live:
+        with ExitStack() as stack:
+            if foxglove is not None:
+                view = stack.enter_context(LiveView(link, watcher, given.session, foxglove))
+                print(f"Foxglove: open {view.address} as a Foxglove WebSocket", flush=True)
+            live = stack.enter_context(Live(refresh_per_second=8))
             while watcher.standings is None or watcher.standings.phase is not Phase.FINISHED:
                 live.update(board_of(watcher, given.session, items))
                 time.sleep(0.12)

@@ -109,8 +109,8 @@ def try_double_login(scene: "Scene") -> None:
 
 
 def try_full_house(scene: "Scene") -> None:
-    """More connections than seats, spectators and spares."""
-    most = scene.stage.seats + 4 + 4
+    """More connections than two for each seat, spectators and spares."""
+    most = 2 * scene.stage.seats + 4 + 4
     keys = scene.stage.keys("spectator")
     with contextlib.ExitStack() as stack:
         count = sum(1 for _ in _connections(scene.stage.address, keys, stack, most + 1))

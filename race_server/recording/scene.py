@@ -8,8 +8,12 @@ import json
 import math
 from typing import Any
 
-from race_server.track.course import Course
+import numpy as np
+from numpy.typing import NDArray
+
 from race_server.wire.spectate import SnapshotFrame
+
+Floats = NDArray[np.float64]
 
 SCENE_TICKS = 6  # ten pictures a second
 _LIFETIME_NS = 300_000_000
@@ -25,9 +29,9 @@ COLOURS = (
 Json = dict[str, Any]
 
 
-def course_scene(course: Course, at_ns: int) -> bytes:
-    """Return the borders of a course."""
-    points = [_point(x, y, 0.0) for row in course.borders.tolist() for x, y in (row[:2], row[2:])]
+def course_scene(borders: Floats, at_ns: int) -> bytes:
+    """Return the borders of a course, shape (P, 4)."""
+    points = [_point(x, y, 0.0) for row in borders.tolist() for x, y in (row[:2], row[2:])]
     lines = {
         "type": _LINE_LIST,
         "pose": _pose(0.0, 0.0, 0.0, 0.0),

@@ -32,6 +32,7 @@ class Ear:
         """Take all that has come since the last call."""
         for seat, data in self._link.take_inputs():
             self.take_control(seat, data)
+        self._link.hear_karts(self._session.fleet.trackers.keys())
         for seat, data, arrived_us in self._link.take_poses():
             self._take_pose(seat, data, arrived_us)
         for request in self._link.take_requests():

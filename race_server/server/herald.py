@@ -204,9 +204,10 @@ def sheet_of(session: Session) -> CourseSheet:
 
 
 def rules_of(session: Session) -> dict[str, str]:
-    """Return the rule book as names and values."""
-    rules = asdict(session.scenario.rules)
-    return {name: str(value) for name, value in rules.items()}
+    """Return the rule book and the size of a kart [m] as names and values."""
+    rules, vehicle = asdict(session.scenario.rules), session.scenario.vehicle_of(0)
+    size = {"kart_length": vehicle.length, "kart_width": vehicle.width}
+    return {name: str(value) for name, value in (rules | size).items()}
 
 
 _SAME_NAMES = (

@@ -32,8 +32,8 @@ class Journal:
         if not old:
             session.log_what_holds()
             self._recorder.note(session.log)
-            course = session.scenario.course
-            self._recorder.write(SCENE, 0, partial(course_scene, course, self._recorder.time_of(0)))
+            borders, at = session.scenario.course.borders, self._recorder.time_of(0)
+            self._recorder.write(SCENE, 0, partial(course_scene, borders, at))
 
     @classmethod
     def of_new_race(
