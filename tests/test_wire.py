@@ -211,7 +211,9 @@ def damaged(message: bytes, rng: random.Random) -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize(("decode", "message"), MESSAGES)
+@pytest.mark.parametrize(
+    ("decode", "message"), MESSAGES, ids=[decode.__name__ for decode, _ in MESSAGES]
+)
 def test_a_damaged_message_gives_a_value_or_one_kind_of_error(
     decode: Callable[[bytes], object], message: bytes
 ) -> None:
