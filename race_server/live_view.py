@@ -49,12 +49,13 @@ class LiveView:
         self._shown = (-1, -1)  # epoch and tick of the newest picture
         self._scene = self._channel(SCENE, session)
         self._ended = threading.Event()
+        listener: Any = self  # of a listener's methods the package calls those that are there
         try:
             self._server = foxglove.start_server(
                 name=f"race {session}",
                 host="127.0.0.1",
                 port=port,
-                server_listener=self,
+                server_listener=listener,
                 context=self._context,
                 message_backlog_size=MOST_WAITING,
             )
