@@ -27,7 +27,7 @@ QUEUE = {
 # Beyond seats and spectators: a steward, and links that are about to end.
 SPARE_SESSIONS = 4
 # Without keys so many may watch.
-LOCAL_SPECTATORS = 64
+LOCAL_SPECTATORS = 256
 # Nothing that a client sends is longer; what is, is dropped before it is put together.
 MOST_MESSAGE = 65536
 # Who connects and then says nothing is let go after so long; a hundred may wait.
