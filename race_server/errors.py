@@ -1,5 +1,8 @@
 """What can go wrong, in one tree. A message names the thing, the value and the way out."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class RaceError(Exception):
     """Anything that this project raises on purpose."""
@@ -43,3 +46,19 @@ class RecordingError(RaceError):
 
 class ResultsError(RaceError):
     """The results file is locked, damaged or too new, or cannot give what is asked."""
+
+
+@contextmanager
+def brought_by(extra: str) -> Iterator[None]:
+    """Import inside of this what only an extra of ours brings.
+
+    Raises:
+        ScenarioError: one of its packages is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        missing = (error.name or "a package").split(".")[0]
+        raise ScenarioError(
+            f"{missing} is not installed: `pip install race-server[{extra}]` brings it"
+        ) from error

@@ -1,6 +1,5 @@
 """`race reproduce`: a table of the reports, made again here and set beside theirs."""
 
-import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.console import Console
 
-from race_server.errors import ScenarioError
+from race_server.commands.document import AsJson, print_document
+from race_server.errors import ScenarioError, brought_by
 
 if TYPE_CHECKING:
     from agents.reproductions.run import News, Outcome
@@ -27,20 +27,15 @@ def reproduce(
         bool, typer.Option("--quick", help="Fewer steps and seeds: minutes instead of hours.")
     ] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Trainings at once, a process each.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
     out: Annotated[
         Path | None, typer.Option(help="Folder; otherwise docs/results/NAME, quick in NAME-quick.")
     ] = None,
 ) -> None:
     """Make a table of the reports again: `race reproduce report-b-algorithms --quick`."""
-    try:
+    with brought_by("train"):
         from agents.reproductions.run import reproduce as reproduce_it
         from agents.reproductions.shelf import reproduction_named, reproduction_names
-    except ImportError as error:
-        missing = (error.name or "a package").split(".")[0]
-        raise ScenarioError(
-            f"{missing} is not installed: `pip install race-server[train]` brings it"
-        ) from error
     if not name:
         raise ScenarioError(f"name a table to make again: {', '.join(reproduction_names())}")
     plan = reproduction_named(name)
@@ -50,7 +45,7 @@ def reproduce(
         warnings.filterwarnings("ignore", module="stable_baselines3")
         outcome = reproduce_it(name, plan, place, quick=quick, jobs=jobs, tell=tell)
     if as_json:
-        print(json.dumps({"folder": str(place), "stopped": outcome.stopped, **outcome.document}))
+        print_document({"folder": str(place), "stopped": outcome.stopped, **outcome.document})
     else:
         _show(outcome, quick=quick)
         console.print(f"table and plot: {place}", markup=False, soft_wrap=True)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from race_server.errors import ScenarioError
+from race_server.commands.document import AsJson, print_document
+from race_server.errors import ScenarioError, brought_by
 
 if TYPE_CHECKING:
     from agents.training.overseer import News
@@ -45,18 +46,13 @@ def train(
     tensorboard: Annotated[
         bool, typer.Option("--tensorboard", help="Write a log for TensorBoard, too.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Let a policy learn to drive: `race train time-trial --minutes 5`."""
-    try:
+    with brought_by("train"):
         from agents.training import folder
         from agents.training.run import train as train_it
         from agents.training.sheet import read_settings
-    except ImportError as error:
-        missing = (error.name or "a package").split(".")[0]
-        raise ScenarioError(
-            f"{missing} is not installed: `pip install race-server[train]` brings it"
-        ) from error
     words = _words(track_set, tracks, minutes, steps, seed, algorithm, worlds, threads)
     words += changes or []
     console = Console(stderr=True)
@@ -185,15 +181,13 @@ def _marks_in_words(marks: Any) -> str:
 
 def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
     if as_json:
-        print(
-            json.dumps(
-                {
-                    "run": outcome.folder.name,
-                    "folder": str(outcome.folder),
-                    "stopped": outcome.stopped,
-                    **outcome.evaluation,
-                }
-            )
+        print_document(
+            {
+                "run": outcome.folder.name,
+                "folder": str(outcome.folder),
+                "stopped": outcome.stopped,
+                **outcome.evaluation,
+            }
         )
         return
     from rich.table import Table

@@ -1,13 +1,14 @@
 """`race demonstrate`: laps of a driver go into a file from which others learn."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from race_server.errors import ScenarioError
+from race_server.commands.document import AsJson, print_document
+from race_server.commands.options import names_in
+from race_server.errors import ScenarioError, brought_by
 
 
 def demonstrate(
@@ -25,31 +26,26 @@ def demonstrate(
         ),
     ] = 0.0,
     out: Annotated[Path, typer.Option(help="The file.")] = Path("demonstrations.npz"),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Record what a driver sees and does: `race demonstrate raceline --noise 0.1 --out laps.npz`.
 
     Learn from it: `race train time-trial --set warm_start.demonstrations=laps.npz`.
     """
-    names = [name.strip() for name in tracks.split(",") if name.strip()]
+    names = names_in(tracks)
     if not names:
         raise ScenarioError(f"--tracks {tracks!r}: name one track or more")
     if not out.parent.is_dir():
         raise ScenarioError(f"--out {out}: there is no folder {out.parent}")
-    try:
+    with brought_by("train"):
         from agents.training.demonstrations import write_demonstrations
         from agents.training.demonstrator import demonstrate as watch
-    except ImportError as error:
-        missing = (error.name or "a package").split(".")[0]
-        raise ScenarioError(
-            f"{missing} is not installed: `pip install race-server[train]` brings it"
-        ) from error
     shown, runs = watch(driver, names, vehicle, laps, seed, noise)
     write_demonstrations(out, shown)
     contacts = sum(run.crashes for run in runs)
     if as_json:
         count = len(shown.observations)
-        print(json.dumps({"file": str(out), "decisions": count, "wall_contacts": contacts}))
+        print_document({"file": str(out), "decisions": count, "wall_contacts": contacts})
         return
     Console(stderr=True).print(
         f"{out}: {len(shown.observations)} decisions of {driver} in {laps} laps on "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from race_server.env.presets import race_task
-from race_server.errors import ScenarioError
+from race_server.errors import brought_by
 
 if TYPE_CHECKING:
     from stable_baselines3 import PPO
@@ -25,15 +25,10 @@ def bench_learn(*, rollouts: int = ROLLOUTS) -> dict[str, Any]:
     Raises:
         ScenarioError: Stable-Baselines3 or PyTorch is not installed.
     """
-    try:
+    with brought_by("train"):
         import torch
 
         from race_server.env.sb3 import KartVecEnv
-    except ImportError as error:
-        missing = (error.name or "a package").split(".")[0]
-        raise ScenarioError(
-            f"{missing} is not installed: `pip install race-server[train]` brings it"
-        ) from error
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     ours = KartVecEnv(race_task(karts=KARTS, observation="radar", random_start=True), worlds=WORLDS)

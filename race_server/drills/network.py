@@ -17,14 +17,14 @@ from typing import Any
 from race_server.drills.hall import SESSION
 from race_server.drills.wire import ADDRESSES, Weather, Wire, bad_wire, why_not, within
 from race_server.errors import RaceError
-from race_server.logs import words_of
+from race_server.logs import last_words
+from race_server.start import START_S
 
 TRACK, LAPS, KARTS = "oval-report", 3, 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
 # Where all see so late those who see little fall back further behind the winner than elsewhere.
 FINISH_S = 400.0
 MOST_S = 900.0
-START_S = 120.0
 PORT = 7447
 
 
@@ -101,11 +101,11 @@ def _race(
             process.kill()
             process.wait()
     if not (place / "result.json").exists():
-        raise RaceError(f"the race ended without a result: {last_words(place / 'server')}")
+        raise RaceError(f"the race ended without a result: {last_words(place / 'server.err')}")
     told = []
     for seat in range(KARTS):
         text = (place / f"driver-{seat}.out").read_text()
-        words_ = last_words(place / f"driver-{seat}")
+        words_ = last_words(place / f"driver-{seat}.err")
         told.append(json.loads(text) if text else {"seat": seat, "outcome": words_})
     return json.loads((place / "result.json").read_text()), told
 
@@ -129,18 +129,11 @@ def wait_for_end(
     while any(process.poll() is None for process in processes):
         gone = time.monotonic() - begun
         if processes[0].poll() not in {None, 0}:
-            raise RaceError(f"the server has ended: {last_words(log)}")
+            raise RaceError(f"the server has ended: {last_words(log.with_suffix('.err'))}")
         if gone > START_S + MOST_S:
             raise RaceError(f"the race did not end within {START_S + MOST_S:g} s")
         tell(round(gone))
         time.sleep(0.5)
-
-
-def last_words(log: Path) -> str:
-    """Return what a process has said last on stderr."""
-    text = log.with_suffix(".err").read_text(errors="replace")
-    lines = [line for line in text.splitlines() if line.strip()]
-    return words_of(lines[-1]) if lines else "it said nothing"
 
 
 def _compare(

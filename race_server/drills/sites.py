@@ -11,9 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from race_server.drills.network import PORT, last_words, start_within, wait_for_end
+from race_server.drills.network import PORT, start_within, wait_for_end
 from race_server.drills.wire import ADDRESSES, Weather, Wire, bad_wire, why_not
 from race_server.errors import RaceError
+from race_server.logs import last_words
 from race_server.start import START_S
 
 TRACK, SESSIONS = "oval-report", ("north", "south")
@@ -85,7 +86,7 @@ def _race(
     results = [_result_of(place, session) for session in SESSIONS]
     text = (place / "relay.out").read_text()
     if not text:
-        raise RaceError(f"the relay left no figures: {last_words(place / 'relay')}")
+        raise RaceError(f"the relay left no figures: {last_words(place / 'relay.err')}")
     return results, json.loads(text)
 
 
@@ -96,7 +97,7 @@ def _list(seats: tuple[int, ...]) -> str:
 def _result_of(place: Path, session: str) -> dict[str, Any]:
     path = place / f"{session}.json"
     if not path.exists():
-        raise RaceError(f"hall {session} has no result: {last_words(place / session)}")
+        raise RaceError(f"hall {session} has no result: {last_words(place / f'{session}.err')}")
     document: dict[str, Any] = json.loads(path.read_text())
     return document
 

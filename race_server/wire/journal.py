@@ -24,6 +24,7 @@ from race_server.wire.generated.journal import (
     Seat,
 )
 from race_server.wire.generated.journal import Input as InputStruct
+from race_server.wire.rows import build_rows
 from race_server.wire.strict import U16, U32, root_of
 
 START, INPUTS, ACTS, DIGEST, LAP = b"RSTA", b"RINP", b"RACT", b"RDIG", b"RLAP"
@@ -177,10 +178,7 @@ def decode_inputs(data: bytes) -> tuple[int, Rows]:
 def encode_acts(rows: Rows) -> bytes:
     """Return acts (ACT) as a message."""
     builder = flatbuffers.Builder(64 + ACT.itemsize * len(rows))
-    Acts.StartActsVector(builder, len(rows))
-    for row in rows[::-1]:
-        ActStruct.CreateAct(builder, *row.item())
-    acts = builder.EndVector()
+    acts = build_rows(builder, Acts.StartActsVector, ActStruct.CreateAct, rows)
     Acts.Start(builder)
     Acts.AddActs(builder, acts)
     builder.Finish(Acts.End(builder), ACTS)

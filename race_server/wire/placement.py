@@ -10,6 +10,7 @@ from race_server.errors import WireError
 from race_server.messages import Doubt, Trust
 from race_server.wire.generated.journal import Placement as PlacementStruct
 from race_server.wire.generated.journal import Placements
+from race_server.wire.rows import build_rows
 from race_server.wire.strict import U32, root_of
 
 PLACEMENTS = b"RPLA"
@@ -31,10 +32,9 @@ Rows = NDArray[Any]
 def encode_placements(tick: int, rows: Rows) -> bytes:
     """Return where real karts were put before a tick (PLACED) as a message."""
     builder = flatbuffers.Builder(64 + PLACED.itemsize * len(rows))
-    Placements.StartPlacementsVector(builder, len(rows))
-    for row in rows[::-1]:
-        PlacementStruct.CreatePlacement(builder, *row.item())
-    placements = builder.EndVector()
+    placements = build_rows(
+        builder, Placements.StartPlacementsVector, PlacementStruct.CreatePlacement, rows
+    )
     Placements.Start(builder)
     Placements.AddTick(builder, tick)
     Placements.AddPlacements(builder, placements)

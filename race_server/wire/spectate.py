@@ -25,6 +25,7 @@ from race_server.wire.generated.spectate import (
 from race_server.wire.generated.spectate import (
     Standing as StandingTable,
 )
+from race_server.wire.rows import build_rows
 from race_server.wire.strict import root_of
 
 U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
@@ -118,15 +119,9 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     """Return a snapshot as the generated code writes it: the reference for SnapshotWriter."""
     builder = flatbuffers.Builder(1024)
     builder.ForceDefaults(True)
-    Snapshot.StartKartsVector(builder, len(frame.karts))
-    for row in frame.karts[::-1]:
-        Kart.CreateKart(builder, *row.item())
-    karts = builder.EndVector()
+    karts = build_rows(builder, Snapshot.StartKartsVector, Kart.CreateKart, frame.karts)
     boxes = builder.CreateByteVector(frame.boxes.tobytes())
-    Snapshot.StartHazardsVector(builder, len(frame.hazards))
-    for row in frame.hazards[::-1]:
-        Hazard.CreateHazard(builder, *row.item())
-    hazards = builder.EndVector()
+    hazards = build_rows(builder, Snapshot.StartHazardsVector, Hazard.CreateHazard, frame.hazards)
     Snapshot.Start(builder)
     Snapshot.AddMonotonicUs(builder, frame.monotonic_us)
     Snapshot.AddEpoch(builder, frame.epoch)
