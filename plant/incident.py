@@ -7,12 +7,14 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from agents.control_unit import ControlUnit
 from agents.onboard import Onboard, is_home
 from agents.reflex import Cause
 from plant.body import Body
 from plant.kart import Plant
-from plant.radar import Person, gap_to
+from plant.radar import Floats, Person, gap_to
 
 STANDS = 0.03  # [m/s] slower than this is standing
 # Somebody steps out where this share of the way that the kart needs to stop is left.
@@ -25,6 +27,7 @@ BRAKES_AT = 2.0
 MOST_BEND, MOST_STRAY = 0.3, 0.12
 # A turn that takes so long shows that the machine had no time for the kart's program.
 PAUSE_S = 0.3
+VIEW_WIDTHS = 2.0  # kart widths beside the way in which no other kart may be
 RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
 # It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
 # the fastest that it has been.
@@ -100,7 +103,10 @@ class Passage:
         stray = math.remainder(unit.fence.heading_at(x, y) - body.heading - turned, 2.0 * math.pi)
         if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
             return
-        self.person = Person(x, y, radius)
+        person = Person(x, y, radius)
+        if not is_view_clear(person, body, plant.around.others):
+            return
+        self.person = person
         plant.around.people.append(self.person)
         plant.throttle = 1.0
         self.figures = {
@@ -110,6 +116,20 @@ class Passage:
             "gap_m": gap_to(self.person, body),
             "least_gap_m": math.inf,
         }
+
+
+def is_view_clear(person: Person, body: Body, others: Floats) -> bool:
+    """Return whether no other kart is, or soon comes, between a kart and somebody on its way.
+
+    Whoever steps out behind a kart is seen once that kart has gone, which no reflex can help.
+    others: (N, 5) x, y [m] and more of each.
+    """
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
+    dx, dy = others[:, 0] - body.x, others[:, 1] - body.y
+    ahead, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
+    length, far = body.vehicle.length, math.hypot(person.x - body.x, person.y - body.y)
+    between = (ahead > -length) & (ahead < far + length)
+    return not bool((between & (aside < VIEW_WIDTHS * body.vehicle.width)).any())
 
 
 def _is_past(person: Person, plant: Plant) -> bool:

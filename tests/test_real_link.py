@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 from test_live import COURSE, free_address
 
@@ -12,9 +13,9 @@ from agents.control_unit import ControlUnit
 from agents.onboard import Onboard, fence_of, take_part
 from agents.reflex import Command
 from plant.body import Body
-from plant.incident import Pace
+from plant.incident import Pace, is_view_clear
 from plant.kart import Plant, Sensors
-from plant.radar import Surroundings
+from plant.radar import Person, Surroundings
 from race_server.drills.mixed import _judge_both, way_to_stop
 from race_server.errors import SeatError
 from race_server.messages import Control, Trust
@@ -161,3 +162,20 @@ def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
         send[1](b"rubbish")
         time.sleep(0.1)
         assert link.dropped == before
+
+
+def test_nobody_steps_out_behind_another_kart() -> None:
+    body, somebody = Body(KART_30, 0.0, 0.0, 0.0), Person(10.0, 0.0, 0.3)
+    none, ahead, abreast, beyond, behind, aside = (
+        np.array(karts, float).reshape(-1, 5)
+        for karts in (
+            [],
+            [5.0, 0.5, 0.0, 8.0, 0.0],
+            [0.5, 1.6, 0.0, 8.0, 0.0],
+            [14.0, 0.0, 0.0, 8.0, 0.0],
+            [-6.0, 0.0, 0.0, 8.0, 0.0],
+            [5.0, 4.0, 0.0, 8.0, 0.0],
+        )
+    )
+    assert all(is_view_clear(somebody, body, karts) for karts in (none, beyond, behind, aside))
+    assert not any(is_view_clear(somebody, body, karts) for karts in (ahead, abreast))
