@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from race_server.drills.report import document_of
 from race_server.errors import LinkError, RaceError, WireError
 from race_server.logs import last_words
 from race_server.messages import EventKind, Phase
@@ -102,21 +103,20 @@ def drill_crash(
     slow = [value for value in resumes if value > RESUME_S]
     if slow:
         faults.append(f"{len(slow)} of {len(resumes)} times it took more than {RESUME_S:g} s")
-    return {
-        "ok": not faults,
-        "why": "; ".join(faults),
-        "kills": sum(report.kills for report in reports),
-        "races": len(reports),
-        "karts": KARTS,
-        "real_karts": real,
-        "real_laps": sum(report.real_laps for report in reports),
-        "resumed": len(resumes),
-        "laps_lost": sum("lap" in fault for fault in faults),
-        "resume_s_median": round(statistics.median(resumes), 3) if resumes else None,
-        "resume_s_worst": round(max(resumes), 3) if resumes else None,
-        "ticks_lost_worst": max((n for r in reports for n in r.lost_ticks), default=0),
-        "seed": seed,
-    }
+    return document_of(
+        faults,
+        kills=sum(report.kills for report in reports),
+        races=len(reports),
+        karts=KARTS,
+        real_karts=real,
+        real_laps=sum(report.real_laps for report in reports),
+        resumed=len(resumes),
+        laps_lost=sum("lap" in fault for fault in faults),
+        resume_s_median=round(statistics.median(resumes), 3) if resumes else None,
+        resume_s_worst=round(max(resumes), 3) if resumes else None,
+        ticks_lost_worst=max((n for r in reports for n in r.lost_ticks), default=0),
+        seed=seed,
+    )
 
 
 def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:

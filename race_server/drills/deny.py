@@ -15,7 +15,7 @@ from typing import Any
 from race_server.admission.settings import Door, check_door
 from race_server.drills import logins, messages, requests
 from race_server.drills.intruder import Ears
-from race_server.drills.report import Finding, document_of
+from race_server.drills.report import Finding, matrix_of
 from race_server.drills.stage import Stage, staged
 from race_server.errors import LinkError
 from race_server.logs import Log
@@ -67,7 +67,7 @@ def drill_deny() -> dict[str, Any]:
     with staged(1, 1, "tcp") as stage:
         findings += logins.try_passwords_only(stage)
     seconds = round(time.perf_counter() - begun, 1)
-    return document_of(findings, acts=len(findings), seconds=seconds, refused=refused)
+    return matrix_of(findings, acts=len(findings), seconds=seconds, refused=refused)
 
 
 _PARTS: tuple[Callable[[Scene], None], ...] = (

@@ -14,6 +14,7 @@ from typing import Any
 from race_server.clock import TICKS_PER_SECOND
 from race_server.drills.damage import decode_all
 from race_server.drills.hall import Figures, hall, milliseconds, quantile
+from race_server.drills.report import document_of
 from race_server.errors import RaceError
 from race_server.messages import Phase
 
@@ -54,7 +55,7 @@ def drill_hostile(
         document |= _attack(messages, rate, seed, faults, tell)
     except RaceError as error:
         faults.append(str(error))
-    return {"ok": not faults, "why": "; ".join(faults), **document, "seed": seed}
+    return document_of(faults, **document, seed=seed)
 
 
 def _attack(

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from race_server.drills.hall import Figures, Hall, hall, milliseconds, quantile
+from race_server.drills.report import document_of
 from race_server.errors import RaceError
 from race_server.messages import Phase
 from race_server.server.meters import DURATIONS, LATENESSES
@@ -103,17 +104,16 @@ def drill_load(
             f"{100 * ours['missed_share']:.2f} % of ticks were missed, {100 * MISSED:g} % are "
             "allowed"
         )
-    return {
-        "ok": not faults,
-        "why": "; ".join(faults),
-        "karts": karts,
-        "spectators": spectators,
-        "minutes": round(seconds / 60.0, 2),
-        "cores": os.cpu_count(),
-        "race_server": ours,
-        "websockets_orjson": peer,
-        "note": "" if peer else "no comparison: `pip install race-server[bench]` brings it",
-    }
+    return document_of(
+        faults,
+        karts=karts,
+        spectators=spectators,
+        minutes=round(seconds / 60.0, 2),
+        cores=os.cpu_count(),
+        race_server=ours,
+        websockets_orjson=peer,
+        note="" if peer else "no comparison: `pip install race-server[bench]` brings it",
+    )
 
 
 def _load_race_server(

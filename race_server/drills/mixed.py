@@ -13,6 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
+from race_server.drills.report import document_of
 from race_server.fleet import Placements
 from race_server.messages import Doubt, EventKind, Flag, Status, Trust
 from race_server.params import GRAVITY, Vehicle, vehicle_named
@@ -79,15 +80,14 @@ def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
     is_busy |= any(part["kart"].get("pauses") for part in figures.values())
     why = [*_judge_both(figures, is_busy=is_busy), *_judge_walker(figures["pedestrian"], vehicle)]
     why += [*_judge_cut(figures["cut"], vehicle), *again["why"]]
-    return {
-        "ok": not why,
-        "why": why,
-        "figures": figures,
-        "digests_equal": again["digests"],
-        "placements": again["placements"],
-        "missed_ticks": document["missed_ticks"],
-        "machine_busy": is_busy,
-    }
+    return document_of(
+        why,
+        figures=figures,
+        digests_equal=again["digests"],
+        placements=again["placements"],
+        missed_ticks=document["missed_ticks"],
+        machine_busy=is_busy,
+    )
 
 
 def _drive_again(folder: Path, digest: str) -> dict[str, Any]:

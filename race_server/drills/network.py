@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from race_server.drills.hall import SESSION
+from race_server.drills.report import document_of, skipped
 from race_server.drills.wire import ADDRESSES, Weather, Wire, bad_wire, why_not, within
 from race_server.errors import RaceError
 from race_server.logs import last_words
@@ -43,7 +44,7 @@ def drill_network(
     that the drill was skipped, and why.
     """
     if reason := why_not():
-        return {"ok": True, "why": "", "skipped": reason}
+        return skipped(reason)
     faults: list[str] = []
     figures: dict[str, Any] = {}
     try:
@@ -53,18 +54,17 @@ def drill_network(
         figures |= _compare(document, told, laps, faults)
     except RaceError as error:
         faults.append(str(error))
-    return {
-        "ok": not faults,
-        "why": "; ".join(faults),
-        "loss": weather.loss,
-        "delay_ms": 1e3 * weather.delay_s,
-        "jitter_ms": 1e3 * weather.jitter_s,
-        "track": track,
-        "karts": KARTS,
-        "laps": laps,
+    return document_of(
+        faults,
+        loss=weather.loss,
+        delay_ms=1e3 * weather.delay_s,
+        jitter_ms=1e3 * weather.jitter_s,
+        track=track,
+        karts=KARTS,
+        laps=laps,
         **figures,
-        "seed": seed,
-    }
+        seed=seed,
+    )
 
 
 def _race(

@@ -15,8 +15,17 @@ class Finding:
     ok: bool
 
 
-def document_of(findings: Sequence[Finding], **figures: Any) -> dict[str, Any]:
-    """Return the document of a drill: `ok`, its figures, and `why` where it is not ok."""
-    failed = [f"{finding.act}: {finding.seen}" for finding in findings if not finding.ok]
-    document = {"ok": not failed, **figures, "matrix": [asdict(finding) for finding in findings]}
-    return document | ({"why": "; ".join(failed)} if failed else {})
+def document_of(faults: Sequence[str], **figures: Any) -> dict[str, Any]:
+    """Return the document of a drill: `ok`, `why` not, and its figures."""
+    return {"ok": not faults, "why": "; ".join(faults), **figures}
+
+
+def skipped(reason: str) -> dict[str, Any]:
+    """Return the document of a drill that cannot be done on this machine."""
+    return document_of((), skipped=reason)
+
+
+def matrix_of(findings: Sequence[Finding], **figures: Any) -> dict[str, Any]:
+    """Return the document of a drill that tries many things."""
+    faults = [f"{finding.act}: {finding.seen}" for finding in findings if not finding.ok]
+    return document_of(faults, **figures, matrix=[asdict(finding) for finding in findings])

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from race_server.drills.network import PORT, start_within, wait_for_end
+from race_server.drills.report import document_of, skipped
 from race_server.drills.wire import ADDRESSES, Weather, Wire, bad_wire, why_not
 from race_server.errors import RaceError
 from race_server.logs import last_words
@@ -35,7 +36,7 @@ def drill_sites(
 ) -> dict[str, Any]:
     """Let two halls race and return the figures; where that cannot be, says why it was skipped."""
     if reason := why_not():
-        return {"ok": True, "why": "", "skipped": reason}
+        return skipped(reason)
     faults: list[str] = []
     karts: list[dict[str, Any]] = []
     try:
@@ -44,16 +45,15 @@ def drill_sites(
         karts = _compare(results, told, laps, faults)
     except RaceError as error:
         faults.append(str(error))
-    return {
-        "ok": not faults,
-        "why": "; ".join(faults),
-        "loss": weather.loss,
-        "delay_ms": 1e3 * weather.delay_s,
-        "jitter_ms": 1e3 * weather.jitter_s,
-        "laps": laps,
-        "karts": karts,
-        "seed": seed,
-    }
+    return document_of(
+        faults,
+        loss=weather.loss,
+        delay_ms=1e3 * weather.delay_s,
+        jitter_ms=1e3 * weather.jitter_s,
+        laps=laps,
+        karts=karts,
+        seed=seed,
+    )
 
 
 def _race(
