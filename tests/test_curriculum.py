@@ -42,7 +42,7 @@ def test_a_stage_ends_once_enough_of_its_last_episodes_succeed_and_not_before() 
     crash, no_lap, success = episode(crashes=1), episode(laps=0), episode()
     for turn, one in enumerate((crash, no_lap, crash, success), 1):
         assert stages(20 * turn, [one]) is None  # too few, or one of four
-    assert str(stages) == "stage 1 of 2: 25 % of 4 episodes succeed, 50 % of 4 end it"
+    assert str(stages) == "stage 1 of 2, 25 % succeed"
     assert stages(100, [success]) == [1.0, 1.0]  # two of the last four
     assert stages(120, [crash] * 9) is None  # nobody goes back
     assert str(stages) == "stage 2 of 2"

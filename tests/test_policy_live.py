@@ -50,7 +50,7 @@ def test_a_learned_driver_without_pytorch_laps_and_misses_no_decision(
     policy = tmp_path / "lapping.onnx"
     write_lapping_policy(policy)
     rules = Rules(laps=1, countdown_s=0.5, items=False, limit_s=30.0)
-    session = Session("race", Scenario(ring(2.5, 0.7), karts=1, rules=rules))
+    session = Session("race", Scenario(ring(2.0, 0.7), karts=1, rules=rules))
     address, results = free_address(), list[RaceResult | None]()
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, REAL)

@@ -56,8 +56,8 @@ def side_by_side(
         yield float(trained.world.karts[0, 0].x), float(raced.world.karts[0, 0].x)
 
 
-WANTED_SPEED = 2.0  # [m/s]
-PEDAL, WHEEL = 1.0, 0.15  # per m/s too slow, per m that is more room on the left
+WANTED_SPEED = 3.0  # [m/s]
+PEDAL, WHEEL = 1.0, 0.3  # per m/s too slow, per m that is more room on the left
 
 
 def write_lapping_policy(path: Path) -> None:

@@ -14,6 +14,7 @@ from race_server.errors import ScenarioError
 
 app = typer.Typer(help="Learned policies: which there are, and one put to the proof.")
 
+UNKNOWN = "–"
 # What the metadata say besides what is seen, with units.
 FACTS = {
     **dict.fromkeys(("action", "base", "vehicle", "lidar_rays"), ""),
@@ -133,12 +134,12 @@ def _parts(nature: dict[str, Any]) -> str:
 def _fact(value: Any) -> str:
     if isinstance(value, tuple | list):
         return ", ".join(value)
-    return f"{value:g}" if isinstance(value, float) else str(value) or "–"
+    return f"{value:g}" if isinstance(value, float) else str(value) or UNKNOWN
 
 
 @app.command("list")
 def list_policies(as_json: AsJson = False) -> None:
-    """Show the policies that come along and those of your runs."""
+    """Show the policies that come along and those of your runs, and how they did when tried out."""
     from agents.policies.inventory import entries
 
     known = entries()
@@ -148,16 +149,38 @@ def list_policies(as_json: AsJson = False) -> None:
     if not known:
         Console().print("no policies so far: `race train time-trial` makes one")
         return
-    table = Table("policy", "preset", "vehicle", "algorithm", "tracks", "evaluation")
+    table = Table(box=None, padding=(0, 1, 0, 0))
+    table.add_column("policy", no_wrap=True)
+    for head in ("preset", "vehicle", "by", "tracks"):
+        table.add_column(head, overflow="fold")
+    for head in ("speed, m/s", "crash rate", "best lap, s"):
+        table.add_column(head, justify="right")
+    console = Console()
     for one in known:
-        what = one.preset + ("" if one.is_run else " (comes along)")
-        words = one.remark or one.evaluation_words
-        table.add_row(one.name, what, one.vehicle, one.algorithm, _tracks(one.tracks), words)
-    Console().print(table)
+        preset = one.preset if one.is_run else f"{one.preset} (comes along)"
+        facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
+        table.add_row(one.name, *facts, *_figures(one.evaluation))
+    console.print(table)
+    for one in known:
+        if one.remark:
+            console.print(one.remark, style="yellow", markup=False, soft_wrap=True)
+
+
+def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:
+    """Return how good a policy was on unseen courses."""
+    if not evaluation:
+        return (UNKNOWN,) * 3
+    lap = evaluation["best_lap_s"]
+    words = UNKNOWN if lap is None else f"{lap:.2f}"
+    return f"{evaluation['speed']:.2f}", f"{evaluation['crash_rate']:.2f}", words
 
 
 def _tracks(names: tuple[str, ...]) -> str:
-    """Return the tracks that a policy learned on; those drawn by lot by their number."""
-    drawn = [name for name in names if name.startswith("generated:")]
-    words = [name for name in names if name not in drawn]
-    return ", ".join([*words, *([f"{len(drawn)} drawn by lot"] if drawn else [])])
+    """Return in few words on which tracks a policy learned."""
+    from agents.training.courses import set_named, track_sets
+
+    for name in track_sets():
+        if tuple(set_named(name)) == names:
+            return f"set {name} ({len(names)})"
+    words = ", ".join(names[:2])
+    return words if len(names) <= 2 else f"{words} and {len(names) - 2} more"

@@ -27,18 +27,6 @@ class Entry:
     evaluation: dict[str, Any] = field(default_factory=dict)  # on unseen courses, all together
     remark: str = ""  # why it cannot be driven
 
-    @property
-    def evaluation_words(self) -> str:
-        """Return in words how good the policy was."""
-        if not self.evaluation:
-            return UNKNOWN
-        lap = self.evaluation.get("best_lap_s")
-        words = (
-            f"{self.evaluation['speed']:.2f} m/s, "
-            f"{100.0 * self.evaluation['crash_rate']:.0f} % crash"
-        )
-        return words if lap is None else f"{words}, best lap {lap:.2f} s"
-
 
 def entries() -> list[Entry]:
     """Return the policies that come along, and those of the user's runs."""

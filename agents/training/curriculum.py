@@ -6,7 +6,7 @@ from typing import Any
 
 from agents.training.courses import names_of
 from agents.training.pace import Pace
-from agents.training.settings import Settings, Stage
+from agents.training.settings import Settings
 from race_server.errors import ScenarioError
 
 NONE_YET = -1  # in place of the number of a stage
@@ -99,14 +99,13 @@ class Stages:
 
     def __str__(self) -> str:
         """Return in words which stage runs."""
+        if self._number == NONE_YET:
+            return "before the first stage"
         words = f"stage {self.number} of {len(self.stages)}"
-        stage: Stage | None = self.stages[self._number] if self.number else None
-        if stage is None or stage.until_success is None or self.number == len(self.stages):
+        stage = self.stages[self._number]
+        if stage.until_success is None or self.number == len(self.stages):
             return words
-        return (
-            f"{words}: {100.0 * self.success_rate:.0f} % of {len(self._successes)} episodes "
-            f"succeed, {100.0 * stage.until_success:.0f} % of {stage.episodes} end it"
-        )
+        return f"{words}, {100.0 * self.success_rate:.0f} % succeed"
 
     # A training that goes on
 
