@@ -46,9 +46,13 @@ app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
-# Other packages bring commands of their own.
+# Other packages bring commands of their own, or groups of them.
 for point in entry_points(group="race_server.commands"):
-    app.command(point.name)(point.load())
+    brought = point.load()
+    if isinstance(brought, typer.Typer):
+        app.add_typer(brought, name=point.name)
+    else:
+        app.command(point.name)(brought)
 
 
 def main() -> None:

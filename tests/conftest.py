@@ -2,7 +2,9 @@
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -16,6 +18,11 @@ from courses import ring
 from race_server.scenario.base import Scenario, make_world
 from race_server.step import advance
 
+if TYPE_CHECKING:
+    from trainings import Train
+
+    from agents.training.run import Outcome
+
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
@@ -24,3 +31,18 @@ def compiled() -> None:
 
     world = make_world(Scenario(ring(), karts=2))
     advance(world, np.zeros((1, 2, 4)), 1)
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> "Train":
+    """Trains by a preset with changes: each training once, in a folder of its own."""
+    from agents.training import folder
+    from agents.training.run import train
+    from agents.training.sheet import read_settings
+
+    @cache
+    def train_by(preset: str, changes: tuple[str, ...]) -> "Outcome":
+        place = folder.new_folder("quick", tmp_path_factory.mktemp("runs") / "quick")
+        return train(read_settings(preset, changes), place)
+
+    return train_by

@@ -1,11 +1,13 @@
 """Rewards of judges that learn: curiosity explores, adversarial imitation drives like an expert."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import VecNormalize
 
+from agents.training.checkpoint import companions_in, load_checkpoint, save_checkpoint
 from agents.training.curiosity import Curious
 from agents.training.demonstrations import write_demonstrations
 from agents.training.demonstrator import demonstrate
@@ -108,6 +110,43 @@ def test_a_policy_comes_nearer_to_an_expert_without_the_race_s_reward(laps: Path
 # Both
 
 
+def test_judges_go_on_where_a_checkpoint_left_them(laps: Path, tmp_path: Path) -> None:
+    wanted = settings(f"gail.demonstrations={laps}", "curiosity.bonus=0.1", "steps=2048")
+    path, pace = tmp_path / "it.pt", Pace.of(wanted)
+    world = world_of(wanted, pace)
+    learner = learner_of(wanted, world, pace, None)
+    learner.learn(wanted.steps)
+    save_checkpoint(path, learner, world, pace)
+    again = world_of(wanted, pace)
+    other = learner_of(wanted, again, pace, None)
+    load_checkpoint(path, other, again, pace)
+    judges, copies = companions_in(world), companions_in(again)
+    assert set(judges) == set(copies) == {"gail", "curiosity"}
+    chance = np.random.default_rng(0)
+    seen = chance.uniform(0.0, 8.0, (64, 44)).astype(np.float32)
+    actions = chance.uniform(-1.0, 1.0, (64, 3)).astype(np.float32)
+    transitions = (seen, actions, seen + 0.1)
+    for name, judge in judges.items():
+        copy: Any = copies[name]
+        moments = judge._optimiser.state_dict()["state"]  # type: ignore[attr-defined]
+        assert len(moments) > 0
+        for number, values in copy._optimiser.state_dict()["state"].items():
+            assert all(moments[number][key].equal(value) for key, value in values.items())
+        expected = judge.worth(*transitions)  # type: ignore[attr-defined]
+        assert np.array_equal(copy.worth(*transitions), expected)
+    for one in (world, again):
+        one.close()
+
+
+def test_a_judge_that_a_checkpoint_does_not_know_begins_anew(tmp_path: Path) -> None:
+    plain, curious = settings(), settings("curiosity.bonus=0.1")
+    path, pace = tmp_path / "it.pt", Pace.of(plain)
+    world = world_of(plain, pace)
+    save_checkpoint(path, learner_of(plain, world, pace, None), world, pace, score=3.0)
+    wider = world_of(curious, pace)
+    assert load_checkpoint(path, learner_of(curious, wider, pace, None), wider, pace) == 3.0
+
+
 def test_judges_are_the_same_again_with_the_same_seed() -> None:
     wanted = settings("steps=800", "curiosity.bonus=0.1")
     (first, _), (again, _) = learned(wanted), learned(wanted)
@@ -132,7 +171,7 @@ def test_a_judge_sees_where_an_episode_ended_and_not_where_the_next_began() -> N
     for _ in range(40):
         _, rewards, _, _ = world.step(np.tile(np.float32([1.0, 0.0, 0.0]), (4, 1)))
         assert rewards.tolist() == [2.0] * 4
-    notes = world._judge.jumps  # type: ignore[attr-defined]
+    notes = world.judge.jumps  # type: ignore[attr-defined]
     assert len(notes) == 45
     # A kart that begins anew loses its speed at once; no kart can brake like that.
     assert max(notes) < 1.0

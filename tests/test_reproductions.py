@@ -17,7 +17,7 @@ from agents.reproductions.summary import lines_of, remarks_on
 from agents.reproductions.table import base_of, page
 from agents.reproductions.table import cells_of as texts_of
 from agents.reproductions.world import CHOICES, actions_of
-from agents.training.settings import Tracks
+from agents.training.settings import Goal, Tracks
 from race_server.errors import ScenarioError
 
 TINY = Scale(
@@ -92,12 +92,10 @@ def test_a_lap_time_is_read_as_the_report_prints_it() -> None:
 def test_a_line_holds_the_mean_of_its_runs_beside_theirs() -> None:
     plan = reproduction_named("report-b-algorithms")
     lines = lines_of(plan, [outcome("PPO", 1, reward=4.0), outcome("PPO", 2, reward=5.0)])
-    assert texts_of(plan, lines[0], None)[:4] == [
-        "PPO",
-        "3.86",
-        "converges fastest",
-        "4.50 ± 0.50",
-    ]
+    texts = texts_of(plan, lines[0], None, 10)
+    assert texts[:4] == ["PPO", "3.86", "converges fastest", "4.50 ± 0.50"]
+    assert texts[-1] == "2 of 10"
+    assert texts_of(plan, lines[0], None, 2)[-1] == "2"
     assert lines[0].curve == ((10.0, 1.0), (20.0, 3.0))
 
 
@@ -109,8 +107,8 @@ def test_a_difference_to_the_base_is_told() -> None:
     ]
     lines = lines_of(plan, known)
     base = base_of(plan, lines)
-    assert texts_of(plan, lines[0], base)[2] == "10.00"
-    assert texts_of(plan, lines[1], base)[2] == "7.50 (-2.50)"
+    assert texts_of(plan, lines[0], base, 1)[2] == "10.00"
+    assert texts_of(plan, lines[1], base, 1)[2] == "7.50 (-2.50)"
 
 
 def test_what_is_worse_in_another_order_or_missing_is_said() -> None:
@@ -128,7 +126,8 @@ def test_a_quick_page_says_so_and_names_what_is_assumed() -> None:
     lines = lines_of(plan, [outcome("PPO", 1)])
     text = page(plan, plan.quick, lines, {"Made by": "`it`"}, quick=True)
     assert "QUICK: 6144 decisions" in text
-    assert "2 of 3 rows are not there yet" in text
+    assert "So far 1 of 6 runs are there; a row says of how many it is the mean" in text
+    assert "none of: DQN; SAC." in text
     assert "| PPO | 3.86 | converges fastest | 1.00 |" in text
     assert "- Made by: `it`" in text
     assert "QUICK" not in page(plan, plan.full, lines, {}, quick=False)
@@ -177,6 +176,62 @@ def test_a_reproduction_is_driven_once_and_goes_on_where_it_was(
     assert driven == []
     run.reproduce("it", wider, tmp_path, quick=True)
     assert driven == ["one", "two"]  # the first again, as its settings are others now
+
+
+def test_only_the_rows_and_seeds_that_are_wanted_are_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven = []
+
+    def drive(cell: Cell, _: Any) -> dict[str, Any]:
+        driven.append((cell.row.name, cell.seed))
+        return {**outcome(cell.row.name, cell.seed), "key": cell.key}
+
+    monkeypatch.setattr(run, "drive_cell", drive)
+    plan = tiny((Row("one"), Row("two"), Row("three")))
+    plan = replace(plan, quick=replace(TINY, seeds=3), their_heads=())
+    run.reproduce("it", plan, tmp_path, quick=True, rows="two", seeds=1)
+    assert driven == [("two", 1)]
+    done = run.reproduce("it", plan, tmp_path, quick=True, seeds=2)
+    assert driven[1:] == [("one", 1), ("three", 1), ("one", 2), ("two", 2), ("three", 2)]
+    assert [line.runs for line in done.lines] == [2, 2, 2]
+    run.reproduce("it", plan, tmp_path, quick=True, rows="One,three")
+    done = run.reproduce("it", plan, tmp_path, quick=True, rows="one", seeds=1)
+    assert [line.runs for line in done.lines] == [3, 2, 3]
+    assert done.document["runs"] == 8
+    assert "So far 8 of 9 runs are there" in (tmp_path / run.TABLE).read_text()
+    assert "mean ± deviation of 2 to 3 runs" in (tmp_path / run.TABLE).read_text()
+    with pytest.raises(ScenarioError, match="--seeds 4: each row has 3"):
+        run.reproduce("it", plan, tmp_path, quick=True, seeds=4)
+
+
+def test_rows_are_found_by_names_with_commas_and_by_their_beginnings() -> None:
+    plan = reproduction_named("report-b-time-trial")
+    assert plan.rows_named("PPO 6, ppo 1: base") == (
+        "PPO 6: entropy 0.02, steps of 2°",
+        "PPO 1: base",
+    )
+    wide = reproduction_named("report-b-observations")
+    names = tuple(row.name for row in wide.rows)
+    assert wide.rows_named(",".join(names)) == names
+    with pytest.raises(ScenarioError, match="row 'PPO' is not the only one; choose from PPO 1"):
+        plan.rows_named("PPO")
+    with pytest.raises(ScenarioError, match="row 'A2C' is unknown; choose from PPO 1: base; PPO 2"):
+        plan.rows_named("PPO 2,A2C")
+
+
+def test_a_cell_stays_known_when_what_it_does_not_use_changes() -> None:
+    cell = cells_of(tiny((Row("one"),)), TINY)[0]
+    trained = cell.settings.model_copy(update={"goal": Goal(speed=3.0)})
+    assert replace(cell, settings=trained).key == cell.key
+    others = cell.settings.model_copy(update={"worlds": 7})
+    assert replace(cell, settings=others).key != cell.key
+
+
+def test_a_preset_that_learns_otherwise_makes_no_reproduction() -> None:
+    taught = ("warm_start.teacher=raceline",)
+    with pytest.raises(ScenarioError, match="has warm_start: a reproduction learns by the race's"):
+        cells_of(tiny((Row("one", taught),)), TINY)
 
 
 def test_dqn_learns_to_pick_increments() -> None:

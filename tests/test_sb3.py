@@ -1,5 +1,6 @@
 """Stable-Baselines3 on the batch."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -62,12 +63,12 @@ def test_time_that_runs_out_is_told_apart_from_an_end() -> None:
     assert all(info["TimeLimit.truncated"] for info in infos)
 
 
-def test_a_curriculum_is_asked_when_episodes_end() -> None:
-    asked: list[int] = []
+def test_a_curriculum_is_asked_when_episodes_begin_and_end() -> None:
+    asked: list[tuple[int, int]] = []
 
-    def harder(decisions: int) -> list[float]:
-        asked.append(decisions)
-        return [0.0, 1.0]
+    def harder(decisions: int, episodes: Sequence[dict[str, Any]]) -> list[float] | None:
+        asked.append((decisions, len(episodes)))
+        return [0.0, 1.0] if episodes else None
 
     rules = [replace(FREE, laps=laps) for laps in (1, 9)]
     task = Task(tuple(Scenario(COURSE, karts=1, rules=rule) for rule in rules), most_steps=4)
@@ -76,5 +77,5 @@ def test_a_curriculum_is_asked_when_episodes_end() -> None:
     assert set(karts.batch.world.rules["laps"]) == {1, 9}
     for _ in range(8):
         karts.step(np.zeros((20, 3), np.float32))
-    assert asked == [80, 160]
+    assert asked == [(0, 0), (80, 20), (160, 20)]
     assert set(karts.batch.world.rules["laps"]) == {9}

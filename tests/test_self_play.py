@@ -6,13 +6,14 @@ from random import Random
 
 import numpy as np
 import pytest
+from trainings import SMALL, Train, side_by_side
 
 from agents.learned import Learned
 from agents.policies.session import Policy
-from agents.training import curve, folder
+from agents.training import curve
 from agents.training.overseer import CURVE
 from agents.training.rivals import Rivals, short_name
-from agents.training.run import Outcome, train
+from agents.training.run import Outcome
 from agents.training.self_play import RATINGS
 from agents.training.settings import SelfPlay
 from agents.training.sheet import read_settings
@@ -29,27 +30,23 @@ from race_server.track.load import load_course
 from race_server.trial.run import numbers_of
 
 QUICK = (
-    "minutes=none",
+    *SMALL,
     "steps=3000",
     "worlds=4",
-    "tracks={names = ['oval']}",
     "gap={}",
-    "network.layers=[16]",
     "race={karts = 4, learners = 2, opponents = ['idm']}",
     "self_play={seats = ['learner', 'learner', 'pool', 'idm'], anchors = ['raceline', 'idm'], "
     "stretch = 1000, snapshot = 1000, races = 2, laps = 1}",
-    "evaluation={seeds = 1, times = 1, seconds = 2.0}",
-    "evaluation.tracks={names = ['oval']}",
-    "evaluation.final={names = ['oval']}",
-    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
+    "evaluation.seeds=1",
+    "evaluation.times=1",
+    "evaluation.seconds=2.0",
 )
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def outcome(trained: Train) -> Outcome:
     """A run of three thousand decisions in three stretches."""
-    place = folder.new_folder("quick", tmp_path_factory.mktemp("runs") / "quick")
-    return train(read_settings("race", QUICK), place)
+    return trained("race", QUICK)
 
 
 BRIEFING = Briefing(0, TT02, 3, "line", 0.05, items=tuple(item.name for item in items()))
@@ -150,11 +147,10 @@ def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Outcom
     wide = {**_shared(task, "line"), "action": "control", "base": ""}
     raced = Batch(Task(task.scenarios, **wide), seed=3)
     driver.reset(BRIEFING)
-    for step in range(80):
-        trained.step(policy.decide(trained.observations[:, 0]))
-        seen = Observation(3 * step, raced.layout, raced.observations[0, 0].copy())
-        raced.step(numbers_of(driver.act(seen)))
-        assert raced.world.karts[0, 0].x == pytest.approx(trained.world.karts[0, 0].x, abs=1e-5)
+    places = list(side_by_side(trained, raced, policy, driver, 80))
+    assert len(places) == 80
+    for there, here in places:
+        assert here == pytest.approx(there, abs=1e-5)
     assert trained.world.karts[0, 0].speed > 0.5
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
+from trainings import QUICK, Train, side_by_side
 
 from agents.learned import Learned
 from agents.policies.nature import KEY
@@ -31,25 +32,11 @@ from race_server.observe import Observation
 from race_server.params import KART_60, TT02, Vehicle
 from race_server.trial.run import numbers_of
 
-QUICK = (
-    "minutes=none",
-    "steps=2000",
-    "worlds=8",
-    "tracks={names = ['oval']}",
-    "lidar.rays=21",
-    "network.layers=[16]",
-    "evaluation={seeds = 2, times = 2, seconds = 3.0}",
-    "evaluation.tracks={names = ['oval']}",
-    "evaluation.final={names = ['oval']}",
-    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
-)
-
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def outcome(trained: Train) -> Outcome:
     """A run of two thousand decisions."""
-    place = folder.new_folder("quick", tmp_path_factory.mktemp("runs") / "quick")
-    return train(read_settings("time-trial", QUICK), place)
+    return trained("time-trial", QUICK)
 
 
 @pytest.fixture
@@ -169,7 +156,7 @@ def test_every_algorithm_makes_a_file_that_answers_like_it(
     algorithm: str, action: str, tmp_path: Path
 ) -> None:
     changes = [
-        *QUICK[:-1],
+        *QUICK,
         "steps=400",
         f"algorithm={{name = '{algorithm}', options = {{learning_starts = 100}}}}",
         f"action={action}",
@@ -195,14 +182,10 @@ def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> Non
     wide = Task(task.scenarios, observation="lidar", action="control", random_start=True)
     raced = Batch(wide, seed=3)
     driver.reset(briefing())
-    for step in range(60):
-        trained.step(policy.decide(trained.observations[:, 0]))
-        seen = Observation(step, raced.layout, raced.observations[0, 0].copy())
-        raced.step(numbers_of(driver.act(seen)))
-        if trained.terminated[0, 0]:
-            break
-        assert raced.world.karts[0, 0].x == pytest.approx(trained.world.karts[0, 0].x, abs=1e-6)
-    assert step > 5
+    places = list(side_by_side(trained, raced, policy, driver, 60))
+    assert len(places) > 5
+    for there, here in places:
+        assert here == pytest.approx(there, abs=1e-6)
 
 
 def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Path) -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from race_server.errors import DriverError
 
-POLICY = "policy.onnx"
+# In the folder of a run.
+POLICY, CONFIG, EVALUATION, BEST = "policy.onnx", "config.toml", "evaluation.json", "best.pt"
 SHIPPED = Path(__file__).parent
 MOST_BYTES = 64 * 1024 * 1024
 

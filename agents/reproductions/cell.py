@@ -18,9 +18,13 @@ from agents.training.learner import learner_of
 from agents.training.pace import Pace
 from agents.training.settings import Settings
 from agents.training.sheet import as_toml, read_settings
+from race_server.errors import ScenarioError
 
 POINTS = 40  # of the curve of a training
 FORMAT = 1  # of the files; files of another are made anew
+
+# Tables of the settings that no cell uses: a new key in them, or another default, changes no cell.
+UNUSED = ("self_play", "curriculum", "warm_start", "gail", "curiosity", "evaluation", "goal")
 
 Tell = Callable[[float], None]  # called with the share of the cell that is done
 
@@ -37,12 +41,15 @@ class Cell:
     @property
     def key(self) -> str:
         """Return a digest of everything that decides what comes out."""
-        words = f"{FORMAT} {as_toml(self.settings)} {self.row.twist} {self.exam!r}"
+        settings = as_toml(self.settings, without=UNUSED)
+        words = f"{FORMAT} {settings} {self.row.twist} {self.exam!r}"
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 
 def cells_of(plan: Reproduction, scale: Scale) -> list[Cell]:
     """Return all cells of a reproduction, seed by seed, so that every row has one early.
+
+    That is also the order in which they are driven.
 
     Raises:
         ScenarioError: the settings make no training.
@@ -58,10 +65,31 @@ def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
     changes = (*plan.changes, *row.changes, *scale.changes, *quick)
     words = [*changes, "minutes=none", f"steps={steps}", f"seed={seed}", f"title={row.name!r}"]
     settings = read_settings(plan.preset, words)
+    _check_plain(settings, plan.preset)
     if row.twist.choices:
         # Settings know no picking among increments: what arrives at the world are increments.
         settings = settings.model_copy(update={"action": "report_b"})
     return Cell(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
+
+
+def _check_plain(settings: Settings, preset: str) -> None:
+    """Do nothing for a training by the race's own reward alone; cells know no other.
+
+    Raises:
+        ScenarioError: the settings want more.
+    """
+    wanted = {
+        "warm_start": settings.warm_start.is_wanted,
+        "self_play": settings.self_play.seats,
+        "curriculum": settings.curriculum,
+        "gail": settings.gail.demonstrations,
+        "curiosity": settings.curiosity.bonus,
+    }
+    if names := [name for name, value in wanted.items() if value]:
+        raise ScenarioError(
+            f"preset {preset!r} has {', '.join(names)}: a reproduction learns by the race's "
+            "reward alone; build it on another preset"
+        )
 
 
 def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
@@ -71,7 +99,7 @@ def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
         RaceError: the settings make no training.
     """
     pace = Pace.of(cell.settings)
-    world = world_of(cell.settings, cell.row.twist)
+    world = world_of(cell.settings, cell.row.twist, pace)
     learner = learner_of(cell.settings, world, pace, None)
     watch = _Watch(pace, tell)
     begun = time.process_time()

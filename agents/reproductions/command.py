@@ -27,12 +27,21 @@ def reproduce(
         bool, typer.Option("--quick", help="Fewer steps and seeds: minutes instead of hours.")
     ] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Trainings at once, a process each.")] = 1,
+    rows: Annotated[
+        str, typer.Option(help="Drive only these rows, comma-separated names or beginnings.")
+    ] = "",
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Drive only the first so many runs of each row.")
+    ] = None,
     as_json: AsJson = False,
     out: Annotated[
         Path | None, typer.Option(help="Folder; otherwise docs/results/NAME, quick in NAME-quick.")
     ] = None,
 ) -> None:
-    """Make a table of the reports again: `race reproduce report-b-algorithms --quick`."""
+    """Make a table of the reports again: `race reproduce report-b-algorithms --quick`.
+
+    What was driven before is kept: the table shows all that is known, whatever is driven now.
+    """
     with brought_by("train"):
         from agents.reproductions.run import reproduce as reproduce_it
         from agents.reproductions.shelf import reproduction_named, reproduction_names
@@ -43,7 +52,9 @@ def reproduce(
     console = Console(stderr=True)
     with _bar(console, quiet=as_json) as tell, warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="stable_baselines3")
-        outcome = reproduce_it(name, plan, place, quick=quick, jobs=jobs, tell=tell)
+        outcome = reproduce_it(
+            name, plan, place, quick=quick, jobs=jobs, rows=rows, seeds=seeds, tell=tell
+        )
     if as_json:
         print_document({"folder": str(place), "stopped": outcome.stopped, **outcome.document})
     else:
@@ -80,13 +91,19 @@ def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["News"], None]]
 def _show(outcome: "Outcome", *, quick: bool) -> None:
     from rich.table import Table
 
-    from agents.reproductions.table import base_of, cells_of, heads_of, scale_words
+    from agents.reproductions.table import (
+        base_of,
+        cells_of,
+        heads_of,
+        partial_words,
+        scale_words,
+    )
 
     plan, base = outcome.plan, base_of(outcome.plan, outcome.lines)
-    title = f"{plan.title}\n{scale_words(outcome.scale, quick=quick)}"
+    title = f"{plan.title}\n{scale_words(outcome.scale, outcome.lines, quick=quick)}"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     heads = heads_of(plan)
-    texts = [cells_of(plan, line, base) for line in outcome.lines]
+    texts = [cells_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
     # Words of the report would leave no room for figures.
     shown = [number for number, head in enumerate(heads) if not head.endswith(WORDY)]
     for number in shown:
@@ -102,6 +119,8 @@ def _show(outcome: "Outcome", *, quick: bool) -> None:
     least = sum((column.width or 0) + 2 for column in table.columns)
     console.width = max(console.width, least)
     console.print(table)
+    if words := partial_words(plan, outcome.scale, outcome.lines):
+        console.print(words, markup=False, highlight=False)
     if base is not None:
         console.print(f"in brackets: the difference to {base.row.name}", highlight=False)
     for number, head in enumerate(heads):

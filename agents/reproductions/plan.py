@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from agents.training.settings import Tracks
+from race_server.errors import ScenarioError
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,35 @@ class Reproduction:
     changes: tuple[str, ...] = ()  # of the preset, for all rows
     assumptions: tuple[str, ...] = ()  # what the report does not say, and what is different here
     base: str = ""  # a row that all others are compared with
+
+    def rows_named(self, text: str) -> tuple[str, ...]:
+        """Return the names of the rows of a comma-separated list.
+
+        The beginning of a name will do where only one begins so. Names may hold commas themselves.
+
+        Raises:
+            ScenarioError: there is no such row, or several begin so.
+        """
+        parts, found = text.split(","), list[str]()
+        while parts:
+            ends = range(len(parts), 0, -1)
+            rows = {end: self._rows_like(",".join(parts[:end])) for end in ends}
+            fitting = [end for end in ends if len(rows[end]) == 1]
+            if not fitting:
+                known = "; ".join(rows[1]) or "; ".join(row.name for row in self.rows)
+                raise ScenarioError(
+                    f"row {parts[0].strip()!r} is {'not the only one' if rows[1] else 'unknown'}; "
+                    f"choose from {known}"
+                )
+            found += rows[fitting[0]]
+            del parts[: fitting[0]]
+        return tuple(dict.fromkeys(found))
+
+    def _rows_like(self, words: str) -> list[str]:
+        """Return the row of this name, or else all that begin so."""
+        words, names = words.strip().lower(), [row.name for row in self.rows]
+        same = [name for name in names if name.lower() == words]
+        return same or [name for name in names if words and name.lower().startswith(words)]
 
     @property
     def plotted_word(self) -> str:

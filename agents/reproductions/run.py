@@ -52,36 +52,55 @@ def reproduce(
     *,
     quick: bool,
     jobs: int = 1,
+    rows: str = "",
+    seeds: int | None = None,
     tell: Tell = lambda _: None,
 ) -> Outcome:
     """Drive all cells that are not known yet, and write table and plot of all that are.
 
-    Ctrl-C leaves those that are done; the next call goes on with the others.
+    rows: comma-separated names of those that are driven now, all without; seeds: so many of each
+    row. The table shows all that is known, whatever is driven. Ctrl-C leaves those that are done;
+    the next call goes on with the others.
 
     Raises:
-        RaceError: the settings make no training, or the folder cannot be written.
+        RaceError: there is no such row or seed, the settings make no training, or the folder
+            cannot be written.
     """
     scale = plan.quick if quick else plan.full
     cells = cells_of(plan, scale)
+    wanted = _wanted(plan, scale, cells, rows, seeds)
     store = place / CELLS
     try:
         store.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ScenarioError(f"{store}: cannot be made: {error.strerror}") from error
     known = [read_cell(_path(store, cell), cell) for cell in cells]
-    missing = [cell for cell, outcome in zip(cells, known, strict=True) if outcome is None]
     outcomes = [outcome for outcome in known if outcome is not None]
-    stopped = False
+    there = {(outcome["row"], outcome["seed"]) for outcome in outcomes}
+    missing = [cell for cell in wanted if (cell.row.name, cell.seed) not in there]
+    done, stopped = len(wanted) - len(missing), False
     try:
-        for cell, outcome in _driven(missing, jobs, _telling(tell, len(outcomes), len(cells))):
+        for cell, outcome in _driven(missing, jobs, _telling(tell, done, len(wanted))):
             write_cell(_path(store, cell), outcome)
             outcomes.append(outcome)
-            tell(News(len(outcomes), len(cells), _name(cell)))
+            done += 1
+            tell(News(done, len(wanted), _name(cell)))
     except KeyboardInterrupt:
         stopped = True
     lines = lines_of(plan, outcomes)
     document = _write(name, plan, scale, place, lines, quick=quick)
     return Outcome(plan, scale, lines, document, stopped)
+
+
+def _wanted(
+    plan: Reproduction, scale: Scale, cells: list[Cell], rows: str, seeds: int | None
+) -> list[Cell]:
+    """Return the cells that are to be there after this call."""
+    if seeds is not None and seeds > scale.seeds:
+        raise ScenarioError(f"--seeds {seeds}: each row has {scale.seeds}; give no more")
+    names = plan.rows_named(rows) if rows else [row.name for row in plan.rows]
+    most = scale.seeds if seeds is None else seeds
+    return [cell for cell in cells if cell.row.name in names and cell.seed <= most]
 
 
 def _driven(
@@ -148,6 +167,8 @@ def _write(
         "seeds": list(range(1, scale.seeds + 1)),
         "rows": [_row(line) for line in lines],
         "missing": [row.name for row in plan.rows if row.name not in _names(lines)],
+        "runs": sum(line.runs for line in lines),
+        "runs_wanted": scale.seeds * len(plan.rows),
         "remarks": remarks_on(plan, lines),
         "assumptions": list(plan.assumptions),
         "versions": known,
@@ -162,7 +183,7 @@ def _write(
     (place / TABLE).write_text(text, encoding="utf-8")
     (place / FIGURES).write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     if lines:
-        draw(place / PLOT, plan, lines, scale_words(scale, quick=quick))
+        draw(place / PLOT, plan, lines, scale_words(scale, lines, quick=quick))
     return document
 
 

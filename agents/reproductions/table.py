@@ -11,14 +11,18 @@ NOTHING = "–"
 def heads_of(plan: Reproduction) -> list[str]:
     """Return the heads of all columns: what differs, theirs, ours."""
     theirs = [f"theirs: {head}" for head in plan.their_heads]
-    return ["setting", *theirs, *(f"ours: {column.head}" for column in plan.columns)]
+    return ["setting", *theirs, *(f"ours: {column.head}" for column in plan.columns), "ours: runs"]
 
 
-def cells_of(plan: Reproduction, line: Line, base: Line | None) -> list[str]:
-    """Return the texts of a line, one for each head. base: what differences are told to."""
+def cells_of(plan: Reproduction, line: Line, base: Line | None, seeds: int) -> list[str]:
+    """Return the texts of a line, one for each head.
+
+    base: what differences are told to; seeds: so many runs the line will be the mean of.
+    """
     theirs = line.row.theirs or (NOTHING,) * len(plan.their_heads)
     ours = [_figure(column, line, base) for column in plan.columns]
-    return [line.row.name, *theirs, *ours]
+    runs = f"{line.runs}" if line.runs == seeds else f"{line.runs} of {seeds}"
+    return [line.row.name, *theirs, *ours, runs]
 
 
 def base_of(plan: Reproduction, lines: Sequence[Line]) -> Line | None:
@@ -37,11 +41,25 @@ def _figure(column: Column, line: Line, base: Line | None) -> str:
     return text if first is None else f"{text} ({value - first:+.{column.digits}f})"
 
 
-def scale_words(scale: Scale, *, quick: bool) -> str:
+def scale_words(scale: Scale, lines: Sequence[Line], *, quick: bool) -> str:
     """Return how much was trained."""
-    runs = "1 run" if scale.seeds == 1 else f"mean ± deviation of {scale.seeds} runs"
+    counts = [line.runs for line in lines] or [scale.seeds]
+    least, most = min(counts), max(counts)
+    count = f"{most}" if least == most else f"{least} to {most}"
+    runs = "1 run" if most == 1 else f"mean ± deviation of {count} runs"
     words = f"{scale.steps} decisions, {runs}"
     return f"QUICK: {words}; too few to judge by" if quick else words
+
+
+def partial_words(plan: Reproduction, scale: Scale, lines: Sequence[Line]) -> str:
+    """Return in a sentence what is not there yet, nothing if all is."""
+    runs, wanted = sum(line.runs for line in lines), scale.seeds * len(plan.rows)
+    if runs == wanted:
+        return ""
+    known = {line.row.name for line in lines}
+    none = [row.name for row in plan.rows if row.name not in known]
+    words = f"So far {runs} of {wanted} runs are there; a row says of how many it is the mean"
+    return f"{words}; none of: {'; '.join(none)}." if none else f"{words}."
 
 
 def page(
@@ -49,15 +67,14 @@ def page(
 ) -> str:
     """Return the page. words: facts to end with, such as the command and the versions."""
     base = base_of(plan, lines)
-    rows = [heads_of(plan), *(cells_of(plan, line, base) for line in lines)]
+    rows = [heads_of(plan), *(cells_of(plan, line, base, scale.seeds) for line in lines)]
     table = ["| " + " | ".join(row) + " |" for row in rows]
     table.insert(1, "|" + "---|" * len(rows[0]))
-    missing = len(plan.rows) - len(lines)
     parts = [
         f"# {plan.title}",
         f"Theirs: {plan.source}.",
-        f"Ours: {scale_words(scale, quick=quick)}; {plan.exam_words(scale)}.",
-        *([f"{missing} of {len(plan.rows)} rows are not there yet."] if missing else []),
+        f"Ours: {scale_words(scale, lines, quick=quick)}; {plan.exam_words(scale)}.",
+        partial_words(plan, scale, lines),
         "\n".join(table),
         *(["In brackets: the difference to the base."] if base is not None else []),
         "\n".join(remarks_on(plan, lines)),

@@ -1,5 +1,6 @@
 """The training world of a cell: that of `race train`, with a report's peculiarities around it."""
 
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -9,8 +10,9 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
 
 from agents.reproductions.plan import Twist
+from agents.training.learner import world_of as training_world_of
+from agents.training.pace import Pace
 from agents.training.settings import Settings
-from agents.training.tasks import training_task
 from race_server.env.sb3 import KartVecEnv
 from race_server.observe import Layout
 from race_server.params import vehicle_named
@@ -60,25 +62,16 @@ class Twisted(VecEnvWrapper):
         return seen, rewards, dones, infos
 
 
-def world_of(settings: Settings, twist: Twist) -> VecNormalize:
+def world_of(settings: Settings, twist: Twist, pace: Pace) -> VecNormalize:
     """Return the karts that learn.
 
     Raises:
         RaceError: the settings make no race.
     """
-    karts = KartVecEnv(
-        training_task(settings),
-        worlds=settings.worlds,
-        seed=settings.seed,
-        threads=settings.threads,
-    )
-    world = VecNormalize(
-        Twisted(karts, twist),
-        norm_obs=twist.scaling != "none",
-        norm_reward=settings.algorithm.normalise_reward,
-        gamma=settings.algorithm.options.get("gamma", 0.99),
-    )
+    world = training_world_of(settings, pace, partial(Twisted, twist=twist))
+    world.norm_obs = twist.scaling != "none"
     if twist.scaling == "largest":
+        karts: KartVecEnv = world.unwrapped  # type: ignore[assignment]
         seen: Any = world.obs_rms
         seen.mean = np.zeros_like(seen.mean)
         seen.var = largest_values(karts.batch.layout, settings.vehicle) ** 2

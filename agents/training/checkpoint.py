@@ -1,18 +1,48 @@
 """Checkpoints: weights, optimisers, normalisation and counters as plain tensors.
 
-They are read with PyTorch's restricted reader: nothing is unpickled that could run.
+What learns beside the learner is in them, too: judges with their networks, the curriculum. They
+are read with PyTorch's restricted reader: nothing is unpickled that could run.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
+from agents.training.curriculum import Stages
+from agents.training.normaliser import put_back, state_of
 from agents.training.pace import Pace
+from agents.training.rewarded import Rewarded
+from race_server.env.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+CURRICULUM = "curriculum"
+RETURN = "return_"  # before the names of the rewards' means
+
+
+class Companion(Protocol):
+    """Whatever in a world has to go on where it was."""
+
+    def state(self) -> dict[str, Any]:
+        """Return where it stands."""
+
+    def take_up(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+
+
+def companions_in(world: VecEnv) -> dict[str, Companion]:
+    """Return who goes along with a learner in a world, by name: judges and the curriculum."""
+    found: dict[str, Companion] = {}
+    while isinstance(world, VecEnvWrapper):
+        if isinstance(world, Rewarded):
+            found[world.judge.name] = world.judge
+        world = world.venv
+    if isinstance(world, KartVecEnv) and isinstance(world.curriculum, Stages):
+        found[CURRICULUM] = world.curriculum
+    return found
 
 
 def save_checkpoint(
@@ -20,22 +50,12 @@ def save_checkpoint(
 ) -> None:
     """Write where a training stands, and what score the policy had if it was the best."""
     seen: Any = world.obs_rms  # one box, hence one set of means
-    worth = world.ret_rms
-    numbers = [
-        (name, torch.as_tensor(value).clone())
-        for name, value in (
-            ("mean", seen.mean),
-            ("variance", seen.var),
-            ("count", seen.count),
-            ("return_mean", worth.mean),
-            ("return_variance", worth.var),
-            ("return_count", worth.count),
-        )
-    ]
+    returns = {RETURN + name: value for name, value in state_of(world.ret_rms).items()}
     content = {
         "parameters": learner.get_parameters(),
-        "normalisation": dict(numbers),
+        "normalisation": {**state_of(seen), **returns},
         "counters": {name: int(getattr(learner, name)) for name in COUNTERS},
+        "companions": {name: one.state() for name, one in companions_in(world).items()},
         "seconds": pace.seconds,
         "done": pace.done,
         "score": score,
@@ -49,21 +69,25 @@ def save_checkpoint(
 def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> float:
     """Take a training up where a checkpoint left it; return the score that it was kept for.
 
+    A judge that the checkpoint does not know, as the training goes on with other settings, begins
+    anew.
+
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
     """
     try:
         content = torch.load(path, weights_only=True)
         learner.set_parameters(content["parameters"], exact_match=True, device="cpu")
-        numbers = {name: value.numpy() for name, value in content["normalisation"].items()}
+        numbers = content["normalisation"]
         seen: Any = world.obs_rms
-        seen.mean, seen.var = numbers["mean"], numbers["variance"]
-        seen.count = float(numbers["count"])
-        worth = world.ret_rms
-        worth.mean, worth.var = numbers["return_mean"], numbers["return_variance"]
-        worth.count = float(numbers["return_count"])
+        put_back(seen, numbers)
+        put_back(world.ret_rms, {name: numbers[RETURN + name] for name in state_of(world.ret_rms)})
         for name in COUNTERS:
             setattr(learner, name, content["counters"][name])
+        known = content.get("companions", {})
+        for name, one in companions_in(world).items():
+            if name in known:
+                one.take_up(known[name])
         pace.spent_s, pace.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
     except FileNotFoundError as error:

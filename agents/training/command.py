@@ -167,7 +167,8 @@ def _words_of(news: "News") -> str:
     reward = "–" if news.reward is None else f"{news.reward:.1f}"
     crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
     lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
-    return f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+    words = f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+    return f"{news.stage}; {words}" if news.stage else words
 
 
 def _ratings_in_words(news: "News") -> str:
@@ -195,7 +196,7 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
     from agents.policies.shelf import name_of
 
     table = Table("track", title="the best policy on unseen courses", title_justify="left")
-    for column in ("speed [m/s]", "crash rate", "laps", "best lap [s]", "return"):
+    for column in ("speed, m/s", "crash rate", "laps", "best lap, s", "return"):
         table.add_column(column, justify="right")
     for row in outcome.evaluation["tracks"]:
         lap = "–" if row["best_lap_s"] is None else f"{row['best_lap_s']:.3f}"

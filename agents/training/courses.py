@@ -2,13 +2,16 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from agents.training.settings import Tracks
 from race_server.errors import ScenarioError
 from race_server.track.course import Course
 from race_server.track.load import load_course
 from race_server.track.reverse import reversed_course
+
+if TYPE_CHECKING:
+    # Settings need pydantic, which only training does.
+    from agents.training.settings import Tracks
 
 SETS = Path(__file__).with_name("track_sets.toml")
 REVERSED = "-reversed"
@@ -19,7 +22,24 @@ def track_sets() -> dict[str, dict[str, Any]]:
     return tomllib.loads(SETS.read_text(encoding="utf-8"))
 
 
-def names_of(tracks: Tracks) -> tuple[str, ...]:
+def set_named(name: str) -> list[str]:
+    """Return the names of all tracks of a set.
+
+    Raises:
+        ScenarioError: there is no such set.
+    """
+    sets = track_sets()
+    if name not in sets:
+        raise ScenarioError(f"track set {name!r} is unknown; choose one of {', '.join(sets)}")
+    table = sets[name]
+    first = table.get("first_seed", 0)
+    names = list(table.get("tracks", []))
+    names += [f"generated:block:{first + n}" for n in range(table.get("blocks", 0))]
+    names += [f"generated:spline:{first + n}" for n in range(table.get("splines", 0))]
+    return names
+
+
+def names_of(tracks: "Tracks") -> tuple[str, ...]:
     """Return the names of all tracks that are asked for.
 
     Raises:
@@ -27,16 +47,7 @@ def names_of(tracks: Tracks) -> tuple[str, ...]:
     """
     names = list(tracks.names)
     if tracks.set:
-        sets = track_sets()
-        if tracks.set not in sets:
-            raise ScenarioError(
-                f"track set {tracks.set!r} is unknown; choose one of {', '.join(sets)}"
-            )
-        table = sets[tracks.set]
-        first = table.get("first_seed", 0)
-        names += table.get("tracks", [])
-        names += [f"generated:block:{first + n}" for n in range(table.get("blocks", 0))]
-        names += [f"generated:spline:{first + n}" for n in range(table.get("splines", 0))]
+        names += set_named(tracks.set)
     if not names:
         raise ScenarioError("tracks: neither a set nor a name; give one, such as set = 'train'")
     return tuple(dict.fromkeys(names))

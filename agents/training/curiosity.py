@@ -5,18 +5,22 @@ forward model foresees the next features. Its error is the reward: Pathak et al.
 https://arxiv.org/abs/1705.05363
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
+from agents.training.normaliser import put_back, state_of
 from agents.training.rewarded import Rows, Scale, network
 from agents.training.settings import Curiosity
 
 
 class Curious:
     """A judge who likes what is new."""
+
+    name = "curiosity"
 
     def __init__(self, wanted: Curiosity, size: int, width: int, seed: int) -> None:
         """Begin without knowing anything. size, width: of an observation and of an action."""
@@ -25,9 +29,8 @@ class Curious:
         self._features = network((size, hidden, count), seed)
         self._inverse = network((2 * count, hidden, width), seed + 1)
         self._forward = network((count + width, hidden, count), seed + 2)
-        parts = (self._features, self._inverse, self._forward)
-        parameters = [weight for part in parts for weight in part.parameters()]
-        self._optimiser = torch.optim.Adam(parameters, lr=wanted.learning_rate)
+        self._networks = torch.nn.ModuleList([self._features, self._inverse, self._forward])
+        self._optimiser = torch.optim.Adam(self._networks.parameters(), lr=wanted.learning_rate)
         self._scale = Scale(size)
         self._usual = RunningMeanStd()
         self._chance = np.random.default_rng(seed)
@@ -55,6 +58,22 @@ class Curious:
             self._optimiser.zero_grad()
             loss.backward()
             self._optimiser.step()
+
+    def state(self) -> dict[str, Any]:
+        """Return networks, optimiser, scale, and how great a surprise is usual."""
+        return {
+            "networks": self._networks.state_dict(),
+            "optimiser": self._optimiser.state_dict(),
+            "scale": self._scale.state(),
+            "usual": state_of(self._usual),
+        }
+
+    def take_up(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+        self._networks.load_state_dict(state["networks"])
+        self._optimiser.load_state_dict(state["optimiser"])
+        self._scale.take_up(state["scale"])
+        put_back(self._usual, state["usual"])
 
     def _guess(self, before: torch.Tensor, then: torch.Tensor) -> torch.Tensor:
         """Return which action led from one observation to another."""

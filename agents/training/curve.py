@@ -23,20 +23,30 @@ class Point:
     tried_reward: float | None = None
     rating: float | None = None  # of the newest snapshot, in self-play
     rating_sigma: float | None = None
+    stage: int | None = None  # of the curriculum, from 1 on
 
 
 def append(path: Path, point: Point) -> None:
-    """Add a row to the table; the first one brings the head."""
-    is_new = not path.is_file()
+    """Add a row to the table; the first one brings the head, and later ones keep to it."""
+    head = _head_of(path)
     with path.open("a", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, [field.name for field in fields(Point)])
-        if is_new:
+        names = head or [field.name for field in fields(Point)]
+        table = csv.DictWriter(file, names, extrasaction="ignore")
+        if not head:
             table.writeheader()
         row = {
             name: round(value, 6) if isinstance(value, float) else value
             for name, value in asdict(point).items()
         }
         table.writerow(row)
+
+
+def _head_of(path: Path) -> list[str]:
+    """Return the names of a table's columns; a run of an older version has fewer."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return next(csv.reader(file), [])
 
 
 def read(path: Path) -> list[dict[str, float]]:
@@ -70,6 +80,18 @@ def draw(table: Path, picture: Path, title: str) -> None:
         plot.grid(alpha=0.3)
         if plot.get_legend_handles_labels()[0]:
             plot.legend(frameon=False)
+    for row, before in zip(rows[1:], rows, strict=False):
+        if row.get("stage") != before.get("stage"):
+            _mark_stage(plots, row)
     plots[-1].set_xlabel("minutes of training")
     figure.suptitle(title)
     figure.savefig(picture, dpi=110)
+
+
+def _mark_stage(plots: Any, row: dict[str, float]) -> None:
+    """Draw where a stage of the curriculum begins."""
+    for plot in plots:
+        plot.axvline(row["minutes"], color="grey", linestyle=":", linewidth=1)
+    at = plots[0].get_xaxis_transform()
+    text = f" stage {row.get('stage', 0.0):.0f}"
+    plots[0].text(row["minutes"], 1.0, text, transform=at, va="bottom", fontsize=8)

@@ -12,7 +12,9 @@ from race_server.errors import ScenarioError, brought_by
 
 
 def demonstrate(
-    driver: Annotated[str, typer.Argument(help="An installed driver, such as raceline.")],
+    driver: Annotated[
+        str, typer.Argument(help="An installed driver, such as raceline; none with --recording.")
+    ] = "",
     tracks: Annotated[
         str, typer.Option("--tracks", "--track", help="Comma-separated names of tracks.")
     ] = "covapsy-train-2023",
@@ -25,31 +27,43 @@ def demonstrate(
             min=0.0, max=1.0, help="Deviation of pedals and wheel, against which the driver drives."
         ),
     ] = 0.0,
+    recording: Annotated[
+        Path | None, typer.Option(help="A recorded race, .mcap, instead of driving one.")
+    ] = None,
+    seat: Annotated[int, typer.Option(min=0, help="With --recording: whose seat.")] = 0,
     out: Annotated[Path, typer.Option(help="The file.")] = Path("demonstrations.npz"),
     as_json: AsJson = False,
 ) -> None:
     """Record what a driver sees and does: `race demonstrate raceline --noise 0.1 --out laps.npz`.
 
+    Or take it from a race that anybody drove: `race demonstrate --recording FILE --seat 2`.
     Learn from it: `race train time-trial --set warm_start.demonstrations=laps.npz`.
     """
     names = names_in(tracks)
     if not names:
         raise ScenarioError(f"--tracks {tracks!r}: name one track or more")
+    if bool(driver) == (recording is not None):
+        raise ScenarioError(f"driver {driver!r}, --recording {recording}: give one of the two")
     if not out.parent.is_dir():
         raise ScenarioError(f"--out {out}: there is no folder {out.parent}")
     with brought_by("train"):
         from agents.training.demonstrations import write_demonstrations
         from agents.training.demonstrator import demonstrate as watch
-    shown, runs = watch(driver, names, vehicle, laps, seed, noise)
+        from agents.training.recorded import demonstrations_in
+    if recording is not None:
+        shown, drive = demonstrations_in(recording, seat)
+        driven, contacts = drive.laps, drive.wall_contacts
+    else:
+        shown, runs = watch(driver, names, vehicle, laps, seed, noise)
+        driven, contacts = laps, sum(run.crashes for run in runs)
     write_demonstrations(out, shown)
-    contacts = sum(run.crashes for run in runs)
     if as_json:
         count = len(shown.observations)
         print_document({"file": str(out), "decisions": count, "wall_contacts": contacts})
         return
     Console(stderr=True).print(
-        f"{out}: {len(shown.observations)} decisions of {driver} in {laps} laps on "
-        f"{', '.join(names)}, with {contacts} wall contacts",
+        f"{out}: {len(shown.observations)} decisions of {shown.about.driver} in {driven} laps on "
+        f"{', '.join(shown.about.tracks)}, with {contacts} wall contacts",
         markup=False,
         soft_wrap=True,
     )

@@ -28,8 +28,6 @@ from race_server.observe import PARTS, layout_of
 from race_server.scenario.sensors import Lidar
 
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime that runs on our Pythons
-# A policy's file answers like the learner, up to rounding.
-MOST_DIFFERENCE = 1e-5
 
 
 @dataclass

@@ -7,18 +7,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from agents.policies.shelf import POLICY, name_of, runs_folder
+from agents.policies.shelf import CONFIG, EVALUATION, POLICY, name_of, runs_folder
 from agents.training.evaluation import Marks
 from agents.training.settings import Settings
 from agents.training.sheet import as_toml, read_settings
 from race_server.errors import ScenarioError
 
-CONFIG, VERSIONS, EVALUATION, README = (
-    "config.toml",
-    "versions.json",
-    "evaluation.json",
-    "README.md",
-)
+VERSIONS, README = "versions.json", "README.md"
 PACKAGES = ("race-server", "torch", "stable-baselines3", "numpy", "numba", "gymnasium", "onnx")
 MOST_RUNS = 10_000
 

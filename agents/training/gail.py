@@ -4,6 +4,7 @@ A discriminator learns to tell what is driven from what was demonstrated, and re
 for a demonstration: Ho and Ermon, NeurIPS 2016, https://arxiv.org/abs/1606.03476
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from agents.training.settings import Gail, Settings
 
 class Discriminator:
     """A judge who likes what looks like the demonstrations."""
+
+    name = "gail"
 
     def __init__(self, settings: Settings) -> None:
         """Read the demonstrations.
@@ -57,6 +60,20 @@ class Discriminator:
             self._optimiser.zero_grad()
             loss.backward()
             self._optimiser.step()
+
+    def state(self) -> dict[str, Any]:
+        """Return network, optimiser and scale. The demonstrations stay in their file."""
+        return {
+            "network": self._network.state_dict(),
+            "optimiser": self._optimiser.state_dict(),
+            "scale": self._scale.state(),
+        }
+
+    def take_up(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+        self._network.load_state_dict(state["network"])
+        self._optimiser.load_state_dict(state["optimiser"])
+        self._scale.take_up(state["scale"])
 
     def _logit(self, seen: Rows, actions: Rows, blur: float = 0.0) -> torch.Tensor:
         """Return how much pairs look like the expert's, shape (n,); blur: noise on all inputs."""

@@ -1,7 +1,7 @@
 """The learner: Stable-Baselines3's algorithm on the training world, made from settings."""
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from agents.training.courses import names_of
 from agents.training.curiosity import Curious
+from agents.training.curriculum import Stages
 from agents.training.gail import Discriminator
 from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
@@ -33,8 +33,13 @@ _TAKEN = {
 TD3_NOISE = 0.1
 
 
-def world_of(settings: Settings, pace: Pace) -> Normaliser:
+def world_of(
+    settings: Settings, pace: Pace, around: Callable[[KartVecEnv], VecEnv] | None = None
+) -> Normaliser:
     """Return the karts that learn, with running means of what they see.
+
+    around: what stands between the karts and whoever learns; the judges of the settings, unless
+    something else is wanted.
 
     Raises:
         RaceError: the settings make no race.
@@ -46,9 +51,10 @@ def world_of(settings: Settings, pace: Pace) -> Normaliser:
         threads=settings.threads,
         curriculum=Stages(settings, pace) if settings.curriculum else None,
     )
+    shown = around(karts) if around is not None else _judged(settings, karts)
     gamma = settings.algorithm.options.get("gamma", 0.99)
     rewards = settings.algorithm.normalise_reward
-    return Normaliser(_judged(settings, karts), settings.horizon, norm_reward=rewards, gamma=gamma)
+    return Normaliser(shown, settings.horizon, norm_reward=rewards, gamma=gamma)
 
 
 def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
@@ -62,37 +68,6 @@ def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
         judge = Curious(curiosity, size, width, settings.seed)
         karts = Rewarded(karts, judge, own_share=1.0, decisions=curiosity.decisions)
     return karts
-
-
-class Stages:
-    """The curriculum: which tracks are drawn, by the elapsed share of the training."""
-
-    def __init__(self, settings: Settings, pace: Pace) -> None:
-        """Work out the weights of each stage.
-
-        Raises:
-            ScenarioError: a stage names a track that is not trained on.
-        """
-        names = names_of(settings.tracks)
-        self._pace = pace
-        self._now = -1
-        self._stages: list[tuple[float, list[float]]] = []
-        for stage in sorted(settings.curriculum, key=lambda stage: stage.after):
-            for track in stage.tracks:
-                if track not in names:
-                    raise ScenarioError(
-                        f"curriculum: {track!r} is not trained on; choose from {', '.join(names)}"
-                    )
-            weights = [float(name in (stage.tracks or names)) for name in names]
-            self._stages.append((stage.after, weights))
-
-    def __call__(self, _: int) -> Sequence[float] | None:
-        """Return the weights of the stage that begins now; None while it lasts."""
-        begun = [n for n, (after, _) in enumerate(self._stages) if after <= self._pace.share]
-        if not begun or begun[-1] == self._now:
-            return None
-        self._now = begun[-1]
-        return self._stages[self._now][1]
 
 
 def learner_of(settings: Settings, world: VecNormalize, pace: Pace, log: str | None) -> Any:

@@ -1,8 +1,10 @@
 """Running means of what is seen, cut at a horizon before anything is made of it."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -26,6 +28,24 @@ class Normaliser(VecNormalize):
     def normalize_obs(self, obs: Any) -> Any:
         """Return observations (n, size) of mean 0 and variance 1."""
         return super().normalize_obs(np.clip(obs, -self.horizon, self.horizon))
+
+
+def state_of(means: RunningMeanStd) -> dict[str, torch.Tensor]:
+    """Return running means as tensors, for a checkpoint."""
+    numbers = {"mean": means.mean, "variance": means.var, "count": means.count}
+    return {name: torch.as_tensor(value).clone() for name, value in numbers.items()}
+
+
+def put_back(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> None:
+    """Let running means be what they were when `state` was taken.
+
+    Raises:
+        ValueError: they are of another size.
+    """
+    mean, variance = state["mean"].numpy(), state["variance"].numpy()
+    if np.shape(mean) != np.shape(means.mean):
+        raise ValueError(f"means of shape {np.shape(mean)}, {np.shape(means.mean)} are wanted")
+    means.mean, means.var, means.count = mean, variance, float(state["count"])
 
 
 class _Means(RunningMeanStd):

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
-from agents.training.checkpoint import save_checkpoint
+from agents.policies.shelf import BEST
+from agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
+from agents.training.curriculum import Stages
 from agents.training.curve import Point, append
 from agents.training.evaluation import Examiner, Marks
 from agents.training.pace import Pace
@@ -19,7 +21,7 @@ from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
 from race_server.results.ratings import Rating
 
-CURVE, LATEST, BEST = "curve.csv", "latest.pt", "best.pt"
+CURVE, LATEST = "curve.csv", "latest.pt"
 TELL_S = 1.0  # between two looks at the figures
 ROWS = 200  # of the curve between two evaluations' rows, over a whole training, at most
 
@@ -36,6 +38,7 @@ class News:
     best_lap_s: float | None
     marks: Marks | None = None
     ratings: tuple[Rating, ...] = ()  # where they have just changed, the strongest first
+    stage: str = ""  # of the curriculum, in words
 
 
 Tell = Callable[[News], None]
@@ -59,6 +62,8 @@ class Overseer(BaseCallback):
         self.settings = settings
         self.pace = pace
         self.self_play = self_play
+        stages = companions_in(world).get(CURRICULUM)
+        self.stages = stages if isinstance(stages, Stages) else None
         tried = settings.evaluation
         self.examiner = Examiner(settings, tried.tracks, tried.first_seed)
         self.best: list[Marks] = []
@@ -143,6 +148,7 @@ class Overseer(BaseCallback):
             crash_rate=float(np.mean([row["crashes"] for row in episodes])) if episodes else None,
             best_lap_s=min(laps, default=None),
             marks=marks,
+            stage=str(self.stages) if self.stages else "",
         )
 
     def _point(self, news: News) -> Point:
@@ -162,4 +168,5 @@ class Overseer(BaseCallback):
             tried_reward=marks.reward if marks else None,
             rating=rated.mu if rated else None,
             rating_sigma=rated.sigma if rated else None,
+            stage=self.stages.number if self.stages else None,
         )

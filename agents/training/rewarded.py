@@ -1,6 +1,6 @@
 """A vector environment whose rewards are those of the race and those of a judge that learns."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from agents.training.normaliser import put_back, state_of
+
 Rows = NDArray[np.float32]
 
 
 class Judge(Protocol):
     """Says what transitions are worth, and learns from them."""
+
+    name: str  # in a checkpoint
 
     def worth(self, seen: Rows, actions: Rows, after: Rows) -> Rows:
         """Return a reward for each transition, shape (n,).
@@ -26,6 +30,12 @@ class Judge(Protocol):
     def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
         """Learn from transitions, those of several decisions."""
 
+    def state(self) -> dict[str, Any]:
+        """Return all that was learned, networks and optimisers, as tensors and plain data."""
+
+    def take_up(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+
 
 class Rewarded(VecEnvWrapper):
     """Adds what a judge says to a share of the race's own reward."""
@@ -33,7 +43,7 @@ class Rewarded(VecEnvWrapper):
     def __init__(self, world: VecEnv, judge: Judge, *, own_share: float, decisions: int) -> None:
         """Put a judge beside a world, who learns once in so many decisions of each kart."""
         super().__init__(world)
-        self._judge = judge
+        self.judge = judge
         self._own_share = own_share
         self._decisions = decisions
         self._seen: Rows = np.zeros(0, np.float32)
@@ -57,11 +67,11 @@ class Rewarded(VecEnvWrapper):
         for number in np.flatnonzero(dones):
             after[number] = infos[number]["terminal_observation"]
         transition = (self._seen, self._actions, after)
-        worth = self._judge.worth(*transition)
+        worth = self.judge.worth(*transition)
         self._kept.append(transition)
         if len(self._kept) >= self._decisions:
             parts = [np.concatenate(part) for part in zip(*self._kept, strict=True)]
-            self._judge.learn(*parts)
+            self.judge.learn(*parts)
             self._kept.clear()
         self._seen = np.asarray(seen)
         return seen, self._own_share * rewards + worth, dones, infos
@@ -95,6 +105,14 @@ class Scale:
     def __init__(self, size: int) -> None:
         """Begin without having seen anything."""
         self._numbers = RunningMeanStd(shape=(size,))
+
+    def state(self) -> dict[str, torch.Tensor]:
+        """Return the means as tensors."""
+        return state_of(self._numbers)
+
+    def take_up(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Go on where `state` was taken."""
+        put_back(self._numbers, state)
 
     def update(self, rows: Rows) -> None:
         """Take note of rows, shape (n, size)."""

@@ -1,6 +1,5 @@
 """A run of training from its settings to its folder."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,18 +8,19 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.vec_env import VecNormalize
 
+from agents.policies.proof import MOST_DIFFERENCE, times_of
 from agents.policies.session import Policy
-from agents.policies.shelf import POLICY
+from agents.policies.shelf import BEST, CONFIG, POLICY
 from agents.training import curve, folder
 from agents.training.checkpoint import load_checkpoint
 from agents.training.courses import names_of
 from agents.training.evaluation import Examiner, Marks
-from agents.training.export import MOST_DIFFERENCE, difference, export_policy, nature_from
+from agents.training.export import difference, export_policy, nature_from
 from agents.training.film import record_laps
 from agents.training.imitation import Imitation
 from agents.training.learner import learner_of, world_of
 from agents.training.lines import Say
-from agents.training.overseer import BEST, CURVE, LATEST, Overseer, Tell
+from agents.training.overseer import CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
 from agents.training.schedule import Schedule
 from agents.training.self_play import SelfPlay
@@ -131,7 +131,7 @@ def _conclude(
     if parity > MOST_DIFFERENCE:
         raise ScenarioError(
             f"{path} answers otherwise than the learner, by {parity:.1e}; at most "
-            f"{MOST_DIFFERENCE:g} is rounding: report this with {folder.CONFIG}"
+            f"{MOST_DIFFERENCE:g} is rounding: report this with {CONFIG}"
         )
     marks = examiner.examine(policy.decide)
     examiner.close()
@@ -145,7 +145,7 @@ def _conclude(
             "seconds": tried.seconds,
             "parity": parity,
             "compared_observations": len(seen),
-            "decision_us": decision_us(policy, seen),
+            "decision_us": times_of(policy, seen[:TIMED]).mean,
             "steps": spent[1],
             "minutes": spent[0] / 60.0,
             "goal_reached": overseer.reached,
@@ -155,15 +155,6 @@ def _conclude(
     _film(settings, place, marks, say)
     folder.write_readme(place, settings, document)
     return document
-
-
-def decision_us(policy: Policy, seen: Any) -> float:
-    """Return the time of one decision of a policy alone [µs]."""
-    rows = [np.ascontiguousarray(row[None]) for row in seen[:TIMED]]
-    begun = time.perf_counter()
-    for row in rows:
-        policy.decide(row)
-    return 1e6 * (time.perf_counter() - begun) / len(rows)
 
 
 def _film(settings: Settings, place: Path, marks: list[Marks], say: Callable[[str], None]) -> None:

@@ -99,10 +99,17 @@ class Tracks(_Table):
 
 
 class Stage(_Table):
-    """From a share of the training on, only these tracks are drawn; none: all of them."""
+    """While it lasts only these tracks are drawn; none: all of them.
 
-    after: float = Field(ge=0.0, lt=1.0)
+    An episode succeeds if the kart completes `success_laps` in it and does not crash.
+    """
+
+    after: float = Field(ge=0.0, lt=1.0)  # share of the training; it begins then at the latest
     tracks: tuple[str, ...] = ()
+    # The next one begins earlier once such a share of this one's last `episodes` has succeeded.
+    until_success: float | None = Field(default=None, gt=0.0, le=1.0)
+    episodes: int = Field(default=200, ge=1)
+    success_laps: int = Field(default=1, ge=0)
 
 
 class Evaluation(_Table):

@@ -121,9 +121,9 @@ def _apply(words: Words, change: str) -> None:
         table[last] = value.strip()
 
 
-def as_toml(settings: Settings) -> str:
-    """Return all settings as TOML, defaults included."""
-    words = settings.model_dump(mode="json", exclude_none=True)
+def as_toml(settings: Settings, *, without: Sequence[str] = ()) -> str:
+    """Return all settings as TOML, defaults included, but for some keys."""
+    words = settings.model_dump(mode="json", exclude_none=True, exclude=set(without))
     return "\n".join([*_lines(words, ()), ""])
 
 

@@ -367,8 +367,9 @@ def _call_all(calls: Sequence[Callable[[], None]]) -> None:
         call()
 
 
-# Called with the number of decisions so far; returns the weights of the scenarios, or None.
-Curriculum = Callable[[int], Sequence[float] | None]
+# Called with the number of decisions so far and with what is told of the episodes that have just
+# ended, see `Batch.episode_of`; returns the weights of the scenarios, or None.
+Curriculum = Callable[[int, Sequence[dict[str, Any]]], Sequence[float] | None]
 
 
 def _lined(scenario: Scenario) -> Scenario:

@@ -34,8 +34,9 @@ class KartVecEnv(VecEnv):
     ) -> None:
         """Build the batch.
 
-        curriculum: asked at every end of an episode, with the number of decisions so far, for
-        the weights of the task's scenarios; None keeps them.
+        curriculum: asked before races begin and whenever episodes have ended, with the number of
+        decisions so far and what is told of those episodes, for the weights of the task's
+        scenarios; None keeps them.
 
         Raises:
             ScenarioError, DriverError: the task makes no race.
@@ -47,13 +48,14 @@ class KartVecEnv(VecEnv):
         super().__init__(
             worlds * learners, observation_space(self.batch.layout), action_space(task.action)
         )
-        self._curriculum = curriculum
+        self.curriculum = curriculum
         self._decisions = 0
         self._begun = time.monotonic()
         self._actions: Array = np.zeros(0)
 
     def reset(self) -> Array:
         """Begin new races and return what all karts see, shape (n, size)."""
+        self._ask([])
         self.batch.reset(self._seeds[0])
         self._reset_seeds()
         return self._seen()
@@ -87,13 +89,20 @@ class KartVecEnv(VecEnv):
         cut = batch.truncated.ravel()
         dones = (batch.terminated.ravel() | cut).astype(np.bool_)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for number in np.flatnonzero(dones):
+        ended = np.flatnonzero(dones)
+        for number in ended:
             infos[number] = self._last_words(int(number), truncated=bool(cut[number]))
-        if self._curriculum is not None and dones.any():
-            weights = self._curriculum(self._decisions)
-            if weights is not None:
-                batch.set_odds(weights)
+        if len(ended):
+            self._ask([infos[number]["episode"] for number in ended])
         return self._seen(), batch.rewards.ravel().copy(), dones, infos
+
+    def _ask(self, episodes: Sequence[dict[str, Any]]) -> None:
+        """Let the curriculum say how often each scenario is drawn from now on."""
+        if self.curriculum is None:
+            return
+        weights = self.curriculum(self._decisions, episodes)
+        if weights is not None:
+            self.batch.set_odds(weights)
 
     def _seen(self) -> Array:
         # SB3 stores the observation before the step after the step: it needs its own copy.

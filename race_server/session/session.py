@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from race_server import codes
 from race_server.acts import Act, ActKind, carry_out
 from race_server.badge import key_of
@@ -376,6 +378,13 @@ class Session:
     def view(self, number: int) -> Float32s:
         """Return the observation vector of a seat as of the last `look`."""
         return self._views.of(number)
+
+    def acting(self, number: int) -> Float32s:
+        """Return the control that acts on the kart of a seat, or acted last, shape (4,).
+
+        It is steering, throttle, brake, buttons: what the driver gave, or what its silence made.
+        """
+        return self._controls.acting[0, number].astype(np.float32)
 
     def layout(self, preset: str) -> Layout:
         """Return the layout of a preset in this session."""

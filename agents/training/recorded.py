@@ -1,0 +1,138 @@
+"""Demonstrations out of a recording: what a seat saw in a live race, and what it did then.
+
+The race is driven again, so whoever sat there, at a keyboard or a wheel, need not have seen what a
+learner sees.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from agents.training.demonstrations import About, Demonstrations
+from agents.training.demonstrator import EVERYTHING
+from race_server import codes
+from race_server.clock import TICK_S
+from race_server.errors import RecordingError
+from race_server.messages import Event, EventKind
+from race_server.observe import PRESETS
+from race_server.recording.reader import Recording, read_recording
+from race_server.recording.rerun import Rerun
+from race_server.recording.setting import unpack_scenario
+from race_server.session import Session
+from race_server.state import Float32s
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a seat did in a recorded race."""
+
+    laps: int = 0
+    wall_contacts: int = 0
+
+
+def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, Drive]:
+    """Return what a seat of a recording shows, and how it did there.
+
+    A pair is what the seat saw when a decision was due, and the control that acted last before the
+    next one: by then an answer over the network has come. There are none before the lights are out,
+    and none after the kart's finish: then a policy that learned stands by itself.
+
+    Raises:
+        RecordingError: the recording is damaged, drives otherwise here, or its seat shows nothing.
+    """
+    recording = read_recording(path)
+    about = _about(recording, seat)
+    _check_alike(recording)
+    watched = Rerun(_seeing_everything(recording, seat))
+    session, due = watched.session, watched.recording.start.decision_ticks
+    pairs: list[tuple[Float32s, Float32s]] = []
+    events: list[Event] = []
+    seen, control, races = _look(session, seat), session.acting(seat), True
+    for happened in watched.run(most_ticks=1):
+        events += [event for event in happened if event.kart == seat]
+        # After its finish what acts is not the driver's any more.
+        control = session.acting(seat) if races else control
+        races = _races(session, seat)
+        if session.tick % due == 0:
+            pairs += [(seen, control)] if seen is not None else []
+            seen = _look(session, seat)
+    if seen is not None and session.tick % due:
+        pairs.append((seen, control))  # the race was over before the next decision
+    if not pairs:
+        raise RecordingError(f"{path}: the kart of seat {seat} never raced")
+    observations, controls = (np.stack(column) for column in zip(*pairs, strict=True))
+    return Demonstrations(about, observations, controls), _drive_of(events)
+
+
+def _about(recording: Recording, seat: int) -> About:
+    """Return where the demonstrations of a seat come from.
+
+    Raises:
+        RecordingError: nobody sat there, or a real kart, whose controls are not recorded.
+    """
+    rows = {row.number: row for row in recording.start.seats}
+    if seat not in rows:
+        taken = ", ".join(f"{number} ({row.driver})" for number, row in sorted(rows.items()))
+        raise RecordingError(f"{recording.path}: seat {seat} is empty; choose one of {taken}")
+    if rows[seat].is_tracked:
+        raise RecordingError(
+            f"{recording.path}: seat {seat} is a real kart, which moves by its poses: its controls "
+            "are not recorded; choose another seat"
+        )
+    scenario = unpack_scenario(recording.start.setting, recording.start.arrays)
+    return About(
+        driver=rows[seat].driver,
+        tracks=(scenario.course.name,),
+        vehicle=scenario.vehicle_of(seat).name,
+        parts=PRESETS[EVERYTHING],
+        lidar_rays=scenario.lidar.rays,
+        lidar_field=scenario.lidar.field,
+        lidar_reach=scenario.lidar.reach,
+        decision_s=recording.start.decision_ticks * TICK_S,
+    )
+
+
+def _check_alike(recording: Recording) -> None:
+    """Drive the race again as it was.
+
+    Raises:
+        RecordingError: it is another one, so what the seat saw then cannot be known.
+    """
+    rerun = Rerun(recording)
+    for _ in rerun.run():
+        pass
+    if rerun.difference is not None:
+        raise RecordingError(
+            f"{recording.path}: the race driven again differs from tick {rerun.difference.tick} "
+            "on; `race replay` says which versions recorded it"
+        )
+
+
+def _seeing_everything(recording: Recording, seat: int) -> Recording:
+    """Return the recording with all sensors on one kart.
+
+    They change nothing but the digest, in which a kart's sensors are.
+    """
+    rows = tuple(
+        replace(row, preset=EVERYTHING) if row.number == seat else row
+        for row in recording.start.seats
+    )
+    return replace(recording, start=replace(recording.start, seats=rows), digests=[])
+
+
+def _races(session: Session, seat: int) -> bool:
+    return bool(session.world.karts[0, seat].status == codes.RACING)
+
+
+def _look(session: Session, seat: int) -> Float32s | None:
+    """Return what a seat sees, None while its kart does not race."""
+    if not _races(session, seat) or session.tick < session.world.races[0].start_tick:
+        return None
+    session.look()
+    return session.view(seat).copy()
+
+
+def _drive_of(events: list[Event]) -> Drive:
+    kinds = [event.kind for event in events]
+    return Drive(kinds.count(EventKind.LAP), kinds.count(EventKind.CONTACT_WALL))

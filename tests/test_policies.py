@@ -1,0 +1,119 @@
+"""Policies by name: put to the proof, and listed with where they come from."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from trainings import QUICK, Train, write_lapping_policy
+from typer.testing import CliRunner
+
+from agents.policies.proof import observations_of, times_of
+from agents.policies.session import Policy
+from agents.training.run import Outcome
+from race_server.cli import app
+
+
+@pytest.fixture(scope="module")
+def outcome(trained: Train) -> Outcome:
+    """A run of two thousand decisions."""
+    return trained("time-trial", QUICK)
+
+
+@pytest.fixture(scope="module")
+def lapping(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("policies") / "lapping.onnx"
+    write_lapping_policy(path)
+    return path
+
+
+def checked(*words: str) -> dict[str, object]:
+    done = CliRunner().invoke(app, ["policy", "check", *words, "--observations", "600", "--json"])
+    assert done.exit_code == 0, done.output
+    return dict(json.loads(done.stdout))
+
+
+def test_observations_are_those_of_driving_on_unseen_tracks(lapping: Path) -> None:
+    policy = Policy(lapping)
+    seen = observations_of(policy, 700)
+    assert seen.shape == (700, 22)
+    assert seen[:, 21].max() > 1.0  # it drives
+    assert len(set(seen[:16, 10].tolist())) == 16  # from other places
+    times = times_of(policy, seen)
+    assert 0.0 < times.median <= times.p99
+
+
+def test_a_run_is_compared_with_its_learner(outcome: Outcome) -> None:
+    found = checked(str(outcome.folder))
+    difference = found["difference"]
+    assert isinstance(difference, float)
+    assert difference <= 1e-5
+    assert found["ok"]
+    assert found["observations"] == 600
+    assert found["bytes"] == (outcome.folder / "policy.onnx").stat().st_size
+
+
+def test_a_file_that_answers_otherwise_than_its_learner_fails(
+    outcome: Outcome, lapping: Path, tmp_path: Path
+) -> None:
+    for name in ("config.toml", "best.pt", "latest.pt"):
+        shutil.copy(outcome.folder / name, tmp_path / name)
+    # Another network with the same shapes: that of before its last lessons would do as well.
+    import onnx
+    from onnx import numpy_helper
+
+    model = onnx.load(outcome.folder / "policy.onnx")
+    bias = next(one for one in model.graph.initializer if one.dims == [3])
+    bias.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(bias) + 0.01, bias.name))
+    onnx.save(model, tmp_path / "policy.onnx")
+    done = CliRunner().invoke(app, ["policy", "check", str(tmp_path), "--observations", "100"])
+    assert done.exit_code == 1
+    assert "export it again" in done.output
+
+
+def test_a_file_alone_is_timed_and_says_so(lapping: Path) -> None:
+    found = checked(str(lapping))
+    assert found["difference"] is None
+    assert "is no folder of a run" in str(found["remark"])
+    done = CliRunner().invoke(app, ["policy", "check", str(lapping), "--observations", "100"])
+    assert "lidar (21), speed" in done.output
+
+
+WITHOUT = """
+import sys
+for name in ("torch", "stable_baselines3", "onnx"):
+    sys.modules[name] = None
+from race_server.cli import app
+app()
+"""
+
+
+def test_a_check_without_pytorch_says_what_is_missing(outcome: Outcome) -> None:
+    words = ["policy", "check", str(outcome.folder), "--observations", "50", "--json"]
+    command = [sys.executable, "-c", WITHOUT, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert found["difference"] is None
+    assert "pip install race-server[train]" in found["remark"]
+    assert found["decision_us"]["median"] > 0.0
+
+
+def test_a_list_tells_of_runs_and_of_what_is_damaged(
+    outcome: Outcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    runs = tmp_path / "race-server" / "runs"
+    shutil.copytree(outcome.folder, runs / "mine")
+    (runs / "broken").mkdir()
+    (runs / "broken" / "policy.onnx").write_bytes(b"nonsense")
+    done = CliRunner().invoke(app, ["policy", "list", "--json"])
+    rows = {row["name"]: row for row in json.loads(done.stdout) if row["is_run"]}
+    assert set(rows) == {"mine", "broken"}
+    mine = rows["mine"]
+    assert (mine["preset"], mine["vehicle"], mine["tracks"]) == ("Time trial", "tt02", ["oval"])
+    assert mine["evaluation"]["speed"] == outcome.evaluation["tracks"][-1]["speed"]
+    assert "damaged" in rows["broken"]["remark"]
+    told = CliRunner().invoke(app, ["policy", "list"]).output
+    assert "mine" in told
