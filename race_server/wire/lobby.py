@@ -97,6 +97,7 @@ class CourseSheet:
     sectors: tuple[int, ...] = ()
     kart_length: float = 0.0
     kart_width: float = 0.0
+    kart_ahead: float = 0.0
 
 
 def encode_join(join: Join) -> bytes:
@@ -261,7 +262,7 @@ _COURSE_SHAPES = {
     "boxes": 2,
     "obstacles": 5,
 }
-_COURSE_NUMBERS = ("spacing", "kerb", "grass", "kart_length", "kart_width")
+_COURSE_NUMBERS = ("spacing", "kerb", "grass", "kart_length", "kart_width", "kart_ahead")
 
 
 def encode_course(sheet: CourseSheet) -> bytes:

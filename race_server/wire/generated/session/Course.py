@@ -296,8 +296,15 @@ class Course(object):
             return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
         return 0.0
 
+    # Course
+    def KartAhead(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(36))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
+        return 0.0
+
 def CourseStart(builder):
-    builder.StartObject(16)
+    builder.StartObject(17)
 
 def Start(builder):
     CourseStart(builder)
@@ -445,6 +452,12 @@ def CourseAddKartWidth(builder, kartWidth):
 
 def AddKartWidth(builder, kartWidth):
     CourseAddKartWidth(builder, kartWidth)
+
+def CourseAddKartAhead(builder, kartAhead):
+    builder.PrependFloat64Slot(16, kartAhead, 0.0)
+
+def AddKartAhead(builder, kartAhead):
+    CourseAddKartAhead(builder, kartAhead)
 
 def CourseEnd(builder):
     return builder.EndObject()

@@ -188,8 +188,13 @@ kartWidth():number {
   return offset ? this.bb!.readFloat64(this.bb_pos + offset) : 0.0;
 }
 
+kartAhead():number {
+  const offset = this.bb!.__offset(this.bb_pos, 36);
+  return offset ? this.bb!.readFloat64(this.bb_pos + offset) : 0.0;
+}
+
 static startCourse(builder:flatbuffers.Builder) {
-  builder.startObject(16);
+  builder.startObject(17);
 }
 
 static addName(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset) {
@@ -392,6 +397,10 @@ static addKartWidth(builder:flatbuffers.Builder, kartWidth:number) {
   builder.addFieldFloat64(15, kartWidth, 0.0);
 }
 
+static addKartAhead(builder:flatbuffers.Builder, kartAhead:number) {
+  builder.addFieldFloat64(16, kartAhead, 0.0);
+}
+
 static endCourse(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 4) // name
@@ -406,7 +415,7 @@ static endCourse(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createCourse(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, titleOffset:flatbuffers.Offset, digestOffset:flatbuffers.Offset, spacing:number, lineOffset:flatbuffers.Offset, halfWidthsOffset:flatbuffers.Offset, kerb:number, bordersOffset:flatbuffers.Offset, gatesOffset:flatbuffers.Offset, gridOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, grass:number, obstaclesOffset:flatbuffers.Offset, sectorsOffset:flatbuffers.Offset, kartLength:number, kartWidth:number):flatbuffers.Offset {
+static createCourse(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, titleOffset:flatbuffers.Offset, digestOffset:flatbuffers.Offset, spacing:number, lineOffset:flatbuffers.Offset, halfWidthsOffset:flatbuffers.Offset, kerb:number, bordersOffset:flatbuffers.Offset, gatesOffset:flatbuffers.Offset, gridOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, grass:number, obstaclesOffset:flatbuffers.Offset, sectorsOffset:flatbuffers.Offset, kartLength:number, kartWidth:number, kartAhead:number):flatbuffers.Offset {
   Course.startCourse(builder);
   Course.addName(builder, nameOffset);
   Course.addTitle(builder, titleOffset);
@@ -424,6 +433,7 @@ static createCourse(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, 
   Course.addSectors(builder, sectorsOffset);
   Course.addKartLength(builder, kartLength);
   Course.addKartWidth(builder, kartWidth);
+  Course.addKartAhead(builder, kartAhead);
   return Course.endCourse(builder);
 }
 }
