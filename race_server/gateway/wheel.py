@@ -90,11 +90,10 @@ class Wheel:
             if self.seat is None:
                 self.seat = await self._wait_for(partial(self._sit_down, name, wanted))
                 self._hud_at = time.monotonic()
-        except RaceError as error:
+        except BaseException as error:
             self.rider = None
-            raise _refusal(error) from error
-        except asyncio.CancelledError:
-            self.rider = None
+            if isinstance(error, RaceError):
+                raise _refusal(error) from error
             raise
         return self._begin(self.seat)
 
