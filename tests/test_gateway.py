@@ -1,6 +1,7 @@
 """Browsers before a live race: who is let in, what they are told, and that none disturbs others."""
 
 import json
+import socket
 import subprocess
 import sys
 import time
@@ -246,6 +247,14 @@ def test_all_answers_carry_the_headers_that_keep_a_page_to_itself(hall: Hall) ->
 def test_nobody_calls_a_local_gateway_by_a_foreign_name(hall: Hall) -> None:
     assert ask(hall, "recordings", Host="evil.example")[0] == 403
     assert ask(hall, "recordings", Host="race.example")[0] == 200
+
+
+def test_small_messages_wait_for_no_others(hall: Hall) -> None:
+    with Browser(hall.base, WATCH) as browser:
+        browser.word("welcome")
+        (guest,) = hall.hub.guests
+        line = guest.outbox.pipe.transport.get_extra_info("socket")
+        assert line.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 # Driving
