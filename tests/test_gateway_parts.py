@@ -211,6 +211,8 @@ def test_beyond_this_machine_a_gateway_wants_a_word_and_tokens() -> None:
     closed = replace(settings, tokens=Tokens("watch"), certificate=Path("page.pem"))
     with pytest.raises(KeysError, match="come together"):
         check_settings(closed, is_open=True)
+    with pytest.raises(KeysError, match="cannot be used"):
+        check_settings(replace(closed, private_key=Path("nowhere.pem")), is_open=True)
 
 
 def test_tokens_stand_behind_the_hash_of_an_address() -> None:
