@@ -19,7 +19,7 @@ from race_server.clock import TICKS_PER_SECOND
 from race_server.drills.browsers import RATE, socket_of, welcomed
 from race_server.drills.hall import SESSION, Figures, Hall, hall, milliseconds, quantile
 from race_server.drills.load import LATENESS, MISSED, crowds
-from race_server.drills.report import Finding, document_of
+from race_server.drills.report import Finding, matrix_of
 from race_server.drills.trickle import trickle
 from race_server.errors import RaceError
 from race_server.messages import Phase
@@ -86,7 +86,7 @@ def drill_page(
         "driver": told["driver"],
     }
     findings += _judge(clients, told, figures)
-    return document_of(findings, **figures)
+    return matrix_of(findings, **figures)
 
 
 class Usage:
