@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from race_server.reception import Reception
     from race_server.start import Plan
 
-MIXED = ("pure_pursuit", "follow_gap", "avoider")
+MIXED = ("raceline", "idm", "follow_gap", "tentacles", "pure_pursuit", "avoider")
 
 
 def start(
