@@ -1,0 +1,126 @@
+// Item boxes, hazards, trails and rays on the map. All in metres.
+
+import type { Course } from '../race/course';
+import type { Trails } from '../race/trails';
+import type { HazardFrame, RaysFrame, SnapshotFrame } from '../wire/frames';
+import { SPEED_COLOURS } from './palette';
+
+const TAU = 2 * Math.PI;
+// What a radar's ray hit: nothing, border, obstacle, hazard, kart.
+const RADAR_COLOURS = ['#8d97a3', '#c8ccd0', '#e0b25a', '#ff8a5c', '#7fd4ff'];
+
+/** Draws the item boxes: full where one can be had, an empty frame where it comes again. */
+export function drawBoxes(
+  context: CanvasRenderingContext2D,
+  course: Course,
+  ready: Uint8Array,
+  size: number,
+  pixel: number,
+): void {
+  const boxes = course.frame.boxes;
+  context.lineWidth = 1.5 * pixel;
+  for (let i = 0; i + 1 < boxes.length; i += 2) {
+    const isReady = ready[i / 2] === 1;
+    const [x, y] = [boxes[i]!, boxes[i + 1]!];
+    context.beginPath();
+    context.moveTo(x - size, y);
+    context.lineTo(x, y + size);
+    context.lineTo(x + size, y);
+    context.lineTo(x, y - size);
+    context.closePath();
+    context.globalAlpha = isReady ? 1 : 0.45;
+    context.fillStyle = '#b28cff';
+    context.strokeStyle = '#e9ddff';
+    if (isReady) context.fill();
+    context.stroke();
+  }
+  context.globalAlpha = 1;
+}
+
+export function drawHazards(
+  context: CanvasRenderingContext2D,
+  hazards: readonly HazardFrame[],
+  pixel: number,
+): void {
+  context.lineWidth = 2 * pixel;
+  for (const { x, y, radius } of hazards) {
+    context.beginPath();
+    context.arc(x, y, Math.max(radius, 4 * pixel), 0, TAU);
+    context.fillStyle = '#1b1410';
+    context.fill();
+    context.strokeStyle = '#ffb000';
+    context.stroke();
+  }
+}
+
+/** Draws where karts were, coloured by speed; older marks are thinner. */
+export function drawTrails(
+  context: CanvasRenderingContext2D,
+  trails: Trails,
+  frame: SnapshotFrame,
+  pixel: number,
+): void {
+  const ways = SPEED_COLOURS.map(() => new Path2D());
+  for (const kart of frame.karts) {
+    const marks = trails.marks.get(kart.seat) ?? [];
+    for (let i = 1; i < marks.length; i++) {
+      const [from, to] = [marks[i - 1]!, marks[i]!];
+      if (to.tick > frame.tick) break;
+      if (Math.hypot(to.x - from.x, to.y - from.y) > 0.3 * (1 + Math.abs(to.speed))) continue;
+      const share = Math.min(Math.max(to.speed / trails.fastest, 0), 1);
+      const way = ways[Math.round(share * (SPEED_COLOURS.length - 1))]!;
+      way.moveTo(from.x, from.y);
+      way.lineTo(to.x, to.y);
+    }
+  }
+  context.lineWidth = 2.5 * pixel;
+  context.lineCap = 'round';
+  context.globalAlpha = 0.8;
+  ways.forEach((way, index) => {
+    context.strokeStyle = SPEED_COLOURS[index]!;
+    context.stroke(way);
+  });
+  context.globalAlpha = 1;
+}
+
+/** Draws what a kart's lidar and radar see. */
+export function drawRays(
+  context: CanvasRenderingContext2D,
+  rays: RaysFrame,
+  pixel: number,
+): void {
+  drawLidar(context, rays, pixel);
+  context.lineWidth = 1.5 * pixel;
+  for (let ray = 0; ray < rays.radar.length; ray++) {
+    const angle = rays.heading + (rays.radarAngles[ray] ?? 0);
+    const range = rays.radar[ray]!;
+    context.strokeStyle = RADAR_COLOURS[rays.radarKinds[ray] ?? 0] ?? RADAR_COLOURS[0]!;
+    context.setLineDash([6 * pixel, 4 * pixel]);
+    context.beginPath();
+    context.moveTo(rays.x, rays.y);
+    context.lineTo(rays.x + range * Math.cos(angle), rays.y + range * Math.sin(angle));
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+function drawLidar(context: CanvasRenderingContext2D, rays: RaysFrame, pixel: number): void {
+  const count = rays.lidar.length;
+  if (count < 2) return;
+  const seen = new Path2D();
+  const hits = new Path2D();
+  seen.moveTo(rays.x, rays.y);
+  for (let ray = 0; ray < count; ray++) {
+    const angle = rays.heading - 0.5 * rays.lidarField + (ray * rays.lidarField) / (count - 1);
+    const range = rays.lidar[ray]! || 0;
+    const x = rays.x + range * Math.cos(angle);
+    const y = rays.y + range * Math.sin(angle);
+    seen.lineTo(x, y);
+    if (range > 0) hits.rect(x - 1.5 * pixel, y - 1.5 * pixel, 3 * pixel, 3 * pixel);
+  }
+  seen.closePath();
+  context.fillStyle = 'rgb(127 212 255 / 14%)';
+  context.fill(seen);
+  context.fillStyle = '#7fd4ff';
+  context.fill(hits);
+}
