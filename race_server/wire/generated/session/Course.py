@@ -221,8 +221,90 @@ class Course(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(24))
         return o == 0
 
+    # Course
+    def Grass(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(26))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
+        return 0.0
+
+    # Course
+    def Obstacles(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
+        if o != 0:
+            a = self._tab.Vector(o)
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, a + flatbuffers.number_types.UOffsetTFlags.py_type(j * 8))
+        return 0
+
+    # Course
+    def ObstaclesAsNumpy(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
+        if o != 0:
+            return self._tab.GetVectorAsNumpy(flatbuffers.number_types.Float64Flags, o)
+        return 0
+
+    # Course
+    def ObstaclesLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Course
+    def ObstaclesIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
+        return o == 0
+
+    # Course
+    def Sectors(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            a = self._tab.Vector(o)
+            return self._tab.Get(flatbuffers.number_types.Uint32Flags, a + flatbuffers.number_types.UOffsetTFlags.py_type(j * 4))
+        return 0
+
+    # Course
+    def SectorsAsNumpy(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            return self._tab.GetVectorAsNumpy(flatbuffers.number_types.Uint32Flags, o)
+        return 0
+
+    # Course
+    def SectorsLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Course
+    def SectorsIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        return o == 0
+
+    # Course
+    def KartLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(32))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
+        return 0.0
+
+    # Course
+    def KartWidth(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(34))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
+        return 0.0
+
+    # Course
+    def KartAhead(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(36))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
+        return 0.0
+
 def CourseStart(builder):
-    builder.StartObject(11)
+    builder.StartObject(17)
 
 def Start(builder):
     CourseStart(builder)
@@ -328,6 +410,54 @@ def CourseStartBoxesVector(builder, numElems):
 
 def StartBoxesVector(builder, numElems):
     return CourseStartBoxesVector(builder, numElems)
+
+def CourseAddGrass(builder, grass):
+    builder.PrependFloat64Slot(11, grass, 0.0)
+
+def AddGrass(builder, grass):
+    CourseAddGrass(builder, grass)
+
+def CourseAddObstacles(builder, obstacles):
+    builder.PrependUOffsetTRelativeSlot(12, flatbuffers.number_types.UOffsetTFlags.py_type(obstacles), 0)
+
+def AddObstacles(builder, obstacles):
+    CourseAddObstacles(builder, obstacles)
+
+def CourseStartObstaclesVector(builder, numElems):
+    return builder.StartVector(8, numElems, 8)
+
+def StartObstaclesVector(builder, numElems):
+    return CourseStartObstaclesVector(builder, numElems)
+
+def CourseAddSectors(builder, sectors):
+    builder.PrependUOffsetTRelativeSlot(13, flatbuffers.number_types.UOffsetTFlags.py_type(sectors), 0)
+
+def AddSectors(builder, sectors):
+    CourseAddSectors(builder, sectors)
+
+def CourseStartSectorsVector(builder, numElems):
+    return builder.StartVector(4, numElems, 4)
+
+def StartSectorsVector(builder, numElems):
+    return CourseStartSectorsVector(builder, numElems)
+
+def CourseAddKartLength(builder, kartLength):
+    builder.PrependFloat64Slot(14, kartLength, 0.0)
+
+def AddKartLength(builder, kartLength):
+    CourseAddKartLength(builder, kartLength)
+
+def CourseAddKartWidth(builder, kartWidth):
+    builder.PrependFloat64Slot(15, kartWidth, 0.0)
+
+def AddKartWidth(builder, kartWidth):
+    CourseAddKartWidth(builder, kartWidth)
+
+def CourseAddKartAhead(builder, kartAhead):
+    builder.PrependFloat64Slot(16, kartAhead, 0.0)
+
+def AddKartAhead(builder, kartAhead):
+    CourseAddKartAhead(builder, kartAhead)
 
 def CourseEnd(builder):
     return builder.EndObject()
