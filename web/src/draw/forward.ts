@@ -57,7 +57,7 @@ export class ForwardView {
   }
 
   private prepare(race: Race): void {
-    const [length] = race.kartSize;
+    const { length } = race.body;
     if (race.course === this.course && length === this.length) return;
     this.course = race.course;
     this.length = length;
@@ -81,13 +81,12 @@ export class ForwardView {
 
   private solidsOf(own: KartFrame, frame: SnapshotFrame, race: Race): Solid[] {
     const { eye, length } = this;
-    const size = race.kartSize;
     const rivals = frame.karts.filter(
       (kart) => kart.seat !== own.seat && kart.status !== Status.absent,
     );
     return [
       ...wallSolids(this.walls, eye, WALL_HEIGHT * length, REACH * length),
-      ...rivals.map((kart) => kartSolid(kart, size, eye)),
+      ...rivals.map((kart) => kartSolid(kart, race.body, eye)),
       ...this.obstaclesOf(race.course!),
       ...this.boxesOf(race.course!, frame),
       ...this.signsOf(frame),

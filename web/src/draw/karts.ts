@@ -1,7 +1,9 @@
 // Karts on the map: to scale as long as that can be seen, never smaller than their number.
 
+import type { KartBody } from '../race/race.svelte';
 import type { KartFrame } from '../wire/frames';
 import { KartFlag, Status } from '../wire/codes';
+import type { Point } from '../race/course';
 import type { Camera } from './camera';
 import { type MapColours, liveryOf } from './palette';
 
@@ -10,7 +12,7 @@ const LEAST_PIXELS = 26;
 const TAU = 2 * Math.PI;
 
 export interface KartStyle {
-  size: readonly [number, number]; // length, width [m]
+  body: KartBody;
   camera: Camera;
   ratio: number; // pixels of the canvas in one of the picture
   colours: MapColours;
@@ -31,10 +33,10 @@ export function drawKarts(
 }
 
 function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: KartStyle): void {
-  const { camera, ratio, size } = style;
-  const place = camera.toPicture(kart);
-  const length = Math.max(size[0] * camera.scale, LEAST_PIXELS);
-  const width = Math.max(size[1] * camera.scale, 0.56 * length);
+  const { camera, ratio, body } = style;
+  const place = camera.toPicture(middleOf(kart, body.ahead));
+  const length = Math.max(body.length * camera.scale, LEAST_PIXELS);
+  const width = length > LEAST_PIXELS ? body.width * camera.scale : 0.56 * length;
   const isOut = kart.status === Status.retired || (kart.flags & KartFlag.parked) !== 0;
   context.setTransform(ratio, 0, 0, ratio, place.x * ratio, place.y * ratio);
   context.globalAlpha = isOut ? 0.4 : 1;
@@ -46,6 +48,14 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
   const name = style.names.get(kart.seat);
   if (name) drawName(context, name, 0.5 * length + 4, style.colours);
   context.globalAlpha = 1;
+}
+
+/** Returns the middle of a kart's body; its place is its centre of gravity. */
+export function middleOf(kart: KartFrame, ahead: number): Point {
+  return {
+    x: kart.x + ahead * Math.cos(kart.heading),
+    y: kart.y + ahead * Math.sin(kart.heading),
+  };
 }
 
 function drawBody(

@@ -91,9 +91,9 @@ export class TrackMap {
   private drawMoving(frame: SnapshotFrame, race: Race, choice: MapChoice): void {
     const { top, camera, ratio } = this;
     const pixel = 1 / camera.scale;
-    const size = race.kartSize;
+    const { body } = race;
     camera.apply(top, ratio);
-    drawBoxes(top, race.course!, frame.boxes, Math.max(0.3 * size[0], 5 * pixel), pixel);
+    drawBoxes(top, race.course!, frame.boxes, Math.max(0.3 * body.length, 5 * pixel), pixel);
     drawHazards(top, frame.hazards, pixel);
     if (choice.trails) drawTrails(top, race.trails, frame, pixel);
     const { rays } = race;
@@ -103,6 +103,6 @@ export class TrackMap {
     const rows = race.standings?.rows ?? [];
     const names = new Map(choice.names ? rows.map((row) => [row.seat, row.driver]) : []);
     const { colours } = this;
-    drawKarts(top, frame.karts, { size, camera, ratio, colours, followed: choice.followed, names });
+    drawKarts(top, frame.karts, { body, camera, ratio, colours, followed: choice.followed, names });
   }
 }

@@ -93,12 +93,13 @@ export function drawRays(
   context.lineWidth = 1.5 * pixel;
   for (let ray = 0; ray < rays.radar.length; ray++) {
     const angle = rays.heading + (rays.radarAngles[ray] ?? 0);
+    const [x, y] = sensorAt(rays, rays.radarAhead);
     const range = rays.radar[ray]!;
     context.strokeStyle = RADAR_COLOURS[rays.radarKinds[ray] ?? 0] ?? RADAR_COLOURS[0]!;
     context.setLineDash([6 * pixel, 4 * pixel]);
     context.beginPath();
-    context.moveTo(rays.x, rays.y);
-    context.lineTo(rays.x + range * Math.cos(angle), rays.y + range * Math.sin(angle));
+    context.moveTo(x, y);
+    context.lineTo(x + range * Math.cos(angle), y + range * Math.sin(angle));
     context.stroke();
   }
   context.setLineDash([]);
@@ -109,12 +110,13 @@ function drawLidar(context: CanvasRenderingContext2D, rays: RaysFrame, pixel: nu
   if (count < 2) return;
   const seen = new Path2D();
   const hits = new Path2D();
-  seen.moveTo(rays.x, rays.y);
+  const [x0, y0] = sensorAt(rays, rays.lidarAhead);
+  seen.moveTo(x0, y0);
   for (let ray = 0; ray < count; ray++) {
     const angle = rays.heading - 0.5 * rays.lidarField + (ray * rays.lidarField) / (count - 1);
     const range = rays.lidar[ray]! || 0;
-    const x = rays.x + range * Math.cos(angle);
-    const y = rays.y + range * Math.sin(angle);
+    const x = x0 + range * Math.cos(angle);
+    const y = y0 + range * Math.sin(angle);
     seen.lineTo(x, y);
     if (range > 0) hits.rect(x - 1.5 * pixel, y - 1.5 * pixel, 3 * pixel, 3 * pixel);
   }
@@ -123,4 +125,9 @@ function drawLidar(context: CanvasRenderingContext2D, rays: RaysFrame, pixel: nu
   context.fill(seen);
   context.fillStyle = '#7fd4ff';
   context.fill(hits);
+}
+
+/** Returns where a sensor is [m]. ahead: of the centre of gravity. */
+function sensorAt(rays: RaysFrame, ahead: number): [number, number] {
+  return [rays.x + ahead * Math.cos(rays.heading), rays.y + ahead * Math.sin(rays.heading)];
 }

@@ -31,6 +31,12 @@ export function liveryOf(seat: number): Livery {
   };
 }
 
+/** Returns the colour of a seat's line in a chart, darker on paper so that it can be seen. */
+export function chartColour(seat: number): string {
+  const { colour } = liveryOf(seat);
+  return isDay() ? `color-mix(in srgb, ${colour}, black 30%)` : colour;
+}
+
 /** Colours of speed, slow to fast: dark violet to yellow, readable on asphalt and without red. */
 export const SPEED_COLOURS = [
   '#5b3fa0',
@@ -79,5 +85,9 @@ const DAY: MapColours = {
 };
 
 export function mapColours(): MapColours {
-  return matchMedia('(prefers-color-scheme: light)').matches ? DAY : NIGHT;
+  return isDay() ? DAY : NIGHT;
+}
+
+function isDay(): boolean {
+  return matchMedia('(prefers-color-scheme: light)').matches;
 }

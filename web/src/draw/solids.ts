@@ -1,9 +1,11 @@
 // What stands up from the ground in the driver's view: walls, karts, boxes. Drawn far to near.
 
 import type { Course, Point } from '../race/course';
+import type { KartBody } from '../race/race.svelte';
 import type { KartFrame } from '../wire/frames';
 import type { Eye, Place } from './eye';
 import { trace } from './eye';
+import { middleOf } from './karts';
 import { liveryOf } from './palette';
 
 export interface Solid {
@@ -87,7 +89,7 @@ export interface Body {
   height: number;
 }
 
-/** Returns a box as a solid. hue: its colour as `#rrggbb`. */
+/** Returns a box as a solid. colour: as `#rrggbb`; label: what its sign says. */
 export function boxSolid(body: Body, eye: Eye, colour: string, label: () => Label | null): Solid | null {
   const centre = eye.place(body.x, body.y);
   if (centre.ahead < eye.near) return null;
@@ -101,21 +103,15 @@ export function boxSolid(body: Body, eye: Eye, colour: string, label: () => Labe
   };
 }
 
-export function kartSolid(kart: KartFrame, size: readonly [number, number], eye: Eye): Solid | null {
+export function kartSolid(kart: KartFrame, { length, width, ahead }: KartBody, eye: Eye): Solid | null {
   const livery = liveryOf(kart.seat);
-  const body = {
-    x: kart.x,
-    y: kart.y,
-    heading: kart.heading,
-    length: size[0],
-    width: size[1],
-    height: 0.6 * size[1],
-  };
+  const { heading } = kart;
+  const body = { ...middleOf(kart, ahead), heading, length, width, height: 0.6 * width };
   return boxSolid(body, eye, livery.colour, () => ({
     text: String(kart.seat),
     colour: livery.colour,
     ink: livery.ink,
-    size: 0.7 * size[1],
+    size: 0.7 * width,
   }));
 }
 

@@ -31,7 +31,7 @@ export class Hands {
 
   read(nowMs: number, speed: number): Grip {
     const read = this.devices.map((device) => ({ device, wheel: device.read(nowMs, speed) }));
-    const moved = read.filter(({ device }) => device.isThere || device.movedMs > this.awayMs);
+    const moved = read.filter(({ device }) => device.movedMs > -Infinity);
     const newest = moved.reduce<(typeof read)[number] | null>(
       (best, one) => (best && best.device.movedMs >= one.device.movedMs ? best : one),
       null,

@@ -73,8 +73,9 @@ export class DrivenSeat {
     if (!frame) return;
     const { epoch, tick } = frame;
     // A page that was loaded again counts on from where the server is.
-    const known = this.visit.race.kart(this.number)?.acknowledged ?? 0;
-    const sequence = (this.sequence = Math.max(this.sequence, known) + 1);
+    const taken = this.visit.race.kart(this.number)?.acknowledged ?? 0;
+    const told = this.visit.welcome?.sequence ?? 0;
+    const sequence = (this.sequence = Math.max(this.sequence, taken, told) + 1);
     const bytes = encodeControl({ epoch, tick, sequence, ...this.grip.wheel });
     if (this.visit.sendBytes(bytes)) this.response.noteSent(sequence, now);
   }

@@ -62,6 +62,7 @@ function optionsOf(spec: PlotSpec, width: number, height: number, target: HTMLEl
     height: height - LEGEND_PIXELS,
     padding: [10, 8, 0, 0],
     cursor: { y: false, points: { size: 6 } },
+    legend: { live: false },
     scales: {
       x: { time: false },
       y: spec.isPlaces
@@ -84,7 +85,6 @@ function optionsOf(spec: PlotSpec, width: number, height: number, target: HTMLEl
         dash: line.dash ?? [],
         scale: line.scale ?? 'y',
         points: { show: Boolean(line.steps), size: 7, fill: line.colour },
-        value: (_: uPlot, value: number | null) => (value === null ? '' : value.toFixed(line.steps ? 0 : 2)),
       })),
     ],
   };

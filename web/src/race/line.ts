@@ -17,9 +17,7 @@ export class ReferenceLine {
   constructor(readonly frame: LineFrame) {
     this.count = frame.x.length;
     this.zones = Array.from({ length: this.count }, (_, i) => this.zoneAt(i));
-    const last = this.count - 1;
-    const slow = Math.max(frame.speed[last] ?? 1, 0.1);
-    this.lapS = this.count ? frame.time[last]! + frame.spacing / slow : 0;
+    this.lapS = frame.lapS;
   }
 
   /** Returns the index of the point nearest to (x, y), looking near `around` where it is given. */

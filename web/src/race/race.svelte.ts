@@ -29,6 +29,15 @@ const MOST_EVENTS = 400;
 // So long after the lights karts count as still being on the grid side of the timing line [ticks].
 const EARLY_TICKS = 5 * TICKS_PER_SECOND;
 
+export interface KartBody {
+  length: number; // [m]
+  width: number; // [m]
+  ahead: number; // [m] from the centre of gravity forward to the middle
+}
+
+// Of the 1/10 car, where nothing is told.
+const SMALL_BODY: KartBody = { length: 0.45, width: 0.19, ahead: 0 };
+
 export interface Headline {
   phase: number;
   flag: number;
@@ -93,12 +102,11 @@ export class Race {
     }
   }
 
-  /** Length and width of a kart [m]. */
-  get kartSize(): [number, number] {
+  /** The body of a kart. */
+  get body(): KartBody {
     const frame = this.course?.frame;
-    if (frame?.kartLength) return [frame.kartLength, frame.kartWidth];
-    const known = (name: string) => Number(this.rules?.values.get(name) ?? 0);
-    return [known('kart_length') || 0.45, known('kart_width') || 0.19];
+    if (!frame?.kartLength) return SMALL_BODY;
+    return { length: frame.kartLength, width: frame.kartWidth, ahead: frame.kartAhead };
   }
 
   get items(): readonly string[] {
@@ -123,6 +131,14 @@ export class Race {
     this.seen = new Set();
     this.rays = null;
     this.measureReference();
+  }
+
+  /** What comes next replaces all that was known, as after a leap through a recording. */
+  startOver(): void {
+    this.buffer.clear();
+    this.forget();
+    this.epoch = -1;
+    this.readMs = -Infinity;
   }
 
   private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {

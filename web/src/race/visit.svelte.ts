@@ -24,6 +24,7 @@ export class Visit {
   notice = $state.raw<Notice | null>(null);
   position = $state.raw<Position | null>(null);
   log = $state.raw<readonly string[]>([]);
+  isReady = $state(false); // of a driver in the lobby
   roundTripMs = $state(NaN);
   readonly acted = new SvelteMap<number, Acted>();
   readonly race: Race;
@@ -53,13 +54,6 @@ export class Visit {
     return this.link.sendBytes(bytes);
   }
 
-  /** Goes to another tick of the recording; what was drawn before is forgotten. */
-  seek(tick: number): void {
-    this.race.buffer.clear();
-    this.race.forget();
-    this.send({ type: 'seek', tick });
-  }
-
   again(): void {
     this.link.open();
   }
@@ -77,9 +71,16 @@ export class Visit {
       case 'welcome':
         this.welcome = told;
         this.notice = null;
+        this.isReady = false;
+        if (told.delay_ms && told.role !== 'drive') this.race.buffer.delayMs = told.delay_ms;
+        if (this.isRecording) this.send({ type: 'play', speed: 1 });
         return;
       case 'notice':
         this.notice = told;
+        return;
+      case 'ready':
+        if (told.accepted) this.isReady = told.ready;
+        else this.notice = { type: 'notice', code: 'ready', reason: told.reason };
         return;
       case 'pong':
         this.clock.note(told.t, arrivedMs, told.server_us);
@@ -87,6 +88,7 @@ export class Visit {
         return;
       case 'position':
         this.position = told;
+        if (told.sought) this.race.startOver();
         this.race.buffer.setRate(told.playing ? told.speed : 0);
         return;
       case 'acted':

@@ -33,7 +33,7 @@ export function decode(data: ArrayBuffer): Frame | null {
   try {
     return read(new ByteBuffer(bytes));
   } catch {
-    return null; // only a damaged message reads beyond its end
+    return null; // only a damaged message claims what cannot be
   }
 }
 
@@ -173,6 +173,7 @@ function readCourse(buffer: ByteBuffer): Frame {
     obstacles: table.obstaclesArray() ?? NOTHING,
     kartLength: table.kartLength(),
     kartWidth: table.kartWidth(),
+    kartAhead: table.kartAhead(),
   };
 }
 
@@ -196,6 +197,8 @@ function readLine(buffer: ByteBuffer): Frame {
     y: table.yArray() ?? NOTHING,
     speed: table.speedArray() ?? NOTHING,
     time: table.timeArray() ?? NOTHING,
+    lapS: table.lap(),
+    note: table.note() ?? '',
   };
 }
 
@@ -208,6 +211,8 @@ function readRays(buffer: ByteBuffer): Frame {
     x: table.x(),
     y: table.y(),
     heading: table.heading(),
+    lidarAhead: table.lidarAhead(),
+    radarAhead: table.radarAhead(),
     lidarField: table.lidarField(),
     lidarReach: table.lidarReach(),
     lidar: table.lidarArray() ?? NOTHING,
@@ -221,7 +226,7 @@ function readLinks(buffer: ByteBuffer): Frame {
   const table = Links.getRootAsLinks(buffer);
   const pairs = rowsOf(table.linksLength(), (row): [number, number] => {
     const link = table.links(row)!;
-    return [link.seat(), link.ageMs()];
+    return [link.seat(), link.age()];
   });
   return { kind: 'links', ages: new Map(pairs) };
 }
@@ -263,6 +268,10 @@ function readBriefing(buffer: ByteBuffer): Frame {
 
 const NOTHING = new Float64Array();
 
+// More rows than this no message has.
+const MOST_ROWS = 100_000;
+
 function rowsOf<Row>(count: number, read: (row: number) => Row): Row[] {
+  if (count > MOST_ROWS) throw new RangeError(`${count} rows`);
   return Array.from({ length: count }, (_, row) => read(row));
 }

@@ -100,6 +100,7 @@ export interface CourseFrame {
   obstacles: Float64Array; // x, y, heading, length, width of each
   kartLength: number; // [m], 0 where it is not told
   kartWidth: number; // [m]
+  kartAhead: number; // [m] from the centre of gravity forward to the middle of the body
 }
 
 export interface RulesFrame {
@@ -115,6 +116,8 @@ export interface LineFrame {
   y: ArrayLike<number>;
   speed: ArrayLike<number>; // [m/s]
   time: ArrayLike<number>; // [s]
+  lapS: number; // [s] of the whole lap
+  note: string; // why it only stands in for the shortest lap
 }
 
 export interface RaysFrame {
@@ -124,6 +127,8 @@ export interface RaysFrame {
   x: number;
   y: number;
   heading: number;
+  lidarAhead: number; // [m] of the centre of gravity
+  radarAhead: number; // [m]
   lidarField: number; // [rad] between the outermost rays
   lidarReach: number; // [m]
   lidar: ArrayLike<number>; // ranges, right to left, 0 where nothing came back
@@ -134,7 +139,7 @@ export interface RaysFrame {
 
 export interface LinksFrame {
   kind: 'links';
-  ages: Map<number, number>; // [ms] of each seat's input
+  ages: Map<number, number>; // [ms] of each seat's input, -1 where none is expected
 }
 
 export interface EffectFrame {

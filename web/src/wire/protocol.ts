@@ -16,6 +16,7 @@ export interface Welcome {
   role: Role;
   session: string;
   seat?: number;
+  sequence?: number; // of a driver's newest control that the server took
   source: string;
   resume: string; // for one return
   preset?: string;
@@ -46,6 +47,7 @@ export interface Acted {
 export interface Log {
   type: 'log';
   lines: string[];
+  reason?: string; // where they cannot be had
 }
 
 export interface Pong {
@@ -61,9 +63,17 @@ export interface Position {
   last: number;
   playing: boolean;
   speed: number;
+  sought?: boolean; // what follows replaces all that was known
 }
 
-export type Told = Welcome | Refused | Notice | Acted | Log | Pong | Position;
+export interface ReadyAnswer {
+  type: 'ready';
+  ready: boolean;
+  accepted: boolean;
+  reason: string;
+}
+
+export type Told = Welcome | Refused | Notice | ReadyAnswer | Acted | Log | Pong | Position;
 
 export type Request =
   | { type: 'follow'; seat: number; rays: boolean }
@@ -79,7 +89,7 @@ export type Request =
   | { type: 'step'; ticks: number };
 
 /** Refusals after which it is worth trying again by oneself. */
-const PASSING = new Set(['full', 'late', 'too-fast', 'no-race']);
+const PASSING = new Set(['full', 'late', 'too-fast', 'slow', 'no-race']);
 
 export function isPassing(code: string): boolean {
   return PASSING.has(code);

@@ -27,6 +27,8 @@ export const en = {
     'too-fast': 'This page sent too much in too short a time. Trying again, more slowly.',
     'seat-taken': 'Somebody drives that seat already. Choose another.',
     used: 'This token was used before, and each serves once. Ask for a new one.',
+    'seat-lost': 'Your seat was taken away: by the steward, or for somebody else.',
+    slow: 'This page did not keep up with the race. Trying again.',
     'no-race': 'No race yet. It shows here as soon as a server is there.',
     'no-recording': 'There is no recording of that name. Choose one of the list.',
   } as Record<string, string>,

@@ -29,6 +29,8 @@ export const fr: Words = {
     'too-fast': 'Cette page a trop envoyé en trop peu de temps. Nouvel essai, plus lentement.',
     'seat-taken': "Quelqu'un pilote déjà ce siège. Choisissez-en un autre.",
     used: 'Ce jeton a déjà servi, et chacun ne sert qu’une fois. Demandez-en un nouveau.',
+    'seat-lost': "Votre siège vous a été retiré, par la direction ou pour quelqu'un d'autre.",
+    slow: "Cette page n'a pas suivi la course. Nouvel essai.",
     'no-race': "Pas encore de course. Elle s'affichera dès qu'un serveur sera là.",
     'no-recording': "Il n'y a pas d'enregistrement de ce nom. Choisissez dans la liste.",
   },
