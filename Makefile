@@ -4,10 +4,24 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: race test check lint setup schemas limits clean
+# The page that browsers show, and what it is made of.
+PAGE   := race_server/gateway/page/index.html
+WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
+NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
+
+.PHONY: race page test check lint setup schemas limits clean
 
 race: $(VENV)/.installed
+	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
 	@$(BIN)/race start
+
+page:
+	@if $(NODE_IS_THERE); then $(MAKE) --no-print-directory $(PAGE); \
+	else echo 'To watch races in a browser install Node 20 or newer (https://nodejs.org) and run `make page`.'; fi
+
+$(PAGE): $(WEB)
+	cd web && npm ci --no-audit --no-fund --silent && npm run --silent build
+	@touch $@
 
 test: $(VENV)/.installed-test
 	@$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
@@ -44,4 +58,4 @@ limits: $(VENV)/.installed-test
 	$(BIN)/python -m race_server.limit.ship
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) web/node_modules race_server/gateway/page .mypy_cache .ruff_cache .pytest_cache .hypothesis

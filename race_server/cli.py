@@ -10,6 +10,7 @@ from race_server.commands import (
     bench,
     day,
     drill,
+    gateway,
     keys,
     limit,
     race,
@@ -34,6 +35,7 @@ app.command()(race.start)
 app.command()(serve.serve)
 app.command()(race.drive)
 app.command()(race.watch)
+app.command()(gateway.gateway)
 app.command()(relay.relay)
 app.command()(limit.limit)
 app.command()(day.day)

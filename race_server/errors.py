@@ -48,6 +48,15 @@ class ResultsError(RaceError):
     """The results file is locked, damaged or too new, or cannot give what is asked."""
 
 
+class GatewayError(RaceError):
+    """A browser is not let in, or let go; `code` says why in a word."""
+
+    def __init__(self, code: str, reason: str) -> None:
+        """Give the word and the sentence."""
+        super().__init__(reason)
+        self.code = code
+
+
 @contextmanager
 def brought_by(extra: str) -> Iterator[None]:
     """Import inside of this what only an extra of ours brings.

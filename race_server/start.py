@@ -32,6 +32,8 @@ _TOLD = 8
 # What spectators see is marked as old from this age on.
 OLD_S = 0.5
 START_S = 120.0
+# Where the page is, if nobody else is there.
+PAGE_PORT = 8080
 
 
 @dataclass
@@ -39,15 +41,18 @@ class Team:
     """The processes of a race: all are ended when the race is left, however it ends."""
 
     processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    aside: list[subprocess.Popen[bytes]] = field(default_factory=list)  # the race needs none
 
-    def start(self, arguments: Sequence[str], log: Any) -> subprocess.Popen[bytes]:
-        """Start ``race`` with these arguments."""
+    def start(
+        self, arguments: Sequence[str], log: Any, *, aside: bool = False
+    ) -> subprocess.Popen[bytes]:
+        """Start ``race`` with these arguments. aside: whether it fails is nobody's matter."""
         command = [sys.executable, "-m", "race_server", *arguments]
         # A session of its own, so that Ctrl-C reaches this process first.
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
         )
-        self.processes.append(process)
+        (self.aside if aside else self.processes).append(process)
         return process
 
     def fallen(self) -> bool:
@@ -56,11 +61,12 @@ class Team:
 
     def end(self) -> None:
         """End what still runs: first politely, then for good."""
-        for process in self.processes:
+        processes = [*self.processes, *self.aside]
+        for process in processes:
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
         deadline = time.monotonic() + 5.0
-        for process in self.processes:
+        for process in processes:
             try:
                 process.wait(max(deadline - time.monotonic(), 0.1))
             except subprocess.TimeoutExpired:
@@ -90,9 +96,17 @@ def free_port() -> int:
     chance = random.SystemRandom()
     while True:
         port = chance.randrange(10_240, 32_000)
-        with socket.socket() as probe, contextlib.suppress(OSError):
-            probe.bind(("127.0.0.1", port))
+        if _is_free(port):
             return port
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
 
 
 @dataclass(frozen=True)
@@ -113,6 +127,8 @@ class Plan:
     session: str
     in_process: bool = False
     real: tuple[Real, ...] = ()  # karts that exist, played by plants
+    page: bool = False  # let browsers watch
+    record: str = ""  # where the server records to, in words of the command line
 
 
 def run_race(plan: Plan, console: Console) -> dict[str, Any]:
@@ -131,7 +147,8 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
             group.start(arguments, log)
             if not plan.in_process:
                 _start_drivers(plan, group, log)
-            _follow(plan, group, console, log_path)
+            page = _start_page(plan, group, log) if plan.page else ""
+            _follow(plan, group, console, log_path, page)
         if not result.exists():
             raise RaceError(f"the race ended without a result: {last_words(log_path)}")
         document: dict[str, Any] = json.loads(result.read_text())
@@ -151,13 +168,22 @@ def _start_drivers(plan: Plan, group: Team, log: Any) -> None:
             group.start(["drive", name, *ask], log)
 
 
+def _start_page(plan: Plan, group: Team, log: Any) -> str:
+    """Start a gateway for browsers and return the address of its page."""
+    place = f"127.0.0.1:{PAGE_PORT if _is_free(PAGE_PORT) else free_port()}"
+    words = ["gateway", "--connect", plan.address, "--session", plan.session, "--listen", place]
+    words += ["--recordings", plan.record] if plan.record else []
+    group.start(words, log, aside=True)
+    return f"http://{place}/"
+
+
 def spread(real: int, karts: int) -> tuple[int, ...]:
     """Return `real` of `karts` seats, evenly spread."""
     return tuple((2 * number + 1) * karts // (2 * real) for number in range(real))
 
 
-def _follow(plan: Plan, group: Team, console: Console, log_path: Path) -> None:
-    """Show the leaderboard until the server ends."""
+def _follow(plan: Plan, group: Team, console: Console, log_path: Path, page: str) -> None:
+    """Show the leaderboard until the server ends. page: where browsers watch, "" for nowhere."""
     server = group.processes[0]
     waiting = "getting ready"
     if not is_compiled():
@@ -165,6 +191,8 @@ def _follow(plan: Plan, group: Team, console: Console, log_path: Path) -> None:
     try:
         with console.status(waiting, spinner="dots"):
             watcher, link = _watch(plan, group, log_path)
+        if page and all(process.poll() is None for process in group.aside):
+            console.print(f"watch it in a browser: {page}", markup=False, soft_wrap=True)
         with link:
             _show(watcher, group, console, plan, log_path)
         server.wait()

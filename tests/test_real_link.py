@@ -137,9 +137,9 @@ def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None
 
 def test_the_fence_of_a_course_is_its_kerb() -> None:
     session = Session("race", Scenario(COURSE, karts=1))
-    from race_server.server.herald import sheet_of
+    from race_server.wire.sheets import course_sheet
 
-    fence = fence_of(sheet_of(session))
+    fence = fence_of(course_sheet(session.scenario))
     x, y = COURSE.line[0, :2]
     assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
 

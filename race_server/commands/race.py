@@ -62,6 +62,14 @@ def start(
     ] = 1,
     results: Results = "",
     record: Record = "",
+    page: Annotated[
+        bool | None,
+        typer.Option(
+            "--page/--no-page",
+            envvar="RACE_SERVER_PAGE",
+            help="Let browsers of this machine watch; without it, where the page is built.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
@@ -92,6 +100,8 @@ def start(
         session=session,
         in_process=one_process,
         real=tuple(Real(seat) for seat in spread(mixed, karts)),
+        page=_shows_page(page, console),
+        record=record,
     )
     if races > 1:
         _start_series(plan, races, seed, console, as_json=as_json)
@@ -101,6 +111,15 @@ def start(
         print_document(document)
     else:
         show_result(document, track, laps, session)
+
+
+def _shows_page(wanted: bool | None, console: Console) -> bool:
+    """Return whether browsers are to watch; say so where there is nothing to see."""
+    from race_server.gateway.page import NOT_BUILT, is_built
+
+    if wanted and not is_built():
+        console.print(NOT_BUILT, style="yellow", markup=False, soft_wrap=True)
+    return is_built() if wanted is None else wanted
 
 
 def _start_series(plan: "Plan", races: int, seed: int, console: Console, *, as_json: bool) -> None:

@@ -9,7 +9,7 @@ from race_server.errors import SeatError, WireError
 from race_server.messages import Event, Phase
 from race_server.paddock import briefing_for
 from race_server.rules.items import items
-from race_server.server.herald import rules_of, sheet_of, standings_of
+from race_server.server.herald import standings_of
 from race_server.server.refusals import Refusals
 from race_server.server.steward import Steward
 from race_server.session import Session
@@ -17,6 +17,7 @@ from race_server.session.seats import Seat
 from race_server.transport import Request, ServerLink
 from race_server.wire import topics
 from race_server.wire.admin import decode_decision, encode_log
+from race_server.wire.line import encode_line
 from race_server.wire.lobby import (
     PROTOCOL,
     Welcome,
@@ -27,6 +28,7 @@ from race_server.wire.lobby import (
     encode_rules,
     encode_welcome,
 )
+from race_server.wire.sheets import course_sheet, line_sheet, rules_sheet
 from race_server.wire.spectate import encode_events, encode_standings
 
 # A seat is given away again if its driver's link does not show up in the lobby for so long.
@@ -96,9 +98,11 @@ class Desk:
             self._steward.check(decode_decision(request.payload))
             return encode_log(self._steward.challenge, list(self._steward.lines))
         if request.topic is topics.COURSE:
-            return encode_course(sheet_of(session))
+            return encode_course(course_sheet(session.scenario))
         if request.topic is topics.RULES:
-            return encode_rules(rules_of(session), [item.name for item in items()])
+            return encode_rules(rules_sheet(session.scenario), [item.name for item in items()])
+        if request.topic is topics.LINE:
+            return encode_line(line_sheet(session.scenario))
         if request.topic is topics.RECENT:
             return encode_events(session.epoch, self._told(session.chronicle.recent))
         return encode_standings(standings_of(session))

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Container, Iterable
-from dataclasses import asdict
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from race_server.state import EFFECTS
 from race_server.transport import ServerLink
 from race_server.wire import topics
 from race_server.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
-from race_server.wire.lobby import CourseSheet
+from race_server.wire.links import LINK, LinksFrame, encode_links
 from race_server.wire.spectate import (
     HAZARD,
     KART,
@@ -85,11 +84,13 @@ class Herald:
             self.journal.note_snapshot(frame, data)
 
     def tell_standings(self) -> None:
-        """Send the table."""
+        """Send the table, and while a race is on how its drivers are heard."""
         data = encode_standings(standings_of(self._session))
         self._link.publish(topics.STANDINGS, data)
         if self.journal:
             self.journal.note_standings(data)
+        if self._session.is_on:
+            self._link.publish(topics.LINKS, encode_links(links_of(self._session)))
 
     def tell_events(self, events: list[Event]) -> None:
         """Send what happened."""
@@ -185,29 +186,19 @@ def standings_of(session: Session) -> StandingsFrame:
     )
 
 
-def sheet_of(session: Session) -> CourseSheet:
-    """Return the course as it is drawn."""
-    course = session.scenario.course
-    return CourseSheet(
-        name=course.name,
-        title=course.title,
-        digest=course.digest,
-        spacing=course.spacing,
-        line=course.line,
-        half_widths=course.half_widths,
-        kerb=course.kerb,
-        borders=course.borders,
-        gates=course.gates,
-        grid=course.grid,
-        boxes=course.spots,
-    )
-
-
-def rules_of(session: Session) -> dict[str, str]:
-    """Return the rule book and the size of a kart [m] as names and values."""
-    rules, vehicle = asdict(session.scenario.rules), session.scenario.vehicle_of(0)
-    size = {"kart_length": vehicle.length, "kart_width": vehicle.width}
-    return {name: str(value) for name, value in (rules | size).items()}
+def links_of(session: Session) -> LinksFrame:
+    """Return how the driver of each seat is heard now."""
+    taken, tick, trackers = session.seats.taken(), session.tick, session.fleet.trackers
+    statuses = session.world.karts["status"][0]
+    rows = np.zeros(len(taken), LINK)
+    for row, seat in zip(rows, taken, strict=True):
+        is_heard = seat.control_tick >= 0 and statuses[seat.number] == codes.RACING
+        tracker = trackers.get(seat.number)
+        row["seat"], row["silence"] = seat.number, seat.silence
+        row["age"] = (tick - seat.control_tick) * 1000 // TICKS_PER_SECOND if is_heard else -1
+        row["trust"] = tracker.trust if tracker else Trust.SIMULATED
+        row["doubt"] = tracker.doubt if tracker else Doubt.NONE
+    return LinksFrame(session.epoch, tick, rows)
 
 
 _SAME_NAMES = (

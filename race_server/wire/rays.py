@@ -48,8 +48,8 @@ def encode_rays(frame: RaysFrame) -> bytes:
         for values in (frame.lidar, frame.radar_angles, frame.radar)
     )
     kinds = builder.CreateNumpyVector(np.ascontiguousarray(frame.radar_kinds, "u1"))
-    numbers = (frame.x, frame.y, frame.heading)
-    numbers += (frame.lidar_ahead, frame.lidar_field, frame.lidar_reach)
+    place = (frame.x, frame.y, frame.heading)
+    numbers = (*place, frame.lidar_ahead, frame.lidar_field, frame.lidar_reach)
     Rays.Start(builder)
     Rays.AddTick(builder, frame.tick)
     Rays.AddSeat(builder, frame.seat)
@@ -83,9 +83,18 @@ def decode_rays(data: bytes) -> RaysFrame:
     if not len(angles) == len(radar) == len(kinds):
         raise WireError("radar of more angles than ranges, or the other way round")
     return RaysFrame(
-        table.scalar(0, U32),
-        table.scalar(1, U16),
-        *(x, y, heading, ahead, field, reach, lidar),
-        *(table.number(9, F32), table.number(10, F32)),
-        *(angles, radar, kinds),
+        tick=table.scalar(0, U32),
+        seat=table.scalar(1, U16),
+        x=x,
+        y=y,
+        heading=heading,
+        lidar_ahead=ahead,
+        lidar_field=field,
+        lidar_reach=reach,
+        lidar=lidar,
+        radar_ahead=table.number(9, F32),
+        radar_reach=table.number(10, F32),
+        radar_angles=angles,
+        radar=radar,
+        radar_kinds=kinds,
     )

@@ -1,0 +1,154 @@
+"""The rays of a kart's sensors as they would be without noise, for who watches.
+
+Spectators are not told what karts see: it is worked out here, from where everything is, in plain
+numpy, so that no compiler has to be loaded. A test holds it to what the sensors of the race give.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server import codes
+from race_server.scenario.sensors import Lidar, Radar
+from race_server.state import RADAR_RAYS
+from race_server.wire.lobby import CourseSheet
+from race_server.wire.rays import RaysFrame
+from race_server.wire.spectate import SnapshotFrame
+
+Floats = NDArray[np.float64]
+# Bit of a kart's flags in a snapshot: parked out of the race, so nobody sees it.
+PARKED = 1 << 6
+# A ray along a wall does not meet it.
+PARALLEL = 1e-12
+
+
+@dataclass(frozen=True)
+class Things:
+    """All that rays may hit: P segments and D discs."""
+
+    starts: Floats  # (P, 2) [m]
+    edges: Floats  # (P, 2) [m] from start to end
+    kinds: NDArray[np.uint8]  # (P,) see `race_server.codes`
+    discs: Floats  # (D, 3) x, y, radius [m]
+
+    def within(self, x: float, y: float, reach: float) -> "Things":
+        """Return only what may lie within `reach` [m] of a place."""
+        middle = self.starts + 0.5 * self.edges
+        half = 0.5 * np.hypot(self.edges[:, 0], self.edges[:, 1])
+        near = np.hypot(middle[:, 0] - x, middle[:, 1] - y) <= reach + half
+        return Things(self.starts[near], self.edges[near], self.kinds[near], self.discs)
+
+
+class Caster:
+    """Casts the rays of karts on one course."""
+
+    def __init__(self, course: CourseSheet, lidar: Lidar | None = None, radar: Radar | None = None):
+        """Keep what never moves."""
+        self._course, self._lidar, self._radar = course, lidar or Lidar(), radar or Radar()
+        boxes = course.obstacles
+        outlines = [_outline(x, y, turn, length, width) for x, y, turn, length, width in boxes]
+        walls = np.concatenate([course.borders, *outlines])
+        count = len(walls) - len(course.borders)
+        self._starts, self._edges = walls[:, :2], walls[:, 2:] - walls[:, :2]
+        self._kinds = np.repeat(
+            np.array([codes.BORDER, codes.OBSTACLE], np.uint8), [len(course.borders), count]
+        )
+
+    def cast(self, frame: SnapshotFrame, seat: int) -> RaysFrame | None:
+        """Return what the kart of a seat would see, None where it is not on the track."""
+        own = frame.karts[frame.karts["seat"] == seat]
+        if not len(own):
+            return None
+        x, y, heading = (float(own[name][0]) for name in ("x", "y", "heading"))
+        things, lidar, radar = self._things(frame, seat), self._lidar, self._radar
+        scan = np.linspace(-0.5 * lidar.field, 0.5 * lidar.field, lidar.rays)
+        angles = np.linspace(-0.5 * radar.field, 0.5 * radar.field, RADAR_RAYS)
+        ranges, _ = _cast(things, x, y, heading, lidar.ahead, scan, lidar.reach)
+        distances, kinds = _cast(things, x, y, heading, radar.ahead, angles, radar.reach)
+        return RaysFrame(
+            *(frame.tick, seat, x, y, heading, lidar.ahead, lidar.field, lidar.reach),
+            *(ranges.astype("f4"), radar.ahead, radar.reach, angles.astype("f4")),
+            *(distances.astype("f4"), kinds),
+        )
+
+    def _things(self, frame: SnapshotFrame, seat: int) -> Things:
+        karts, course = frame.karts, self._course
+        is_seen = (karts["status"] == codes.RACING) & (karts["flags"] & PARKED == 0)
+        outlines = [np.zeros((0, 4))]
+        for kart in karts[is_seen & (karts["seat"] != seat)]:
+            turn = float(kart["heading"])
+            x = float(kart["x"]) + course.kart_ahead * math.cos(turn)
+            y = float(kart["y"]) + course.kart_ahead * math.sin(turn)
+            outlines.append(_outline(x, y, turn, course.kart_length, course.kart_width))
+        bodies = np.concatenate(outlines)
+        kinds = np.full(len(bodies), codes.KART_HIT, np.uint8)
+        discs = [frame.hazards[name].astype(float) for name in ("x", "y", "radius")]
+        return Things(
+            np.concatenate([self._starts, bodies[:, :2]]),
+            np.concatenate([self._edges, bodies[:, 2:] - bodies[:, :2]]),
+            np.concatenate([self._kinds, kinds]),
+            np.stack(discs, axis=1),
+        )
+
+
+def _outline(x: float, y: float, heading: float, length: float, width: float) -> Floats:
+    """Return the four sides of a box, shape (4, 4): x0, y0, x1, y1 [m]."""
+    along, across = 0.5 * length, 0.5 * width
+    corners = np.array([(along, across), (-along, across), (-along, -across), (along, -across)])
+    cos, sin = math.cos(heading), math.sin(heading)
+    placed = corners @ np.array([(cos, sin), (-sin, cos)]) + (x, y)
+    return np.hstack([placed, np.roll(placed, -1, axis=0)])
+
+
+def _cast(
+    everything: Things,
+    x: float,
+    y: float,
+    heading: float,
+    ahead: float,
+    angles: Floats,
+    reach: float,
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Return range [m] and kind of what each ray of a fan hits first.
+
+    ahead: where the sensor is, of (x, y) along the heading [m]; angles: (R,) [rad] of its rays.
+    """
+    x, y = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
+    things = everything.within(x, y, reach)
+    ways = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
+    ranges, kinds = np.full(len(angles), reach), np.zeros(len(angles), np.uint8)
+    if len(things.starts):
+        distances = _to_segments(things, x, y, ways)
+        nearest = distances.argmin(axis=1)
+        found = np.take_along_axis(distances, nearest[:, None], axis=1)[:, 0]
+        hits = found < ranges
+        ranges[hits], kinds[hits] = found[hits], things.kinds[nearest[hits]]
+    for disc in things.discs:
+        found = _to_disc(disc, x, y, ways)
+        hits = found < ranges
+        ranges[hits], kinds[hits] = found[hits], codes.HAZARD_HIT
+    return ranges, kinds
+
+
+def _to_segments(things: Things, x: float, y: float, ways: Floats) -> Floats:
+    """Return the distance [m] of each ray to each segment, shape (R, P); infinity where none."""
+    wx, wy = things.starts[:, 0] - x, things.starts[:, 1] - y
+    ex, ey = things.edges[:, 0], things.edges[:, 1]
+    across = ways[:, :1] * ey - ways[:, 1:] * ex
+    across[np.abs(across) < PARALLEL] = np.inf
+    distance = (wx * ey - wy * ex) / across
+    share = (wx * ways[:, 1:] - wy * ways[:, :1]) / across
+    met = (share >= 0.0) & (share <= 1.0) & (distance >= 0.0) & np.isfinite(across)
+    return np.where(met, distance, np.inf)
+
+
+def _to_disc(disc: Floats, x: float, y: float, ways: Floats) -> Floats:
+    """Return the distance [m] of each ray to a disc; infinity where none, or from inside."""
+    dx, dy = disc[0] - x, disc[1] - y
+    square, radius = dx * dx + dy * dy, disc[2]
+    ahead = ways @ np.array([dx, dy])
+    root = radius * radius - (square - ahead * ahead)
+    met = (root >= 0.0) & (ahead > 0.0) & (square > radius * radius)
+    return np.where(met, ahead - np.sqrt(np.maximum(root, 0.0)), np.inf)

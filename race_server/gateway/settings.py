@@ -1,0 +1,95 @@
+"""What a gateway serves, to whom, and where."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from race_server.errors import KeysError, LinkError
+from race_server.gateway.origins import is_loopback
+from race_server.gateway.ring import KeyRing
+from race_server.gateway.roles import Tokens, new_token
+
+DEFAULT_PLACE = "127.0.0.1:8080"
+MOST_DRIVERS = 64
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All that is fixed when a gateway starts."""
+
+    address: str  # of the race
+    session: str
+    ring: KeyRing
+    host: str = "127.0.0.1"
+    port: int = 8080  # 0 for any that is free
+    tokens: Tokens = field(default_factory=Tokens)
+    recordings: Path | None = None
+    origins: tuple[str, ...] = ()  # of other pages that may connect
+    certificate: Path | None = None
+    private_key: Path | None = None
+
+    @property
+    def is_local(self) -> bool:
+        """Whether only this machine can reach it."""
+        return is_loopback(self.host)
+
+
+def place_of(words: str) -> tuple[str, int]:
+    """Return host and port of ``HOST:PORT``.
+
+    Raises:
+        LinkError: it is none.
+    """
+    host, _, port = words.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 65535:
+        raise LinkError(f"--listen {words!r}: write HOST:PORT, such as {DEFAULT_PLACE}")
+    return host.strip("[]"), int(port)
+
+
+def tokens_for(*, drivers: int, steward: bool, open_to_all: bool) -> Tokens:
+    """Return fresh tokens. open_to_all: anybody may watch."""
+    return Tokens(
+        spectate="" if open_to_all else new_token(),
+        drive=tuple(new_token() for _ in range(drivers)),
+        steward=new_token() if steward else "",
+    )
+
+
+def check_settings(settings: Settings, *, is_open: bool) -> None:
+    """Do nothing for a gateway that only lets in whom it should.
+
+    Raises:
+        LinkError: other machines could reach it and it was not said that they may.
+        KeysError: anybody there could watch, or only half of a certificate is given.
+    """
+    if not settings.is_local and not is_open:
+        raise LinkError(
+            f"{settings.host} can be reached from other machines: say so with --open, or listen "
+            f"on this machine only, such as {DEFAULT_PLACE}"
+        )
+    if not settings.is_local and not settings.tokens.spectate:
+        raise KeysError("beyond this machine spectators need a token: --spectators token")
+    if (settings.certificate is None) != (settings.private_key is None):
+        raise KeysError("--certificate and --key come together")
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """What people open. Tokens are behind the #, so that browsers send them to nobody."""
+
+    base: str
+    watch: str
+    drive: tuple[str, ...]
+    steward: str  # "" where there is none
+
+
+def addresses_of(settings: Settings, port: int) -> Addresses:
+    """Return the addresses of a gateway that listens on a port."""
+    scheme = "https" if settings.certificate else "http"
+    host = f"[{settings.host}]" if ":" in settings.host else settings.host
+    base, tokens = f"{scheme}://{host}:{port}/", settings.tokens
+    return Addresses(
+        base,
+        f"{base}#watch" + (f"&token={tokens.spectate}" if tokens.spectate else ""),
+        tuple(f"{base}#drive&token={token}" for token in tokens.drive),
+        f"{base}#steward&token={tokens.steward}" if tokens.steward else "",
+    )
