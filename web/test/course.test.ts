@@ -69,3 +69,19 @@ test('a shape that reaches behind the eye is cut off, one behind it vanishes', (
   expect(eye.shape(reaching)).toHaveLength(4);
   expect(eye.shape([eye.place(-5, -1), eye.place(-4, 1), eye.place(-6, 0)])).toHaveLength(0);
 });
+
+test('a reference line whose last point is abreast of the timing line is measured alike', () => {
+  const course = new Course(roundCourse(100));
+  const index = (i: number) => (i + 1) % 100;
+  const x = Array.from({ length: 100 }, (_, i) => course.x(index(i)));
+  const y = Array.from({ length: 100 }, (_, i) => course.y(index(i)));
+  const speed = x.map(() => 10);
+  const time = x.map((_, i) => i / 10);
+  const line = { kind: 'line' as const, spacing: 1, x, y, speed, time, lapS: 10, note: '' };
+  const trace = referenceTrace(new ReferenceLine(line), course, 50);
+  expect([trace.seconds[0], trace.seconds[10], trace.seconds[49]]).toEqual([
+    0,
+    expect.closeTo(2),
+    expect.closeTo(9.8),
+  ]);
+});

@@ -9,14 +9,15 @@ import { Eye } from './eye';
 import { drawBackdrop, drawBands, drawIdealLine, drawPuddles, drawSurfaces } from './road';
 import { type Solid, boxSolid, drawLabel, kartSolid, wallSolids, wallsOf } from './solids';
 
-// All in lengths of a kart: a kart is about half as high as it is long, and the eye at 0.9 of that.
-const EYE_HEIGHT = 0.9 * 0.55;
+// All in lengths of a kart: with its driver it is about 0.65 as high, and the eye at 0.9 of that.
+const EYE_HEIGHT = 0.9 * 0.65;
 const NEAR = 0.25;
 const REACH = 70;
 const LINE_REACH = 32;
-const WALL_HEIGHT = 0.24;
+const WALL_HEIGHT = 0.36;
 const WALL_PIECE = 2;
 const BAND_STEP = 2;
+const EDGE_STEP = 0.4;
 const LINE_WIDTH = 0.22;
 const MOST_RATIO = 2;
 
@@ -68,7 +69,7 @@ export class ForwardView {
   private drawGround(own: KartFrame, frame: SnapshotFrame, race: Race): void {
     const { context, eye, length } = this;
     const course = race.course!;
-    drawSurfaces(context, course, eye);
+    drawSurfaces(context, course, eye, EDGE_STEP * length);
     const sample = course.sampleAt(own.progress);
     drawBands(context, course, eye, sample, BAND_STEP * length, REACH * length);
     if (race.line) {
@@ -85,7 +86,7 @@ export class ForwardView {
       (kart) => kart.seat !== own.seat && kart.status !== Status.absent,
     );
     return [
-      ...wallSolids(this.walls, eye, WALL_HEIGHT * length, REACH * length),
+      ...wallSolids(this.walls, own, eye, WALL_HEIGHT * length, REACH * length),
       ...rivals.map((kart) => kartSolid(kart, race.body, eye)),
       ...this.obstaclesOf(race.course!),
       ...this.boxesOf(race.course!, frame),

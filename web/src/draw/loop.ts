@@ -4,7 +4,7 @@ import { currentPlace } from '../address.svelte';
 import type { Visit } from '../race/visit.svelte';
 import type { SnapshotFrame } from '../wire/frames';
 import { Meter } from './meter';
-import { publishStats } from './stats.svelte';
+import { publishStats } from './stats';
 
 const PUBLISH_MS = 100;
 
@@ -25,7 +25,7 @@ export function startDrawing(
     draw(frame);
     const doneMs = performance.now();
     if (!currentPlace().showsStats) return;
-    meter.noteFrame(doneMs - begunMs);
+    meter.noteFrame(begunMs, doneMs);
     if (frame && visit.clock.isKnown && !visit.isRecording) {
       meter.noteDelay(visit.clock.serverMs(doneMs) - buffer.playheadMs(begunMs));
     }

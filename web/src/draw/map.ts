@@ -58,14 +58,15 @@ export class TrackMap {
   }
 
   private prepare(race: Race): void {
-    const parts = [race.course, race.line];
-    if (this.made[0] === parts[0] && this.made[1] === parts[1]) return;
+    const places = race.standings?.rows.length ?? 0;
+    const parts = [race.course, race.line, places];
+    if (parts.every((part, index) => part === this.made[index])) return;
     if (this.made[0] !== parts[0]) {
       const { width, height } = this.ground.canvas;
       this.camera.fit(width / this.ratio, height / this.ratio, race.course!.box);
     }
     this.made = parts;
-    this.surface = new Surface(race.course!, race.line);
+    this.surface = new Surface(race.course!, race.line, places);
     this.drawn = '';
   }
 

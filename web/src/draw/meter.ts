@@ -11,11 +11,16 @@ export interface Share {
 export class Meter {
   private frames: number[] = [];
   private delays: number[] = [];
+  private intervals: number[] = [];
+  private lastMs = NaN;
   frameCount = 0;
 
-  noteFrame(ms: number): void {
+  /** Takes note of a picture. */
+  noteFrame(begunMs: number, doneMs: number): void {
     this.frameCount++;
-    keep(this.frames, ms);
+    keep(this.frames, doneMs - begunMs);
+    if (!Number.isNaN(this.lastMs)) keep(this.intervals, begunMs - this.lastMs);
+    this.lastMs = begunMs;
   }
 
   noteDelay(ms: number): void {
@@ -25,6 +30,11 @@ export class Meter {
   /** Time that drawing one picture took [ms]. */
   get frameMs(): Share {
     return shareOf(this.frames);
+  }
+
+  /** From one picture to the next [ms]. */
+  get intervalMs(): Share {
+    return shareOf(this.intervals);
   }
 
   /** From a tick of the server to its picture [ms]. */

@@ -3,7 +3,7 @@
 import type { Course } from '../race/course';
 import type { ReferenceLine, Zone } from '../race/line';
 import type { HazardFrame } from '../wire/frames';
-import { type Eye, trace } from './eye';
+import { type Eye, type Place, trace } from './eye';
 import { ZONE_COLOURS } from './surface';
 
 const TAU = 2 * Math.PI;
@@ -46,8 +46,13 @@ function gradient(
   context.fillRect(0, top, width, bottom - top);
 }
 
-/** Draws the surfaces of the whole course. */
-export function drawSurfaces(context: CanvasRenderingContext2D, course: Course, eye: Eye): void {
+/** Draws the surfaces of the whole course. step: between the points of an edge [m]. */
+export function drawSurfaces(
+  context: CanvasRenderingContext2D,
+  course: Course,
+  eye: Eye,
+  step: number,
+): void {
   const { kerb, grass } = course.frame;
   const hasVerge = kerb + grass > 0;
   const ground = new Path2D();
@@ -56,23 +61,20 @@ export function drawSurfaces(context: CanvasRenderingContext2D, course: Course, 
   }
   context.fillStyle = hasVerge ? ROAD.grass : ROAD.asphalt;
   context.fill(ground, 'evenodd');
-  if (kerb > 0) fillRibbon(context, course, eye, kerb, ROAD.kerb);
-  if (hasVerge) fillRibbon(context, course, eye, 0, ROAD.asphalt);
+  if (kerb > 0) fillRibbon(context, course, eye, { beyond: kerb, step }, ROAD.kerb);
+  if (hasVerge) fillRibbon(context, course, eye, { beyond: 0, step }, ROAD.asphalt);
 }
 
 function fillRibbon(
   context: CanvasRenderingContext2D,
   course: Course,
   eye: Eye,
-  beyond: number,
+  { beyond, step }: { beyond: number; step: number },
   colour: string,
 ): void {
   const path = new Path2D();
   for (const side of ['left', 'right'] as const) {
-    const places = Array.from({ length: course.samples }, (_, sample) => {
-      const { x, y } = course.edge(sample, side, beyond);
-      return eye.place(x, y);
-    });
+    const places = course.edgeLine(side, beyond, step).map(({ x, y }) => eye.place(x, y));
     trace(path, eye.shape(places));
   }
   context.fillStyle = colour;
@@ -118,22 +120,43 @@ export function drawIdealLine(
   width: number,
   reach: number,
 ): void {
-  const { spacing } = line.frame;
-  const step = Math.max(Math.round((0.5 * width) / spacing), 1);
-  const count = Math.min(Math.floor(reach / (spacing * step)), Math.floor(line.count / step));
-  for (let piece = count - 1; piece >= 0; piece--) {
-    const at = (near + piece * step) % line.count;
-    const zone = line.zones[at]!;
-    // Rungs: every second piece is left out.
-    if (zone === 'brake' && Math.floor(at / step) % 2) continue;
-    const fade = 1 - piece / count;
-    context.globalAlpha = 0.15 + 0.75 * fade;
-    context.fillStyle = ZONE_COLOURS[zone];
+  const step = Math.max(Math.round((0.5 * width) / line.frame.spacing), 1);
+  const spacing = line.frame.spacing * step;
+  const count = Math.min(Math.floor(reach / spacing), Math.floor(line.count / step));
+  for (const strip of stripsOf(line, near, step, count)) {
+    context.globalAlpha = 0.9 - 0.75 * (strip.first / count);
+    context.fillStyle = ZONE_COLOURS[strip.zone];
     context.beginPath();
-    trace(context, eye.shape(rung(line, eye, at, (at + step) % line.count, widthIn(zone, width))));
+    trace(context, eye.shape(bandOf(line, eye, strip, widthIn(strip.zone, width))));
     context.fill();
   }
   context.globalAlpha = 1;
+}
+
+interface Strip {
+  zone: Zone;
+  first: number; // pieces from the kart
+  points: number[]; // of the line
+}
+
+// A strip of one zone is cut after so many pieces, so that it can fade.
+const STRIP_PIECES = 16;
+
+/** Returns the line ahead in strips of one zone each; of a braking zone every second piece. */
+function stripsOf(line: ReferenceLine, near: number, step: number, count: number): Strip[] {
+  const strips: Strip[] = [];
+  for (let piece = 0; piece < count; piece++) {
+    const at = (near + piece * step) % line.count;
+    const next = (at + step) % line.count;
+    const zone = line.zones[at]!;
+    const last = strips.at(-1);
+    if (zone === 'brake') {
+      if (Math.floor(at / step) % 2 === 0) strips.push({ zone, first: piece, points: [at, next] });
+    } else if (last?.zone === zone && last.points.length <= STRIP_PIECES) {
+      last.points.push(next);
+    } else strips.push({ zone, first: piece, points: [at, next] });
+  }
+  return strips.reverse(); // far ones first
 }
 
 function widthIn(zone: Zone, width: number): number {
@@ -141,17 +164,18 @@ function widthIn(zone: Zone, width: number): number {
   return zone === 'brake' ? 1.25 * width : width;
 }
 
-function rung(line: ReferenceLine, eye: Eye, from: number, to: number, width: number) {
+/** Returns a strip of the line as a shape on the ground, along one side and back on the other. */
+function bandOf(line: ReferenceLine, eye: Eye, strip: Strip, width: number): Place[] {
   const { x, y } = line.frame;
-  const [dx, dy] = [x[to]! - x[from]!, y[to]! - y[from]!];
-  const length = Math.hypot(dx, dy) || 1;
-  const [across, along] = [(-0.5 * width * dy) / length, (0.5 * width * dx) / length];
-  return [
-    eye.place(x[from]! + across, y[from]! + along),
-    eye.place(x[from]! - across, y[from]! - along),
-    eye.place(x[to]! - across, y[to]! - along),
-    eye.place(x[to]! + across, y[to]! + along),
-  ];
+  const [left, right]: [Place[], Place[]] = [[], []];
+  for (const at of strip.points) {
+    const next = (at + 1) % line.count;
+    const [dx, dy] = [x[next]! - x[at]!, y[next]! - y[at]!];
+    const half = (0.5 * width) / (Math.hypot(dx, dy) || 1);
+    left.push(eye.place(x[at]! - half * dy, y[at]! + half * dx));
+    right.push(eye.place(x[at]! + half * dy, y[at]! - half * dx));
+  }
+  return [...left, ...right.reverse()];
 }
 
 /** Draws what lies on the road, such as oil. */

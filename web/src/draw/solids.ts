@@ -42,9 +42,17 @@ export function wallsOf(course: Course, piece: number): Wall[] {
   return walls;
 }
 
-export function wallSolids(walls: readonly Wall[], eye: Eye, height: number, reach: number): Solid[] {
+export function wallSolids(
+  walls: readonly Wall[],
+  own: Point,
+  eye: Eye,
+  height: number,
+  reach: number,
+): Solid[] {
   const solids: Solid[] = [];
+  const square = reach ** 2;
   for (const { from, to, shade } of walls) {
+    if ((from.x - own.x) ** 2 + (from.y - own.y) ** 2 > square) continue;
     const start = eye.place(from.x, from.y);
     const end = eye.place(to.x, to.y);
     const distance = 0.5 * (Math.hypot(start.ahead, start.left) + Math.hypot(end.ahead, end.left));
@@ -66,9 +74,13 @@ function drawWall(
   far: number,
 ): void {
   const side = eye.shape([start, end, { ...end, up: height }, { ...start, up: height }]);
-  const bright = (shade ? 64 : 54) - 26 * far;
-  context.fillStyle = `hsl(212 14% ${bright}%)`;
+  const [face, top] = wallColours(shade, far);
+  context.fillStyle = face;
   fill(context, side);
+  // Closes the seam to the next piece.
+  context.strokeStyle = face;
+  context.lineWidth = 0.8;
+  context.stroke();
   const rim = 0.86 * height;
   const band = eye.shape([
     { ...start, up: rim },
@@ -76,8 +88,22 @@ function drawWall(
     { ...end, up: height },
     { ...start, up: height },
   ]);
-  context.fillStyle = shade ? `hsl(8 70% ${56 - 20 * far}%)` : `hsl(210 20% ${90 - 36 * far}%)`;
+  context.fillStyle = top;
   fill(context, band);
+}
+
+const FAR_STEPS = 24;
+// By distance and tone: to put such words together anew for each wall would cost more than drawing.
+const WALL_COLOURS = [0, 1].map((shade) =>
+  Array.from({ length: FAR_STEPS + 1 }, (_, step): [string, string] => {
+    const far = step / FAR_STEPS;
+    const face = `hsl(212 14% ${(shade ? 64 : 54) - 26 * far}%)`;
+    return [face, shade ? `hsl(8 70% ${56 - 20 * far}%)` : `hsl(210 20% ${90 - 36 * far}%)`];
+  }),
+);
+
+function wallColours(shade: number, far: number): [string, string] {
+  return WALL_COLOURS[shade]![Math.min(Math.floor(far * FAR_STEPS), FAR_STEPS)]!;
 }
 
 export interface Body {

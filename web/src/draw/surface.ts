@@ -23,6 +23,7 @@ export class Surface {
   constructor(
     private readonly course: Course,
     line: ReferenceLine | null,
+    private readonly places: number, // of the grid, that are drawn
   ) {
     const { kerb, grass } = course.frame;
     this.hasVerge = kerb + grass > 0;
@@ -110,7 +111,7 @@ export class Surface {
     context.strokeStyle = colours.marking;
     context.globalAlpha = 0.55;
     context.lineWidth = pixel;
-    for (let i = 0; i + 2 < grid.length; i += 3) {
+    for (let i = 0; i + 2 < Math.min(grid.length, 3 * this.places); i += 3) {
       context.save();
       context.translate(grid[i]!, grid[i + 1]!);
       context.rotate(grid[i + 2]!);

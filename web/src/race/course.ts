@@ -20,6 +20,8 @@ export class Course {
   readonly loops: Point[][]; // borders, each a closed way
   readonly box: Box; // around all borders
 
+  private readonly edgeLines = new Map<string, readonly Point[]>();
+
   constructor(readonly frame: CourseFrame) {
     this.samples = frame.line.length / 4;
     this.length = this.samples * frame.spacing;
@@ -63,6 +65,19 @@ export class Course {
     const left = this.frame.halfWidths[2 * sample]!;
     const right = this.frame.halfWidths[2 * sample + 1]!;
     return this.beside(sample, side === 'left' ? left + beyond : -right - beyond);
+  }
+
+  /** Returns an edge of the asphalt as points about `step` metres apart; worked out once. */
+  edgeLine(side: 'left' | 'right', beyond: number, step: number): readonly Point[] {
+    const name = `${side} ${beyond} ${step}`;
+    let line = this.edgeLines.get(name);
+    if (!line) {
+      const stride = Math.max(Math.floor(step / this.frame.spacing), 1);
+      const count = Math.ceil(this.samples / stride);
+      line = Array.from({ length: count }, (_, i) => this.edge(i * stride, side, beyond));
+      this.edgeLines.set(name, line);
+    }
+    return line;
   }
 
   /** Progress of the lines at which sectors end, the timing line last [m]. */

@@ -66,9 +66,9 @@ export function referenceTrace(line: ReferenceLine, course: Course, bins: number
   const begin = seconds[0] ?? 0;
   return {
     seconds: seconds.map((time, bin) => {
-      const since = time - begin;
-      // The point abreast of the timing line need not be the first.
-      return bin > bins / 2 && since < 0 ? since + line.lapS : Math.max(since, 0);
+      // The point abreast of the timing line may be the last of the line as well as the first.
+      const laps = Math.round((bin / bins - (time - begin) / line.lapS) || 0);
+      return time - begin + laps * line.lapS;
     }),
     speeds,
   };

@@ -54,7 +54,7 @@ export class Race {
   standings = $state.raw<StandingsFrame | null>(null);
   events = $state.raw<readonly EventFrame[]>([]);
   rows = $state.raw<readonly Row[]>([]);
-  headline = $state.raw<Headline>({ phase: 0, flag: 0, lights: 0, tick: 0, lap: 0 });
+  headline = $state.raw<Headline | null>(null);
   hud = $state.raw<HudFrame | null>(null);
   briefing = $state.raw<BriefingFrame | null>(null);
 
@@ -152,7 +152,7 @@ export class Race {
     this.trails.note(frame);
     this.ages.note(frame, arrivedMs);
     this.notePaces(frame);
-    if (arrivedMs - this.readMs > READ_MS || frame.flag !== this.headline.flag) {
+    if (arrivedMs - this.readMs > READ_MS || frame.flag !== this.headline?.flag) {
       this.read(frame, arrivedMs);
     }
   }

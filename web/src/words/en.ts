@@ -32,6 +32,10 @@ export const en = {
     'no-race': 'No race yet. It shows here as soon as a server is there.',
     'no-recording': 'There is no recording of that name. Choose one of the list.',
   } as Record<string, string>,
+  notices: {
+    'no-race': 'No race just now. It shows here as soon as a server is there.',
+    'dead-man': 'The server brakes your kart: it hears nothing from you.',
+  } as Record<string, string>,
 
   phases: ['Lobby', 'Countdown', 'Race', 'Finished'],
   flags: ['green', 'yellow', 'red'],
@@ -125,7 +129,6 @@ export const en = {
     sectorMerits: { best: 'best of all', own: 'personal best', none: '' },
   },
   lapOf: (lap: number, laps: number) => `Lap ${lap} of ${laps}`,
-  lapsTotal: (laps: number) => (laps === 1 ? '1 lap' : `${laps} laps`),
 
   control: { title: 'Race control', empty: 'Nothing to tell yet.' },
   charts: {
@@ -159,13 +162,11 @@ export const en = {
     names: 'Names',
     raysHelp: 'Lidar and radar of the followed kart',
     line: 'Ideal line',
-    more: 'Show',
   },
 
   countdown: {
     lobby: 'Waiting in the lobby',
     go: 'Go',
-    over: 'Finished',
   },
 
   drive: {
@@ -209,7 +210,6 @@ export const en = {
     immune: 'shielded',
     rests: 'Your kart has no driver: this page is not in front.',
     restsHelp: 'Click here, or press a key, and drive on.',
-    deadMan: 'The server brakes your kart: it hears nothing from you.',
     home: 'Home!',
     out: 'Out of the race',
     record: 'Record a demonstration',
@@ -218,9 +218,7 @@ export const en = {
     recorded: 'The race keeps every input. When it is over, this makes a demonstration of it:',
     copy: 'Copy',
     copied: 'Copied',
-    help: 'Help',
     keys: 'Arrows or WASD drive · Space brakes · E uses the item · R asks for rescue',
-    keysTouch: 'Left thumb steers · right thumb goes and brakes',
   },
   alerts: {
     danger: 'Danger ahead',
@@ -232,7 +230,6 @@ export const en = {
     stuck: 'Stuck? Press R',
     stuckTouch: 'Stuck? Ask for rescue',
     offTrack: 'Off the track',
-    capped: 'Slowed down',
   },
 
   steward: {
@@ -262,7 +259,6 @@ export const en = {
     log: 'What was decided',
     noLog: 'Nothing was decided yet.',
     free: 'free',
-    unanswered: 'No answer from the server.',
   },
 
   replay: {

@@ -34,6 +34,10 @@ export const fr: Words = {
     'no-race': "Pas encore de course. Elle s'affichera dès qu'un serveur sera là.",
     'no-recording': "Il n'y a pas d'enregistrement de ce nom. Choisissez dans la liste.",
   },
+  notices: {
+    'no-race': "Pas de course pour l'instant. Elle s'affichera dès qu'un serveur sera là.",
+    'dead-man': "Le serveur freine votre kart : il n'entend rien de vous.",
+  },
 
   phases: ['Attente', 'Départ', 'Course', 'Terminée'],
   flags: ['vert', 'jaune', 'rouge'],
@@ -120,7 +124,6 @@ export const fr: Words = {
     sectorMerits: { best: 'meilleur de tous', own: 'record personnel', none: '' },
   },
   lapOf: (lap, laps) => `Tour ${lap} sur ${laps}`,
-  lapsTotal: (laps) => (laps === 1 ? '1 tour' : `${laps} tours`),
 
   control: { title: 'Direction de course', empty: 'Rien à signaler.' },
   charts: {
@@ -154,13 +157,11 @@ export const fr: Words = {
     names: 'Noms',
     raysHelp: 'Lidar et radar du kart suivi',
     line: 'Ligne idéale',
-    more: 'Afficher',
   },
 
   countdown: {
     lobby: 'En attente',
     go: 'Partez',
-    over: 'Terminée',
   },
 
   drive: {
@@ -199,7 +200,6 @@ export const fr: Words = {
     immune: 'protégé',
     rests: "Votre kart n'a pas de pilote : cette page n'est pas au premier plan.",
     restsHelp: 'Cliquez ici, ou appuyez sur une touche, et continuez.',
-    deadMan: "Le serveur freine votre kart : il n'entend rien de vous.",
     home: 'Arrivé !',
     out: 'Hors course',
     record: 'Enregistrer une démonstration',
@@ -209,9 +209,7 @@ export const fr: Words = {
       'La course garde toutes les commandes. Une fois finie, ceci en fait une démonstration :',
     copy: 'Copier',
     copied: 'Copié',
-    help: 'Aide',
     keys: 'Flèches ou ZQSD pour piloter · Espace freine · E utilise l’objet · R demande de l’aide',
-    keysTouch: 'Le pouce gauche dirige · le droit accélère et freine',
   },
   alerts: {
     danger: 'Danger devant',
@@ -223,7 +221,6 @@ export const fr: Words = {
     stuck: 'Bloqué ? Touche R',
     stuckTouch: 'Bloqué ? Dépannage',
     offTrack: 'Hors piste',
-    capped: 'Ralenti',
   },
 
   steward: {
@@ -253,7 +250,6 @@ export const fr: Words = {
     log: 'Décisions prises',
     noLog: "Rien n'a encore été décidé.",
     free: 'libre',
-    unanswered: 'Le serveur ne répond pas.',
   },
 
   replay: {

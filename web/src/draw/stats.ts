@@ -1,10 +1,12 @@
 // What tests read of the page at window.__race, where the address says #stats=1.
 
+import type { Race } from '../race/race.svelte';
 import type { Visit } from '../race/visit.svelte';
 import type { Meter } from './meter';
 
 export interface Stats {
   frame_ms: { p50: number; p95: number };
+  interval_ms: { p50: number; p95: number };
   delay_ms: { p50: number; p95: number };
   frames: number;
   tick: number;
@@ -16,13 +18,14 @@ export interface Stats {
     y: number;
     heading: number;
     speed: number;
+    steering: number;
     progress: number;
     laps: number;
     rank: number;
     item: number;
   }[];
-  /** The reference line: x, y, speed of each point. */
-  line: () => [number, number, number][];
+  /** A way around the course: the reference line, or the centre line where there is none. */
+  way: () => [number, number][];
 }
 
 declare global {
@@ -36,28 +39,32 @@ export function publishStats(visit: Visit, meter: Meter): void {
   const newest = race.buffer.newest;
   window.__race = {
     frame_ms: meter.frameMs,
+    interval_ms: meter.intervalMs,
     delay_ms: meter.delayMs,
     frames: meter.frameCount,
     tick: newest?.tick ?? -1,
     phase: newest?.phase ?? 0,
     lap_length: race.course?.length ?? 0,
     karts: (newest?.karts ?? []).map(
-      ({ seat, x, y, heading, speed, progress, laps, rank, item }) => ({
+      ({ seat, x, y, heading, speed, steering, progress, laps, rank, item }) => ({
         seat,
         x,
         y,
         heading,
         speed,
+        steering,
         progress,
         laps,
         rank,
         item,
       }),
     ),
-    line: () => {
-      const line = race.line?.frame;
-      if (!line) return [];
-      return Array.from(line.x, (x, i) => [x, line.y[i]!, line.speed[i]!]);
-    },
+    way: () => wayOf(race),
   };
+}
+
+function wayOf({ line, course }: Race): [number, number][] {
+  if (line) return Array.from(line.frame.x, (x, i) => [x, line.frame.y[i]!]);
+  if (!course) return [];
+  return Array.from({ length: course.samples }, (_, i) => [course.x(i), course.y(i)]);
 }
