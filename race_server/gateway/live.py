@@ -5,7 +5,7 @@ import json
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from race_server.errors import WireError
@@ -29,6 +29,9 @@ from race_server.wire.topics import Topic
 
 # Of a race so many events are remembered, and so many go into one message.
 MOST_EVENTS, EVENTS_AT_ONCE = 8192, 1024
+# What a newcomer is told before the events, and after them.
+FIRST = (topics.COURSE, topics.RULES, topics.LINE, topics.STANDINGS)
+THEN = (topics.LINKS, topics.SNAPSHOT)
 # Messages of which each counts wait for the loop in such a number at most.
 MOST_HEARD = 1024
 NO_RACE = "no race yet: the server does not answer; the page goes on by itself once it does"
@@ -49,7 +52,7 @@ class LiveRace:
         self._slots: dict[Topic, bytes] = {}
         self._queue: deque[tuple[Topic | None, bytes]] = deque(maxlen=MOST_HEARD)
         self._is_called = False
-        self._kept: dict[str, bytes] = {}  # frames for newcomers, in order, by topic
+        self._kept: dict[Topic, bytes] = {}  # frames for newcomers
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._last = 0  # number of the newest event
         self._why = ""  # why there is no race, as told to the log
@@ -89,11 +92,13 @@ class LiveRace:
         """Tell a newcomer how the race stands, and whatever comes from now on."""
         if not self.is_there:
             viewer.outbox.put(notice_frame("no-race", NO_RACE))
-        for frame in self._kept.values():
-            viewer.outbox.put(frame)
-        for frame in event_frames(self.epoch, list(self._events)):
+        events = event_frames(self.epoch, list(self._events))
+        for frame in (*self._known(FIRST), *events, *self._known(THEN)):
             viewer.outbox.put(frame)
         self.audience.join(viewer)
+
+    def _known(self, wanted: Iterable[Topic]) -> list[bytes]:
+        return [self._kept[topic] for topic in wanted if topic in self._kept]
 
     def leave(self, viewer: Viewer) -> None:
         """Let somebody go."""
@@ -119,7 +124,6 @@ class LiveRace:
                     self._lose(data.decode())
                 else:
                     self._takers[topic](data)
-                    self._find()
             except WireError:
                 self.damaged += 1
 
@@ -150,9 +154,9 @@ class LiveRace:
     def _keep(self, topic: Topic, data: bytes) -> bytes | None:
         """Return a message as a frame and keep it for newcomers; None where it is known."""
         frame = frame_of(data)
-        if self._kept.get(topic.key) == frame:
+        if self._kept.get(topic) == frame:
             return None
-        self._kept[topic.key] = frame
+        self._kept[topic] = frame
         return frame
 
     def _take_snapshot(self, data: bytes) -> None:
@@ -164,7 +168,7 @@ class LiveRace:
         self.snapshot = snapshot
         self.offset.note(1e-6 * snapshot.monotonic_us, time.monotonic())
         frame = frame_of(data)
-        self._kept[topics.SNAPSHOT.key] = frame
+        self._kept[topics.SNAPSHOT] = frame
         self.audience.show_snapshot(snapshot.tick, frame)
 
     def _take_standings(self, data: bytes) -> None:
@@ -204,6 +208,8 @@ class LiveRace:
         decode_line(data)
         if frame := self._keep(topics.LINE, data):
             self.audience.put(frame)
+        # Asked for after course and rules: whoever comes now can be shown a race.
+        self._find()
 
 
 def event_frames(epoch: int, events: list[Event]) -> list[bytes]:

@@ -55,12 +55,17 @@ class Pipe(WebSocketsSansIOProtocol):
         try:
             await super().run_asgi()
         finally:
-            self.loop.call_later(ABORT_S, self.transport.abort)
+            self.loop.call_later(ABORT_S, self._abort)
+
+    def _abort(self) -> None:
+        """End a connection that does not end by itself."""
+        if not self.disconnected:
+            self.transport.abort()
 
     def data_received(self, data: bytes) -> None:
         """Hear no more from a browser that takes no answers."""
         if self.transport.get_write_buffer_size() > MOST_BUFFERED:
-            self.transport.abort()
+            self._abort()
             return
         super().data_received(data)
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 from io import BufferedReader, BytesIO
 from itertools import accumulate
 from pathlib import Path
+from typing import Self
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -94,6 +95,12 @@ class Tape:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def last_tick(self) -> int:
