@@ -89,3 +89,9 @@ export function trace(path: Path2D | CanvasRenderingContext2D, pixels: readonly 
   pixels.forEach(({ x, y }, index) => (index ? path.lineTo(x, y) : path.moveTo(x, y)));
   if (pixels.length) path.closePath();
 }
+
+export function fillShape(context: CanvasRenderingContext2D, pixels: readonly Pixel[]): void {
+  context.beginPath();
+  trace(context, pixels);
+  context.fill();
+}

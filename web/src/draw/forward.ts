@@ -7,7 +7,8 @@ import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import { Status } from '../wire/codes';
 import { Eye } from './eye';
 import { drawBackdrop, drawBands, drawIdealLine, drawPuddles, drawSurfaces } from './road';
-import { type Solid, boxSolid, drawLabel, kartSolid, wallSolids, wallsOf } from './solids';
+import { type Solid, drawLabel, kartSolid, solidOf } from './solids';
+import { type Wall, wallSolids, wallsOf } from './walls';
 
 // All in lengths of a kart: with its driver it is about 0.65 as high, and the eye at 0.9 of that.
 const EYE_HEIGHT = 0.9 * 0.65;
@@ -24,7 +25,7 @@ const MOST_RATIO = 2;
 export class ForwardView {
   private readonly context: CanvasRenderingContext2D;
   private course: Course | null = null;
-  private walls: ReturnType<typeof wallsOf> = [];
+  private walls: Wall[] = [];
   private eye = new Eye(1, 1);
   private length = 1;
   private width = 1;
@@ -104,8 +105,8 @@ export class ForwardView {
         number,
         number,
       ];
-      const body = { x, y, heading, length: long, width: wide, height: 0.3 * this.length };
-      return boxSolid(body, this.eye, '#d29a3a', () => null);
+      const size = { length: long, width: wide, base: 0, top: 0.3 * this.length };
+      return solidOf([{ x, y, heading, ...size, colour: '#d29a3a' }], this.eye, null);
     });
   }
 

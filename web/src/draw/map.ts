@@ -47,14 +47,19 @@ export class TrackMap {
   }
 
   draw(frame: SnapshotFrame | null, race: Race, choice: MapChoice): void {
-    const { course } = race;
-    if (!course) return;
+    if (!race.course) return this.drawNothing();
     this.prepare(race);
     const kart = frame?.karts.find(({ seat }) => seat === choice.followed);
     if (kart) this.camera.follow(kart, 1);
     this.drawGround(choice.line);
     this.clearTop();
     if (frame) this.drawMoving(frame, race, choice);
+  }
+
+  private drawNothing(): void {
+    const { ground } = this;
+    ground.fillStyle = mapColours().around;
+    ground.fillRect(0, 0, ground.canvas.width, ground.canvas.height);
   }
 
   private prepare(race: Race): void {
@@ -101,9 +106,20 @@ export class TrackMap {
     if (choice.rays && rays?.seat === choice.followed) {
       if (Math.abs(frame.tick - rays.tick) < RAYS_OLD_TICKS) drawRays(top, rays, pixel);
     }
-    const rows = race.standings?.rows ?? [];
-    const names = new Map(choice.names ? rows.map((row) => [row.seat, row.driver]) : []);
+    const names = choice.names ? namesOn(race, frame, choice.followed) : new Map<number, string>();
     const { colours } = this;
     drawKarts(top, frame.karts, { body, camera, ratio, colours, followed: choice.followed, names });
   }
+}
+
+// Of more karts than this only the first and the followed are named, or nothing could be read.
+const MOST_NAMES = 12;
+const FIRST_NAMES = 3;
+
+function namesOn(race: Race, frame: SnapshotFrame, followed: number): Map<number, string> {
+  const isCrowd = frame.karts.length > MOST_NAMES;
+  const named = frame.karts.filter(
+    ({ seat, rank }) => !isCrowd || rank <= FIRST_NAMES || seat === followed,
+  );
+  return new Map(named.map(({ seat }) => [seat, race.driver(seat)]));
 }

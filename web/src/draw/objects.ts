@@ -1,7 +1,7 @@
 // Item boxes, hazards, trails and rays on the map. All in metres.
 
-import type { Course } from '../race/course';
-import type { Trails } from '../race/trails';
+import type { Course, Point } from '../race/course';
+import type { Mark, Trails } from '../race/trails';
 import type { HazardFrame, RaysFrame, SnapshotFrame } from '../wire/frames';
 import { SPEED_COLOURS } from './palette';
 
@@ -61,17 +61,19 @@ export function drawTrails(
   pixel: number,
 ): void {
   const ways = SPEED_COLOURS.map(() => new Path2D());
+  const wayFor = (speed: number) => {
+    const share = Math.min(Math.max(speed / trails.fastest, 0), 1);
+    return ways[Math.round(share * (SPEED_COLOURS.length - 1))]!;
+  };
   for (const kart of frame.karts) {
     const marks = trails.marks.get(kart.seat) ?? [];
-    for (let i = 1; i < marks.length; i++) {
-      const [from, to] = [marks[i - 1]!, marks[i]!];
+    let from: Mark | undefined;
+    for (const to of marks) {
       if (to.tick > frame.tick) break;
-      if (Math.hypot(to.x - from.x, to.y - from.y) > 0.3 * (1 + Math.abs(to.speed))) continue;
-      const share = Math.min(Math.max(to.speed / trails.fastest, 0), 1);
-      const way = ways[Math.round(share * (SPEED_COLOURS.length - 1))]!;
-      way.moveTo(from.x, from.y);
-      way.lineTo(to.x, to.y);
+      if (from) addStep(wayFor(to.speed), from, to);
+      from = to;
     }
+    if (from) addStep(wayFor(kart.speed), from, kart);
   }
   context.lineWidth = 2.5 * pixel;
   context.lineCap = 'round';
@@ -81,6 +83,15 @@ export function drawTrails(
     context.stroke(way);
   });
   context.globalAlpha = 1;
+}
+
+// A step longer than its speed allows in so many seconds is a leap: the kart was put elsewhere.
+const LEAP_S = 0.6;
+
+function addStep(way: Path2D, from: Point, to: Point & { speed: number }): void {
+  if (Math.hypot(to.x - from.x, to.y - from.y) > LEAP_S * (1 + Math.abs(to.speed))) return;
+  way.moveTo(from.x, from.y);
+  way.lineTo(to.x, to.y);
 }
 
 /** Draws what a kart's lidar and radar see. */

@@ -1,6 +1,6 @@
 // What tests read of the page at window.__race, where the address says #stats=1.
 
-import type { Race } from '../race/race.svelte';
+import type { Course } from '../race/course';
 import type { Visit } from '../race/visit.svelte';
 import type { Meter } from './meter';
 
@@ -24,7 +24,7 @@ export interface Stats {
     rank: number;
     item: number;
   }[];
-  /** A way around the course: the reference line, or the centre line where there is none. */
+  /** The points of the centre line. */
   way: () => [number, number][];
 }
 
@@ -59,12 +59,11 @@ export function publishStats(visit: Visit, meter: Meter): void {
         item,
       }),
     ),
-    way: () => wayOf(race),
+    way: () => wayOf(race.course),
   };
 }
 
-function wayOf({ line, course }: Race): [number, number][] {
-  if (line) return Array.from(line.frame.x, (x, i) => [x, line.frame.y[i]!]);
+function wayOf(course: Course | null): [number, number][] {
   if (!course) return [];
   return Array.from({ length: course.samples }, (_, i) => [course.x(i), course.y(i)]);
 }

@@ -14,6 +14,7 @@ export class Pace {
   private ticks: number[] = []; // at which each step was reached
   private speeds: number[] = [];
   private tick = 0;
+  private speed = 0;
   private hasCrossed = false;
 
   constructor(private readonly lapLength: number) {}
@@ -28,12 +29,13 @@ export class Pace {
       for (let bin = first; bin <= Math.floor(distance / step); bin++) {
         const share = (bin * step - this.distance) / gained;
         this.ticks[bin] = this.tick + share * (tick - this.tick);
-        this.speeds[bin] = kart.speed;
+        this.speeds[bin] = this.speed + share * (kart.speed - this.speed);
       }
     }
     // Backwards, or put back: what lies ahead will be driven anew.
     if (!(gained < 0 && gained > -0.25 * this.lapLength)) this.distance = distance;
     this.tick = tick;
+    this.speed = kart.speed;
   }
 
   /** Returns the tick at which a distance was reached, NaN where that is not known. */

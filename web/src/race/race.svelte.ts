@@ -68,7 +68,7 @@ export class Race {
   private readMs = -Infinity;
   private seen = new Set<number>();
 
-  constructor(isRecording = false) {
+  constructor(private readonly isRecording = false) {
     this.buffer = new SnapshotBuffer(isRecording);
   }
 
@@ -197,7 +197,7 @@ export class Race {
     this.headline = { phase, flag, lights, tick, lap: first + 1 };
     if (!this.standings) return;
     const { standings, paces, sectors } = this;
-    const ages = this.ages.at(nowMs);
+    const ages = this.isRecording ? new Map<number, number>() : this.ages.at(nowMs);
     this.rows = tableOf({ snapshot: frame, standings, paces, sectors, ages });
   }
 
