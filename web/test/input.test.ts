@@ -4,7 +4,7 @@ import { Pad, type PadState } from '../src/input/gamepad';
 import { Hands } from '../src/input/hands';
 import { Keyboard } from '../src/input/keyboard';
 import { Touch } from '../src/input/touch';
-import { pedals } from '../src/input/wheel';
+import { pedals, tyreLock } from '../src/input/wheel';
 
 function padState(steering: number, go = 0): PadState {
   const buttons = Array.from({ length: 16 }, () => ({ value: 0, pressed: false }));
@@ -84,4 +84,21 @@ test('a thumb steers from where it came down', () => {
   expect(touch.read(30, 5)).toMatchObject({ steering: 0.5, throttle: 1 });
   touch.steer(null, 40);
   expect(touch.read(50, 5).steering).toBe(0);
+});
+
+test('keys turn the wheel no further than the tyres hold', () => {
+  const kart = new Map([
+    ['front_axle', 0.65],
+    ['rear_axle', 0.44],
+    ['grip', 0.9],
+    ['steering_limit', 0.55],
+  ]);
+  expect(tyreLock(kart, 1)).toBe(1);
+  // 8.8 m/s² at 13 m/s is a radius of 19 m: 0.057 rad of 0.55, and a quarter more.
+  expect(tyreLock(kart, 13)).toBeCloseTo((1.25 * 0.057) / 0.55, 2);
+  expect(tyreLock(new Map(), 13)).toBe(1); // nothing is known of the vehicle
+  const keyboard = new Keyboard((speed) => tyreLock(kart, speed));
+  keyboard.take('KeyD', true, 0);
+  keyboard.read(0, 13);
+  expect(keyboard.read(500, 13).steering).toBeCloseTo(-tyreLock(kart, 13));
 });

@@ -1,4 +1,5 @@
-// Keys: pressed or not, so wheel and pedals are moved to their places at the speed of a hand.
+// Keys: pressed or not, so wheel and pedals are moved to their places at the speed of a hand, and
+// the wheel no further than the tyres hold.
 
 import { Button } from '../wire/codes';
 import { type Device, type Wheel, clamp, pedals } from './wheel';
@@ -27,6 +28,9 @@ export class Keyboard implements Device {
   private stop = 0;
   private readMs = NaN;
 
+  /** lockAt: how far [0, 1] the wheel is turned at most at a speed [m/s]. */
+  constructor(private readonly lockAt: (speed: number) => number = () => 1) {}
+
   get isThere(): boolean {
     return this.movedMs > -Infinity;
   }
@@ -45,7 +49,8 @@ export class Keyboard implements Device {
   read(nowMs: number, speed: number): Wheel {
     const passed = Number.isNaN(this.readMs) ? 0 : (nowMs - this.readMs) / 1000;
     this.readMs = nowMs;
-    const wanted = Number(this.has(LEFT)) - Number(this.has(RIGHT));
+    const side = Number(this.has(LEFT)) - Number(this.has(RIGHT));
+    const wanted = side * this.lockAt(Math.abs(speed));
     const isTurning = wanted !== 0 && wanted * this.steering >= 0;
     this.steering = towards(this.steering, wanted, passed / (isTurning ? TURN_S : RETURN_S));
     this.go = towards(this.go, Number(this.has(GO)), passed / PEDAL_S);

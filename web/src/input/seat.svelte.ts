@@ -7,7 +7,7 @@ import { Pad } from './gamepad';
 import { type Grip, Hands } from './hands';
 import { Keyboard } from './keyboard';
 import { Touch } from './touch';
-import { NEUTRAL } from './wheel';
+import { NEUTRAL, tyreLock } from './wheel';
 
 const SEND_MS = 1000 / 40;
 
@@ -15,7 +15,9 @@ export class DrivenSeat {
   grip = $state.raw<Grip>({ device: 'none', wheel: NEUTRAL, isHeld: false });
   responseMs = $state(NaN);
   readonly touch = new Touch();
-  private readonly keyboard = new Keyboard();
+  private readonly keyboard = new Keyboard((speed) =>
+    tyreLock(this.visit.race.briefing?.numbers ?? new Map(), speed),
+  );
   private readonly response = new Response();
   private readonly hands = new Hands([this.keyboard, new Pad(), this.touch]);
   private readonly ending = new AbortController();

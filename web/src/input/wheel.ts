@@ -33,6 +33,19 @@ export function pedals(go: number, stop: number, speed: number): Pick<Wheel, 'th
   return { throttle: stop > 0.05 ? 0 : go, brake: stop };
 }
 
+const GRAVITY = 9.81; // [m/s²]
+// Tyres slip a little before they give way, so the wheel may be turned somewhat further.
+const SLIP = 1.25;
+
+/** Returns how far [0, 1] a wheel may be turned at a speed [m/s] before the tyres give way. */
+export function tyreLock(vehicle: ReadonlyMap<string, number>, speed: number): number {
+  const number = (name: string) => vehicle.get(name) ?? NaN;
+  const wheelbase = number('front_axle') + number('rear_axle');
+  const curvature = (number('grip') * GRAVITY) / Math.max(speed, 0.1) ** 2;
+  const lock = (SLIP * Math.atan(wheelbase * curvature)) / number('steering_limit');
+  return Number.isNaN(lock) ? 1 : clamp(lock, 0.05, 1);
+}
+
 export function clamp(value: number, low: number, high: number): number {
   return Math.min(Math.max(value, low), high);
 }
