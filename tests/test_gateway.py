@@ -1,6 +1,8 @@
 """Browsers before a live race: who is let in, what they are told, and that none disturbs others."""
 
 import json
+import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -379,3 +381,26 @@ def test_with_a_token_for_spectators_nobody_else_watches_or_reads_the_list() -> 
             browser.word("welcome")
         assert ask(hall, "recordings")[0] == 401
         assert json.loads(ask(hall, "recordings", Authorization="Bearer watch one")[2]) == []
+
+
+def test_the_command_prints_addresses_and_ends_when_it_is_told_to() -> None:
+    command = [sys.executable, "-m", "race_server", "gateway", "--connect", free_address()]
+    command += ["--port", "0", "--drivers", "1", "--recordings", "none", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        addresses = json.loads(process.stdout.readline())
+        assert addresses["watch"].endswith("/#watch")
+        drive, _, token = addresses["drive"][0].partition("#drive&token=")
+        with Browser(drive, {"role": "drive", "token": token}) as driver:
+            assert driver.refusal()[0] == "no-race"
+        process.terminate()
+        assert process.wait(10.0) == 0
+
+
+def test_a_gateway_never_imports_numba() -> None:
+    code = (
+        "import os, sys; os.environ['RACE_SERVER_INTERPRET'] = '1';"
+        "import race_server.gateway.gateway, race_server.scenario.base;"
+        "sys.exit('numba' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,6 +1,7 @@
 """The parts of the gateway by themselves: what waits, who may, what is cast, what is played."""
 
 import json
+import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +34,7 @@ from race_server.scenario.base import Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.server.herald import snapshot_of
 from race_server.session import Session
-from race_server.start import free_address
+from race_server.start import free_address, team
 from race_server.track.course import Obstacle
 from race_server.wire.line import decode_line
 from race_server.wire.lobby import decode_course
@@ -240,6 +241,13 @@ def test_a_page_serves_its_own_files_and_no_others(tmp_path: Path) -> None:
     assert set(page.files) == {"", "assets/page-1a2b.js"}
     assert page.files["assets/page-1a2b.js"].kind.startswith("text/javascript")
     assert 0 < len(page.files["assets/page-1a2b.js"].packed) < 200
+
+
+def test_a_gateway_that_fails_does_not_fail_the_race() -> None:
+    with team() as group:
+        fails = group.start(["gateway", "--listen", "nowhere"], subprocess.DEVNULL, aside=True)
+        assert fails.wait(20.0) == 2
+        assert not group.fallen()
 
 
 # Rays

@@ -121,6 +121,22 @@ def load(
 
 
 @app.command()
+def page(
+    clients: Annotated[int, typer.Option(min=1, max=250, help="Browsers that watch.")] = 100,
+    minutes: Annotated[float, typer.Option(min=0.1, max=14.0, help="So long.")] = 5.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race before browsers, of which some misbehave."""
+    from race_server.drills.page import drill_page
+
+    with progress("racing", round(60 * minutes)) as tell:
+        document = drill_page(clients, minutes, tell=tell)
+    if not as_json:
+        _show_findings(document["matrix"])
+    finish(document, as_json=as_json, columns=("without", "with"))
+
+
+@app.command()
 def mixed(
     track: Annotated[str, typer.Option(help="Course.")] = "hangar-400",
     vehicle: Annotated[str, typer.Option(help="tt02, kart-30 or kart-60.")] = "kart-30",

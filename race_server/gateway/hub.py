@@ -59,7 +59,8 @@ class Hub:
         self.library = Library(settings.recordings)
         self.passes = Passes()
         self.wheels = [
-            Wheel(number, self._drive, self.pool) for number in range(len(settings.tokens.drive))
+            Wheel(number, self._drive, settings.ring.seats, self.pool)
+            for number in range(len(settings.tokens.drive))
         ]
         self.stewarding = Stewarding(self._steward, self._token, self.pool)
         self.guests: set[Guest] = set()

@@ -32,6 +32,8 @@ MOST_EVENTS, EVENTS_AT_ONCE = 8192, 1024
 # What a newcomer is told before the events, and after them.
 FIRST = (topics.COURSE, topics.RULES, topics.LINE, topics.STANDINGS)
 THEN = (topics.LINKS, topics.SNAPSHOT)
+# Ticks of a race that go back by more than this are those of another race.
+BACK_TICKS = 60
 # Messages of which each counts wait for the loop in such a number at most.
 MOST_HEARD = 1024
 NO_RACE = "no race yet: the server does not answer; the page goes on by itself once it does"
@@ -141,9 +143,12 @@ class LiveRace:
             self.is_there = False
             self.audience.put(notice_frame("no-race", NO_RACE))
 
-    def _turn_to(self, epoch: int) -> None:
-        """Take note that another race has begun: course and rules may be others too."""
-        if epoch == self.epoch:
+    def _turn_to(self, epoch: int, *, anew: bool = False) -> None:
+        """Take note that another race has begun: course and rules may be others too.
+
+        anew: whatever its number; a server that is started again counts from one.
+        """
+        if epoch == self.epoch and not anew:
             return
         if self.epoch >= 0:
             self._refresh()
@@ -162,9 +167,10 @@ class LiveRace:
     def _take_snapshot(self, data: bytes) -> None:
         snapshot = decode_snapshot(data)
         before = self.snapshot
-        if before and snapshot.epoch == self.epoch and snapshot.tick + 60 < before.tick:
-            self._refresh()  # a server that took the race up, or another one
-        self._turn_to(snapshot.epoch)
+        # A race that was taken up begins a few ticks earlier, another one much more.
+        self._turn_to(
+            snapshot.epoch, anew=before is not None and snapshot.tick + BACK_TICKS < before.tick
+        )
         self.snapshot = snapshot
         self.offset.note(1e-6 * snapshot.monotonic_us, time.monotonic())
         frame = frame_of(data)

@@ -5,6 +5,8 @@ socket for a while, and then no more.
 """
 
 import asyncio
+import socket
+import struct
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -27,6 +29,8 @@ WRITE_BUFFER = 16_384
 MOST_BUFFERED = 1 << 20
 # A connection that has not become a WebSocket is over after so long; browsers open another.
 REQUEST_S = 60.0
+# Lingers for no time.
+AT_ONCE = struct.pack("ii", 1, 0)
 # The name under which the application finds the connection of a WebSocket.
 PIPE = "race.pipe"
 
@@ -58,9 +62,13 @@ class Pipe(WebSocketsSansIOProtocol):
             self.loop.call_later(ABORT_S, self._abort)
 
     def _abort(self) -> None:
-        """End a connection that does not end by itself."""
-        if not self.disconnected:
-            self.transport.abort()
+        """End a connection that does not end by itself, and what the kernel keeps for it."""
+        if self.disconnected:
+            return
+        line = self.transport.get_extra_info("socket")
+        if line is not None:
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, AT_ONCE)
+        self.transport.abort()
 
     def data_received(self, data: bytes) -> None:
         """Hear no more from a browser that takes no answers."""

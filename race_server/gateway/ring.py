@@ -7,6 +7,8 @@ from race_server.admission.access import SPECTATOR, STEWARD, seat_name
 from race_server.admission.keys import ABOUT, ClientKeys, read_client_keys
 from race_server.errors import KeysError
 
+MOST_KARTS = 64
+
 
 @dataclass(frozen=True)
 class KeyRing:
@@ -41,9 +43,24 @@ class KeyRing:
 
     def of_seat(self, seat: int) -> ClientKeys | None:
         """Return the keys of a seat's driver."""
-        if self.folder is not None and seat < 0:
-            raise KeysError("this session has keys for each seat: say which seat you want")
         return self.of(seat_name(seat))
+
+    def seats(self, wanted: int) -> tuple[int, ...]:
+        """Return the seats to ask for: the wanted one, or for -1 each that there are keys for.
+
+        Without keys -1 may itself be asked for.
+
+        Raises:
+            KeysError: there are keys, but for no seat.
+        """
+        if wanted >= 0 or self.folder is None:
+            return (wanted,)
+        held = [
+            number for number in range(MOST_KARTS) if (self.folder / seat_name(number)).is_dir()
+        ]
+        if not held:
+            raise KeysError(f"{self.folder} holds keys of no seat: nobody can drive with them")
+        return tuple(held)
 
     def of_steward(self) -> ClientKeys | None:
         """Return the steward's keys."""

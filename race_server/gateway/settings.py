@@ -1,5 +1,6 @@
 """What a gateway serves, to whom, and where."""
 
+import socket
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from race_server.gateway.ring import KeyRing
 from race_server.gateway.roles import Tokens, new_token
 
 DEFAULT_PLACE = "127.0.0.1:8080"
-MOST_DRIVERS = 64
+_EVERYWHERE = ("0.0.0.0", "::")
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,9 @@ class Addresses:
 def addresses_of(settings: Settings, port: int) -> Addresses:
     """Return the addresses of a gateway that listens on a port."""
     scheme = "https" if settings.certificate else "http"
-    host = f"[{settings.host}]" if ":" in settings.host else settings.host
+    # All of this machine's addresses are none that could be opened.
+    name = socket.gethostname() if settings.host in _EVERYWHERE else settings.host
+    host = f"[{name}]" if ":" in name else name
     base, tokens = f"{scheme}://{host}:{port}/", settings.tokens
     return Addresses(
         base,

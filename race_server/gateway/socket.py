@@ -46,7 +46,8 @@ from race_server.gateway.wheel import PRESET, Wheel
 DELAY_MS = 100
 # Who takes no words of farewell is gone without.
 FAREWELL_S = 1.0
-MOST_SECONDS = 1e6
+# Penalties [s], and what a browser's clock may show [ms].
+MOST_VALUE, MOST_MOMENT = 1e6, 1e15
 
 
 class Browser:
@@ -207,7 +208,7 @@ class Browser:
         self._texts.spend()
         kind = text_in(words, "type", 16)
         if kind == "ping":
-            moment = number_in(words, "t", -MOST_SECONDS * 1e6, MOST_SECONDS * 1e6, default=0.0)
+            moment = number_in(words, "t", -MOST_MOMENT, MOST_MOMENT, default=0.0)
             self._tell(type="pong", t=moment, server_us=self._hub.live.server_us())
         elif kind == "follow":
             self._viewer.seat = whole_in(words, "seat", -1, MOST_SEAT, default=-1)
@@ -251,7 +252,7 @@ class Browser:
         reason = await stewarding.decide(
             text_in(words, "act", 16),
             whole_in(words, "seat", -1, MOST_SEAT, default=-1),
-            number_in(words, "value", -MOST_SECONDS, MOST_SECONDS, default=0.0),
+            number_in(words, "value", -MOST_VALUE, MOST_VALUE, default=0.0),
             who,
         )
         self._tell(type="acted", id=number, accepted=not reason, reason=reason)

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -45,10 +45,20 @@ class Rider(Protocol):
 class Wheel:
     """What one drive token opens: a seat, once somebody has taken it, and who drives it."""
 
-    def __init__(self, number: int, connect: Callable[[int], ClientLink], pool: Executor) -> None:
-        """Hold no seat yet. connect: returns a link for a seat; pool: for what has to wait."""
+    def __init__(
+        self,
+        number: int,
+        connect: Callable[[int], ClientLink],
+        seats: Callable[[int], Iterable[int]],
+        pool: Executor,
+    ) -> None:
+        """Hold no seat yet.
+
+        connect: returns a link for a seat; seats: returns those to try for the one that is wanted;
+        pool: for what has to wait.
+        """
         self.number = number
-        self._connect, self._pool = connect, pool
+        self._connect, self._seats, self._pool = connect, seats, pool
         self._loop = asyncio.get_running_loop()
         self.rider: Rider | None = None
         self.seat: Seat | None = None
@@ -80,11 +90,10 @@ class Wheel:
             if self.seat is None:
                 self.seat = await self._wait_for(partial(self._sit_down, name, wanted))
                 self._hud_at = time.monotonic()
-        except RaceError as error:
+        except BaseException as error:
             self.rider = None
-            raise _refusal(error) from error
-        except asyncio.CancelledError:
-            self.rider = None
+            if isinstance(error, RaceError):
+                raise _refusal(error) from error
             raise
         return self._begin(self.seat)
 
@@ -116,10 +125,20 @@ class Wheel:
             self.rider, self._left_at = None, time.monotonic()
 
     def _sit_down(self, name: str, wanted: int) -> Seat:
-        """Take a seat over a link of its own; runs in the pool."""
+        """Take the first seat that is to be had; runs in the pool."""
+        refused: SeatError | None = None
+        for seat in self._seats(wanted):
+            try:
+                return self._try_seat(name or f"browser {self.number + 1}", seat)
+            except SeatError as error:
+                refused = error
+        raise refused or SeatError("there is no seat")
+
+    def _try_seat(self, name: str, wanted: int) -> Seat:
+        """Take a seat over a link of its own."""
         link = self._connect(wanted)
         try:
-            seat = take_seat(link, Join(name or f"browser {self.number + 1}", PRESET, wanted))
+            seat = take_seat(link, Join(name, PRESET, wanted))
             link.listen(topics.HUD, self._hear_hud, seat.number)
         except BaseException:
             link.close()
