@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed: pip install -e '.[test]'")
 
+from courses import ring
 from halls import Hall, gated, racing, record_race, wait_for_race
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
@@ -63,13 +64,14 @@ class Stage:
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     """Seven scripted karts and a lobby that waits for one driver; a recording of another race."""
     address, folder = free_address(), tmp_path_factory.mktemp("recordings")
-    record_race(folder)
     with (
         pytest.MonkeyPatch.context() as patch,
         sync_playwright() as play,
         play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as browser,
     ):
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        patch.setattr("halls.COURSE", ring(radius=4.0, half_width=0.7))
+        record_race(folder)
         with (
             racing(address, karts=KARTS, drivers=1) as server,
             gated(address, recordings=folder) as hall,
@@ -108,7 +110,7 @@ def karts(page: Page) -> dict[int, dict[str, float]]:
     return {int(kart["seat"]): kart for kart in stats(page)["karts"]}
 
 
-def wait_until(is_so: Callable[[], object], timeout_s: float = 15.0) -> None:
+def wait_until(is_so: Callable[[], object], timeout_s: float = 30.0) -> None:
     deadline = time.monotonic() + timeout_s
     while not is_so():
         assert time.monotonic() < deadline
@@ -153,6 +155,15 @@ def test_a_lap_is_driven_by_pressing_keys(driving: Page, watching: Page) -> None
     wait_until(lambda: ":" in row.inner_text() or "." in row.locator("td").nth(6).inner_text())
     assert "Ada" in row.inner_text()
     assert stats(driving)["delay_ms"]["p50"] < 200.0
+
+
+def test_nobody_drives_while_the_page_is_not_in_front(driving: Page) -> None:
+    note = driving.get_by_text("Your kart has no driver")
+    driving.evaluate("dispatchEvent(new Event('blur'))")
+    note.wait_for()
+    driving.get_by_test_id("notice").get_by_text("The server brakes your kart").wait_for()
+    driving.keyboard.press("ArrowUp")
+    note.wait_for(state="hidden")
 
 
 def test_eight_karts_move(watching: Page, driving: Page) -> None:

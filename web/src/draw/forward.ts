@@ -140,6 +140,9 @@ export class ForwardView {
   }
 }
 
+// Nearer than this a cube would hide the road [pixels].
+const MOST_CUBE = 110;
+
 function drawCube(
   context: CanvasRenderingContext2D,
   eye: Eye,
@@ -147,7 +150,7 @@ function drawCube(
   size: number,
 ): void {
   const { x, y } = eye.project(place);
-  const side = size * eye.scaleAt(place.ahead);
+  const side = Math.min(size * eye.scaleAt(place.ahead), MOST_CUBE);
   context.save();
   context.translate(x, y - 0.5 * side);
   context.rotate(Math.PI / 4);

@@ -6,8 +6,6 @@ import type { SnapshotFrame } from '../wire/frames';
 import { Meter } from './meter';
 import { publishStats } from './stats';
 
-const PUBLISH_MS = 100;
-
 /** Calls `draw` with what is to be shown, until the returned function is called. */
 export function startDrawing(
   visit: Visit,
@@ -15,7 +13,7 @@ export function startDrawing(
 ): () => void {
   const meter = new Meter();
   let handle = 0;
-  let publishedMs = 0;
+  if (currentPlace().showsStats) publishStats(visit, meter);
 
   function turn(): void {
     handle = requestAnimationFrame(turn);
@@ -28,10 +26,6 @@ export function startDrawing(
     meter.noteFrame(begunMs, doneMs);
     if (frame && visit.clock.isKnown && !visit.isRecording) {
       meter.noteDelay(visit.clock.serverMs(doneMs) - buffer.playheadMs(begunMs));
-    }
-    if (doneMs - publishedMs > PUBLISH_MS) {
-      publishedMs = doneMs;
-      publishStats(visit, meter);
     }
   }
 

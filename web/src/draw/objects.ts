@@ -95,11 +95,7 @@ function addStep(way: Path2D, from: Point, to: Point & { speed: number }): void 
 }
 
 /** Draws what a kart's lidar and radar see. */
-export function drawRays(
-  context: CanvasRenderingContext2D,
-  rays: RaysFrame,
-  pixel: number,
-): void {
+export function drawRays(context: CanvasRenderingContext2D, rays: RaysFrame, pixel: number): void {
   drawLidar(context, rays, pixel);
   context.lineWidth = 1.5 * pixel;
   for (let ray = 0; ray < rays.radar.length; ray++) {

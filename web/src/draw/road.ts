@@ -27,7 +27,12 @@ export const ROAD: RoadColours = {
 };
 
 /** Draws sky and ground up to the horizon. */
-export function drawBackdrop(context: CanvasRenderingContext2D, eye: Eye, width: number, height: number): void {
+export function drawBackdrop(
+  context: CanvasRenderingContext2D,
+  eye: Eye,
+  width: number,
+  height: number,
+): void {
   gradient(context, ROAD.sky, 0, eye.horizon, width);
   gradient(context, ROAD.ground, eye.horizon, height, width);
 }

@@ -2,30 +2,19 @@
 
 import type { Course } from '../race/course';
 import type { Visit } from '../race/visit.svelte';
-import type { Meter } from './meter';
+import type { KartFrame } from '../wire/frames';
+import type { Meter, Share } from './meter';
 
 export interface Stats {
-  frame_ms: { p50: number; p95: number };
-  interval_ms: { p50: number; p95: number };
-  delay_ms: { p50: number; p95: number };
-  frames: number;
-  tick: number;
-  phase: number;
-  lap_length: number;
-  karts: {
-    seat: number;
-    x: number;
-    y: number;
-    heading: number;
-    speed: number;
-    steering: number;
-    progress: number;
-    laps: number;
-    rank: number;
-    item: number;
-  }[];
+  readonly frame_ms: Share; // that drawing took
+  readonly interval_ms: Share; // from one picture to the next
+  readonly delay_ms: Share; // from a tick of the server to its picture
+  readonly frames: number;
+  readonly tick: number;
+  readonly phase: number;
+  readonly karts: readonly KartFrame[];
   /** The points of the centre line. */
-  way: () => [number, number][];
+  way(): [number, number][];
 }
 
 declare global {
@@ -34,31 +23,31 @@ declare global {
   }
 }
 
+/** Lets a visit be read; everything is worked out when it is asked for. */
 export function publishStats(visit: Visit, meter: Meter): void {
   const { race } = visit;
-  const newest = race.buffer.newest;
   window.__race = {
-    frame_ms: meter.frameMs,
-    interval_ms: meter.intervalMs,
-    delay_ms: meter.delayMs,
-    frames: meter.frameCount,
-    tick: newest?.tick ?? -1,
-    phase: newest?.phase ?? 0,
-    lap_length: race.course?.length ?? 0,
-    karts: (newest?.karts ?? []).map(
-      ({ seat, x, y, heading, speed, steering, progress, laps, rank, item }) => ({
-        seat,
-        x,
-        y,
-        heading,
-        speed,
-        steering,
-        progress,
-        laps,
-        rank,
-        item,
-      }),
-    ),
+    get frame_ms() {
+      return meter.frameMs;
+    },
+    get interval_ms() {
+      return meter.intervalMs;
+    },
+    get delay_ms() {
+      return meter.delayMs;
+    },
+    get frames() {
+      return meter.frameCount;
+    },
+    get tick() {
+      return race.buffer.newest?.tick ?? -1;
+    },
+    get phase() {
+      return race.buffer.newest?.phase ?? 0;
+    },
+    get karts() {
+      return race.buffer.newest?.karts ?? [];
+    },
     way: () => wayOf(race.course),
   };
 }

@@ -38,7 +38,12 @@ export class Surface {
     if (line) this.addZones(line);
   }
 
-  draw(context: CanvasRenderingContext2D, colours: MapColours, pixel: number, showLine: boolean): void {
+  draw(
+    context: CanvasRenderingContext2D,
+    colours: MapColours,
+    pixel: number,
+    showLine: boolean,
+  ): void {
     context.fillStyle = this.hasVerge ? colours.grass : colours.asphalt;
     context.fill(this.ground, 'evenodd');
     if (this.kerbs) {

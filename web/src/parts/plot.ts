@@ -52,7 +52,12 @@ export class Plot {
 
 const LEGEND_PIXELS = 26;
 
-function optionsOf(spec: PlotSpec, width: number, height: number, target: HTMLElement): uPlot.Options {
+function optionsOf(
+  spec: PlotSpec,
+  width: number,
+  height: number,
+  target: HTMLElement,
+): uPlot.Options {
   const look = getComputedStyle(target);
   const [ink, rule] = [look.getPropertyValue('--faint'), look.getPropertyValue('--rule')];
   const axis = { stroke: ink, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule } };
@@ -65,15 +70,23 @@ function optionsOf(spec: PlotSpec, width: number, height: number, target: HTMLEl
     legend: { live: false },
     scales: {
       x: { time: false },
-      y: spec.isPlaces
-        ? { dir: -1, range: (_, __, most) => [0.5, Math.max(most, 2) + 0.5] }
-        : {},
+      y: spec.isPlaces ? { dir: -1, range: (_, __, most) => [0.5, Math.max(most, 2) + 0.5] } : {},
     },
     axes: [
       { ...axis, label: spec.xLabel, labelSize: 18, size: 34, ...wholeSteps(spec) },
       { ...axis, label: spec.yLabel, labelSize: 18, size: 44, ...wholeSteps(spec) },
       ...(hasSecond
-        ? [{ ...axis, scale: 'second', side: 1, label: spec.secondLabel ?? '', labelSize: 18, size: 44, grid: { show: false } }]
+        ? [
+            {
+              ...axis,
+              scale: 'second',
+              side: 1,
+              label: spec.secondLabel ?? '',
+              labelSize: 18,
+              size: 44,
+              grid: { show: false },
+            },
+          ]
         : []),
     ],
     series: [

@@ -108,11 +108,7 @@ export class SnapshotBuffer {
 }
 
 /** Returns the later of two snapshots, its karts at a share of the way to it. */
-export function between(
-  early: SnapshotFrame,
-  late: SnapshotFrame,
-  share: number,
-): SnapshotFrame {
+export function between(early: SnapshotFrame, late: SnapshotFrame, share: number): SnapshotFrame {
   if (early === late || share >= 1) return late;
   const before = new Map(early.karts.map((kart) => [kart.seat, kart]));
   const karts = late.karts.map((kart) => {

@@ -4,14 +4,7 @@ import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import { Flag, KartFlag, Phase, Status } from '../wire/codes';
 
 export type Alert =
-  | 'red'
-  | 'wrongWay'
-  | 'link'
-  | 'yellow'
-  | 'stuck'
-  | 'danger'
-  | 'kart'
-  | 'offTrack';
+  'red' | 'wrongWay' | 'link' | 'yellow' | 'stuck' | 'danger' | 'kart' | 'offTrack';
 
 export interface Watch {
   own: KartFrame;

@@ -67,7 +67,7 @@ export function referenceTrace(line: ReferenceLine, course: Course, bins: number
   return {
     seconds: seconds.map((time, bin) => {
       // The point abreast of the timing line may be the last of the line as well as the first.
-      const laps = Math.round((bin / bins - (time - begin) / line.lapS) || 0);
+      const laps = Math.round(bin / bins - (time - begin) / line.lapS || 0);
       return time - begin + laps * line.lapS;
     }),
     speeds,

@@ -6,7 +6,10 @@ import type { RecordingEntry } from '../wire/protocol';
 /** Returns all recordings, newest first. */
 export async function allRecordings(): Promise<RecordingEntry[]> {
   const token = tokenFor('spectate');
-  const answer = await fetch('recordings', token ? { headers: { Authorization: `Bearer ${token}` } } : {});
+  const answer = await fetch(
+    'recordings',
+    token ? { headers: { Authorization: `Bearer ${token}` } } : {},
+  );
   if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
   return (await answer.json()) as RecordingEntry[];
 }

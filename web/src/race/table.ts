@@ -83,12 +83,7 @@ function addGaps(rows: Row[], paces: ReadonlyMap<number, Pace>, tick: number): v
   }
 }
 
-function timeBehind(
-  ahead: Row,
-  row: Row,
-  paces: ReadonlyMap<number, Pace>,
-  tick: number,
-): number {
+function timeBehind(ahead: Row, row: Row, paces: ReadonlyMap<number, Pace>, tick: number): number {
   if (ahead.raceUs && row.raceUs) return (row.raceUs - ahead.raceUs) / 1e6;
   const first = paces.get(ahead.seat);
   const own = paces.get(row.seat);

@@ -215,7 +215,8 @@ export const en = {
     record: 'Record a demonstration',
     recording: 'Recording',
     recordedFrom: (from: string, to: string) => `Driven from ${from} to ${to}.`,
-    recorded: 'The recording of the race holds every input. When it is over, make a demonstration of it:',
+    recorded:
+      'The recording of the race holds every input. When it is over, make a demonstration of it:',
     copy: 'Copy',
     copied: 'Copied',
     keys: 'Arrows or WASD drive · Space brakes · E uses the item · R asks for rescue',

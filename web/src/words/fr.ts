@@ -21,10 +21,12 @@ export const fr: Words = {
   },
   refusals: {
     token: "Le jeton ne convient pas. Copiez l'adresse entière affichée par `race gateway`.",
-    origin: "La passerelle ne connaît pas l'adresse de cette page. Ouvrez celle qu'elle a affichée.",
+    origin:
+      "La passerelle ne connaît pas l'adresse de cette page. Ouvrez celle qu'elle a affichée.",
     full: 'La passerelle a tous les visiteurs possibles. Nouvel essai.',
     late: "La passerelle n'a rien reçu à temps. Nouvel essai.",
-    malformed: "La passerelle n'a pas compris cette page. Rechargez-la : elle est peut-être ancienne.",
+    malformed:
+      "La passerelle n'a pas compris cette page. Rechargez-la : elle est peut-être ancienne.",
     'too-large': 'Cette page a envoyé plus que la passerelle accepte. Rechargez-la.',
     'too-fast': 'Cette page a trop envoyé en trop peu de temps. Nouvel essai, plus lentement.',
     'seat-taken': "Quelqu'un pilote déjà ce siège. Choisissez-en un autre.",
@@ -146,7 +148,8 @@ export const fr: Words = {
   tabs: { board: 'Classement', control: 'Direction', charts: 'Graphiques' },
 
   map: {
-    label: 'La piste vue du ciel. Flèches pour bouger, plus et moins pour zoomer, 0 pour tout voir.',
+    label:
+      'La piste vue du ciel. Flèches pour bouger, plus et moins pour zoomer, 0 pour tout voir.',
     whole: 'Toute la piste',
     follow: 'Suivre',
     nobody: 'Personne',
