@@ -1,6 +1,7 @@
 """Browsers before a live race: who is let in, what they are told, and that none disturbs others."""
 
 import json
+import socket
 import subprocess
 import sys
 import time
@@ -13,6 +14,7 @@ import pytest
 from browsers import Browser
 from halls import ORIGIN, TOKENS, Hall, gated, racing, wait_for_race
 
+from race_server.errors import GatewayError
 from race_server.messages import Control, Flag
 from race_server.start import free_address
 from race_server.wire.drive import ControlFrame, decode_hud, encode_control
@@ -173,6 +175,30 @@ def test_a_full_gateway_refuses_the_next(hall: Hall, monkeypatch: pytest.MonkeyP
         assert first.frame(b"RSNP")
 
 
+class Stub:
+    """A browser that is there and does nothing."""
+
+    def __init__(self) -> None:
+        self.outbox = self
+
+    def check(self) -> None:
+        pass
+
+
+def test_one_address_has_room_for_some_browsers_and_this_machine_for_more(hall: Hall) -> None:
+    guests = [(Stub(), host) for host in ("192.0.2.1", "127.0.0.1") for _ in range(16)]
+    try:
+        for guest, host in guests:
+            hall.hub.admit(guest, host)
+        with pytest.raises(GatewayError, match="of your address"):
+            hall.hub.admit(Stub(), "192.0.2.1")
+        hall.hub.admit(late := Stub(), "127.0.0.1")
+        guests.append((late, "127.0.0.1"))
+    finally:
+        for guest, host in guests:
+            hall.hub.dismiss(guest, host)
+
+
 def test_floods_and_bytes_of_spectators_end_only_their_own_socket(hall: Hall) -> None:
     with Browser(hall.base, WATCH) as honest, Browser(hall.base, WATCH) as flooding:
         for _ in range(60):
@@ -246,6 +272,14 @@ def test_all_answers_carry_the_headers_that_keep_a_page_to_itself(hall: Hall) ->
 def test_nobody_calls_a_local_gateway_by_a_foreign_name(hall: Hall) -> None:
     assert ask(hall, "recordings", Host="evil.example")[0] == 403
     assert ask(hall, "recordings", Host="race.example")[0] == 200
+
+
+def test_small_messages_wait_for_no_others(hall: Hall) -> None:
+    with Browser(hall.base, WATCH) as browser:
+        browser.word("welcome")
+        (guest,) = hall.hub.guests
+        line = guest.outbox.pipe.transport.get_extra_info("socket")
+        assert line.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 # Driving
@@ -322,12 +356,17 @@ def test_a_driver_is_not_disturbed_by_who_stole_its_words_and_comes_back_with_th
     assert not lobby.server.session.seats[1].is_taken
 
 
-def test_a_damaged_control_is_refused(lobby: Hall) -> None:
+def test_damaged_and_too_many_controls_are_refused(lobby: Hall) -> None:
     for data, code in ((control(1, throttle=3.0), "malformed"), (bytes(300), "too-large")):
         with Browser(lobby.base, DRIVE) as driver:
             driver.word("welcome")
             driver.send(data)
             assert driver.refusal()[0] == code
+    with Browser(lobby.base, DRIVE) as driver:
+        driver.word("welcome")
+        for sequence in range(1, 300):
+            driver.send(control(sequence))
+        assert driver.refusal() == ("too-fast", 4429)
 
 
 def test_a_driver_whose_page_does_not_come_back_loses_its_seat(

@@ -19,7 +19,7 @@ from race_server.gateway.audience import Viewer
 from race_server.gateway.caps import Allowance
 from race_server.gateway.hello import Role, read_hello
 from race_server.gateway.library import Library
-from race_server.gateway.origins import check_origin
+from race_server.gateway.origins import check_origin, is_known_host
 from race_server.gateway.outbox import MOST_WAITING, Outbox
 from race_server.gateway.page import NOT_BUILT, Page
 from race_server.gateway.pipe import Pipe, Porch
@@ -194,8 +194,12 @@ def test_a_name_server_that_lies_does_not_make_a_page_ours() -> None:
     check_origin(headers, (), is_local=False)  # there people choose the name
     check_origin({"origin": "http://localhost:1", "host": "localhost:1"}, (), is_local=True)
     check_origin({"host": "localhost:1"}, (), is_local=True)
-    with pytest.raises(GatewayError):
-        check_origin({"origin": "null", "host": ""}, (), is_local=False)
+    for origin in ("null", "http://[", ""):
+        with pytest.raises(GatewayError):
+            check_origin({"origin": origin, "host": ""}, (), is_local=False)
+    assert not is_known_host("[", ())
+    assert is_known_host("[::1]:8080", ())
+    assert is_known_host("race.example", ("https://race.example",))
 
 
 def test_beyond_this_machine_a_gateway_wants_a_word_and_tokens() -> None:
@@ -207,6 +211,8 @@ def test_beyond_this_machine_a_gateway_wants_a_word_and_tokens() -> None:
     closed = replace(settings, tokens=Tokens("watch"), certificate=Path("page.pem"))
     with pytest.raises(KeysError, match="come together"):
         check_settings(closed, is_open=True)
+    with pytest.raises(KeysError, match="cannot be used"):
+        check_settings(replace(closed, private_key=Path("nowhere.pem")), is_open=True)
 
 
 def test_tokens_stand_behind_the_hash_of_an_address() -> None:

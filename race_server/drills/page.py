@@ -26,12 +26,14 @@ from race_server.messages import Phase
 
 TRACK, KARTS = "covapsy-test-2023", 8
 # Before the browsers come, so many seconds are measured for comparison.
-CALM_S = 15.0
+CALM_S = 20.0
 WARM_UP_S = 3.0
 # Those that misbehave come when so much of the time has gone.
 TROUBLE = 0.2
 # Of the snapshots that it wants, and that the server makes, each browser has to see this share.
-SEEN = 0.95
+SEEN = 0.9
+# Where ticks were missed before anybody came, so many times as many may be after.
+ROUGHLY = 1.5
 # The gateway may need so much more memory at the end [MB].
 MOST_GROWTH = 20.0
 MOST_MINUTES = 14.0
@@ -206,7 +208,9 @@ def _judge(clients: int, told: dict[str, Any], figures: dict[str, Any]) -> list[
     made = figures["with"]["ticks"] / TICKS_PER_SECOND / (60.0 * figures["minutes"])
     least, share = figures["snapshots_least_s"], round(SEEN * RATE * made, 2)
     growth = figures["gateway_memory_end_mb"] - figures["gateway_memory_start_mb"]
-    missed = figures["with"]["missed_share"] - figures["without"]["missed_share"]
+    missed, before = (figures[when]["missed_share"] for when in ("with", "without"))
+    # On a machine with other work ticks are missed anyway; then the yardstick is as rough.
+    allowed = max(before + MISSED, ROUGHLY * before)
     there, driver = told["watchers"]["still_there"], told["driver"]
     return [
         Finding("honest browsers", f"{clients} stay", f"{there} stay", there == clients),
@@ -225,8 +229,8 @@ def _judge(clients: int, told: dict[str, Any], figures: dict[str, Any]) -> list[
         ),
         Finding(
             "ticks of the server",
-            f"{100 * MISSED:g} % more are missed at most",
-            f"{100 * missed:.2f} % more are missed",
-            missed <= MISSED,
+            f"{100 * allowed:.2f} % are missed at most",
+            f"{100 * missed:.2f} % are missed",
+            missed <= allowed,
         ),
     ]

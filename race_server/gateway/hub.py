@@ -29,8 +29,8 @@ from race_server.wire.rays import RaysFrame, encode_rays
 from race_server.wire.spectate import SnapshotFrame
 from race_server.wire.topics import Topic
 
-# Whatever waits for the race or for the disk, so many at once.
-MOST_WAITING = 8
+# What waits for the race, and what waits for the disk: so many at once.
+MOST_WAITING, MOST_READING = 8, 4
 CONNECT_S = 2.0
 # Between two looks at seats and rays, and between two at browsers that do not read.
 LOOK_S, CHECK_S = 0.1, 1.0
@@ -53,7 +53,9 @@ class Hub:
     def __init__(self, settings: Settings, log: Log) -> None:
         """Prepare for browsers."""
         self.settings, self.log = settings, log
-        self.pool = ThreadPoolExecutor(MOST_WAITING, thread_name_prefix="gateway")
+        self.pool = ThreadPoolExecutor(MOST_WAITING, thread_name_prefix="race")
+        # Recordings have threads of their own: whoever reads many holds up no driver.
+        self.readers = ThreadPoolExecutor(MOST_READING, thread_name_prefix="recordings")
         self.listener = Listener(self._watch, self._hear)
         self.live = LiveRace(asyncio.get_running_loop(), log, self.listener.ask_again)
         self.library = Library(settings.recordings)
@@ -164,7 +166,8 @@ class Hub:
         """Leave all seats and end all links."""
         await asyncio.gather(*(wheel.leave() for wheel in self.wheels), return_exceptions=True)
         await self.stewarding.close()
-        self.pool.shutdown(wait=False, cancel_futures=True)
+        for pool in (self.pool, self.readers):
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _cast_all(caster: Caster, snapshot: SnapshotFrame, seats: set[int]) -> list[RaysFrame]:

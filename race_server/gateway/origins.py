@@ -30,9 +30,9 @@ def check_origin(headers: Mapping[str, str], origins: tuple[str, ...], *, is_loc
     origin, host = headers.get("origin"), headers.get("host", "")
     if origin is None or origin in origins:
         return
-    parts = urlsplit(origin)
-    is_ours = bool(parts.netloc) and parts.netloc.lower() == host.lower()
-    if not is_ours or (is_local and parts.hostname not in _OURSELVES):
+    place, name = _named(origin)
+    is_ours = bool(place) and place == host.lower()
+    if not is_ours or (is_local and name not in _OURSELVES):
         raise GatewayError(
             "origin",
             f"pages of {origin[:80]} may not connect; open the page at the gateway's own address, "
@@ -42,5 +42,14 @@ def check_origin(headers: Mapping[str, str], origins: tuple[str, ...], *, is_loc
 
 def is_known_host(host: str, origins: tuple[str, ...]) -> bool:
     """Return whether a name, as browsers give it, is this machine's own or one of the pages'."""
-    name = urlsplit(f"//{host}").hostname
-    return name in _OURSELVES or name in {urlsplit(origin).hostname for origin in origins}
+    _, name = _named(f"//{host}")
+    return name in _OURSELVES or name in {_named(origin)[1] for origin in origins}
+
+
+def _named(address: str) -> tuple[str, str]:
+    """Return ``host:port`` and host of an address; nothing of one that is none."""
+    try:
+        parts = urlsplit(address)
+        return parts.netloc.lower(), parts.hostname or ""
+    except ValueError:
+        return "", ""

@@ -16,7 +16,7 @@ class Outbox:
 
     def __init__(self, pipe: Pipe) -> None:
         """Send into a pipe."""
-        self._pipe = pipe
+        self.pipe = pipe
         self._waiting: deque[bytes] = deque()
         self._newest: dict[str, bytes] = {}  # by kind
         self._stuck_since: float | None = None
@@ -56,25 +56,25 @@ class Outbox:
             raise GatewayError("slow", f"this browser has read nothing for {DRAIN_S:g} s")
 
     def _is_free(self) -> bool:
-        return not self._waiting and self._pipe.is_writable
+        return not self._waiting and self.pipe.is_writable
 
     def _send(self, frame: bytes) -> None:
-        if not self._pipe.is_open:
+        if not self.pipe.is_open:
             return
-        self._pipe.put(frame)
+        self.pipe.put(frame)
         self.sent += 1
-        if not self._pipe.is_writable and self._stuck_since is None:
+        if not self.pipe.is_writable and self._stuck_since is None:
             self._stuck_since = time.monotonic()
 
     def _drain(self) -> None:
         """Send what waits, as long as there is room: first what must arrive."""
         self._stuck_since = None
-        while self._pipe.is_writable and (self._waiting or self._newest):
+        while self.pipe.is_writable and (self._waiting or self._newest):
             if self._waiting:
                 frame = self._waiting.popleft()
             else:
                 frame = self._newest.pop(next(iter(self._newest)))
             self._send(frame)
-        if not self._pipe.is_open:
+        if not self.pipe.is_open:
             self._waiting.clear()
             self._newest.clear()

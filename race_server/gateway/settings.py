@@ -1,6 +1,7 @@
 """What a gateway serves, to whom, and where."""
 
 import socket
+import ssl
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def check_settings(settings: Settings, *, is_open: bool) -> None:
 
     Raises:
         LinkError: other machines could reach it and it was not said that they may.
-        KeysError: anybody there could watch, or only half of a certificate is given.
+        KeysError: anybody there could watch, or the certificate is of no use.
     """
     if not settings.is_local and not is_open:
         raise LinkError(
@@ -71,6 +72,18 @@ def check_settings(settings: Settings, *, is_open: bool) -> None:
         raise KeysError("beyond this machine spectators need a token: --spectators token")
     if (settings.certificate is None) != (settings.private_key is None):
         raise KeysError("--certificate and --key come together")
+    if settings.certificate is not None:
+        _check_certificate(settings.certificate, settings.private_key)
+
+
+def _check_certificate(certificate: Path, private_key: Path | None) -> None:
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, private_key)
+    except OSError as error:  # ssl.SSLError is one
+        raise KeysError(
+            f"{certificate} and {private_key} cannot be used: missing, damaged, or they do not "
+            f"belong together ({error.strerror or error})"
+        ) from error
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ class Browser:
         self.outbox.tell(briefing)
 
     async def _greet_reader(self, hello: Hello) -> None:
-        loop, pool = asyncio.get_running_loop(), self._hub.pool
+        loop, pool = asyncio.get_running_loop(), self._hub.readers
         tape, events = await loop.run_in_executor(pool, self._hub.library.open, hello.recording)
         self._player = Player(self._viewer, tape, events, pool)
         self._welcome(hello.source, tape.start.session)
