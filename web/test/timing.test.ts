@@ -90,3 +90,14 @@ test('a response lasts from sending a control until the server has taken it', ()
   response.noteAcknowledged(1, 500); // older than what was acknowledged already
   expect(response.ms).toBe(60);
 });
+
+test('in a lobby the table stands in the order of the seats', () => {
+  const rows = tableOf({
+    snapshot: null,
+    standings: standings([standing(1, { rank: 0 }), standing(0, { rank: 0 })]),
+    paces: new Map(),
+    sectors: new Sectors(),
+    ages: new Map(),
+  });
+  expect(rows.map((row) => row.seat)).toEqual([0, 1]);
+});

@@ -48,7 +48,7 @@ function hasHazard(watch: Watch): boolean {
   const { own, frame, kartLength } = watch;
   const reach = reachOf(watch);
   return frame.hazards.some(({ x, y, radius }) => {
-    const [ahead, left] = inFront(own, x, y);
+    const [ahead, left] = aheadOf(own, x, y);
     return ahead > 0 && ahead < reach && Math.abs(left) < BESIDE_LENGTHS * kartLength + radius;
   });
 }
@@ -65,7 +65,7 @@ function hasSlowKart(watch: Watch): boolean {
 }
 
 /** Returns how far ahead and to the left of a kart a point lies [m]. */
-function inFront(own: KartFrame, x: number, y: number): [number, number] {
+function aheadOf(own: KartFrame, x: number, y: number): [number, number] {
   const [east, north] = [x - own.x, y - own.y];
   const [cos, sin] = [Math.cos(own.heading), Math.sin(own.heading)];
   return [east * cos + north * sin, north * cos - east * sin];

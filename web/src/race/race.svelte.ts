@@ -64,7 +64,8 @@ export class Race {
   rays: RaysFrame | null = null;
   private sectors = new Sectors();
   private ages = new InputAges();
-  private epoch = -1;
+  private epoch = -1; // of the snapshots
+  private told = -1; // epoch of the events
   private readMs = -Infinity;
   private seen = new Set<number>();
 
@@ -123,13 +124,8 @@ export class Race {
 
   /** Forgets what was driven, for another race or another place in a recording. */
   forget(): void {
-    this.paces = new Map();
-    this.sectors = new Sectors();
-    this.ages = new InputAges();
-    this.trails.clear();
-    this.events = [];
-    this.seen = new Set();
-    this.rays = null;
+    this.forgetDriving();
+    this.forgetEvents();
     this.measureReference();
   }
 
@@ -141,11 +137,24 @@ export class Race {
     this.readMs = -Infinity;
   }
 
+  private forgetDriving(): void {
+    this.paces = new Map();
+    this.ages = new InputAges();
+    this.trails.clear();
+    this.rays = null;
+  }
+
+  private forgetEvents(): void {
+    this.sectors = new Sectors();
+    this.events = [];
+    this.seen = new Set();
+  }
+
   private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {
     const last = this.buffer.newest;
     const isBack = last !== null && frame.tick < last.tick - 1;
     if (frame.epoch !== this.epoch || isBack) {
-      if (this.epoch >= 0) this.forget();
+      if (this.epoch >= 0) this.forgetDriving();
       this.epoch = frame.epoch;
     }
     this.buffer.push(frame, arrivedMs);
@@ -176,10 +185,15 @@ export class Race {
     if (!this.buffer.newest) {
       const { phase, flag, tick } = frame;
       this.headline = { phase, flag, tick, lights: 0, lap: 0 };
+      this.makeRows(null, 0); // a lobby: there is nothing on the track yet
     }
   }
 
   private takeEvents(frame: EventsFrame): void {
+    if (frame.epoch !== this.told) {
+      this.forgetEvents();
+      this.told = frame.epoch;
+    }
     const fresh = frame.events.filter((event) => !this.seen.has(event.sequence));
     if (!fresh.length) return;
     for (const event of fresh) {
@@ -194,11 +208,15 @@ export class Race {
     this.readMs = nowMs;
     const first = Math.max(0, ...frame.karts.map((kart) => kart.laps));
     const { phase, flag, lights, tick } = frame;
-    this.headline = { phase, flag, lights, tick, lap: first + 1 };
-    if (!this.standings) return;
+    this.headline = { phase, flag, lights, tick, lap: frame.phase === Phase.lobby ? 0 : first + 1 };
+    this.makeRows(frame, nowMs);
+  }
+
+  private makeRows(snapshot: SnapshotFrame | null, nowMs: number): void {
     const { standings, paces, sectors } = this;
+    if (!standings) return;
     const ages = this.isRecording ? new Map<number, number>() : this.ages.at(nowMs);
-    this.rows = tableOf({ snapshot: frame, standings, paces, sectors, ages });
+    this.rows = tableOf({ snapshot, standings, paces, sectors, ages });
   }
 
   private measureReference(): void {

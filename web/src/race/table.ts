@@ -62,7 +62,7 @@ export function tableOf(sources: Sources): Row[] {
       ageMs: ages.get(row.seat) ?? NaN,
     };
   });
-  rows.sort((one, other) => one.place - other.place);
+  rows.sort((one, other) => one.place - other.place || one.seat - other.seat);
   addGaps(rows, paces, snapshot?.tick ?? standings.tick);
   return rows;
 }
