@@ -20,7 +20,7 @@ page:
 	else echo 'To watch races in a browser install Node 20 or newer (https://nodejs.org) and run `make page`.'; fi
 
 $(PAGE): $(WEB)
-	cd web && npm ci --no-audit --no-fund --silent && npm run --silent build
+	cd web && npm ci --no-audit --no-fund --loglevel=error && npm run --silent build -- --logLevel=error
 	@touch $@
 
 test: $(VENV)/.installed-test

@@ -172,7 +172,7 @@ def _start_page(plan: Plan, group: Team, log: Any) -> str:
     """Start a gateway for browsers and return the address of its page."""
     place = f"127.0.0.1:{PAGE_PORT if _is_free(PAGE_PORT) else free_port()}"
     words = ["gateway", "--connect", plan.address, "--session", plan.session, "--listen", place]
-    words += ["--recordings", plan.record] if plan.record else []
+    words += ["--once", *(["--recordings", plan.record] if plan.record else [])]
     group.start(words, log, aside=True)
     return f"http://{place}/"
 

@@ -37,7 +37,7 @@ class Hall:
     server: RaceServer | None = None
     base: str = ""  # of the gateway
     gateway: Gateway | None = None
-    said: list[str] = field(default_factory=list)
+    thread: threading.Thread = field(default_factory=threading.Thread)
 
     @property
     def hub(self) -> Hub:
@@ -76,7 +76,7 @@ def gated(address: str, recordings: Path | None = None, **changes: object) -> It
     )
     gateway = Gateway(replace(settings, **changes), Log())  # type: ignore[arg-type]
     hall = Hall(address, base=gateway.addresses.base, gateway=gateway)
-    thread = threading.Thread(target=lambda: asyncio.run(gateway.serve()))
+    hall.thread = thread = threading.Thread(target=lambda: asyncio.run(gateway.serve()))
     thread.start()
     try:
         yield hall

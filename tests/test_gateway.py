@@ -411,6 +411,16 @@ def test_browsers_wait_for_a_race_and_go_on_with_the_next_one() -> None:
         assert decode_course(next(f for f in browser.frames if f[4:8] == b"RCRS")).name == "ring"
 
 
+def test_a_gateway_for_one_race_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("race_server.gateway.gateway.GONE_S", 0.3)
+    address = free_address()
+    with gated(address, once=True) as hall:
+        with racing(address):
+            wait_for_race(hall)
+        hall.thread.join(10.0)
+        assert not hall.thread.is_alive()
+
+
 def test_with_a_token_for_spectators_nobody_else_watches_or_reads_the_list() -> None:
     tokens = replace(TOKENS, spectate="watch one")
     with gated(free_address(), tokens=tokens) as hall:

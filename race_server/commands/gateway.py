@@ -51,6 +51,7 @@ def gateway(
     private_key: Annotated[
         Path | None, typer.Option("--key", help="Its private key (PEM).")
     ] = None,
+    once: Annotated[bool, typer.Option("--once", help="End when the race has gone.")] = False,
     log_json: Annotated[
         bool, typer.Option("--log-json", help="Log JSON lines, even to a terminal.")
     ] = False,
@@ -94,6 +95,7 @@ def gateway(
         origins=tuple(origin or ()),
         certificate=certificate,
         private_key=private_key,
+        once=once,
     )
     check_settings(settings, is_open=is_open)
     if steward:

@@ -3,7 +3,7 @@
 import asyncio
 import signal
 import socket
-from contextlib import suppress
+import time
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from race_server.errors import LinkError
 from race_server.gateway.app import make_app
 from race_server.gateway.caps import HEARTBEAT_S, MOST_MESSAGE
 from race_server.gateway.hub import Hub
+from race_server.gateway.live import LiveRace
 from race_server.gateway.page import Page
 from race_server.gateway.pipe import WRITE_BUFFER, Pipe, Porch, Visit
 from race_server.gateway.settings import Addresses, Settings, addresses_of
@@ -22,6 +23,8 @@ from race_server.logs import Log
 BACKLOG = 256
 # Browsers are told of the end, and have so long to take it.
 FAREWELL_S = 1
+# A server that was killed is back before that; one that has ended is not.
+GONE_S, LOOK_S = 10.0, 0.2
 
 
 class Gateway:
@@ -50,16 +53,24 @@ class Gateway:
         """Serve until it is stopped."""
         hub = self.hub = Hub(self._settings, self._log)
         self._server = uvicorn.Server(self._config(hub))
-        care = asyncio.create_task(hub.look_after())
+        tasks = [asyncio.create_task(hub.look_after())]
+        if self._settings.once:
+            tasks.append(asyncio.create_task(self._end_with(hub.live)))
         try:
             with hub.listener:
                 await self._server.serve(sockets=[self._socket])
                 await hub.close()
         finally:
-            care.cancel()
-            with suppress(asyncio.CancelledError):
-                await care
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
             self._socket.close()
+
+    async def _end_with(self, live: LiveRace) -> None:
+        """Stop once a race that was there has been gone for a while."""
+        while live.left_at is None or time.monotonic() - live.left_at < GONE_S:
+            await asyncio.sleep(LOOK_S)
+        self.stop()
 
     def stop(self) -> None:
         """End serving soon; may be called from any thread."""

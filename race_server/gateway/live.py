@@ -61,6 +61,7 @@ class LiveRace:
         self.audience = Audience()
         self.offset = ClockOffset()
         self.is_there = False
+        self.left_at: float | None = None  # when a race that was there has gone
         self.damaged = 0
         self.epoch = -1
         self.snapshot: SnapshotFrame | None = None
@@ -131,7 +132,7 @@ class LiveRace:
 
     def _find(self) -> None:
         if not self.is_there:
-            self.is_there, self._why = True, ""
+            self.is_there, self.left_at, self._why = True, None, ""
             self._log.say("a race is there")
             self.audience.put(notice_frame("race"))
 
@@ -140,7 +141,7 @@ class LiveRace:
             self._why = why
             self._log.warn("no race", why=why)
         if self.is_there:
-            self.is_there = False
+            self.is_there, self.left_at = False, time.monotonic()
             self.audience.put(notice_frame("no-race", NO_RACE))
 
     def _turn_to(self, epoch: int, *, anew: bool = False) -> None:

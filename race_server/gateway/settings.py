@@ -28,6 +28,7 @@ class Settings:
     origins: tuple[str, ...] = ()  # of other pages that may connect
     certificate: Path | None = None
     private_key: Path | None = None
+    once: bool = False  # ends with its race
 
     @property
     def is_local(self) -> bool:
