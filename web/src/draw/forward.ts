@@ -5,8 +5,9 @@ import type { Race } from '../race/race.svelte';
 import type { Course } from '../race/course';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import { Status } from '../wire/codes';
-import { Eye } from './eye';
+import { Eye, type Place } from './eye';
 import { drawBackdrop, drawBands, drawIdealLine, drawPuddles, drawSurfaces } from './road';
+import { type Sign, drawSign } from './signs';
 import { type Solid, drawLabel, kartSolid, solidOf } from './solids';
 import { type Wall, wallSolids, wallsOf } from './walls';
 
@@ -120,7 +121,7 @@ export class ForwardView {
       if (place.ahead < eye.near) return null;
       return {
         distance: Math.hypot(place.ahead, place.left),
-        draw: (context: CanvasRenderingContext2D) => drawCube(context, eye, place, 0.26 * length),
+        draw: (context: CanvasRenderingContext2D) => drawCube(context, eye, place, 0.32 * length),
       };
     });
   }
@@ -131,7 +132,7 @@ export class ForwardView {
     return frame.hazards.map((hazard) => {
       const place = eye.place(hazard.x, hazard.y, 0.25 * length);
       if (place.ahead < eye.near) return null;
-      const sign = { text: '!', colour: '#ffb000', ink: '#1b1200', size: 0.2 * length };
+      const sign = { text: '!', colour: '#ffb000', ink: '#1b1200', size: 0.24 * length };
       return {
         distance: Math.hypot(place.ahead, place.left),
         draw: (context: CanvasRenderingContext2D) => drawLabel(context, eye, place, sign),
@@ -141,29 +142,11 @@ export class ForwardView {
 }
 
 // Nearer than this a cube would hide the road [pixels].
-const MOST_CUBE = 110;
+const MOST_CUBE = 130;
+const CUBE: Sign = { text: '?', colour: '#8b5cf6', ink: '#ffffff', isCube: true };
 
-function drawCube(
-  context: CanvasRenderingContext2D,
-  eye: Eye,
-  place: { ahead: number; left: number; up: number },
-  size: number,
-): void {
+function drawCube(context: CanvasRenderingContext2D, eye: Eye, place: Place, size: number): void {
   const { x, y } = eye.project(place);
   const side = Math.min(size * eye.scaleAt(place.ahead), MOST_CUBE);
-  context.save();
-  context.translate(x, y - 0.5 * side);
-  context.rotate(Math.PI / 4);
-  context.fillStyle = '#8b5cf6';
-  context.fillRect(-0.4 * side, -0.4 * side, 0.8 * side, 0.8 * side);
-  context.lineWidth = Math.max(0.06 * side, 1);
-  context.strokeStyle = '#efe6ff';
-  context.strokeRect(-0.4 * side, -0.4 * side, 0.8 * side, 0.8 * side);
-  context.rotate(-Math.PI / 4);
-  context.font = `800 ${(0.62 * side).toFixed(1)}px system-ui, sans-serif`;
-  context.textAlign = 'center';
-  context.textBaseline = 'middle';
-  context.fillStyle = '#ffffff';
-  context.fillText('?', 0, 0.03 * side);
-  context.restore();
+  drawSign(context, CUBE, x, y - 0.5 * side, side);
 }

@@ -6,6 +6,7 @@ import type { KartFrame } from '../wire/frames';
 import { type Eye, type Place, fillShape } from './eye';
 import { middleOf } from './karts';
 import { liveryOf } from './palette';
+import { type Sign, drawSign } from './signs';
 
 export interface Solid {
   distance: number; // [m] ahead, by which solids are sorted
@@ -24,17 +25,14 @@ export interface Body {
   colour: string;
 }
 
-export interface Label {
-  text: string;
-  colour: string;
-  ink: string;
+export interface Label extends Sign {
   size: number; // [m]
 }
 
 const CABIN_COLOUR = '#20262e';
 // A sign is readable far away, and hides nothing when it is near [pixels].
-const LEAST_SIGN = 15;
-const MOST_SIGN = 44;
+const LEAST_SIGN = 19;
+const MOST_SIGN = 56;
 
 /** Returns a kart as a solid: a low body, and who sits in it. */
 export function kartSolid(kart: KartFrame, size: KartBody, eye: Eye): Solid | null {
@@ -52,7 +50,7 @@ export function kartSolid(kart: KartFrame, size: KartBody, eye: Eye): Solid | nu
     base: body.top,
     top: 0.72 * width,
   };
-  return solidOf([body, cabin], eye, { text: String(seat), colour, ink, size: 0.5 * width });
+  return solidOf([body, cabin], eye, { text: String(seat), colour, ink, size: 0.6 * width });
 }
 
 /** Returns boxes that stand on one another as a solid, with a sign above them where one is given. */
@@ -90,7 +88,7 @@ function drawBox(context: CanvasRenderingContext2D, body: Body, eye: Eye): void 
   context.stroke();
 }
 
-/** Draws a round sign. */
+/** Draws a sign above a place. */
 export function drawLabel(
   context: CanvasRenderingContext2D,
   eye: Eye,
@@ -99,18 +97,7 @@ export function drawLabel(
 ): void {
   const { x, y } = eye.project(at);
   const size = Math.min(Math.max(label.size * eye.scaleAt(at.ahead), LEAST_SIGN), MOST_SIGN);
-  context.beginPath();
-  context.arc(x, y - 0.6 * size, 0.62 * size, 0, 2 * Math.PI);
-  context.fillStyle = label.colour;
-  context.fill();
-  context.lineWidth = 2;
-  context.strokeStyle = 'rgb(0 0 0 / 70%)';
-  context.stroke();
-  context.font = `800 ${(0.8 * size).toFixed(0)}px system-ui, sans-serif`;
-  context.textAlign = 'center';
-  context.textBaseline = 'middle';
-  context.fillStyle = label.ink;
-  context.fillText(label.text, x, y - 0.57 * size);
+  drawSign(context, label, x, y - 0.5 * size, size);
 }
 
 function cornersOf({ x, y, heading, length, width }: Body): Point[] {
