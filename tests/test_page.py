@@ -166,6 +166,13 @@ def test_nobody_drives_while_the_page_is_not_in_front(driving: Page) -> None:
     note.wait_for(state="hidden")
 
 
+def test_a_page_that_is_loaded_again_has_its_seat_back(driving: Page) -> None:
+    assert "token" not in driving.url  # nobody reads it over the driver's shoulder
+    driving.reload()
+    driving.get_by_test_id("speed").wait_for()
+    drive_by_keys(driving, lambda: karts(driving)[OWN]["speed"] > 1.0, timeout_s=30.0)
+
+
 def test_eight_karts_move(watching: Page, driving: Page) -> None:
     before = karts(watching)
     assert len(before) == KARTS
