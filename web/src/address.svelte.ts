@@ -1,0 +1,90 @@
+// What the address asks for, behind its #: a view, and tokens, which never leave the browser that way.
+
+import type { Hello, Role } from './wire/protocol';
+
+export type View = 'watch' | 'drive' | 'steward' | 'replay';
+
+export interface Place {
+  view: View;
+  recording: string; // '' for the list of them
+  showsStats: boolean;
+}
+
+const ROLE_VIEWS: Record<Role, View> = { spectate: 'watch', drive: 'drive', steward: 'steward' };
+const VIEW_ROLES: Record<View, Role> = {
+  watch: 'spectate',
+  drive: 'drive',
+  steward: 'steward',
+  replay: 'spectate',
+};
+let place = $state.raw<Place>(take());
+
+addEventListener('hashchange', () => (place = take()));
+
+export function currentPlace(): Place {
+  return place;
+}
+
+export function goTo(view: View, recording = ''): void {
+  const stats = place.showsStats ? '&stats=1' : '';
+  location.hash = (view === 'replay' ? `replay=${encodeURIComponent(recording)}` : view) + stats;
+}
+
+export function roleOf(view: View): Role {
+  return VIEW_ROLES[view];
+}
+
+export function tokenFor(role: Role): string {
+  return sessionStorage.getItem(`race.token.${role}`) ?? '';
+}
+
+export function keepToken(role: Role, token: string): void {
+  sessionStorage.setItem(`race.token.${role}`, token);
+}
+
+/** Keeps what a driver asked for, so that a page that is loaded again has its seat. */
+export function keepHello(hello: Hello | null): void {
+  if (hello) sessionStorage.setItem('race.seat', JSON.stringify(hello));
+  else sessionStorage.removeItem('race.seat');
+}
+
+export function keptHello(): Hello | null {
+  const kept = sessionStorage.getItem('race.seat');
+  return kept ? (JSON.parse(kept) as Hello) : null;
+}
+
+/** Reads the address, keeps a token that it holds and takes it out, so that nobody reads it there. */
+function take(): Place {
+  const asked = parse(location.hash);
+  if (asked.token) {
+    keepToken(asked.role, asked.token);
+    const stats = asked.place.showsStats ? '&stats=1' : '';
+    history.replaceState(null, '', `#${asked.place.view}${stats}`);
+  }
+  return asked.place;
+}
+
+interface Asked {
+  place: Place;
+  role: Role;
+  token: string;
+}
+
+/** Returns what the part of an address behind # asks for. */
+export function parse(hash: string): Asked {
+  const parts = new URLSearchParams(hash.replace(/^#/, ''));
+  const wanted = parts.get('role');
+  const role: Role | null =
+    wanted === 'drive' || wanted === 'steward' || wanted === 'spectate' ? wanted : null;
+  const named = (['watch', 'drive', 'steward'] as const).find((view) => parts.has(view));
+  const view = parts.has('replay') ? 'replay' : (named ?? (role ? ROLE_VIEWS[role] : 'watch'));
+  return {
+    place: {
+      view,
+      recording: parts.get('replay') ?? '',
+      showsStats: parts.get('stats') === '1',
+    },
+    role: role ?? VIEW_ROLES[view],
+    token: parts.get('token') ?? '',
+  };
+}

@@ -1,0 +1,143 @@
+// Karts on the map: to scale as long as that can be seen, never smaller than their number.
+
+import type { KartBody } from '../race/race.svelte';
+import type { KartFrame } from '../wire/frames';
+import { KartFlag, Status } from '../wire/codes';
+import type { Point } from '../race/course';
+import type { Camera } from './camera';
+import { type MapColours, liveryOf } from './palette';
+
+/** Length of a kart on the picture below which it is drawn larger than it is [pixels]. */
+const LEAST_PIXELS = 26;
+const TAU = 2 * Math.PI;
+
+export interface KartStyle {
+  body: KartBody;
+  camera: Camera;
+  ratio: number; // pixels of the canvas in one of the picture
+  colours: MapColours;
+  followed: number; // seat, -1 for none
+  names: ReadonlyMap<number, string>; // empty where none are wanted
+}
+
+/** Draws karts, those in front last so that they lie on top. */
+export function drawKarts(
+  context: CanvasRenderingContext2D,
+  karts: readonly KartFrame[],
+  style: KartStyle,
+): void {
+  const order = [...karts].sort((one, other) => other.rank - one.rank);
+  for (const kart of order) {
+    if (kart.status !== Status.absent) drawKart(context, kart, style);
+  }
+}
+
+function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: KartStyle): void {
+  const { camera, ratio, body } = style;
+  const place = camera.toPicture(middleOf(kart, body.ahead));
+  const length = Math.max(body.length * camera.scale, LEAST_PIXELS);
+  const width = length > LEAST_PIXELS ? body.width * camera.scale : 0.56 * length;
+  const isOut = kart.status === Status.retired || (kart.flags & KartFlag.parked) !== 0;
+  context.setTransform(ratio, 0, 0, ratio, place.x * ratio, place.y * ratio);
+  context.globalAlpha = isOut ? 0.4 : 1;
+  drawRings(context, kart, style, length);
+  context.rotate(-kart.heading);
+  drawBody(context, kart.seat, length, width, style.colours);
+  context.rotate(kart.heading);
+  drawNumber(context, kart.seat, Math.max(0.62 * width, 10));
+  const name = style.names.get(kart.seat);
+  if (name) drawName(context, name, 0.5 * length + 4, style.colours);
+  context.globalAlpha = 1;
+}
+
+/** Returns the middle of a kart's body; its place is its centre of gravity. */
+export function middleOf(kart: KartFrame, ahead: number): Point {
+  return {
+    x: kart.x + ahead * Math.cos(kart.heading),
+    y: kart.y + ahead * Math.sin(kart.heading),
+  };
+}
+
+function drawBody(
+  context: CanvasRenderingContext2D,
+  seat: number,
+  length: number,
+  width: number,
+  colours: MapColours,
+): void {
+  const livery = liveryOf(seat);
+  const [back, side, nose] = [-0.5 * length, 0.5 * width, 0.5 * length];
+  context.beginPath();
+  context.moveTo(back, -side);
+  context.lineTo(0.2 * length, -side);
+  context.lineTo(nose, -0.35 * side);
+  context.lineTo(nose, 0.35 * side);
+  context.lineTo(0.2 * length, side);
+  context.lineTo(back, side);
+  context.closePath();
+  context.fillStyle = livery.colour;
+  context.fill();
+  if (livery.hasStripe) {
+    context.fillStyle = livery.ink;
+    context.fillRect(back, -side, 0.14 * length, width);
+    context.fillRect(0.24 * length, -0.8 * side, 0.08 * length, 1.6 * side);
+  }
+  context.lineWidth = 1.5;
+  context.strokeStyle = colours.halo;
+  context.stroke();
+}
+
+function drawNumber(context: CanvasRenderingContext2D, seat: number, size: number): void {
+  context.font = `700 ${size.toFixed(0)}px system-ui, sans-serif`;
+  context.textAlign = 'center';
+  context.textBaseline = 'middle';
+  context.fillStyle = liveryOf(seat).ink;
+  context.fillText(String(seat), 0, 0.5);
+}
+
+/** Rings tell what acts on a kart: they differ in stroke, not only in colour. */
+function drawRings(
+  context: CanvasRenderingContext2D,
+  kart: KartFrame,
+  style: KartStyle,
+  length: number,
+): void {
+  const radius = 0.62 * length;
+  if (kart.seat === style.followed) ring(context, radius + 7, style.colours.ink, 2, []);
+  if (kart.flags & KartFlag.immune) ring(context, radius, '#7fd4ff', 3, []);
+  if (kart.effects > 0) ring(context, radius + 3, '#ffb347', 3, [3, 4]);
+  if (kart.flags & KartFlag.doubtful) ring(context, radius, '#ffe066', 2, [1, 5]);
+  if (kart.flags & KartFlag.wrongWay) ring(context, radius + 3, '#ff5a4d', 3, [8, 4]);
+}
+
+function ring(
+  context: CanvasRenderingContext2D,
+  radius: number,
+  colour: string,
+  width: number,
+  dashes: number[],
+): void {
+  context.beginPath();
+  context.arc(0, 0, radius, 0, TAU);
+  context.setLineDash(dashes);
+  context.lineWidth = width;
+  context.strokeStyle = colour;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function drawName(
+  context: CanvasRenderingContext2D,
+  name: string,
+  below: number,
+  colours: MapColours,
+): void {
+  context.font = '600 12px system-ui, sans-serif';
+  context.textBaseline = 'top';
+  context.lineWidth = 3;
+  context.lineJoin = 'round';
+  context.strokeStyle = colours.halo;
+  context.strokeText(name, 0, below);
+  context.fillStyle = colours.ink;
+  context.fillText(name, 0, below);
+}

@@ -1,0 +1,58 @@
+// What tests read of the page at window.__race, where the address says #stats=1.
+
+import type { Course } from '../race/course';
+import type { Visit } from '../race/visit.svelte';
+import type { KartFrame } from '../wire/frames';
+import type { Meter, Share } from './meter';
+
+export interface Stats {
+  readonly frame_ms: Share; // that drawing took
+  readonly interval_ms: Share; // from one picture to the next
+  readonly delay_ms: Share; // from a tick of the server to its picture
+  readonly frames: number;
+  readonly tick: number;
+  readonly phase: number;
+  readonly karts: readonly KartFrame[];
+  /** The points of the centre line. */
+  way(): [number, number][];
+}
+
+declare global {
+  interface Window {
+    __race?: Stats;
+  }
+}
+
+/** Lets a visit be read; everything is worked out when it is asked for. */
+export function publishStats(visit: Visit, meter: Meter): void {
+  const { race } = visit;
+  window.__race = {
+    get frame_ms() {
+      return meter.frameMs;
+    },
+    get interval_ms() {
+      return meter.intervalMs;
+    },
+    get delay_ms() {
+      return meter.delayMs;
+    },
+    get frames() {
+      return meter.frameCount;
+    },
+    get tick() {
+      return race.buffer.newest?.tick ?? -1;
+    },
+    get phase() {
+      return race.buffer.newest?.phase ?? 0;
+    },
+    get karts() {
+      return race.buffer.newest?.karts ?? [];
+    },
+    way: () => wayOf(race.course),
+  };
+}
+
+function wayOf(course: Course | null): [number, number][] {
+  if (!course) return [];
+  return Array.from({ length: course.samples }, (_, i) => [course.x(i), course.y(i)]);
+}

@@ -1,0 +1,88 @@
+// A seat that is driven from this page: reads the hands and sends what they do.
+
+import { encodeControl } from '../wire/encode';
+import { Response } from '../race/response';
+import type { Visit } from '../race/visit.svelte';
+import { Pad } from './gamepad';
+import { type Grip, Hands } from './hands';
+import { Keyboard } from './keyboard';
+import { Touch } from './touch';
+import { NEUTRAL, tyreLock } from './wheel';
+
+const SEND_MS = 1000 / 40;
+
+export class DrivenSeat {
+  grip = $state.raw<Grip>({ device: 'none', wheel: NEUTRAL, isHeld: false });
+  responseMs = $state(NaN);
+  readonly touch = new Touch();
+  private readonly keyboard = new Keyboard((speed) =>
+    tyreLock(this.visit.race.briefing?.numbers ?? new Map(), speed),
+  );
+  private readonly response = new Response();
+  private readonly hands = new Hands([this.keyboard, new Pad(), this.touch]);
+  private readonly ending = new AbortController();
+  private sequence = 0;
+  private timer = 0;
+
+  constructor(
+    private readonly visit: Visit,
+    readonly number: number,
+  ) {
+    const { signal } = this.ending;
+    addEventListener('keydown', (event) => this.takeKey(event, true), { signal });
+    addEventListener('keyup', (event) => this.takeKey(event, false), { signal });
+    addEventListener('blur', () => this.leave(), { signal });
+    addEventListener('focus', () => this.hands.comeBack(), { signal });
+    addEventListener('pointerdown', () => this.hands.comeBack(), { signal });
+    const onVisible = () => (document.hidden ? this.leave() : this.hands.comeBack());
+    document.addEventListener('visibilitychange', onVisible, { signal });
+    this.timer = window.setInterval(() => this.drive(), SEND_MS);
+  }
+
+  close(): void {
+    clearInterval(this.timer);
+    this.ending.abort();
+  }
+
+  private takeKey(event: KeyboardEvent, isDown: boolean): void {
+    const isTyping = event.target instanceof Element && event.target.closest('input, select');
+    const isPressing = event.target instanceof HTMLButtonElement && isButtonKey(event.code);
+    if (isTyping || isPressing || event.ctrlKey || event.metaKey || event.altKey) return;
+    this.hands.comeBack();
+    if (this.keyboard.take(event.code, isDown, performance.now())) event.preventDefault();
+  }
+
+  private leave(): void {
+    this.hands.leave(performance.now());
+    this.drive();
+  }
+
+  private drive(): void {
+    const now = performance.now();
+    const own = this.visit.race.kart(this.number);
+    const wasHeld = this.grip.isHeld;
+    this.grip = this.hands.read(now, own?.speed ?? 0);
+    if (own) {
+      this.response.noteAcknowledged(own.acknowledged, now);
+      this.responseMs = this.response.ms;
+    }
+    // Once more when the hands have left, so that the kart coasts at once.
+    if (this.grip.isHeld || wasHeld) this.send(now);
+  }
+
+  private send(now: number): void {
+    const frame = this.visit.race.buffer.newest;
+    if (!frame) return;
+    const { epoch, tick } = frame;
+    // A page that was loaded again counts on from where the server is.
+    const taken = this.visit.race.kart(this.number)?.acknowledged ?? 0;
+    const told = this.visit.welcome?.sequence ?? 0;
+    const sequence = (this.sequence = Math.max(this.sequence, taken, told) + 1);
+    const bytes = encodeControl({ epoch, tick, sequence, ...this.grip.wheel });
+    if (this.visit.sendBytes(bytes)) this.response.noteSent(sequence, now);
+  }
+}
+
+function isButtonKey(code: string): boolean {
+  return code === 'Space' || code === 'Enter';
+}

@@ -1,0 +1,156 @@
+// Snapshots on their way to the display: drawn a stated delay after they were made, in between
+// interpolated, so that an uneven network does not shake the karts.
+
+import type { KartFrame, SnapshotFrame } from '../wire/frames';
+
+export const WATCH_DELAY_MS = 100;
+export const DRIVE_DELAY_MS = 35;
+const MOST_FRAMES = 90;
+// Over so long the least delayed snapshot says how fast the network can be.
+const WINDOW_MS = 2000;
+// Beyond the newest snapshot karts go straight on for at most so long.
+const FORWARD_MS = 100;
+// The playhead follows a network that has changed over about so long.
+const SLEW_MS = 400;
+const JUMP_MS = 300;
+
+interface Lead {
+  atMs: number;
+  leadMs: number;
+}
+
+export class SnapshotBuffer {
+  delayMs = WATCH_DELAY_MS;
+  newest: SnapshotFrame | null = null;
+  newestAtMs = 0;
+  private frames: SnapshotFrame[] = [];
+  private leads: Lead[] = [];
+  private shiftMs: number | null = null;
+  private shownMs = 0;
+  private rate = 1;
+
+  constructor(private readonly isRecording = false) {}
+
+  /** How fast the snapshots' time passes, 0 for a recording that stands. */
+  setRate(rate: number): void {
+    if (rate === this.rate) return;
+    this.rate = rate;
+    this.restart();
+  }
+
+  clear(): void {
+    this.frames = [];
+    this.newest = null;
+    this.restart();
+  }
+
+  push(frame: SnapshotFrame, arrivedMs: number): void {
+    const stamp = this.stampOf(frame);
+    if (this.newest) {
+      const step = stamp - this.stampOf(this.newest);
+      if (frame.epoch !== this.newest.epoch || step < 0 || step > WINDOW_MS) this.clear();
+      else if (step === 0) this.frames.pop();
+    }
+    this.frames.push(frame);
+    if (this.frames.length > MOST_FRAMES) this.frames.shift();
+    this.newest = frame;
+    this.newestAtMs = arrivedMs;
+    this.leads.push({ atMs: arrivedMs, leadMs: stamp - this.rate * arrivedMs });
+    while (this.leads[0]!.atMs < arrivedMs - WINDOW_MS) this.leads.shift();
+  }
+
+  /** Returns the time of snapshots that is to be drawn now [ms]; see `stampOf`. */
+  playheadMs(nowMs: number): number {
+    if (!this.newest) return 0;
+    if (this.rate === 0) return this.stampOf(this.newest);
+    const lead = Math.max(...this.leads.map((sample) => sample.leadMs));
+    const wanted = lead - this.delayMs * this.rate;
+    if (this.shiftMs === null || Math.abs(wanted - this.shiftMs) > JUMP_MS * this.rate) {
+      this.shiftMs = wanted;
+    } else {
+      this.shiftMs += (wanted - this.shiftMs) * Math.min((nowMs - this.shownMs) / SLEW_MS, 1);
+    }
+    this.shownMs = nowMs;
+    return this.rate * nowMs + this.shiftMs;
+  }
+
+  /** Returns what is to be drawn now: the newest snapshot, its karts where they are by then. */
+  sample(nowMs: number): SnapshotFrame | null {
+    const last = this.frames.length - 1;
+    if (last < 0) return null;
+    const playhead = this.playheadMs(nowMs);
+    let after = last;
+    while (after > 0 && this.stampOf(this.frames[after - 1]!) >= playhead) after--;
+    const late = this.frames[after]!;
+    const early = this.frames[Math.max(after - 1, 0)]!;
+    const from = this.stampOf(early);
+    const to = this.stampOf(late);
+    if (playhead > to) return forward(late, Math.min(playhead - to, FORWARD_MS) / 1000);
+    const share = to > from ? Math.max((playhead - from) / (to - from), 0) : 1;
+    return between(early, late, share);
+  }
+
+  /** Returns when a snapshot was made [ms]: by the server's clock, or in a recording's own time. */
+  stampOf(frame: SnapshotFrame): number {
+    return this.isRecording ? (frame.tick * 1000) / 60 : frame.serverMs;
+  }
+
+  private restart(): void {
+    this.leads = [];
+    this.shiftMs = null;
+    const newest = this.newest;
+    if (newest) this.leads.push({ atMs: this.newestAtMs, leadMs: this.leadOf(newest) });
+  }
+
+  private leadOf(frame: SnapshotFrame): number {
+    return this.stampOf(frame) - this.rate * this.newestAtMs;
+  }
+}
+
+/** Returns the later of two snapshots, its karts at a share of the way to it. */
+export function between(early: SnapshotFrame, late: SnapshotFrame, share: number): SnapshotFrame {
+  if (early === late || share >= 1) return late;
+  const before = new Map(early.karts.map((kart) => [kart.seat, kart]));
+  const karts = late.karts.map((kart) => {
+    const old = before.get(kart.seat);
+    // A kart that was put elsewhere is not drawn on the way there.
+    const isFar = old && Math.hypot(kart.x - old.x, kart.y - old.y) > 1 + 3 * Math.abs(old.speed);
+    return old && !isFar ? blend(old, kart, share) : kart;
+  });
+  const lights = early.lights + share * (late.lights - early.lights);
+  const tick = early.tick + share * (late.tick - early.tick);
+  return { ...late, karts, lights, tick };
+}
+
+function blend(early: KartFrame, late: KartFrame, share: number): KartFrame {
+  const turn = wrap(late.heading - early.heading);
+  return {
+    ...late,
+    x: early.x + share * (late.x - early.x),
+    y: early.y + share * (late.y - early.y),
+    heading: early.heading + share * turn,
+    speed: early.speed + share * (late.speed - early.speed),
+    steering: early.steering + share * (late.steering - early.steering),
+  };
+}
+
+/** Returns a snapshot whose karts went on for `seconds` as they did. */
+function forward(frame: SnapshotFrame, seconds: number): SnapshotFrame {
+  if (seconds <= 0 || frame.lights > 0) return frame;
+  const karts = frame.karts.map((kart) => {
+    const heading = kart.heading + 0.5 * kart.yawRate * seconds;
+    const step = kart.speed * seconds;
+    return {
+      ...kart,
+      x: kart.x + step * Math.cos(heading),
+      y: kart.y + step * Math.sin(heading),
+      heading: kart.heading + kart.yawRate * seconds,
+    };
+  });
+  return { ...frame, karts };
+}
+
+/** Returns an angle in [-pi, pi). */
+export function wrap(angle: number): number {
+  return angle - 2 * Math.PI * Math.floor((angle + Math.PI) / (2 * Math.PI));
+}

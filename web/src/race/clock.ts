@@ -1,0 +1,38 @@
+// The server's clock, as far as pings tell it.
+
+interface Sample {
+  roundTripMs: number;
+  offsetMs: number;
+}
+
+const SAMPLES = 8;
+
+export class ServerClock {
+  private samples: Sample[] = [];
+
+  /** Takes note of a ping that left and came back at these times of the browser's clock. */
+  note(sentMs: number, receivedMs: number, serverUs: number): void {
+    const offsetMs = serverUs / 1000 - 0.5 * (sentMs + receivedMs);
+    this.samples.push({ roundTripMs: receivedMs - sentMs, offsetMs });
+    if (this.samples.length > SAMPLES) this.samples.shift();
+  }
+
+  get isKnown(): boolean {
+    return this.samples.length > 0;
+  }
+
+  /** The newest round trip [ms]. */
+  get roundTripMs(): number {
+    return this.samples.at(-1)?.roundTripMs ?? 0;
+  }
+
+  /** Returns the server's clock [ms] at a time of the browser's: the quickest ping knows best. */
+  serverMs(nowMs: number): number {
+    const best = this.samples.reduce<Sample | null>(
+      (quickest, sample) =>
+        quickest && quickest.roundTripMs <= sample.roundTripMs ? quickest : sample,
+      null,
+    );
+    return nowMs + (best?.offsetMs ?? 0);
+  }
+}

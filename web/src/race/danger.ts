@@ -1,0 +1,72 @@
+// What a driver has to be warned of.
+
+import type { KartFrame, SnapshotFrame } from '../wire/frames';
+import { Flag, KartFlag, Phase, Status } from '../wire/codes';
+
+export type Alert =
+  'red' | 'wrongWay' | 'link' | 'yellow' | 'stuck' | 'danger' | 'kart' | 'offTrack';
+
+export interface Watch {
+  own: KartFrame;
+  frame: SnapshotFrame;
+  flag: number; // shown to this kart
+  lapLength: number; // [m]
+  kartLength: number; // [m]
+  linkMs: number; // age of what the driver sees
+}
+
+// What comes within so many seconds is ahead of a driver, and within so many lengths in any case.
+const AHEAD_S = 1.6;
+const AHEAD_LENGTHS = 7;
+// A hazard so far to the side is passed [lengths].
+const BESIDE_LENGTHS = 2.5;
+const SLOW_SHARE = 0.4;
+/** Beyond this age one drives by what is no longer so [ms]. */
+export const BAD_LINK_MS = 300;
+
+/** Returns what to show in big signs, the most urgent first. */
+export function alertsFor(watch: Watch): Alert[] {
+  const { own, frame, flag, linkMs } = watch;
+  const alerts: Alert[] = [];
+  if (linkMs > BAD_LINK_MS) alerts.push('link');
+  if (frame.phase !== Phase.running || own.status !== Status.racing) return alerts;
+  if (flag === Flag.red) alerts.push('red');
+  if (own.flags & KartFlag.wrongWay) alerts.push('wrongWay');
+  if (flag === Flag.yellow) alerts.push('yellow');
+  if (own.flags & KartFlag.rescueOffered) alerts.push('stuck');
+  if (frame.lights <= 0 && hasHazard(watch)) alerts.push('danger');
+  if (frame.lights <= 0 && hasSlowKart(watch)) alerts.push('kart');
+  if (own.flags & KartFlag.offTrack) alerts.push('offTrack');
+  return alerts;
+}
+
+function reachOf({ own, kartLength }: Watch): number {
+  return Math.max(AHEAD_S * Math.abs(own.speed), AHEAD_LENGTHS * kartLength);
+}
+
+function hasHazard(watch: Watch): boolean {
+  const { own, frame, kartLength } = watch;
+  const reach = reachOf(watch);
+  return frame.hazards.some(({ x, y, radius }) => {
+    const [ahead, left] = aheadOf(own, x, y);
+    return ahead > 0 && ahead < reach && Math.abs(left) < BESIDE_LENGTHS * kartLength + radius;
+  });
+}
+
+function hasSlowKart(watch: Watch): boolean {
+  const { own, frame, lapLength, kartLength } = watch;
+  const reach = reachOf(watch);
+  return frame.karts.some((kart) => {
+    if (kart.seat === own.seat || kart.status === Status.absent) return false;
+    const gap = (((kart.progress - own.progress) % lapLength) + lapLength) % lapLength;
+    const isSlow = kart.speed < SLOW_SHARE * own.speed && own.speed > 2 * kartLength;
+    return isSlow && gap > 0.5 * kartLength && gap < reach;
+  });
+}
+
+/** Returns how far ahead and to the left of a kart a point lies [m]. */
+function aheadOf(own: KartFrame, x: number, y: number): [number, number] {
+  const [east, north] = [x - own.x, y - own.y];
+  const [cos, sin] = [Math.cos(own.heading), Math.sin(own.heading)];
+  return [east * cos + north * sin, north * cos - east * sin];
+}

@@ -1,0 +1,36 @@
+// The steward's decisions on their way: each has a number, and its answer carries it back.
+
+import type { Visit } from './visit.svelte';
+
+export interface Answer {
+  what: string; // in words
+  accepted: boolean;
+  reason: string;
+}
+
+export class Desk {
+  private asked = $state.raw<readonly { id: number; what: string }[]>([]);
+  private next = 1;
+
+  constructor(private readonly visit: Visit) {}
+
+  /** The newest decision that was answered. */
+  get answer(): Answer | null {
+    for (const { id, what } of [...this.asked].reverse()) {
+      const acted = this.visit.acted.get(id);
+      if (acted) return { what, accepted: acted.accepted, reason: acted.reason };
+    }
+    return null;
+  }
+
+  act(act: string, what: string, seat = -1, value = 0): void {
+    const id = this.next++;
+    this.asked = [...this.asked.slice(-20), { id, what }];
+    this.visit.send({ type: 'act', act, seat, value, id });
+    this.askForLog();
+  }
+
+  askForLog(): void {
+    this.visit.send({ type: 'log' });
+  }
+}

@@ -1,0 +1,231 @@
+// One race as the page knows it: what came is kept here, and views read it. What changes with every
+// snapshot is plain data for the drawing loop; what people read is reactive and changes slowly.
+
+import type {
+  BriefingFrame,
+  EventFrame,
+  EventsFrame,
+  Frame,
+  HudFrame,
+  KartFrame,
+  RaysFrame,
+  RulesFrame,
+  SnapshotFrame,
+  StandingsFrame,
+} from '../wire/frames';
+import { Flag, Phase, TICKS_PER_SECOND } from '../wire/codes';
+import { SnapshotBuffer } from './buffer';
+import { Course } from './course';
+import { InputAges } from './ages';
+import { type LapTrace, ReferenceLine, referenceTrace } from './line';
+import { BINS, Pace } from './pace';
+import { Sectors } from './sectors';
+import { type Row, tableOf } from './table';
+import { Trails } from './trails';
+
+// What people read is renewed so often [ms].
+const READ_MS = 250;
+const MOST_EVENTS = 400;
+// So long after the lights karts count as still being on the grid side of the timing line [ticks].
+const EARLY_TICKS = 5 * TICKS_PER_SECOND;
+
+export interface KartBody {
+  length: number; // [m]
+  width: number; // [m]
+  ahead: number; // [m] from the centre of gravity forward to the middle
+}
+
+// Of the 1/10 car, where nothing is told.
+const SMALL_BODY: KartBody = { length: 0.45, width: 0.19, ahead: 0 };
+
+export interface Headline {
+  phase: number;
+  flag: number;
+  lights: number;
+  tick: number;
+  lap: number; // of the leader, from 1
+}
+
+export class Race {
+  course = $state.raw<Course | null>(null);
+  line = $state.raw<ReferenceLine | null>(null);
+  reference = $state.raw<LapTrace | null>(null);
+  rules = $state.raw<RulesFrame | null>(null);
+  standings = $state.raw<StandingsFrame | null>(null);
+  events = $state.raw<readonly EventFrame[]>([]);
+  rows = $state.raw<readonly Row[]>([]);
+  headline = $state.raw<Headline | null>(null);
+  hud = $state.raw<HudFrame | null>(null);
+  briefing = $state.raw<BriefingFrame | null>(null);
+
+  readonly buffer: SnapshotBuffer;
+  readonly trails = new Trails();
+  paces = new Map<number, Pace>();
+  rays: RaysFrame | null = null;
+  private sectors = new Sectors();
+  private ages = new InputAges();
+  private epoch = -1; // of the snapshots
+  private told = -1; // epoch of the events
+  private readMs = -Infinity;
+  private seen = new Set<number>();
+
+  constructor(private readonly isRecording = false) {
+    this.buffer = new SnapshotBuffer(isRecording);
+  }
+
+  take(frame: Frame, arrivedMs: number): void {
+    switch (frame.kind) {
+      case 'snapshot':
+        return this.takeSnapshot(frame, arrivedMs);
+      case 'standings':
+        return this.takeStandings(frame);
+      case 'events':
+        return this.takeEvents(frame);
+      case 'course':
+        this.course = new Course(frame);
+        return this.forget();
+      case 'rules':
+        this.rules = frame;
+        return;
+      case 'line':
+        this.line = frame.x.length ? new ReferenceLine(frame) : null;
+        return this.measureReference();
+      case 'rays':
+        this.rays = frame;
+        return;
+      case 'links':
+        return this.ages.take(frame);
+      case 'hud':
+        this.hud = frame;
+        return;
+      case 'briefing':
+        this.briefing = frame;
+    }
+  }
+
+  /** The body of a kart. */
+  get body(): KartBody {
+    const frame = this.course?.frame;
+    if (!frame?.kartLength) return SMALL_BODY;
+    return { length: frame.kartLength, width: frame.kartWidth, ahead: frame.kartAhead };
+  }
+
+  get items(): readonly string[] {
+    return this.rules?.items ?? this.briefing?.items ?? [];
+  }
+
+  driver(seat: number): string {
+    return this.standings?.rows.find((row) => row.seat === seat)?.driver ?? '';
+  }
+
+  kart(seat: number): KartFrame | null {
+    return this.buffer.newest?.karts.find((kart) => kart.seat === seat) ?? null;
+  }
+
+  /** Forgets what was driven, for another race or another place in a recording. */
+  forget(): void {
+    this.forgetDriving();
+    this.forgetEvents();
+    this.measureReference();
+  }
+
+  /** What comes next replaces all that was known, as after a leap through a recording. */
+  startOver(): void {
+    this.buffer.clear();
+    this.forget();
+    this.epoch = -1;
+    this.readMs = -Infinity;
+  }
+
+  private forgetDriving(): void {
+    this.paces = new Map();
+    this.ages = new InputAges();
+    this.trails.clear();
+    this.rays = null;
+  }
+
+  private forgetEvents(): void {
+    this.sectors = new Sectors();
+    this.events = [];
+    this.seen = new Set();
+  }
+
+  private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {
+    const last = this.buffer.newest;
+    const isBack = last !== null && frame.tick < last.tick - 1;
+    if (frame.epoch !== this.epoch || isBack) {
+      if (this.epoch >= 0) this.forgetDriving();
+      this.epoch = frame.epoch;
+    }
+    this.buffer.push(frame, arrivedMs);
+    this.trails.note(frame);
+    this.ages.note(frame, arrivedMs);
+    this.notePaces(frame);
+    if (arrivedMs - this.readMs > READ_MS || frame.flag !== this.headline?.flag) {
+      this.read(frame, arrivedMs);
+    }
+  }
+
+  private notePaces(frame: SnapshotFrame): void {
+    if (!this.course || frame.phase === Phase.lobby) return;
+    const start = this.standings?.startTick ?? 0;
+    const isEarly = frame.lights > 0 || frame.tick < start + EARLY_TICKS;
+    for (const kart of frame.karts) {
+      let pace = this.paces.get(kart.seat);
+      if (!pace) {
+        pace = new Pace(this.course.length);
+        this.paces.set(kart.seat, pace);
+      }
+      pace.note(kart, frame.tick, isEarly);
+    }
+  }
+
+  private takeStandings(frame: StandingsFrame): void {
+    this.standings = frame;
+    if (!this.buffer.newest) {
+      const { phase, flag, tick } = frame;
+      this.headline = { phase, flag, tick, lights: 0, lap: 0 };
+      this.makeRows(null, 0); // a lobby: there is nothing on the track yet
+    }
+  }
+
+  private takeEvents(frame: EventsFrame): void {
+    if (frame.epoch !== this.told) {
+      this.forgetEvents();
+      this.told = frame.epoch;
+    }
+    const fresh = frame.events.filter((event) => !this.seen.has(event.sequence));
+    if (!fresh.length) return;
+    for (const event of fresh) {
+      this.seen.add(event.sequence);
+      this.sectors.note(event);
+    }
+    const all = [...this.events, ...fresh].sort((one, other) => one.sequence - other.sequence);
+    this.events = all.slice(-MOST_EVENTS);
+  }
+
+  private read(frame: SnapshotFrame, nowMs: number): void {
+    this.readMs = nowMs;
+    const first = Math.max(0, ...frame.karts.map((kart) => kart.laps));
+    const { phase, flag, lights, tick } = frame;
+    this.headline = { phase, flag, lights, tick, lap: frame.phase === Phase.lobby ? 0 : first + 1 };
+    this.makeRows(frame, nowMs);
+  }
+
+  private makeRows(snapshot: SnapshotFrame | null, nowMs: number): void {
+    const { standings, paces, sectors } = this;
+    if (!standings) return;
+    const ages = this.isRecording ? new Map<number, number>() : this.ages.at(nowMs);
+    this.rows = tableOf({ snapshot, standings, paces, sectors, ages });
+  }
+
+  private measureReference(): void {
+    const { line, course } = this;
+    this.reference = line && course ? referenceTrace(line, course, BINS) : null;
+  }
+}
+
+/** Returns whether somebody has to be warned by a flag. */
+export function isCaution(flag: number): boolean {
+  return flag !== Flag.green;
+}

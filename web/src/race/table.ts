@@ -1,0 +1,97 @@
+// The rows of the leaderboard, from what the server tells and what was seen on the track.
+
+import type { SnapshotFrame, StandingsFrame } from '../wire/frames';
+import { Status, TICKS_PER_SECOND } from '../wire/codes';
+import { type Pace, gapBetween } from './pace';
+import type { SectorTime, Sectors } from './sectors';
+
+export interface Row {
+  seat: number;
+  driver: string;
+  place: number;
+  laps: number;
+  status: number;
+  gapS: number; // to the leader, NaN where it is not known, 0 for the leader
+  lapsBehind: number; // whole laps behind the leader
+  intervalS: number; // to the kart one place ahead
+  lastUs: number;
+  bestUs: number;
+  isBest: boolean; // the fastest lap of all
+  sectors: readonly (SectorTime | undefined)[];
+  item: number;
+  penalties: number;
+  penaltyUs: number;
+  raceUs: number; // 0 until the finish
+  flags: number;
+  ageMs: number; // of its newest input, NaN where it is not known
+}
+
+export interface Sources {
+  snapshot: SnapshotFrame | null;
+  standings: StandingsFrame;
+  paces: ReadonlyMap<number, Pace>;
+  sectors: Sectors;
+  ages: ReadonlyMap<number, number>;
+}
+
+/** Returns the leaderboard, best placed first. */
+export function tableOf(sources: Sources): Row[] {
+  const { snapshot, standings, paces, sectors, ages } = sources;
+  const karts = new Map(snapshot?.karts.map((kart) => [kart.seat, kart]));
+  const best = Math.min(...standings.rows.map((row) => row.bestLapUs || Infinity));
+  const rows = standings.rows.map((row): Row => {
+    const kart = karts.get(row.seat);
+    return {
+      seat: row.seat,
+      driver: row.driver,
+      place: kart?.rank ?? row.rank,
+      laps: kart?.laps ?? row.laps,
+      status: kart?.status ?? row.status,
+      gapS: NaN,
+      lapsBehind: 0,
+      intervalS: NaN,
+      lastUs: row.lastLapUs,
+      bestUs: row.bestLapUs,
+      isBest: row.bestLapUs > 0 && row.bestLapUs === best,
+      sectors: sectors.of(row.seat),
+      item: kart?.item ?? 0,
+      penalties: row.penalties,
+      penaltyUs: row.penaltyUs,
+      raceUs: row.raceTimeUs,
+      flags: kart?.flags ?? 0,
+      ageMs: ages.get(row.seat) ?? NaN,
+    };
+  });
+  rows.sort((one, other) => one.place - other.place || one.seat - other.seat);
+  addGaps(rows, paces, snapshot?.tick ?? standings.tick);
+  return rows;
+}
+
+function addGaps(rows: Row[], paces: ReadonlyMap<number, Pace>, tick: number): void {
+  const leader = rows[0];
+  for (const [index, row] of rows.entries()) {
+    const ahead = rows[index - 1];
+    if (!leader || !ahead) {
+      row.gapS = 0;
+      continue;
+    }
+    row.gapS = timeBehind(leader, row, paces, tick);
+    row.intervalS = timeBehind(ahead, row, paces, tick);
+    const first = paces.get(leader.seat);
+    const own = paces.get(row.seat);
+    if (first && own && row.status === Status.racing) row.lapsBehind = lapsBetween(first, own);
+  }
+}
+
+function timeBehind(ahead: Row, row: Row, paces: ReadonlyMap<number, Pace>, tick: number): number {
+  if (ahead.raceUs && row.raceUs) return (row.raceUs - ahead.raceUs) / 1e6;
+  const first = paces.get(ahead.seat);
+  const own = paces.get(row.seat);
+  if (!first || !own || row.status !== Status.racing) return NaN;
+  const gap = gapBetween(first, own, tick);
+  return gap >= -1 / TICKS_PER_SECOND ? Math.max(gap, 0) : NaN;
+}
+
+function lapsBetween(leader: Pace, own: Pace): number {
+  return Math.max(Math.floor(leader.lapsOf(leader.distance - own.distance)), 0);
+}

@@ -1,0 +1,108 @@
+// A visit to the gateway: one connection in one role, and the race that comes through it.
+
+import { SvelteMap } from 'svelte/reactivity';
+
+import { Link, type LinkState } from '../wire/link';
+import type { Frame } from '../wire/frames';
+import type {
+  Acted,
+  Hello,
+  Notice,
+  Position,
+  Refused,
+  Request,
+  Told,
+  Welcome,
+} from '../wire/protocol';
+import { ServerClock } from './clock';
+import { Race } from './race.svelte';
+
+export class Visit {
+  state = $state<LinkState>('connecting');
+  refusal = $state.raw<Refused | null>(null);
+  welcome = $state.raw<Welcome | null>(null);
+  notice = $state.raw<Notice | null>(null);
+  position = $state.raw<Position | null>(null);
+  log = $state.raw<readonly string[]>([]);
+  isReady = $state(false); // of a driver in the lobby
+  roundTripMs = $state(NaN);
+  readonly acted = new SvelteMap<number, Acted>();
+  readonly race: Race;
+  readonly clock = new ServerClock();
+  readonly isRecording: boolean;
+  private readonly link: Link;
+
+  constructor(readonly hello: Hello) {
+    this.isRecording = hello.source.startsWith('recording:');
+    this.race = new Race(this.isRecording);
+    this.link = new Link(addressOf(location), hello, {
+      onState: (state, refusal) => {
+        this.state = state;
+        this.refusal = refusal;
+      },
+      onFrame: (frame, arrivedMs) => this.take(frame, arrivedMs),
+      onTold: (told, arrivedMs) => this.hear(told, arrivedMs),
+    });
+    this.link.open();
+  }
+
+  send(request: Request): void {
+    this.link.send(request);
+  }
+
+  sendBytes(bytes: Uint8Array<ArrayBuffer>): boolean {
+    return this.link.sendBytes(bytes);
+  }
+
+  again(): void {
+    this.link.open();
+  }
+
+  close(): void {
+    this.link.close();
+  }
+
+  private take(frame: Frame, arrivedMs: number): void {
+    this.race.take(frame, arrivedMs);
+  }
+
+  private hear(told: Told, arrivedMs: number): void {
+    switch (told.type) {
+      case 'welcome':
+        this.welcome = told;
+        this.notice = null;
+        this.isReady = false;
+        if (told.delay_ms && told.role !== 'drive') this.race.buffer.delayMs = told.delay_ms;
+        if (this.isRecording) this.send({ type: 'play', speed: 1 });
+        return;
+      case 'notice':
+        this.notice = told;
+        return;
+      case 'ready':
+        if (told.accepted) this.isReady = told.ready;
+        else this.notice = { type: 'notice', code: 'ready', reason: told.reason };
+        return;
+      case 'pong':
+        this.clock.note(told.t, arrivedMs, told.server_us);
+        this.roundTripMs = arrivedMs - told.t;
+        return;
+      case 'position':
+        this.position = told;
+        if (told.sought) this.race.startOver();
+        this.race.buffer.setRate(told.playing ? told.speed : 0);
+        return;
+      case 'acted':
+        this.acted.set(told.id, told);
+        return;
+      case 'log':
+        this.log = told.lines;
+        return;
+      case 'refused':
+    }
+  }
+}
+
+function addressOf(place: Location): string {
+  const scheme = place.protocol === 'https:' ? 'wss:' : 'ws:';
+  return `${scheme}//${place.host}/ws`;
+}

@@ -1,0 +1,277 @@
+// Messages of the race, from bytes to plain data. The identifier in bytes 4..8 says which it is.
+
+import { ByteBuffer } from 'flatbuffers';
+
+import type {
+  EffectFrame,
+  EventFrame,
+  Frame,
+  HazardFrame,
+  KartFrame,
+  StandingFrame,
+} from './frames';
+import {
+  Briefing,
+  Course,
+  Events,
+  Hud,
+  Line,
+  Links,
+  Rays,
+  Rules,
+  Snapshot,
+  Standings,
+} from './tables';
+
+/** Returns the message in some bytes, or nothing where they are damaged or unknown. */
+export function decode(data: ArrayBuffer): Frame | null {
+  if (data.byteLength < 8) return null;
+  const bytes = new Uint8Array(data);
+  const identifier = String.fromCharCode(...bytes.subarray(4, 8));
+  const read = READERS[identifier];
+  if (!read) return null;
+  try {
+    return read(new ByteBuffer(bytes));
+  } catch {
+    return null; // only a damaged message claims what cannot be
+  }
+}
+
+const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
+  RSNP: readSnapshot,
+  RSTD: readStandings,
+  REVT: readEvents,
+  RCRS: readCourse,
+  RRUL: readRules,
+  RLIN: readLine,
+  RRAY: readRays,
+  RLNK: readLinks,
+  RHUD: readHud,
+  RBRF: readBriefing,
+};
+
+function readSnapshot(buffer: ByteBuffer): Frame {
+  const table = Snapshot.getRootAsSnapshot(buffer);
+  return {
+    kind: 'snapshot',
+    serverMs: Number(table.monotonicUs()) / 1000,
+    epoch: table.epoch(),
+    tick: table.tick(),
+    lights: table.lights(),
+    phase: table.phase(),
+    flag: table.flag(),
+    karts: rowsOf(table.kartsLength(), (row) => readKart(table, row)),
+    boxes: table.boxesArray() ?? new Uint8Array(),
+    hazards: rowsOf(table.hazardsLength(), (row) => readHazard(table, row)),
+  };
+}
+
+function readKart(table: Snapshot, row: number): KartFrame {
+  const kart = table.karts(row)!;
+  return {
+    seat: kart.seat(),
+    x: kart.x(),
+    y: kart.y(),
+    heading: kart.heading(),
+    speed: kart.speed(),
+    yawRate: kart.yawRate(),
+    steering: kart.steering(),
+    progress: kart.progress(),
+    speedCap: kart.speedCap(),
+    acknowledged: kart.acknowledged(),
+    laps: kart.laps(),
+    rank: kart.rank(),
+    status: kart.status(),
+    item: kart.item(),
+    effects: kart.effects(),
+    flags: kart.flags(),
+  };
+}
+
+function readHazard(table: Snapshot, row: number): HazardFrame {
+  const hazard = table.hazards(row)!;
+  return {
+    x: hazard.x(),
+    y: hazard.y(),
+    radius: hazard.radius(),
+    item: hazard.item(),
+    owner: hazard.owner(),
+  };
+}
+
+function readStandings(buffer: ByteBuffer): Frame {
+  const table = Standings.getRootAsStandings(buffer);
+  return {
+    kind: 'standings',
+    epoch: table.epoch(),
+    tick: table.tick(),
+    startTick: table.startTick(),
+    phase: table.phase(),
+    flag: table.flag(),
+    laps: table.laps(),
+    course: table.course() ?? '',
+    rows: rowsOf(table.rowsLength(), (row) => readStanding(table, row)),
+  };
+}
+
+function readStanding(table: Standings, index: number): StandingFrame {
+  const row = table.rows(index)!;
+  return {
+    driver: row.driver() ?? '',
+    seat: row.seat(),
+    rank: row.rank(),
+    laps: row.laps(),
+    status: row.status(),
+    lastLapUs: Number(row.lastLapUs()),
+    bestLapUs: Number(row.bestLapUs()),
+    raceTimeUs: Number(row.raceTimeUs()),
+    gapUs: Number(row.gapUs()),
+    penalties: row.penalties(),
+    penaltyUs: Number(row.penaltyUs()),
+    itemsUsed: row.itemsUsed(),
+    lapTimesUs: rowsOf(row.lapTimesUsLength(), (lap) => Number(row.lapTimesUs(lap))),
+  };
+}
+
+function readEvents(buffer: ByteBuffer): Frame {
+  const table = Events.getRootAsEvents(buffer);
+  return {
+    kind: 'events',
+    epoch: table.epoch(),
+    events: rowsOf(table.eventsLength(), (row) => readEvent(table, row)),
+  };
+}
+
+function readEvent(table: Events, row: number): EventFrame {
+  const event = table.events(row)!;
+  return {
+    sequence: event.sequence(),
+    tick: event.tick(),
+    kind: event.kind(),
+    kart: event.kart(),
+    other: event.other(),
+    value: Number(event.value()),
+  };
+}
+
+function readCourse(buffer: ByteBuffer): Frame {
+  const table = Course.getRootAsCourse(buffer);
+  return {
+    kind: 'course',
+    name: table.name() ?? '',
+    title: table.title() ?? '',
+    spacing: table.spacing(),
+    line: table.lineArray() ?? NOTHING,
+    halfWidths: table.halfWidthsArray() ?? NOTHING,
+    kerb: table.kerb(),
+    grass: table.grass(),
+    borders: table.bordersArray() ?? NOTHING,
+    gates: table.gatesArray() ?? NOTHING,
+    sectors: Array.from(table.sectorsArray() ?? []),
+    grid: table.gridArray() ?? NOTHING,
+    boxes: table.boxesArray() ?? NOTHING,
+    obstacles: table.obstaclesArray() ?? NOTHING,
+    kartLength: table.kartLength(),
+    kartWidth: table.kartWidth(),
+    kartAhead: table.kartAhead(),
+  };
+}
+
+function readRules(buffer: ByteBuffer): Frame {
+  const table = Rules.getRootAsRules(buffer);
+  const count = Math.min(table.namesLength(), table.valuesLength());
+  const pairs = rowsOf(count, (row): [string, string] => [table.names(row), table.values(row)]);
+  return {
+    kind: 'rules',
+    values: new Map(pairs),
+    items: rowsOf(table.itemsLength(), (row) => table.items(row)),
+  };
+}
+
+function readLine(buffer: ByteBuffer): Frame {
+  const table = Line.getRootAsLine(buffer);
+  return {
+    kind: 'line',
+    spacing: table.spacing(),
+    x: table.xArray() ?? NOTHING,
+    y: table.yArray() ?? NOTHING,
+    speed: table.speedArray() ?? NOTHING,
+    time: table.timeArray() ?? NOTHING,
+    lapS: table.lap(),
+    note: table.note() ?? '',
+  };
+}
+
+function readRays(buffer: ByteBuffer): Frame {
+  const table = Rays.getRootAsRays(buffer);
+  return {
+    kind: 'rays',
+    tick: table.tick(),
+    seat: table.seat(),
+    x: table.x(),
+    y: table.y(),
+    heading: table.heading(),
+    lidarAhead: table.lidarAhead(),
+    radarAhead: table.radarAhead(),
+    lidarField: table.lidarField(),
+    lidarReach: table.lidarReach(),
+    lidar: table.lidarArray() ?? NOTHING,
+    radarAngles: table.radarAnglesArray() ?? NOTHING,
+    radar: table.radarArray() ?? NOTHING,
+    radarKinds: table.radarKindsArray() ?? NOTHING,
+  };
+}
+
+function readLinks(buffer: ByteBuffer): Frame {
+  const table = Links.getRootAsLinks(buffer);
+  const pairs = rowsOf(table.linksLength(), (row): [number, number] => {
+    const link = table.links(row)!;
+    return [link.seat(), link.age()];
+  });
+  return { kind: 'links', ages: new Map(pairs) };
+}
+
+function readHud(buffer: ByteBuffer): Frame {
+  const table = Hud.getRootAsHud(buffer);
+  return {
+    kind: 'hud',
+    tick: table.tick(),
+    speedCap: table.speedCap(),
+    thrustScale: table.thrustScale(),
+    gripScale: table.gripScale(),
+    item: table.item(),
+    immune: table.immune(),
+    effects: rowsOf(table.effectsLength(), (row) => readEffect(table, row)),
+    lights: table.lights(),
+    flag: table.flag(),
+  };
+}
+
+function readEffect(table: Hud, row: number): EffectFrame {
+  const effect = table.effects(row)!;
+  return { item: effect.item(), remaining: effect.remaining() };
+}
+
+function readBriefing(buffer: ByteBuffer): Frame {
+  const table = Briefing.getRootAsBriefing(buffer);
+  const names = rowsOf(table.vehicleNamesLength(), (row) => table.vehicleNames(row));
+  return {
+    kind: 'briefing',
+    seat: table.seat(),
+    epoch: table.epoch(),
+    laps: table.laps(),
+    items: rowsOf(table.itemsLength(), (row) => table.items(row)),
+    vehicle: table.vehicle() ?? '',
+    numbers: new Map(names.map((name, row) => [name, table.vehicleValues(row) ?? 0])),
+  };
+}
+
+const NOTHING = new Float64Array();
+
+// More rows than this no message has.
+const MOST_ROWS = 100_000;
+
+function rowsOf<Row>(count: number, read: (row: number) => Row): Row[] {
+  if (count > MOST_ROWS) throw new RangeError(`${count} rows`);
+  return Array.from({ length: count }, (_, row) => read(row));
+}

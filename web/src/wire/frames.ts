@@ -1,0 +1,183 @@
+// What comes from the gateway, as plain data. SI units; angles in radians, left positive.
+
+export interface KartFrame {
+  seat: number;
+  x: number; // [m] east
+  y: number; // [m] north
+  heading: number;
+  speed: number; // [m/s]
+  yawRate: number; // [rad/s]
+  steering: number; // at the road wheels
+  progress: number; // [m] along the centre line from the timing line
+  speedCap: number; // [m/s]
+  acknowledged: number; // sequence of the newest control that the server took
+  laps: number; // completed
+  rank: number; // from 1
+  status: number;
+  item: number; // held, 0 for none
+  effects: number; // how many act
+  flags: number; // see KartFlag
+}
+
+export interface HazardFrame {
+  x: number;
+  y: number;
+  radius: number;
+  item: number;
+  owner: number;
+}
+
+export interface SnapshotFrame {
+  kind: 'snapshot';
+  serverMs: number; // the server's clock
+  epoch: number;
+  tick: number;
+  lights: number; // [s] until the start, 0 once the race runs
+  phase: number;
+  flag: number;
+  karts: KartFrame[];
+  boxes: Uint8Array; // 1 for each item box that is ready
+  hazards: HazardFrame[];
+}
+
+export interface StandingFrame {
+  driver: string;
+  seat: number;
+  rank: number;
+  laps: number;
+  status: number;
+  lastLapUs: number;
+  bestLapUs: number;
+  raceTimeUs: number;
+  gapUs: number;
+  penalties: number;
+  penaltyUs: number;
+  itemsUsed: number;
+  lapTimesUs: number[];
+}
+
+export interface StandingsFrame {
+  kind: 'standings';
+  epoch: number;
+  tick: number;
+  startTick: number; // when the lights go out
+  phase: number;
+  flag: number;
+  laps: number;
+  course: string;
+  rows: StandingFrame[];
+}
+
+export interface EventFrame {
+  sequence: number; // counts all events of an epoch from 1
+  tick: number;
+  kind: number;
+  kart: number; // -1 for the whole race
+  other: number;
+  value: number;
+}
+
+export interface EventsFrame {
+  kind: 'events';
+  epoch: number;
+  events: EventFrame[];
+}
+
+export interface CourseFrame {
+  kind: 'course';
+  name: string;
+  title: string;
+  spacing: number; // [m] between samples of the centre line
+  line: Float64Array; // x, y, heading, curvature of each sample
+  halfWidths: Float64Array; // left, right [m] of each sample
+  kerb: number; // [m]
+  grass: number; // [m]
+  borders: Float64Array; // x0, y0, x1, y1 of each wall
+  gates: Float64Array; // progress [m]
+  sectors: number[]; // indices of the gates that end a sector
+  grid: Float64Array; // x, y, heading of each place
+  boxes: Float64Array; // x, y of each item box
+  obstacles: Float64Array; // x, y, heading, length, width of each
+  kartLength: number; // [m], 0 where it is not told
+  kartWidth: number; // [m]
+  kartAhead: number; // [m] from the centre of gravity forward to the middle of the body
+}
+
+export interface RulesFrame {
+  kind: 'rules';
+  values: Map<string, string>;
+  items: string[]; // number 1 is the first
+}
+
+export interface LineFrame {
+  kind: 'line';
+  spacing: number; // [m] between samples
+  x: ArrayLike<number>;
+  y: ArrayLike<number>;
+  speed: ArrayLike<number>; // [m/s]
+  time: ArrayLike<number>; // [s]
+  lapS: number; // [s] of the whole lap
+  note: string; // why it only stands in for the shortest lap
+}
+
+export interface RaysFrame {
+  kind: 'rays';
+  tick: number;
+  seat: number;
+  x: number;
+  y: number;
+  heading: number;
+  lidarAhead: number; // [m] of the centre of gravity
+  radarAhead: number; // [m]
+  lidarField: number; // [rad] between the outermost rays
+  lidarReach: number; // [m]
+  lidar: ArrayLike<number>; // ranges, right to left, 0 where nothing came back
+  radarAngles: ArrayLike<number>;
+  radar: ArrayLike<number>;
+  radarKinds: ArrayLike<number>;
+}
+
+export interface LinksFrame {
+  kind: 'links';
+  ages: Map<number, number>; // [ms] of each seat's input, -1 where none is expected
+}
+
+export interface EffectFrame {
+  item: number;
+  remaining: number; // [s]
+}
+
+export interface HudFrame {
+  kind: 'hud';
+  tick: number;
+  speedCap: number;
+  thrustScale: number;
+  gripScale: number;
+  item: number;
+  immune: number; // [s]
+  effects: EffectFrame[];
+  lights: number;
+  flag: number; // shown to this kart
+}
+
+export interface BriefingFrame {
+  kind: 'briefing';
+  seat: number;
+  epoch: number;
+  laps: number;
+  items: string[];
+  vehicle: string;
+  numbers: Map<string, number>;
+}
+
+export type Frame =
+  | SnapshotFrame
+  | StandingsFrame
+  | EventsFrame
+  | CourseFrame
+  | RulesFrame
+  | LineFrame
+  | RaysFrame
+  | LinksFrame
+  | HudFrame
+  | BriefingFrame;

@@ -1,0 +1,143 @@
+// One connection to the gateway that comes back by itself.
+
+import { decode } from './decode';
+import type { Frame } from './frames';
+import { type Hello, type Refused, type Request, type Told, isPassing } from './protocol';
+
+export type LinkState = 'connecting' | 'open' | 'waiting' | 'refused' | 'closed';
+
+export interface LinkListener {
+  onState(state: LinkState, refusal: Refused | null): void;
+  onFrame(frame: Frame, arrivedMs: number): void;
+  onTold(told: Told, arrivedMs: number): void;
+}
+
+const FIRST_WAIT_MS = 500;
+const LONGEST_WAIT_MS = 8000;
+const PING_MS = 2000;
+// The gateway sends something every few hundredths of a second; after so long the link is dead.
+const SILENCE_MS = 25_000;
+
+export class Link {
+  private socket: WebSocket | null = null;
+  private waits = 0;
+  private timer = 0;
+  private pinging = 0;
+  private heardMs = 0;
+  private isEnded = false;
+  private refusal: Refused | null = null;
+
+  constructor(
+    private readonly address: string,
+    private readonly hello: Hello,
+    private readonly listener: LinkListener,
+    private readonly keeper: ResumeKeeper = new ResumeKeeper(hello),
+  ) {}
+
+  open(): void {
+    this.refusal = null;
+    this.listener.onState('connecting', null);
+    const socket = new WebSocket(this.address, 'race.1');
+    socket.binaryType = 'arraybuffer';
+    this.socket = socket;
+    socket.onopen = () => this.greet(socket);
+    socket.onmessage = (message) => this.hear(message.data as ArrayBuffer | string);
+    socket.onclose = () => this.lose(socket);
+  }
+
+  send(request: Request): void {
+    if (this.isOpen) this.socket!.send(JSON.stringify(request));
+  }
+
+  /** Sends bytes, unless those before still wait to leave: an old control is worth nothing. */
+  sendBytes(bytes: Uint8Array<ArrayBuffer>): boolean {
+    if (!this.isOpen || this.socket!.bufferedAmount > 4 * bytes.byteLength) return false;
+    this.socket!.send(bytes);
+    return true;
+  }
+
+  close(): void {
+    this.isEnded = true;
+    clearTimeout(this.timer);
+    clearInterval(this.pinging);
+    this.socket?.close();
+    this.listener.onState('closed', null);
+  }
+
+  private get isOpen(): boolean {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  private greet(socket: WebSocket): void {
+    const resume = this.keeper.take();
+    socket.send(JSON.stringify(resume ? { ...this.hello, token: '', resume } : this.hello));
+    this.heardMs = performance.now();
+    clearInterval(this.pinging);
+    this.pinging = window.setInterval(() => this.ping(), PING_MS);
+  }
+
+  private ping(): void {
+    const now = performance.now();
+    if (now - this.heardMs > SILENCE_MS) this.socket?.close();
+    else this.send({ type: 'ping', t: now });
+  }
+
+  private hear(data: ArrayBuffer | string): void {
+    const now = performance.now();
+    this.heardMs = now;
+    if (typeof data === 'string') this.take(JSON.parse(data) as Told, now);
+    else {
+      const frame = decode(data);
+      if (frame) this.listener.onFrame(frame, now);
+    }
+  }
+
+  private take(told: Told, now: number): void {
+    if (told.type === 'welcome') {
+      this.waits = 0;
+      this.keeper.keep(told.resume);
+      this.send({ type: 'ping', t: now });
+      this.listener.onState('open', null);
+    }
+    if (told.type === 'refused') this.refusal = told;
+    this.listener.onTold(told, now);
+  }
+
+  private lose(socket: WebSocket): void {
+    if (socket !== this.socket || this.isEnded) return;
+    clearInterval(this.pinging);
+    const refusal = this.refusal;
+    // A reconnection token that was used up: come in by the door once more.
+    const isStale = refusal?.code === 'used' && this.keeper.hasTaken;
+    if (refusal && !isPassing(refusal.code) && !isStale) {
+      this.listener.onState('refused', refusal);
+      return;
+    }
+    const wait = Math.min(FIRST_WAIT_MS * 2 ** this.waits++, LONGEST_WAIT_MS);
+    this.listener.onState('waiting', refusal);
+    this.timer = window.setTimeout(() => this.open(), wait * (0.75 + 0.5 * Math.random()));
+  }
+}
+
+/** Keeps the single-use token with which a page that was loaded again has its seat back. */
+export class ResumeKeeper {
+  hasTaken = false;
+  private readonly name: string;
+
+  constructor(hello: Hello) {
+    this.name = `race.resume.${hello.role}.${hello.source}.${hello.seat}`;
+  }
+
+  keep(token: string): void {
+    this.hasTaken = false;
+    sessionStorage.setItem(this.name, token);
+  }
+
+  /** Returns the token, once. */
+  take(): string {
+    const token = sessionStorage.getItem(this.name) ?? '';
+    sessionStorage.removeItem(this.name);
+    this.hasTaken = token !== '';
+    return token;
+  }
+}

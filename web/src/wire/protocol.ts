@@ -1,0 +1,105 @@
+// The texts between the page and the gateway; see docs/gateway.md.
+
+export type Role = 'spectate' | 'drive' | 'steward';
+
+export interface Hello {
+  role: Role;
+  token: string;
+  seat: number; // -1 for any
+  name: string;
+  source: string; // live, or recording:NAME
+  rate: number; // snapshots a second
+}
+
+export interface Welcome {
+  type: 'welcome';
+  role: Role;
+  session: string;
+  seat?: number;
+  sequence?: number; // of a driver's newest control that the server took
+  source: string;
+  resume: string; // for one return
+  preset?: string;
+  delay_ms?: number;
+  version: string;
+  may?: string[];
+}
+
+export interface Refused {
+  type: 'refused';
+  code: string;
+  reason: string;
+}
+
+export interface Notice {
+  type: 'notice';
+  code: string;
+  reason?: string;
+}
+
+export interface Acted {
+  type: 'acted';
+  id: number;
+  accepted: boolean;
+  reason: string;
+}
+
+export interface Log {
+  type: 'log';
+  lines: string[];
+  reason?: string; // where they cannot be had
+}
+
+export interface Pong {
+  type: 'pong';
+  t: number;
+  server_us: number;
+}
+
+export interface Position {
+  type: 'position';
+  tick: number;
+  first: number;
+  last: number;
+  playing: boolean;
+  speed: number;
+  sought?: boolean; // what follows replaces all that was known
+}
+
+export interface ReadyAnswer {
+  type: 'ready';
+  ready: boolean;
+  accepted: boolean;
+  reason: string;
+}
+
+export type Told = Welcome | Refused | Notice | ReadyAnswer | Acted | Log | Pong | Position;
+
+export type Request =
+  | { type: 'follow'; seat: number; rays: boolean }
+  | { type: 'rate'; rate: number }
+  | { type: 'ready'; ready: boolean }
+  | { type: 'leave' }
+  | { type: 'act'; act: string; seat: number; value: number; id: number }
+  | { type: 'log' }
+  | { type: 'ping'; t: number }
+  | { type: 'play'; speed: number }
+  | { type: 'pause' }
+  | { type: 'seek'; tick: number }
+  | { type: 'step'; ticks: number };
+
+/** Refusals after which it is worth trying again by oneself. */
+const PASSING = new Set(['full', 'late', 'too-fast', 'slow', 'no-race']);
+
+export function isPassing(code: string): boolean {
+  return PASSING.has(code);
+}
+
+export interface RecordingEntry {
+  name: string;
+  course: string;
+  started: string;
+  seconds: number;
+  karts: number;
+  finished: boolean;
+}

@@ -1,0 +1,13 @@
+// The generated readers and writers that the page uses.
+export { Control } from './generated/drive/control.js';
+export { ControlMessage } from './generated/drive/control-message.js';
+export { Hud } from './generated/drive/hud.js';
+export { Briefing } from './generated/session/briefing.js';
+export { Course } from './generated/session/course.js';
+export { Line } from './generated/session/line.js';
+export { Rules } from './generated/session/rules.js';
+export { Events } from './generated/spectate/events.js';
+export { Links } from './generated/spectate/links.js';
+export { Rays } from './generated/spectate/rays.js';
+export { Snapshot } from './generated/spectate/snapshot.js';
+export { Standings } from './generated/spectate/standings.js';

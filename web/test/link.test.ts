@@ -1,0 +1,140 @@
+import { afterEach, beforeEach, expect, test, vi } from 'vitest';
+
+import { Link, type LinkState } from '../src/wire/link';
+import type { Hello } from '../src/wire/protocol';
+
+class Socket {
+  static readonly OPEN = 1;
+  static made: Socket[] = [];
+  readyState = Socket.OPEN;
+  bufferedAmount = 0;
+  sent: string[] = [];
+  onopen = () => {};
+  onmessage: (message: { data: string }) => void = () => {};
+  onclose = () => {};
+
+  constructor() {
+    Socket.made.push(this);
+  }
+
+  send(data: string): void {
+    this.sent.push(data);
+  }
+
+  close(): void {
+    this.onclose();
+  }
+
+  tell(words: object): void {
+    this.onmessage({ data: JSON.stringify(words) });
+  }
+
+  /** What it said first. */
+  get hello(): Record<string, unknown> {
+    return JSON.parse(this.sent[0]!) as Record<string, unknown>;
+  }
+}
+
+const HELLO: Hello = {
+  role: 'drive',
+  token: 'secret',
+  seat: 3,
+  name: 'Ada',
+  source: 'live',
+  rate: 60,
+};
+let states: LinkState[] = [];
+
+function opened(): Link {
+  const link = new Link('ws://here/ws', HELLO, {
+    onState: (state) => states.push(state),
+    onFrame: () => {},
+    onTold: () => {},
+  });
+  link.open();
+  newest().onopen();
+  return link;
+}
+
+function newest(): Socket {
+  return Socket.made.at(-1)!;
+}
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  const kept = new Map<string, string>();
+  vi.stubGlobal('WebSocket', Socket);
+  vi.stubGlobal('window', globalThis);
+  vi.stubGlobal('sessionStorage', {
+    getItem: (name: string) => kept.get(name) ?? null,
+    setItem: (name: string, value: string) => kept.set(name, value),
+    removeItem: (name: string) => kept.delete(name),
+  });
+  Socket.made = [];
+  states = [];
+});
+
+afterEach(() => {
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+test('a link that was lost comes back with the word of its last welcome, once', () => {
+  opened();
+  expect(newest().hello).toMatchObject({ token: 'secret', seat: 3 });
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  newest().close();
+  vi.advanceTimersByTime(1000);
+  newest().onopen();
+  expect(newest().hello).toMatchObject({ resume: 'word one', token: '' });
+  expect(Socket.made).toHaveLength(2);
+  newest().close(); // before it was welcomed: the word is used up
+  vi.advanceTimersByTime(2000);
+  newest().onopen();
+  expect(newest().hello).not.toHaveProperty('resume');
+});
+
+test('where its word was used already a link comes in by the door', () => {
+  opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  newest().close();
+  vi.advanceTimersByTime(1000);
+  newest().onopen();
+  newest().tell({ type: 'refused', code: 'used', reason: 'the word was used' });
+  newest().close();
+  expect(states.at(-1)).toBe('waiting');
+  vi.advanceTimersByTime(3000);
+  newest().onopen();
+  expect(newest().hello).toMatchObject({ token: 'secret' });
+});
+
+test('who is refused for good does not knock again', () => {
+  opened();
+  newest().tell({ type: 'refused', code: 'token', reason: 'it does not fit' });
+  newest().close();
+  vi.advanceTimersByTime(60_000);
+  expect(states.at(-1)).toBe('refused');
+  expect(Socket.made).toHaveLength(1);
+});
+
+test('who finds no race waits longer each time', () => {
+  opened();
+  const count = () => Socket.made.length;
+  for (const longest of [700, 1300, 2600, 5100]) {
+    const before = count();
+    newest().tell({ type: 'refused', code: 'no-race', reason: 'no server answers' });
+    newest().close();
+    vi.advanceTimersByTime(longest);
+    expect(count()).toBe(before + 1);
+    newest().onopen();
+  }
+  expect(states).not.toContain('refused');
+});
+
+test('an old control does not queue behind others', () => {
+  const link = opened();
+  const bytes = new Uint8Array(60);
+  expect(link.sendBytes(bytes)).toBe(true);
+  newest().bufferedAmount = 1000;
+  expect(link.sendBytes(bytes)).toBe(false);
+});

@@ -1,0 +1,41 @@
+import { expect, test } from 'vitest';
+
+import { type Cast, messageOf } from '../src/race/control';
+import { EventKind } from '../src/wire/codes';
+import { en } from '../src/words/en';
+import { clockText, deltaText, gapText, lapText } from '../src/words/figures';
+import { fr } from '../src/words/fr';
+import { event } from './frames';
+
+const cast: Cast = {
+  name: (seat) => `Ada ${seat}`,
+  item: (number) => (number === 1 ? 'boost' : 'oil'),
+  startTick: 60,
+};
+
+test('times are read as people read them', () => {
+  expect(lapText(62_345_600)).toBe('1:02.346');
+  expect(lapText(59_999_900)).toBe('1:00.000');
+  expect(lapText(0)).toBe('–');
+  expect(clockText(125.37)).toBe('2:05.3');
+  expect(gapText(1.2345)).toBe('+1.234');
+  expect(deltaText(-0.424)).toBe('−0.42');
+});
+
+test('race control says what happened, in both languages', () => {
+  const lap = event({ kind: EventKind.lap, kart: 3, tick: 660, other: 2, value: 9_870_000 });
+  expect(messageOf(lap, cast, en)).toMatchObject({ text: 'Ada 3: lap 2 in 9.870', at: '0:10.0' });
+  expect(messageOf(lap, cast, fr)?.text).toBe('Ada 3 : tour 2 en 9.870');
+});
+
+test('a yellow flag is a warning, and around whom is told', () => {
+  const flag = event({ kind: EventKind.flag, kart: 5, other: 1 });
+  expect(messageOf(flag, cast, en)).toMatchObject({
+    tone: 'warning',
+    text: 'yellow flag around Ada 5',
+  });
+});
+
+test('sectors are not told one by one', () => {
+  expect(messageOf(event({ kind: EventKind.sector }), cast, en)).toBeNull();
+});
