@@ -9,7 +9,7 @@ PAGE   := race_server/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page test check lint setup schemas limits clean
+.PHONY: race page check-page test check lint setup schemas limits clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -23,6 +23,9 @@ $(PAGE): $(WEB)
 	cd web && npm ci --no-audit --no-fund --loglevel=error && npm run --silent build -- --logLevel=error
 	@touch $@
 
+check-page: page
+	@if $(NODE_IS_THERE); then cd web && npm run --silent check && npm test --silent && npm run --silent size; fi
+
 test: $(VENV)/.installed-test
 	@$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
@@ -33,7 +36,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/codespell
 
-check: lint test
+check: lint check-page test
 
 setup: $(VENV)/.installed-test
 
