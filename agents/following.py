@@ -40,11 +40,15 @@ def follow_acceleration(
 
 
 @large_kernel
-def behind_leader(seen: Floats, at: Ints, vehicle: Record) -> float:
-    """Return the model's acceleration [m/s²] behind the kart ahead, infinite if there is none."""
+def behind_leader(seen: Floats, at: Ints, vehicle: Record, closer: float) -> float:
+    """Return the model's acceleration [m/s²] behind the kart ahead, infinite if there is none.
+
+    closer: share of the distance that is given up; at 1 nothing holds the kart back.
+    """
     gap, pace, _ = leader(seen, at, vehicle, seen[at[OFFSET]], 0.5 * vehicle.length)
-    if gap == math.inf:
+    if gap == math.inf or closer >= 1.0:
         return math.inf
+    gap /= 1.0 - closer
     speed = max(seen[at[SPEED]], 0.0)
     most = COMFORT * vehicle.motor_force / vehicle.mass
     comfort = COMFORT * vehicle.brake_force / vehicle.mass

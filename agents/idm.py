@@ -38,7 +38,7 @@ def lane_to_gain(seen: Floats, at: Ints, vehicle: Record, now: float) -> float:
     speed = seen[at[SPEED]]
     if gap > NEAR_LENGTHS * vehicle.length + NEAR_S * max(speed - pace, 0.0):
         return 0.0
-    if speed_on_line(seen, at, vehicle, now, 0.0) < pace + GAIN:
+    if speed_on_line(seen, at, vehicle, now, 0.0, 0.0) < pace + GAIN:
         return 0.0
     apart, reach = ABREAST * vehicle.width, gap + vehicle.length
     past = lane_past(seen, at, vehicle, across, apart, reach, now)

@@ -2,10 +2,10 @@
 
 from agents.following import behind_leader
 from agents.latency import remember_command
-from agents.tactics import finish_decision
+from agents.tactics import ITEM, finish_decision
 from agents.tracking import acceleration_on_line, press_for, steering_on_line
-from agents.traffic import lane_past_hazards, move_over, wait_in_line
-from race_server.autopilot import ASIDE, DECISION, FASTER, SHIFT
+from agents.traffic import lane_over_box, lane_past_hazards, move_over, wait_in_line
+from race_server.autopilot import ASIDE, CLOSE, DASH, DECISION, FASTER, FETCH, SHIFT, URGENT
 from race_server.kernels.jit import kernel
 from race_server.state import Floats, Ints, Record
 
@@ -23,13 +23,16 @@ def drive_in_lane(
 ) -> None:
     """Go over to a lane `wanted` [m] left of the line, round hazards and behind who is there.
 
-    Advice shifts the lane and scales the speed; what is in the way still counts.
+    Advice shifts the lane, fetches boxes, scales the speed and says how closely to follow.
     """
-    wanted = lane_past_hazards(seen, at, vehicle, wanted + memory[ASIDE])
+    wanted += memory[ASIDE]
+    if memory[FETCH] > URGENT and seen[at[ITEM]] < 0.5:
+        wanted = lane_over_box(seen, at, vehicle, wanted)
+    wanted = lane_past_hazards(seen, at, vehicle, wanted)
     lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
     memory[SHIFT] = lane
-    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane, memory[FASTER])
-    acceleration = min(acceleration, behind_leader(seen, at, vehicle))
+    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane, memory[FASTER], memory[DASH])
+    acceleration = min(acceleration, behind_leader(seen, at, vehicle, memory[CLOSE]))
     force = press_for(seen, at, vehicle, acceleration, control)
     control[0] = steering_on_line(seen, at, vehicle, lane, force)
     wait_in_line(seen, at, vehicle, gear, memory)

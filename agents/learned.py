@@ -11,9 +11,9 @@ from agents.policies.shelf import policy_path
 from race_server import codes
 from race_server.autopilot import (
     ASIDE,
+    FETCH,
     FIELD,
     REACH,
-    URGE,
     Autopilot,
     item_kinds,
     starts_of,
@@ -137,7 +137,7 @@ class Learned:
 
             def advise() -> None:
                 actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
-                memory[worlds, numbers, ASIDE : URGE + 1] = advice_of(actions, width)
+                memory[worlds, numbers, ASIDE : FETCH + 1] = advice_of(actions, width)
                 follow()
 
             return advise

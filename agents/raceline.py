@@ -31,7 +31,7 @@ def open_lane(seen: Floats, at: Ints, vehicle: Record, now: float) -> float:
     """Return the lane [m] left of the line to be in: the line itself, or past a slower kart."""
     speed = max(seen[at[SPEED]], 1.0)
     gap, pace, across = leader(seen, at, vehicle, 0.0, 0.3 * vehicle.length)
-    could = speed_on_line(seen, at, vehicle, 0.0, 0.0)
+    could = speed_on_line(seen, at, vehicle, 0.0, 0.0, 0.0)
     reach = max(gap + vehicle.length, 0.0)
     slower = pace + SLOWER < max(speed, could)
     if gap > 2.0 * vehicle.length + FORESIGHT_S * max(speed - pace, 0.0) or not slower:

@@ -36,6 +36,8 @@ STIFF_BEND_SHARE = 0.95
 # Share of the line's braking that is planned with: it brakes into bends with all tyres at their
 # limit, and a kart that does so cannot be steered.
 BRAKE_SHARE = 0.8
+# Share of the grip that a dash beyond the line's speeds leaves to the brakes, for bends after it.
+DASH_BRAKE_SHARE = 0.55
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
 # slides turns the kart round, a front axle only makes its bend wider.
 REAR_SHARE = 0.95
@@ -80,16 +82,24 @@ def grip_of(seen: Floats, at: Ints, vehicle: Record) -> float:
 
 
 @large_kernel
-def speed_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, distance: float) -> float:
+def speed_on_line(
+    seen: Floats, at: Ints, vehicle: Record, shift: float, distance: float, dash: float
+) -> float:
     """Return the speed [m/s] to have a distance [m] ahead, `shift` [m] to the left of the line.
 
     Less grip means that all accelerations of the line, and so the squares of its speeds, shrink.
+    dash: share by which its speed is exceeded where no bend needs the grip, and the brakes can undo
+    it before the next one.
     """
     grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
     if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
         bend_share = STIFF_BEND_SHARE
     place = distance / max(seen[at[STEP]], 0.01)
     square = math.inf
+    brakes = 0.0
+    if dash > 0.0:
+        brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * seen[at[STEP]]
+    unused = 0.0
     for back in range(AHEAD):
         index = AHEAD - 1 - back
         speed = seen[at[LINE_SPEED] + index]
@@ -97,9 +107,10 @@ def speed_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, distanc
         following = square
         if back > 0:
             later = seen[at[LINE_SPEED] + index + 1]
-            square += BRAKE_SHARE * max(speed * speed - later * later, 0.0)
+            square += BRAKE_SHARE * max(speed * speed - later * later, brakes * unused)
         used = min(speed * speed * abs(bend) / grip, 1.0)
-        share = STRAIGHT_SHARE + (bend_share - STRAIGHT_SHARE) * used
+        unused = 1.0 - used
+        share = STRAIGHT_SHARE + (bend_share - STRAIGHT_SHARE) * used + dash * unused
         # Nearer to the middle of a bend it is tighter.
         tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
         square = min(square, share * share * speed * speed * tighter)
@@ -112,15 +123,22 @@ def speed_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, distanc
 
 @kernel
 def acceleration_on_line(
-    seen: Floats, at: Ints, vehicle: Record, gear: Floats, shift: float, faster: float
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    shift: float,
+    faster: float,
+    dash: float,
 ) -> float:
     """Return the acceleration [m/s²] that brings the kart to the line's speeds.
 
-    faster: share by which they are exceeded, within what flags and effects allow.
+    faster: share by which they are exceeded, within what flags and effects allow; dash: the same
+    where no bend forbids it.
     """
     speed, step = max(seen[at[SPEED]], SLOWEST), gear[DECISION]
-    now = speed_on_line(seen, at, vehicle, shift, 0.0)
-    soon = speed_on_line(seen, at, vehicle, shift, speed * step)
+    now = speed_on_line(seen, at, vehicle, shift, 0.0, dash)
+    soon = speed_on_line(seen, at, vehicle, shift, speed * step, dash)
     now = min((1.0 + faster) * now, seen[at[SPEED_CAP]])
     soon = min((1.0 + faster) * soon, seen[at[SPEED_CAP]])
     # Whoever is off the line or across it has less room than the line thinks.

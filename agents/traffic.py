@@ -18,6 +18,8 @@ LIGHTS = PART_NUMBERS["lights"]
 KARTS_Y = PART_NUMBERS["karts_y"]
 KARTS_SPEED_X = PART_NUMBERS["karts_speed_x"]
 KARTS_SPEED_Y = PART_NUMBERS["karts_speed_y"]
+BOXES_X = PART_NUMBERS["boxes_x"]
+BOXES_Y = PART_NUMBERS["boxes_y"]
 HAZARDS_X = PART_NUMBERS["hazards_x"]
 HAZARDS_Y = PART_NUMBERS["hazards_y"]
 
@@ -27,6 +29,8 @@ ABREAST = 1.45
 EDGE = 0.75
 # A hazard is passed at this many widths.
 CLEAR_OF_HAZARD = 1.1
+# A box is touched this many widths from its middle, and a little is left for errors.
+BOX_REACH = 0.6
 # How far ahead [s] a kart that is slower is made room for.
 FORESIGHT_S = 1.2
 # Steps of the line behind the other that must leave room, too.
@@ -158,6 +162,24 @@ def lane_past_hazards(seen: Floats, at: Ints, vehicle: Record, lane: float) -> f
     apart = CLEAR_OF_HAZARD * vehicle.width
     past = lane_past(seen, at, vehicle, across, apart, nearest, lane)
     return lane if past == NOWHERE else past
+
+
+@large_kernel
+def lane_over_box(seen: Floats, at: Ints, vehicle: Record, lane: float) -> float:
+    """Return the lane nearest to `lane` in which the kart drives over the next item box."""
+    nearest, across = math.inf, 0.0
+    for index in range(THINGS):
+        x, y = seen[at[BOXES_X] + index], seen[at[BOXES_Y] + index]
+        if x < NOWHERE - 1.0:
+            along, offset, _, _ = on_line(seen, at, x, y)
+            is_near = 0.0 < along < AHEAD * seen[at[STEP]] and along < nearest
+            # Only what a change of lanes still reaches.
+            if is_near and abs(offset - seen[at[OFFSET]]) < SLOPE * along + vehicle.width:
+                nearest, across = along, offset
+    if nearest == math.inf:
+        return lane
+    reach = BOX_REACH * vehicle.width
+    return min(max(lane, across - reach), across + reach)
 
 
 @large_kernel

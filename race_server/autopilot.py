@@ -26,8 +26,10 @@ FIELD, REACH, DECISION = range(3)
 # Behind them is room for two scans, for the points of a scan, and for a row of WORK numbers.
 STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE = range(8)
 # Advice of a policy to a driver that takes it, zeros without one: so far to the left [m], so much
-# faster as a share, and the button: press above URGENT, hold below its negative.
-ASIDE, FASTER, URGE, LATELY = range(8, 12)
+# faster as a share, the button (press above URGENT, hold below its negative), so much faster as a
+# share where no bend forbids it, the share of the distance to the kart ahead that is given up, and
+# whether to fetch the next box (above URGENT).
+ASIDE, FASTER, URGE, DASH, CLOSE, FETCH, LATELY = range(8, 15)
 URGENT = 0.3
 KEPT = LATELY + 32
 WORK = 320
@@ -113,9 +115,9 @@ class Autopilot:
         return Control(steering, throttle, brake, Button(int(buttons)))
 
     def take_advice(self, observation: Observation, advice: Sequence[float]) -> None:
-        """Keep advice for the next decision: to the left [m], faster [share], button."""
+        """Keep advice for the next decision: six numbers, see ASIDE."""
         figures = self._figures or self._prepare(observation.layout)
-        for place, value in zip((ASIDE, FASTER, URGE), advice, strict=True):
+        for place, value in zip(range(ASIDE, FETCH + 1), advice, strict=True):
             figures.memory[place] = value
 
     def _elapsed_s(self, tick: int) -> float:

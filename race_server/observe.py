@@ -18,6 +18,7 @@ from race_server.errors import ScenarioError
 AHEAD = 16  # samples of the course ahead
 NEARBY = 4  # karts that are told of
 THINGS = 4  # item boxes and hazards that are told of
+USES = 4  # of items
 RADAR_RAYS = 9
 
 
@@ -222,6 +223,27 @@ PARTS = (
         "asphalt to its left at those points, as far as a fixed obstacle that the line passes",
     ),
     Part("line_right_ahead", AHEAD, "m", 0, 100, "line", "the same to its right"),
+    Part(
+        "karts_along",
+        NEARBY,
+        "m",
+        -1e3,
+        1e3,
+        "line",
+        "way to the nearest karts along the reference line, the shorter way round; 1000 where "
+        "there is none",
+    ),
+    Part("karts_across", NEARBY, "m", -1e3, 1e3, "line", "their offsets from it, left positive"),
+    Part(
+        "item_use",
+        USES,
+        "-",
+        0,
+        1,
+        "race",
+        "1 for what the item held does: acts on the kart itself, is left behind, guards, acts on "
+        "the kart ahead",
+    ),
 )
 
 PART_NUMBERS = {part.name: number for number, part in enumerate(PARTS)}
@@ -271,6 +293,7 @@ _WORLD = (
     "hazards_x",
     "hazards_y",
 )
+_RIVALS = ("karts_along", "karts_across")
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
 
 PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -282,6 +305,11 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "track": (*_MOTION, *_TRACK, *_WORLD, *_GAME, "gap_ahead", "gap_behind"),
         # For drivers that may know the fastest line as well; see `race_server.limit.line`.
         "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, "gap_ahead", "gap_behind"),
+        # The line, and where others are beside it: for policies that race.
+        "rivals": (
+            *(*_MOTION, *_TRACK, *_LINE, *_WORLD, *_RIVALS, *_GAME, "item_use"),
+            *("gap_ahead", "gap_behind"),
+        ),
         "full": tuple(part.name for part in PARTS),
     }
 )
@@ -342,7 +370,7 @@ def layout_of(preset: str | tuple[str, ...], lidar_rays: int) -> Layout:
 
 def wants_line(observation: str | tuple[str, ...]) -> bool:
     """Return whether a preset, or parts by name, tell of the reference line."""
-    return not set(_LINE).isdisjoint(_parts_of(observation))
+    return not {*_LINE, *_RIVALS}.isdisjoint(_parts_of(observation))
 
 
 def _parts_of(preset: str | tuple[str, ...]) -> tuple[str, ...]:

@@ -248,6 +248,20 @@ def test_random_starts_on_a_shipped_track_face_the_direction_of_travel() -> None
     assert (np.abs(batch.world.karts["heading_error"]) < 0.6).all()
 
 
+def test_every_round_begins_in_an_order_on_the_grid_that_is_drawn() -> None:
+    batch = Batch(ring_task(6, random_grid=True), worlds=20, seed=3)
+    places = batch.world.karts["grid_place"].copy()
+    assert (np.sort(places, axis=1) == np.arange(6)).all()
+    assert len(np.unique(places, axis=0)) > 15
+    first = np.take_along_axis(batch.world.karts["ranked"], np.argsort(places, axis=1), axis=1)
+    assert (np.diff(first, axis=1) < 0.0).all()
+    batch.reset()
+    assert not np.array_equal(places, batch.world.karts["grid_place"])
+    assert np.array_equal(
+        places, Batch(ring_task(6, random_grid=True), worlds=20, seed=3).world.karts["grid_place"]
+    )
+
+
 def test_all_karts_of_a_race_start_in_the_same_of_two_directions() -> None:
     batch = Batch(ring_task(4, random_start=True, both_directions=True), worlds=40)
     karts = batch.world.karts

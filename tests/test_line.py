@@ -71,6 +71,22 @@ def test_the_line_ahead_begins_at_the_kart_and_goes_on_in_equal_steps() -> None:
     assert view["line_left_ahead"] == pytest.approx(0.7)
 
 
+def test_rivals_are_told_of_along_the_line_and_across_it() -> None:
+    session = Session("t", with_line(Scenario(RING, karts=3)))
+    for number in range(3):
+        session.join("someone", "rivals")
+        session.seats[number].is_ready = True
+    session.start()
+    karts = session.world.karts[0]
+    for kart, angle, radius in ((0, 0.0, 6.0), (1, 0.2, 5.8), (2, -0.4, 6.1)):
+        karts[kart].x, karts[kart].y = radius * np.cos(angle), radius * np.sin(angle)
+        karts[kart].line_index = round(angle / (2.0 * np.pi) * len(RING.line)) % len(RING.line)
+    session.look()
+    view = Observation(0, session.layout("rivals"), session.view(0))
+    assert view["karts_along"] == pytest.approx([1.2, -2.4, 1000.0, 1000.0], abs=0.02)
+    assert view["karts_across"] == pytest.approx([0.2, -0.1, 0.0, 0.0], abs=0.01)
+
+
 def test_the_fastest_line_of_the_oval_cuts_its_bends() -> None:
     scenario = with_line(Scenario(load_course("oval"), karts=1))
     assert scenario.line is not None

@@ -43,7 +43,7 @@ def test_an_unknown_preset_is_named_with_the_known_ones() -> None:
 def test_the_table_and_the_kernel_count_alike() -> None:
     from race_server import observe
 
-    for name in ("AHEAD", "NEARBY", "THINGS"):
+    for name in ("AHEAD", "NEARBY", "THINGS", "USES"):
         assert getattr(observe, name) == getattr(observation, name)
 
 

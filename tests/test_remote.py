@@ -256,10 +256,17 @@ def test_no_server_and_no_seat_say_so() -> None:
     ("options", "message"),
     [
         ({"reward": "report_b"}, "reward term 'report_b' cannot be known from .*'track'"),
+        ({"reward": {"lead": 1.0}}, "'lead' cannot be known .*'track': choose another reward"),
         ({"reward": {"range": 1.0}}, "'range' cannot be known .* choose one of lidar, full"),
-        ({"observation": "lidar"}, "'progress' cannot be known .* choose one of track, line, full"),
+        (
+            {"observation": "lidar"},
+            "'progress' cannot be known .* choose one of track, line, rivals",
+        ),
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
-        ({"observation": "report_b"}, "a server gives one of lidar, radar, track, line, full"),
+        (
+            {"observation": "report_b"},
+            "a server gives one of lidar, radar, track, line, rivals, full",
+        ),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
         ({"action": "telepathy"}, "action 'telepathy' is unknown"),
     ],

@@ -1,6 +1,7 @@
 """Self-play: who sits where, snapshots that are rated, and a policy that advises a driver."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -10,7 +11,8 @@ from trainings import SMALL, Train, side_by_side
 
 from agents.learned import Learned
 from agents.policies.session import Policy
-from agents.training import curve
+from agents.policies.shelf import policy_path
+from agents.training import curve, folder
 from agents.training.overseer import CURVE
 from agents.training.rivals import Rivals, short_name
 from agents.training.run import Outcome
@@ -21,11 +23,12 @@ from agents.training.tasks import training_task
 from race_server.driver import Briefing, driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.presets import LEARNING_RULES
+from race_server.env.rig import STAY
 from race_server.errors import ScenarioError
 from race_server.observe import Observation
 from race_server.params import TT02
 from race_server.rules.items import items
-from race_server.scenario.base import Scenario
+from race_server.scenario.base import Rules, Scenario
 from race_server.track.load import load_course
 from race_server.trial.run import numbers_of
 
@@ -117,7 +120,7 @@ def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
     for step in range(80):
         seen = Observation(3 * step, driven.layout, driven.observations[0, 0].copy())
         driven.step(numbers_of(driver.act(seen)))
-        advised.step(np.zeros((1, 1, 3)))
+        advised.step(np.zeros((1, 1, 6)))
     assert advised.world.karts["x"][0] == pytest.approx(driven.world.karts["x"][0], abs=1e-5)
     assert advised.world.karts["distance"][0, 0] > 1.0
 
@@ -126,9 +129,82 @@ def test_advice_shifts_the_lane_to_its_side() -> None:
     task = Task((oval(1),), action="residual", base="raceline", observation=("line_offset",))
     left, right = Batch(task, seed=4), Batch(task, seed=4)
     for _ in range(60):
-        left.step([[[0.4, 0.0, 0.0]]])
-        right.step([[[-0.4, 0.0, 0.0]]])
+        left.step([[[0.4, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+        right.step([[[-0.4, 0.0, 0.0, 0.0, 0.0, 0.0]]])
     assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
+
+
+def test_advice_to_follow_closely_brakes_less_behind_another_kart() -> None:
+    speeds = []
+    for close in (0.0, 0.8):
+        others = {"learners": 1, "opponents": ("pure_pursuit",)}
+        batch = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
+        behind, ahead = batch.world.karts[0]
+        behind.x = ahead.x - 2.0 * np.cos(ahead.heading)
+        behind.y = ahead.y - 2.0 * np.sin(ahead.heading)
+        behind.heading, behind.line_index = ahead.heading, ahead.line_index
+        behind.speed = 2.0
+        for _ in range(3):
+            batch.step([[[0.0, 0.0, 0.0, 0.0, close, 0.0]]])
+        speeds.append(float(behind.speed))
+    assert speeds[1] > speeds[0] + 0.1
+
+
+def test_a_boost_carries_a_kart_beyond_the_line_only_if_it_is_told_to_dash() -> None:
+    speeds = []
+    for dash in (0.0, 1.0):
+        scenario = replace(oval(1), rules=replace(LEARNING_RULES, items=False))
+        batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
+        batch.step([[[0.0] * 6]])
+        effect = batch.world.karts["effects"][0, 0, 0]
+        effect["source"], effect["until_tick"] = 1, 10_000
+        effect["speed_scale"], effect["thrust_scale"], effect["grip_scale"] = 1.25, 1.6, 1.0
+        fastest = 0.0
+        for _ in range(160):
+            batch.step([[[0.0, 0.0, 0.0, dash, 0.0, 0.0]]])
+            fastest = max(fastest, float(batch.world.karts["speed"][0, 0]))
+        assert batch.world.karts["wall_contacts"][0, 0] == 0
+        speeds.append(fastest)
+    assert speeds[1] > 1.1 * speeds[0]
+
+
+def test_advice_to_fetch_a_box_drives_over_one() -> None:
+    held = []
+    for fetch in (0.0, 1.0):
+        scenario = replace(oval(1), rules=replace(LEARNING_RULES, catch_up=False))
+        batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
+        taken = 0
+        for _ in range(200):
+            batch.step([[[0.0, 0.0, -1.0, 0.0, 0.0, fetch]]])
+            taken += int(batch.world.karts["held"][0, 0] > 0)
+            batch.world.karts["held"] = 0
+        held.append(taken)
+    assert held[1] > held[0]
+
+
+def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
+    scenario = replace(oval(4), rules=replace(LEARNING_RULES, laps=1))
+    opponents = ("pure_pursuit", "idm", "avoider")
+    task = Task(
+        (scenario,),
+        opponents=opponents,
+        learners=1,
+        action="residual",
+        base="raceline",
+        reward={"lead": 1.0},
+        random_grid=True,
+    )
+    batch = Batch(task, worlds=6, seed=4, after=STAY)
+    ranked = batch.world.karts["ranked"].copy()
+    gaps = ranked[:, :1] - ranked[:, 1:]
+    before = (gaps / (abs(gaps) + 10.0 * TT02.length)).sum(axis=1)
+    gained = np.zeros(6)
+    while not batch.world.races["over"].all():
+        batch.step(np.zeros((6, 1, 6)))
+        gained += batch.rewards[:, 0]
+    # Of three rivals so many are behind, less those who are ahead.
+    at_the_end = 5 - 2 * batch.world.karts["rank"][:, 0]
+    assert before + gained == pytest.approx(at_the_end, abs=1e-3)
 
 
 def test_only_a_driver_that_takes_advice_can_be_advised() -> None:
@@ -141,10 +217,10 @@ def test_only_a_driver_that_takes_advice_can_be_advised() -> None:
 def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Outcome) -> None:
     path = outcome.folder / "policy.onnx"
     policy, driver = Policy(path), Learned(str(path))
-    assert driver.preset == "line"
+    assert driver.preset == "rivals"
     task = training_task(read_settings("race", QUICK))
     trained = Batch(Task(task.scenarios, **_shared(task, task.observation)), seed=3)
-    wide = {**_shared(task, "line"), "action": "control", "base": ""}
+    wide = {**_shared(task, "rivals"), "action": "control", "base": ""}
     raced = Batch(Task(task.scenarios, **wide), seed=3)
     driver.reset(BRIEFING)
     places = list(side_by_side(trained, raced, policy, driver, 80))
@@ -162,3 +238,28 @@ def _shared(task: Task, observation: object) -> dict[str, object]:
         "action": task.action,
         "base": task.base,
     }
+
+
+# The policy that comes along
+
+
+def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
+    policy = Policy(policy_path("race"))
+    assert policy.nature.base == "raceline"
+    assert "covapsy-test-2023" not in policy.nature.tracks
+    opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
+    rules = Rules(laps=2, countdown_s=0.2)
+    task = Task(
+        (Scenario(load_course("covapsy-train-2023"), karts=5, rules=rules),),
+        opponents=opponents,
+        learners=1,
+        observation=policy.nature.parts,
+        action="residual",
+        base="raceline",
+        random_grid=True,
+    )
+    batch = Batch(task, worlds=24, seed=7, after=STAY)
+    for _ in range(900):
+        batch.step(policy.decide(batch.observations[:, 0]))
+    places = batch.world.karts["rank"].mean(axis=0)
+    assert places[0] < places[1:].min() - 0.4

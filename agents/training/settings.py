@@ -88,6 +88,7 @@ class Episode(_Table):
         default=1200, ge=0
     )  # decisions until it is cut off; 0: the rules alone end it
     random_start: bool = True
+    random_grid: bool = False  # every race begins in another order on the grid
     crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
 
 

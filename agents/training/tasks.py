@@ -70,6 +70,7 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
         decision_ticks=DECISION_TICKS,
         most_steps=episode.steps,
         random_start=episode.random_start,
+        random_grid=episode.random_grid,
         crash_range=episode.crash_range,
     )
 

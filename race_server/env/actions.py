@@ -18,7 +18,7 @@ ACTIONS = {
     "residual": RESIDUAL,
 }
 # Numbers of an action, by kind.
-WIDTHS = {CONTINUOUS: 3, INCREMENTS: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 3}
+WIDTHS = {CONTINUOUS: 3, INCREMENTS: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 6}
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
 # speed that is set is at least 0.1 m/s, so that a policy cannot stall.
@@ -28,8 +28,10 @@ SLOWEST = 0.1
 
 # A residual action of 1 advises a scripted driver to be so many widths further left, or so much
 # faster as a share: enough to drive over a box beside the line, or out of a bend under a boost.
+# Where no bend forbids it a boost carries a kart much further beyond the speeds of the line.
 ASIDE_WIDTHS = 4.0
 FASTER_SHARE = 0.12
+DASH_SHARE = 0.5
 
 # Slower than this [m/s] a kart that brakes goes into reverse.
 REVERSE_BELOW = 0.1
@@ -64,12 +66,13 @@ def discrete_table() -> Floats:
 
 
 def advice_of(actions: Float32s, width: float) -> Floats:
-    """Return what residual actions (..., 3) advise: aside [m], faster [share], button.
+    """Return what residual actions (..., 6) advise, see ASIDE in `race_server.autopilot`.
 
-    width: of the vehicle [m].
+    width: of the vehicle [m]. Of the last three numbers only what is above zero counts.
     """
-    scales = np.array([ASIDE_WIDTHS * width, FASTER_SHARE, 1.0])
-    return np.clip(actions.astype(np.float64), -1.0, 1.0) * scales
+    scales = np.array([ASIDE_WIDTHS * width, FASTER_SHARE, 1.0, DASH_SHARE, 1.0, 1.0])
+    lows = np.array([-1.0, -1.0, -1.0, 0.0, 0.0, 0.0])
+    return np.clip(actions.astype(np.float64), lows, 1.0) * scales
 
 
 @kernel

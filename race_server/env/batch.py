@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from race_server import codes
-from race_server.autopilot import ASIDE, URGE, memory_size
+from race_server.autopilot import ASIDE, FETCH, memory_size
 from race_server.clock import TICK_S
 from race_server.driver import driver_named
 from race_server.env.actions import (
@@ -68,6 +68,7 @@ class Task:
     decision_ticks: int = 3
     most_steps: int = 0  # decisions until an episode is cut off; 0: the rules alone end it
     random_start: bool = False
+    random_grid: bool = False  # each round begins in another order on the grid
     both_directions: bool = False  # every scenario also with its course reversed
     crash_range: float = 0.0  # [m]; a nearer lidar range is a crash
 
@@ -192,6 +193,7 @@ class Batch:
         settings["after"] = after
         settings["most_steps"] = task.most_steps
         settings["random_start"] = task.random_start
+        settings["random_grid"] = task.random_grid
         widest = max((group.layout.size for group in self.opponents), default=1)
         most = max((len(group.layout.numbers) for group in self.opponents), default=1)
         parts = np.full((karts, most), -1, np.int64)
@@ -331,7 +333,7 @@ class Batch:
             self.rig.actions[...] = np.reshape(actions, self.rig.actions.shape)
         if self._advises:
             width = float(self.world.vehicles[0, 0].width)
-            places = slice(ASIDE, URGE + 1)
+            places = slice(ASIDE, FETCH + 1)
             advice = advice_of(self.rig.actions, width)
             self.rig.memory[:, : self.learners, places] = advice
         if self._pool is None:

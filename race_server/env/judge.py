@@ -5,15 +5,19 @@ import math
 from race_server import codes
 from race_server.env.rig import Rig
 from race_server.kernels.jit import kernel
+from race_server.rules.ranking import is_ahead
 from race_server.stages.report import retire
 from race_server.state import World
 
 # Terms, in the order of `rewards.TERMS`.
 PROGRESS, SPEED, RANGE, CRASH, CONTACT, WALL, WRONG_WAY, OFF_TRACK = range(8)
-PLACES, ITEM, LAP, FINISH, TIME, REPORT_B = range(8, 14)
+PLACES, ITEM, LAP, FINISH, TIME, REPORT_B, LEAD = range(8, 15)
 
 REPORT_B_CRASH = -300.0
 REPORT_B_RANGE, REPORT_B_SPEED = 12.0, 3.0
+
+# So many lengths ahead of a rival a kart is half as far ahead as it can be: about a second.
+LEAD_LENGTHS = 10.0
 
 
 @kernel
@@ -25,8 +29,30 @@ def remember(world: World, rig: Rig, w: int) -> None:
         before.contacts = kart.contacts
         before.wall_contacts = kart.wall_contacts
         before.rank = kart.rank
+        before.lead = lead_of(world, w, k) if rig.weights[LEAD] != 0.0 else 0.0
         before.items_used = kart.items_used
         before.laps = kart.laps
+
+
+@kernel
+def lead_of(world: World, w: int, k: int) -> float:
+    """Return how far a kart is ahead of its rivals: the sum of a number from -1 to 1 for each.
+
+    While both race, distances decide, squashed; afterwards the order of finish. So what a race
+    adds up to is the place at its end, but for where it began.
+    """
+    kart, total = world.karts[w, k], 0.0
+    half = LEAD_LENGTHS * world.vehicles[w, k].length
+    for other in range(world.karts.shape[1]):
+        rival = world.karts[w, other]
+        if other == k or rival.status == codes.ABSENT:
+            continue
+        if kart.status == codes.RACING and rival.status == codes.RACING:
+            gap = kart.ranked - rival.ranked
+            total += gap / (abs(gap) + half)
+        else:
+            total += 1.0 if is_ahead(kart, rival) else -1.0
+    return total
 
 
 @kernel
@@ -70,6 +96,7 @@ def judge(world: World, rig: Rig, w: int, k: int) -> None:
     if rig.weights[REPORT_B] != 0.0:
         fair = REPORT_B_RANGE * near + REPORT_B_SPEED * kart.speed
         terms[REPORT_B] = REPORT_B_CRASH if crashed else fair
+    terms[LEAD] = lead_of(world, w, k) - before.lead if rig.weights[LEAD] != 0.0 else 0.0
     reward = 0.0
     for term in range(len(rig.weights)):
         reward += rig.weights[term] * terms[term]

@@ -27,7 +27,7 @@ from race_server.wire.lobby import Join, decode_course
 Vector = NDArray[np.float32]
 _TERMS = tuple(TERMS)
 # Parts that a term is worked out from, where not every preset has them.
-_NEEDS = {"progress": "progress", "range": "lidar", "report_b": "lidar"}
+_NEEDS = {"progress": "progress", "range": "lidar", "report_b": "lidar", "lead": "all karts"}
 # Seats are listened to in turn, each for so long.
 POLL_S = 0.05
 # A lobby is told again that we are ready as often as this: it forgets with every race.
@@ -268,9 +268,9 @@ def _known_terms(preset: str, weights: Floats) -> dict[str, int]:
             known[name] = place
         elif weights[place] != 0.0:
             able = ", ".join(other for other, parts in PRESETS.items() if part in parts)
+            choice = f"choose one of {able}, or another reward" if able else "choose another reward"
             raise ScenarioError(
-                f"reward term {name!r} cannot be known from observation {preset!r}: "
-                f"choose one of {able}, or another reward"
+                f"reward term {name!r} cannot be known from observation {preset!r}: {choice}"
             )
     return known
 

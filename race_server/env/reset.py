@@ -6,6 +6,7 @@ from race_server.env.rig import Rig, Templates
 from race_server.kernels.jit import kernel, large_kernel
 from race_server.kernels.rng import (
     EPISODE_STREAM,
+    GRID_STREAM,
     RESPAWN_STREAM,
     SCENARIO_STREAM,
     START_STREAM,
@@ -47,6 +48,9 @@ def begin_round(world: World, rig: Rig, templates: Templates, w: int) -> None:
             rig.memory[w, k, number] = 0.0
         for number in range(4):
             rig.controls[w, k, number] = 0.0
+    if rig.settings[0].random_grid:
+        _shuffle_grid(world, w)
+    for k in range(world.karts.shape[1]):
         if rig.settings[0].random_start and world.karts[w, k].status != codes.ABSENT:
             _find_start(world, rig, templates, w, k, START_STREAM)
     line_up(world, w)
@@ -66,6 +70,20 @@ def _draw_scenario(rig: Rig, seed: int, number: int) -> int:
         if chance < rig.odds[scenario]:
             return scenario
     return len(rig.odds) - 1
+
+
+@kernel
+def _shuffle_grid(world: World, w: int) -> None:
+    """Let the karts of one world change places on the grid (Fisher and Yates)."""
+    karts, seed = world.karts, world.races[w].seed
+    for last in range(karts.shape[1] - 1, 0, -1):
+        other = int(uniform(seed, GRID_STREAM, last, 0) * (last + 1))
+        one, two = karts[w, last], karts[w, other]
+        if one.status != codes.ABSENT and two.status != codes.ABSENT:
+            one.x, two.x = two.x, one.x
+            one.y, two.y = two.y, one.y
+            one.heading, two.heading = two.heading, one.heading
+            one.grid_place, two.grid_place = two.grid_place, one.grid_place
 
 
 @kernel

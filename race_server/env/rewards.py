@@ -28,6 +28,9 @@ TERMS: Mapping[str, str] = MappingProxyType(
         # Report of the 1/10 race, 2024: -300 at a crash, else 12 times the nearest range [m] plus
         # 3 times the speed [m/s].
         "report_b": "12 · nearest range + 3 · speed, or -300 at a crash",
+        "lead": "gain in the sum over all rivals of how far ahead of them the kart is, each from "
+        "-1 to 1: by distance while both race, half of it at 10 lengths, then by place; only "
+        "measured where it has a weight",
     }
 )
 

@@ -23,6 +23,7 @@ SETTINGS = np.dtype(
             ("after", np.int64),  # STAY, RESET_WORLD or REENTER
             ("most_steps", np.int64),  # decisions of an episode; 0: no limit
             ("random_start", np.int64),
+            ("random_grid", np.int64),
         ],
     )
 )
@@ -63,6 +64,7 @@ BEFORE = np.dtype(
         np.record,
         [
             ("distance", np.float64),
+            ("lead", np.float64),
             *(
                 (name, np.int64)
                 for name in ("contacts", "wall_contacts", "rank", "items_used", "laps")

@@ -27,11 +27,12 @@ def action_space(action: str) -> spaces.Space[Any]:
     continuous: drive [-1, 1] (brake below zero), steering [-1, 1] (left positive), item above
     0.5. report_b: increments of speed [0, 1] and steering [-1, 1]. discrete: 3 pedals by 5 angles.
     control: what a driver sends, steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons 0 to 3.
-    residual: advice to a scripted driver, each [-1, 1]: aside (left positive), faster, item.
+    residual: advice to a scripted driver, each [-1, 1]: aside (left positive), faster, item, and,
+    above zero alone, faster where no bend forbids it, closer to the kart ahead, fetch a box.
     """
     kind = action_kind(action)
     if kind == RESIDUAL:
-        return spaces.Box(-np.ones(3, np.float32), np.ones(3, np.float32))
+        return spaces.Box(-np.ones(6, np.float32), np.ones(6, np.float32))
     if kind == CONTINUOUS:
         return spaces.Box(np.array([-1, -1, 0], np.float32), np.ones(3, np.float32))
     if kind == INCREMENTS:

@@ -15,6 +15,7 @@ from race_server.state import HAZARDS, RADAR_RAYS, Float32s, Ints, Record, World
 AHEAD = 16
 NEARBY = 4
 THINGS = 4
+USES = 4
 FAR = 1000.0  # stands for "there is none"
 
 # Distance between two look-ahead samples: a time at top speed, but never less than a length.
@@ -81,6 +82,14 @@ def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) 
     if 41 <= number <= 46:
         _line_ahead(world, w, k, number - 41, out, place)
         return place + AHEAD
+    if 47 <= number <= 48:
+        _karts_near(world, w, k, number - 43, out, place)
+        return place + NEARBY
+    if number == 49:
+        use = world.items[world.karts[w, k].held].use
+        for index in range(USES):
+            out[place + index] = 1.0 if use == index + 1 else 0.0
+        return place + USES
     out[place] = _scalar(world, w, k, number)
     return place + 1
 
@@ -178,12 +187,39 @@ def _place_on_line(world: World, w: int, k: int, what: int) -> float:
         return line_step_of(world.vehicles[w, k])
     place = place_on_reference(world.atlas, course, kart.x, kart.y, kart.line_index)
     sample = int(place + 0.5) % course.line_count
+    if what == 0:
+        return _offset_from(world, course, sample, kart)
+    point = world.atlas.reference[course.line_start + sample]
+    along = (kart.x - point.x) * point.cos + (kart.y - point.y) * point.sin
+    return wrap_angle(kart.heading - point.heading - along * point.curvature)
+
+
+@kernel
+def _offset_from(world: World, course: Record, sample: int, kart: Record) -> float:
+    """Return how far [m] a kart is left of the reference line, abreast of a sample of it."""
     point = world.atlas.reference[course.line_start + sample]
     dx, dy = kart.x - point.x, kart.y - point.y
     along = dx * point.cos + dy * point.sin
-    if what == 1:
-        return wrap_angle(kart.heading - point.heading - along * point.curvature)
     return dy * point.cos - dx * point.sin - 0.5 * point.curvature * along * along
+
+
+@kernel
+def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float:
+    """Return the way [m] to a rival along the reference line (what 0), or its offset (1)."""
+    kart, rival, atlas = world.karts[w, k], world.karts[w, other], world.atlas
+    course = atlas.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0:
+        return 0.0
+    there = place_on_reference(atlas, course, rival.x, rival.y, rival.line_index)
+    if what == 1:
+        return _offset_from(world, course, int(there + 0.5) % course.line_count, rival)
+    here = place_on_reference(atlas, course, kart.x, kart.y, kart.line_index)
+    way, half = there - here, 0.5 * course.line_count
+    if way >= half:
+        way -= course.line_count
+    elif way < -half:
+        way += course.line_count
+    return way * course.reference_spacing
 
 
 @kernel
@@ -222,6 +258,7 @@ def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: i
 
 @kernel
 def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    """Tell of the nearest karts: x, y, velocity x, y in the kart frame, along, across the line."""
     kart = world.karts[w, k]
     cos, sin = math.cos(kart.heading), math.sin(kart.heading)
     last = -1.0
@@ -239,9 +276,12 @@ def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: i
             if later and square < best:
                 best, following = square, other
         if following < 0:
-            out[place + index] = FAR if what <= 1 else 0.0
+            out[place + index] = FAR if what <= 1 or what == 4 else 0.0
             continue
         last, chosen = best, following
+        if what >= 4:
+            out[place + index] = _rival_on_line(world, w, k, following, what - 4)
+            continue
         rival = world.karts[w, following]
         dx, dy = rival.x - kart.x, rival.y - kart.y
         if what >= 2:
