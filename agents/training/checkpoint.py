@@ -6,9 +6,10 @@ They are read with PyTorch's restricted reader: nothing is unpickled that could 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
-from stable_baselines3.common.vec_env import VecNormalize
 
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from race_server.errors import ScenarioError
 
@@ -16,7 +17,7 @@ COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 
 
 def save_checkpoint(
-    path: Path, learner: Any, world: VecNormalize, pace: Pace, score: float = 0.0
+    path: Path, learner: Any, world: Normaliser, pace: Pace, score: float = 0.0
 ) -> None:
     """Write where a training stands, and what score the policy had if it was the best."""
     seen: Any = world.obs_rms  # one box, hence one set of means
@@ -30,6 +31,7 @@ def save_checkpoint(
             ("return_mean", worth.mean),
             ("return_variance", worth.var),
             ("return_count", worth.count),
+            ("stretch", np.empty(0) if world.stretch is None else world.stretch),
         )
     ]
     content = {
@@ -46,7 +48,7 @@ def save_checkpoint(
     aside.replace(path)
 
 
-def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> float:
+def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Pace) -> float:
     """Take a training up where a checkpoint left it; return the score that it was kept for.
 
     Raises:
@@ -62,6 +64,7 @@ def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -
         worth = world.ret_rms
         worth.mean, worth.var = numbers["return_mean"], numbers["return_variance"]
         worth.count = float(numbers["return_count"])
+        world.stretch = numbers["stretch"] if numbers["stretch"].size else None
         for name in COUNTERS:
             setattr(learner, name, content["counters"][name])
         pace.spent_s, pace.done = float(content["seconds"]), int(content["done"])

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.training.checkpoint import save_checkpoint
 from agents.training.curve import Point, append
 from agents.training.evaluation import Examiner, Marks
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
@@ -34,6 +34,7 @@ class News:
     reward: float | None
     crash_rate: float | None
     best_lap_s: float | None
+    stage: str  # how it learns: by imitation, or an algorithm's name
     marks: Marks | None = None
     ratings: tuple[Rating, ...] = ()  # where they have just changed, the strongest first
 
@@ -48,7 +49,7 @@ class Overseer(BaseCallback):
         self,
         settings: Settings,
         folder: Path,
-        world: VecNormalize,
+        world: Normaliser,
         pace: Pace,
         tell: Tell,
         best_score: float = -np.inf,
@@ -65,6 +66,7 @@ class Overseer(BaseCallback):
         self.best_score = best_score
         self.last: list[Marks] = []
         self.reached = False
+        self.stage: str = settings.algorithm.name
         self._folder = folder
         self._world = world
         self._tell = tell
@@ -142,6 +144,7 @@ class Overseer(BaseCallback):
             reward=float(np.mean([row["r"] for row in episodes])) if episodes else None,
             crash_rate=float(np.mean([row["crashes"] for row in episodes])) if episodes else None,
             best_lap_s=min(laps, default=None),
+            stage=self.stage,
             marks=marks,
         )
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.policies.session import Policy
 from agents.policies.shelf import POLICY
@@ -20,6 +19,7 @@ from agents.training.film import record_laps
 from agents.training.imitation import Imitation
 from agents.training.learner import learner_of, world_of
 from agents.training.lines import Say
+from agents.training.normaliser import Normaliser
 from agents.training.overseer import BEST, CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
 from agents.training.schedule import Schedule
@@ -82,12 +82,12 @@ def train(
 
 
 def _learn(
-    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+    settings: Settings, learner: Any, world: Normaliser, overseer: Overseer, say: Say
 ) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
     pace = overseer.pace
     try:
-        if settings.warm_start.is_wanted and pace.share < settings.warm_start.share:
+        if pace.share < settings.warm_start.end:
             _imitate(settings, learner, world, overseer, say)
         pace.start()
         if not pace.is_over:
@@ -99,15 +99,17 @@ def _learn(
 
 
 def _imitate(
-    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+    settings: Settings, learner: Any, world: Normaliser, overseer: Overseer, say: Say
 ) -> None:
     overseer.init_callback(learner)
     imitation = Imitation(settings, learner, world, say)
+    overseer.stage = "imitation"
     overseer.pace.start()
     try:
         imitation.go(overseer.pace, overseer.imitated)
     finally:
         overseer.pace.stop()
+        overseer.stage = settings.algorithm.name
         imitation.close()
 
 
@@ -115,7 +117,7 @@ def _conclude(
     settings: Settings,
     place: Path,
     learner: Any,
-    world: VecNormalize,
+    world: Normaliser,
     overseer: Overseer,
     spent: tuple[float, int],
     say: Callable[[str], None],
