@@ -192,7 +192,7 @@ def test_a_careful_learner_takes_the_lower_of_answers_that_fit_alike() -> None:
     labels[:, 0] = labels[:, 1] = -0.8, -0.4, 0.0, 0.4, 0.8
     seen = np.ones((5, 44), np.float32)
     for step in range(200):
-        lessons.learn(seen, labels, step / 200)
+        lessons.learn(world.view(seen), labels, step / 200)
     drive, steering, _ = lessons.answer(seen)[0]
     assert drive == pytest.approx(-0.4, abs=0.1)
     assert steering == pytest.approx(0.0, abs=0.1)

@@ -23,7 +23,7 @@ from agents.training.pace import Pace
 from agents.training.settings import Settings, WarmStart
 from agents.training.tasks import training_task
 from agents.training.teacher import Teacher, shown_to_both
-from race_server.env.actions import CONTINUOUS, action_kind
+from race_server.env.actions import CONTINUOUS, CONTROL, action_kind
 from race_server.env.batch import Batch
 from race_server.env.vector import after_an_episode
 from race_server.errors import ScenarioError
@@ -164,7 +164,7 @@ def _weights(
     weights, quantiles = np.ones(width, np.float32), np.full(width, 0.5, np.float32)
     if action_kind(action) == CONTINUOUS:
         weights[1], quantiles[0] = wanted.steering_weight, wanted.quantile
-    else:
+    elif action_kind(action) == CONTROL:
         weights[0] = wanted.steering_weight
         quantiles[1:3] = wanted.quantile, 1.0 - wanted.quantile  # throttle and brake
     return weights, quantiles

@@ -91,6 +91,7 @@ def _learn(
             _imitate(settings, learner, world, overseer, say)
         pace.start()
         if not pace.is_over:
+            overseer.stage = settings.algorithm.name
             callbacks = [overseer, Schedule(settings, pace)]
             learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
@@ -109,7 +110,6 @@ def _imitate(
         imitation.go(overseer.pace, overseer.imitated)
     finally:
         overseer.pace.stop()
-        overseer.stage = settings.algorithm.name
         imitation.close()
 
 

@@ -46,7 +46,8 @@ class View:
             scans = []
         right = [np.append(scan[:1], scan[:-1]) for scan in scans]
         left = [np.append(scan[1:], scan[-1:]) for scan in scans]
-        return cls(horizon, *(np.concatenate([NOWHERE, *part]) for part in (scans, right, left)))
+        places = [np.concatenate([NOWHERE, *part]) for part in (scans, right, left)]
+        return cls(horizon, places[0], places[1], places[2])
 
     def __call__(self, seen: NDArray[Any]) -> NDArray[Any]:
         """Return observations (..., size) as a network is to see them."""
