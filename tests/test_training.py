@@ -13,6 +13,7 @@ import pytest
 from agents.learned import Learned
 from agents.policies.nature import KEY
 from agents.policies.session import Policy
+from agents.policies.shelf import SHIPPED
 from agents.training import curve, folder
 from agents.training.courses import course_named, names_of, track_sets
 from agents.training.learner import CLASSES
@@ -201,6 +202,14 @@ def test_every_algorithm_makes_a_file_that_answers_like_it(
 
 
 # The driver
+
+
+def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() -> None:
+    path = SHIPPED / "time-trial.onnx"
+    assert path.stat().st_size < 1_000_000
+    nature = Policy(path).nature
+    assert nature.parts == ("lidar", "lidar_before", "speed", "steering")
+    assert nature.vehicle == "tt02"
 
 
 def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> None:
