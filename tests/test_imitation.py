@@ -33,6 +33,7 @@ QUICK = (
     "minutes=none",
     "steps=12000",
     "worlds=16",
+    "threads=1",
     "tracks={names = ['oval']}",
     "lidar.rays=21",
     "network={layers = [32], activation = 'relu'}",
