@@ -22,7 +22,7 @@ FIRST = "tracks = ['oval'], until_success = 0.5, episodes = 4"
 
 def settings(first: str = FIRST, *changes: str) -> Settings:
     stages = f"curriculum=[{{after = 0.0, {first}}}, {{after = 0.8}}]"
-    return read_settings("time-trial", [*QUICK, "worlds=1", TWO, stages, *changes])
+    return read_settings("time-trial-ppo", [*QUICK, "worlds=1", TWO, stages, *changes])
 
 
 def episode(*, laps: int = 1, crashes: int = 0, steps: int = 10) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def test_karts_that_crash_stay_in_the_first_stage() -> None:
 
 def test_the_curve_tells_which_stage_ran(trained: Train) -> None:
     stages = "curriculum=[{after = 0.0, tracks = ['oval']}, {after = 0.7}]"
-    outcome = trained("time-trial", (*QUICK, TWO, stages))
+    outcome = trained("time-trial-ppo", (*QUICK, TWO, stages))
     rows = curve.read(outcome.folder / CURVE)
     assert [row["stage"] for row in rows] == sorted(row["stage"] for row in rows)
     assert {rows[0]["stage"], rows[-1]["stage"]} == {1.0, 2.0}

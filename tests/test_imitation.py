@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from stable_baselines3 import PPO
 from typer.testing import CliRunner
 
@@ -17,7 +18,7 @@ from agents.training.demonstrations import (
 from agents.training.demonstrator import demonstrate
 from agents.training.imitation import Imitation, School
 from agents.training.learner import learner_of, world_of
-from agents.training.lessons import Lessons, Memory
+from agents.training.lessons import Lessons, Memory, loss_of
 from agents.training.pace import Pace
 from agents.training.run import train
 from agents.training.schedule import Schedule
@@ -32,6 +33,7 @@ QUICK = (
     "minutes=none",
     "steps=12000",
     "worlds=16",
+    "threads=1",
     "tracks={names = ['oval']}",
     "lidar.rays=21",
     "network={layers = [32], activation = 'relu'}",
@@ -44,6 +46,7 @@ QUICK = (
     "warm_start.learning_rate=3e-3",
     "warm_start.memory=10000",
     "warm_start.share=1.0",
+    "warm_start.margin=none",
 )
 
 
@@ -151,18 +154,49 @@ def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
     world.close()
 
 
-def test_stretched_inputs_change_no_answer() -> None:
-    wanted = settings()
+def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
+    wanted = settings("warm_start.floor=1e-4")
     world = world_of(wanted, Pace.of(wanted))
     learner = learner_of(wanted, world, Pace.of(wanted), None)
-    lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32))
+    ones = np.ones(3, np.float32)
+    lessons = Lessons(wanted.warm_start, learner, world, ones, 0.5 * ones)
     seen = np.random.default_rng(0).normal(1.0, 0.3, (500, 44)).astype(np.float32)
-    seen[:, 1] = seen[:, 0] + 0.01 * seen[:, 2]
-    before = lessons.answer(seen)
-    lessons.look_at(seen)
-    with lessons.stretched():
-        assert not np.allclose(lessons.answer(seen), before, atol=1e-3)
-    assert np.allclose(lessons.answer(seen), before, atol=1e-5)
+    seen[:, 1] = seen[:, 0] + 0.5 * seen[:, 2]
+    before, rows = lessons.answer(seen), world.normalize_obs(seen)
+    for part in (seen[:100], seen):
+        lessons.look_at(world.view(part))
+        assert np.allclose(lessons.answer(seen), before, atol=1e-5)
+    apart = world.normalize_obs(seen)
+    together = [np.corrcoef(some[:, 0], some[:, 1])[0, 1] for some in (rows, apart)]
+    assert together[0] > 0.5
+    assert abs(together[1]) < 0.1
+    world.close()
+
+
+def test_below_the_middle_an_answer_too_high_counts_more_than_one_too_low() -> None:
+    answers, wanted = torch.tensor([0.4, -0.4]), torch.zeros(2)
+    assert loss_of("absolute", answers, wanted, torch.tensor(0.25)).tolist() == [
+        pytest.approx(0.6),
+        pytest.approx(0.2),
+    ]
+    middle = loss_of("squared", answers, wanted, torch.tensor(0.5))
+    assert middle.tolist() == pytest.approx([0.16, 0.16])
+
+
+def test_a_careful_learner_takes_the_lower_of_answers_that_fit_alike() -> None:
+    wanted = settings("warm_start={teacher = 'raceline', loss = 'absolute', learning_rate = 1e-2}")
+    world = world_of(wanted, Pace.of(wanted))
+    learner = learner_of(wanted, world, Pace.of(wanted), None)
+    quantiles = np.array([0.25, 0.5, 0.5], np.float32)
+    lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32), quantiles)
+    labels = np.zeros((5, 3), np.float32)
+    labels[:, 0] = labels[:, 1] = -0.8, -0.4, 0.0, 0.4, 0.8
+    seen = np.ones((5, 44), np.float32)
+    for step in range(200):
+        lessons.learn(world.view(seen), labels, step / 200)
+    drive, steering, _ = lessons.answer(seen)[0]
+    assert drive == pytest.approx(-0.4, abs=0.1)
+    assert steering == pytest.approx(0.0, abs=0.1)
     world.close()
 
 

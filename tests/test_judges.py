@@ -36,7 +36,7 @@ QUICK = (
 
 
 def settings(*changes: str) -> Settings:
-    return read_settings("time-trial", [*QUICK, *changes])
+    return read_settings("time-trial-ppo", [*QUICK, *changes])
 
 
 def learned(wanted: Settings) -> tuple[Marks, VecNormalize]:

@@ -19,7 +19,7 @@ from race_server.cli import app
 @pytest.fixture(scope="module")
 def outcome(trained: Train) -> Outcome:
     """A run of two thousand decisions."""
-    return trained("time-trial", QUICK)
+    return trained("time-trial-ppo", QUICK)
 
 
 @pytest.fixture(scope="module")

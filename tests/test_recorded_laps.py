@@ -78,7 +78,7 @@ def test_a_command_makes_a_file_from_which_a_learner_learns(
     words = ["demonstrate", "--recording", str(recording), "--seat", "0", "--out", str(path)]
     done = CliRunner().invoke(app, [*words, "--json"])
     assert done.exit_code == 0, done.output
-    seen, actions = pairs_for(read_settings("time-trial", ["lidar.rays=21"]), path)
+    seen, actions = pairs_for(read_settings("time-trial-ppo", ["lidar.rays=21"]), path)
     assert len(seen) == len(actions) == json.loads(done.stdout)["decisions"]
 
 

@@ -12,7 +12,7 @@ from trainings import SMALL, Train, side_by_side
 from agents.learned import Learned
 from agents.policies.session import Policy
 from agents.policies.shelf import policy_path
-from agents.training import curve, folder
+from agents.training import curve
 from agents.training.overseer import CURVE
 from agents.training.rivals import Rivals, short_name
 from agents.training.run import Outcome

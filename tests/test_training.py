@@ -14,6 +14,7 @@ from trainings import QUICK, Train, side_by_side
 from agents.learned import Learned
 from agents.policies.nature import KEY
 from agents.policies.session import Policy
+from agents.policies.shelf import SHIPPED
 from agents.training import curve, folder
 from agents.training.courses import course_named, names_of, track_sets
 from agents.training.learner import CLASSES
@@ -23,6 +24,7 @@ from agents.training.run import Outcome, train
 from agents.training.settings import Tracks
 from agents.training.sheet import as_toml, preset_names, read_settings
 from agents.training.tasks import training_task
+from agents.training.view import View
 from race_server.driver import Briefing, driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.gap import RealityGap
@@ -36,7 +38,7 @@ from race_server.trial.run import numbers_of
 @pytest.fixture(scope="module")
 def outcome(trained: Train) -> Outcome:
     """A run of two thousand decisions."""
-    return trained("time-trial", QUICK)
+    return trained("time-trial-ppo", QUICK)
 
 
 @pytest.fixture
@@ -54,7 +56,7 @@ def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
 # Settings
 
 
-@pytest.mark.parametrize("name", ["time-trial", "taught", "race", "full", "report-b"])
+@pytest.mark.parametrize("name", ["time-trial", "time-trial-ppo", "race", "full", "report-b"])
 def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: Path) -> None:
     assert name in preset_names()
     settings = read_settings(name)
@@ -77,7 +79,7 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
 )
 def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
-        read_settings("time-trial", [change])
+        read_settings("time-trial-ppo", [change])
 
 
 @pytest.mark.parametrize(
@@ -90,11 +92,11 @@ def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> N
 )
 def test_a_task_that_makes_no_race_is_refused(change: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
-        training_task(read_settings("time-trial", [change]))
+        training_task(read_settings("time-trial-ppo", [change]))
 
 
 def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
-    settings = read_settings("time-trial", [*QUICK, "algorithm.options.n_step=3"])
+    settings = read_settings("time-trial-ppo", [*QUICK, "algorithm.options.n_step=3"])
     with pytest.raises(ScenarioError, match=r"algorithm.options.n_step = 3: ppo has no such"):
         train(settings, tmp_path)
 
@@ -102,7 +104,8 @@ def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
 def test_no_course_to_be_tried_out_on_is_learned_on() -> None:
     sets = {name: set(names_of(Tracks(set=name))) for name in track_sets()}
     assert not sets["unseen"] & sets["train"]
-    assert not sets["validation"] & (sets["train"] | sets["unseen"])
+    assert not sets["validation-wide"] & (sets["train"] | sets["unseen"])
+    assert sets["validation"] <= sets["validation-wide"]
     assert len(sets["train"]) >= 12
 
 
@@ -113,6 +116,24 @@ def test_a_reversed_course_is_found_by_its_name() -> None:
 def test_the_share_of_a_training_goes_by_what_it_is_measured_in() -> None:
     assert Pace(None, 1000, done=250).share == 0.25
     assert Pace(2.0, None, spent_s=60.0).share == pytest.approx(0.5)
+    assert Pace(None, 1000, done=750).share_since(0.5) == 0.5
+    assert Pace(None, 1000, done=250).share_since(0.5) == 0.0
+
+
+def test_a_view_shows_logarithms_and_fills_in_what_did_not_come_back() -> None:
+    change = ["observation=['lidar', 'speed']", "lidar={rays = 4, logarithms = true}"]
+    view = View.of(read_settings("time-trial-ppo", change))
+    seen = np.array([[1.0, 0.0, 2.0, 4.0, 0.0], [0.0, 0.0, 4.0, 9.0, -1.0]], np.float32)
+    # Nothing between 1 m and 2 m counts as 2 m, nothing beside nothing as the reach of 8 m.
+    wanted = [[1.0, 2.0, 2.0, 4.0], [8.0, 4.0, 4.0, 8.0]]
+    assert np.exp(view(seen)[:, :4]) == pytest.approx(np.array(wanted))
+    assert view(seen)[:, 4].tolist() == [0.0, -1.0]
+    assert np.array_equal(view(seen[1]), view(seen)[1])
+
+
+def test_a_view_without_logarithms_only_cuts() -> None:
+    view = View.of(read_settings("time-trial-ppo", ["horizon=3.0"]))
+    assert view(np.array([0.0, 5.0, -4.0], np.float32)).tolist() == [0.0, 3.0, -3.0]
 
 
 # A run
@@ -162,12 +183,20 @@ def test_every_algorithm_makes_a_file_that_answers_like_it(
         f"action={action}",
         "evaluation.times=1",
     ]
-    done = train(read_settings("time-trial", changes), tmp_path)
+    done = train(read_settings("time-trial-ppo", changes), tmp_path)
     assert done.evaluation["parity"] <= 1e-5
     assert algorithm in CLASSES
 
 
 # The driver
+
+
+def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() -> None:
+    path = SHIPPED / "time-trial.onnx"
+    assert path.stat().st_size < 1_000_000
+    nature = Policy(path).nature
+    assert nature.parts == ("lidar", "lidar_before", "speed", "steering")
+    assert nature.vehicle == "tt02"
 
 
 def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> None:
@@ -177,7 +206,7 @@ def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> Non
 
 def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> None:
     policy, driver = Policy(policy_file), Learned(str(policy_file))
-    task = replace(training_task(read_settings("time-trial", QUICK)), gap=RealityGap())
+    task = replace(training_task(read_settings("time-trial-ppo", QUICK)), gap=RealityGap())
     trained = Batch(task, seed=3)
     wide = Task(task.scenarios, observation="lidar", action="control", random_start=True)
     raced = Batch(wide, seed=3)
@@ -191,7 +220,7 @@ def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> Non
 def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Path) -> None:
     name = f"learned:{policy_file}"
     scenario = replace(
-        training_task(read_settings("time-trial", QUICK)).scenarios[0],
+        training_task(read_settings("time-trial-ppo", QUICK)).scenarios[0],
         karts=3,
         rules=LEARNING_RULES,
     )

@@ -8,11 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 import torch
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from agents.training.curriculum import Stages
-from agents.training.normaliser import put_back, state_of
+from agents.training.normaliser import Normaliser, put_back, state_of
 from agents.training.pace import Pace
 from agents.training.rewarded import Rewarded
 from race_server.env.sb3 import KartVecEnv
@@ -21,6 +22,7 @@ from race_server.errors import ScenarioError
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 CURRICULUM = "curriculum"
 RETURN = "return_"  # before the names of the rewards' means
+STRETCH = "stretch"
 
 
 class Companion(Protocol):
@@ -46,14 +48,15 @@ def companions_in(world: VecEnv) -> dict[str, Companion]:
 
 
 def save_checkpoint(
-    path: Path, learner: Any, world: VecNormalize, pace: Pace, score: float = 0.0
+    path: Path, learner: Any, world: Normaliser, pace: Pace, score: float = 0.0
 ) -> None:
     """Write where a training stands, and what score the policy had if it was the best."""
     seen: Any = world.obs_rms  # one box, hence one set of means
     returns = {RETURN + name: value for name, value in state_of(world.ret_rms).items()}
+    stretch = np.empty(0) if world.stretch is None else world.stretch
     content = {
         "parameters": learner.get_parameters(),
-        "normalisation": {**state_of(seen), **returns},
+        "normalisation": state_of(seen) | returns | {STRETCH: torch.from_numpy(stretch).clone()},
         "counters": {name: int(getattr(learner, name)) for name in COUNTERS},
         "companions": {name: one.state() for name, one in companions_in(world).items()},
         "seconds": pace.seconds,
@@ -66,7 +69,7 @@ def save_checkpoint(
     aside.replace(path)
 
 
-def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -> float:
+def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Pace) -> float:
     """Take a training up where a checkpoint left it; return the score that it was kept for.
 
     A judge that the checkpoint does not know, as the training goes on with other settings, begins
@@ -82,6 +85,8 @@ def load_checkpoint(path: Path, learner: Any, world: VecNormalize, pace: Pace) -
         seen: Any = world.obs_rms
         put_back(seen, numbers)
         put_back(world.ret_rms, {name: numbers[RETURN + name] for name in state_of(world.ret_rms)})
+        stretch = numbers[STRETCH].numpy()
+        world.stretch = stretch if stretch.size else None
         for name in COUNTERS:
             setattr(learner, name, content["counters"][name])
         known = content.get("companions", {})

@@ -24,7 +24,7 @@ def train(
     preset: Annotated[
         str,
         typer.Argument(
-            help="time-trial, taught, race, full, report-b, or a .toml file of settings."
+            help="time-trial, time-trial-ppo, race, full, report-b, or a .toml file of settings."
         ),
     ] = "",
     track_set: Annotated[str, typer.Option(help="A named set of tracks: train, …")] = "",
@@ -167,8 +167,8 @@ def _words_of(news: "News") -> str:
     reward = "–" if news.reward is None else f"{news.reward:.1f}"
     crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
     lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
-    words = f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
-    return f"{news.stage}; {words}" if news.stage else words
+    figures = f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+    return ": ".join(word for word in (news.stage, news.method, figures) if word)
 
 
 def _ratings_in_words(news: "News") -> str:

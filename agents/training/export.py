@@ -15,13 +15,14 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from stable_baselines3 import DQN, PPO, SAC, TD3
-from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.policies.nature import INPUT, KEY, OUTPUT, Nature
 from agents.policies.session import Policy
+from agents.training.normaliser import Normaliser
 from agents.training.settings import Settings
 from agents.training.sheet import digest_of
 from agents.training.tasks import decision_s
+from agents.training.view import NEAREST, View
 from race_server import __version__
 from race_server.errors import ScenarioError
 from race_server.observe import PARTS, layout_of
@@ -40,17 +41,24 @@ class _Graph:
 
     def then(self, operator: str, *constants: Any, **attributes: Any) -> None:
         """Add an operator behind the end, with constants as its further inputs."""
+        self.end = self.add(operator, self.end, *constants, **attributes)
+
+    def add(self, operator: str, *inputs: Any, **attributes: Any) -> str:
+        """Add an operator and return its name; inputs are names of others, or constants."""
         number = len(self.nodes)
         names = []
-        for place, value in enumerate(constants):
-            names.append(f"c{number}_{place}")
-            self.constants.append(numpy_helper.from_array(np.asarray(value), names[-1]))
+        for place, value in enumerate(inputs):
+            if not isinstance(value, str):
+                self.constants.append(
+                    numpy_helper.from_array(np.asarray(value), f"c{number}_{place}")
+                )
+            names.append(value if isinstance(value, str) else f"c{number}_{place}")
         output = f"x{number}"
-        self.nodes.append(helper.make_node(operator, [self.end, *names], [output], **attributes))
-        self.end = output
+        self.nodes.append(helper.make_node(operator, names, [output], **attributes))
+        return output
 
 
-def export_policy(path: Path, learner: Any, world: VecNormalize, nature: Nature) -> None:
+def export_policy(path: Path, learner: Any, world: Normaliser, nature: Nature) -> None:
     """Write the actor of a learner as an ONNX file.
 
     Raises:
@@ -78,18 +86,37 @@ def export_policy(path: Path, learner: Any, world: VecNormalize, nature: Nature)
     aside.replace(path)
 
 
-def _normalise(graph: _Graph, world: VecNormalize) -> None:
+def _normalise(graph: _Graph, world: Normaliser) -> None:
     """Add what `Normaliser` does, in double precision as there."""
     numbers: Any = world.obs_rms
-    horizon = getattr(world, "horizon", np.float32(np.inf))
-    if np.isfinite(horizon):
-        graph.then("Clip", -horizon, horizon)
-    graph.then("Cast", to=TensorProto.DOUBLE)
+    _view(graph, world.view, len(numbers.mean))
     graph.then("Sub", np.asarray(numbers.mean, np.float64))
     graph.then("Div", np.sqrt(np.asarray(numbers.var, np.float64) + world.epsilon))
     most = np.float64(world.clip_obs)
     graph.then("Clip", -most, most)
+    if world.stretch is not None:
+        graph.then("MatMul", world.stretch)
     graph.then("Cast", to=TensorProto.FLOAT)
+
+
+def _view(graph: _Graph, view: View, size: int) -> None:
+    """Add what `View` does; the end is in double precision then."""
+    if np.isfinite(view.horizon):
+        graph.then("Clip", -view.horizon, view.horizon)
+    graph.then("Cast", to=TensorProto.DOUBLE)
+    if not len(view.ranges):
+        return
+    seen, nothing, reach = graph.end, np.float64(0.0), np.float64(view.reach)
+    sides = []
+    for places in (view.right, view.left):
+        side = np.arange(size)
+        side[view.ranges] = places
+        sides.append(graph.add("Gather", seen, side, axis=1))
+    near = graph.add("Max", *sides)
+    filled = graph.add("Where", graph.add("Greater", seen, nothing), seen, near)
+    filled = graph.add("Where", graph.add("Greater", filled, nothing), filled, reach)
+    logarithm = graph.add("Log", graph.add("Clip", filled, np.float64(NEAREST), reach))
+    graph.end = graph.add("Where", np.isin(np.arange(size), view.ranges), logarithm, seen)
 
 
 def _act(graph: _Graph, learner: Any, space: spaces.Space[Any]) -> int:
@@ -153,7 +180,7 @@ def nature_from(settings: Settings, tracks: tuple[str, ...]) -> Nature:
     )
 
 
-def difference(policy: Policy, learner: Any, world: VecNormalize, seen: NDArray[Any]) -> float:
+def difference(policy: Policy, learner: Any, world: Normaliser, seen: NDArray[Any]) -> float:
     """Return by how much a file's answers differ at most from the learner's own."""
     own = learner.predict(world.normalize_obs(seen), deterministic=True)[0]
     return float(np.abs(policy.decide(seen) - np.reshape(own, (len(seen), -1))).max())

@@ -5,6 +5,7 @@ own path says nothing of how to get back to it: DAgger, Ross et al., AISTATS 201
 https://arxiv.org/abs/1011.0686
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,22 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.training.demonstrations import pairs_for
 from agents.training.lessons import Lessons, Memory
 from agents.training.lines import Say, find_lines
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.settings import Settings, WarmStart
 from agents.training.tasks import training_task
 from agents.training.teacher import Teacher, shown_to_both
-from race_server.env.actions import CONTINUOUS, action_kind
+from race_server.env.actions import CONTINUOUS, CONTROL, action_kind
 from race_server.env.batch import Batch
 from race_server.env.vector import after_an_episode
 from race_server.errors import ScenarioError
 
 FIRM = 1e12  # observations after which means do not move any more
 LOOKED_AT = 20_000  # observations whose spread is found out
+EPISODES = 100  # the last ones, of which figures are told
 
 # Called with the decisions since the last call.
 Pass = Callable[[int], None]
@@ -66,16 +68,17 @@ class School:
         labels = self.teacher.labels(seen, self._begun)
         return seen.reshape(self.karts, -1)[:, :size].copy(), labels
 
-    def move(self, actions: NDArray[np.float32]) -> None:
-        """Move every race on by one decision."""
+    def move(self, actions: NDArray[np.float32]) -> list[dict[str, Any]]:
+        """Move every race on by one decision; return the episodes that are over."""
         self.batch.step(actions)
         self._begun = (self.batch.terminated | self.batch.truncated).astype(np.bool_)
+        return [self.batch.episode_of(w, k) for w, k in np.argwhere(self._begun)]
 
 
 class Imitation:
     """A warm start from its first lesson to its last."""
 
-    def __init__(self, settings: Settings, learner: Any, world: VecNormalize, say: Say) -> None:
+    def __init__(self, settings: Settings, learner: Any, world: Normaliser, say: Say) -> None:
         """Get teacher, demonstrations and memory ready.
 
         Raises:
@@ -93,13 +96,17 @@ class Imitation:
         self._low, self._high = actions.low, actions.high
         self._size, width = space.shape[0], actions.shape[0]
         self._memory = Memory(wanted.memory, self._size, width)
-        self._lessons = Lessons(wanted, learner, world, _weights(wanted, settings.action, width))
+        weights, quantiles = _weights(wanted, settings.action, width)
+        self._lessons = Lessons(wanted, learner, world, weights, quantiles)
         self._chance = np.random.default_rng(settings.seed)
+        self._episodes: deque[dict[str, Any]] = deque(maxlen=EPISODES)
+        # Where SB3 goes on with them later, if both are there.
+        learner.ep_info_buffer, learner.ep_success_buffer = self._episodes, deque(maxlen=EPISODES)
         if wanted.demonstrations:
             seen, labels = pairs_for(settings, Path(wanted.demonstrations))
             means: Any = world.obs_rms
             means.update(seen)
-            self._memory.add(seen, labels)
+            self._memory.add(world.view(seen), labels)
         self._school = School(settings, say) if wanted.teacher else None
         self._errors = np.zeros(width)
         self._next_look = 1  # once there are so many labels
@@ -126,16 +133,15 @@ class Imitation:
         if memory.count >= self._next_look:
             lessons.look_at(memory.draw(LOOKED_AT, self._chance)[0])
             self._next_look = 2 * memory.count
-        with lessons.stretched():
-            for _ in range(self._wanted.lessons):
-                seen, labels = memory.draw(self._wanted.batch_size, self._chance)
-                self._errors += 0.02 * (lessons.learn(seen, labels, elapsed) - self._errors)
+        for _ in range(self._wanted.lessons):
+            viewed, labels = memory.draw(self._wanted.batch_size, self._chance)
+            self._errors += 0.02 * (lessons.learn(viewed, labels, elapsed) - self._errors)
 
     def _drive(self, school: School, elapsed: float) -> None:
         """Let the learner, and at first also the teacher, drive for one decision."""
         wanted = self._wanted
         seen, labels = school.look(self._size)
-        self._memory.add(seen, labels)
+        self._memory.add(self._world.view(seen), labels)
         means: Any = self._world.obs_rms
         means.update(seen)
         actions = self._lessons.answer(seen)
@@ -143,7 +149,7 @@ class Imitation:
         taught = self._chance.random(len(actions)) < share
         actions[taught] = labels[taught]
         actions += self._chance.normal(0.0, wanted.noise, actions.shape).astype(np.float32)
-        school.move(np.clip(actions, self._low, self._high))
+        self._episodes.extend(school.move(np.clip(actions, self._low, self._high)))
 
     def close(self) -> None:
         """Let the worlds go."""
@@ -151,7 +157,14 @@ class Imitation:
             self._school.batch.close()
 
 
-def _weights(wanted: WarmStart, action: str, width: int) -> NDArray[np.float32]:
-    weights = np.ones(width, np.float32)
-    weights[1 if action_kind(action) == CONTINUOUS else 0] = wanted.steering_weight
-    return weights
+def _weights(
+    wanted: WarmStart, action: str, width: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return how much errors of each number of an action count, and of which side, each (A,)."""
+    weights, quantiles = np.ones(width, np.float32), np.full(width, 0.5, np.float32)
+    if action_kind(action) == CONTINUOUS:
+        weights[1], quantiles[0] = wanted.steering_weight, wanted.quantile
+    elif action_kind(action) == CONTROL:
+        weights[0] = wanted.steering_weight
+        quantiles[1:3] = wanted.quantile, 1.0 - wanted.quantile  # throttle and brake
+    return weights, quantiles

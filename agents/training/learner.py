@@ -19,6 +19,7 @@ from agents.training.pace import Pace
 from agents.training.rewarded import Judge, Rewarded, width_of
 from agents.training.settings import Settings
 from agents.training.tasks import training_task
+from agents.training.view import View
 from race_server.env.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
@@ -54,7 +55,7 @@ def world_of(
     shown = around(karts) if around is not None else _judged(settings, karts)
     gamma = settings.algorithm.options.get("gamma", 0.99)
     rewards = settings.algorithm.normalise_reward
-    return Normaliser(shown, settings.horizon, norm_reward=rewards, gamma=gamma)
+    return Normaliser(shown, View.of(settings), norm_reward=rewards, gamma=gamma)
 
 
 def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
@@ -127,7 +128,9 @@ def _options(settings: Settings) -> dict[str, Any]:
 def _rate(settings: Settings, pace: Pace) -> Any:
     """Return a schedule that goes by the pace: the learner's own knows nothing of minutes."""
     first, last = settings.algorithm.learning_rate, settings.algorithm.last_learning_rate
-    return lambda _: first if last is None else first + pace.share * (last - first)
+    if last is None:
+        return lambda _: first
+    return lambda _: first + pace.share_since(settings.warm_start.end) * (last - first)
 
 
 def _explore_by(learner: DQN, pace: Pace) -> None:

@@ -1,4 +1,4 @@
-"""Running means of what is seen, cut at a horizon before anything is made of it."""
+"""Running means of what a network is given, and how its numbers are told apart."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,25 +9,38 @@ from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from agents.training.view import View
+
+Rows = NDArray[Any]
+
 
 class Normaliser(VecNormalize):
-    """SB3's, but for the cut: numbers beyond the horizon count as the horizon.
+    """SB3's, of what a view shows; numbers that go together can be stretched apart.
 
-    Where nobody is near an observation says 1000 m. That would be most of the variance, and a
-    kart at 1 m would look like one at 5 m.
+    Neighbouring rays, and a scan and the one before, tell nearly the same. What tells them apart
+    would hardly be learned, so `stretch` makes them as good as uncorrelated.
     """
 
-    def __init__(self, karts: VecEnv, horizon: float | None, **options: Any) -> None:
+    def __init__(self, karts: VecEnv, view: View, **options: Any) -> None:
         """Wrap the karts; options are those of `VecNormalize`."""
         super().__init__(karts, **options)
-        self.horizon = np.float32(np.inf if horizon is None else horizon)
-        if horizon is not None:
-            means: Any = _Means(self.horizon, self.observation_space.shape)
-            self.obs_rms = means
+        self.view = view
+        means: Any = _Means(view, self.observation_space.shape)
+        self.obs_rms = means
+        self.stretch: NDArray[np.float64] | None = None  # (size, size)
 
     def normalize_obs(self, obs: Any) -> Any:
-        """Return observations (n, size) of mean 0 and variance 1."""
-        return super().normalize_obs(np.clip(obs, -self.horizon, self.horizon))
+        """Return observations (n, size) as a network takes them, mean 0 and variance 1."""
+        means: Any = self.obs_rms
+        rows = self._normalize_obs(self.view(obs), means)
+        return (rows if self.stretch is None else rows @ self.stretch).astype(np.float32)
+
+    def scaled(self, viewed: Rows) -> NDArray[np.float32]:
+        """Return what the view has shown, (n, size), of mean 0 and variance 1, not stretched."""
+        means: Any = self.obs_rms
+        spread = np.sqrt(means.var + self.epsilon).astype(np.float32)
+        rows = (viewed.astype(np.float32) - means.mean.astype(np.float32)) / spread
+        return np.clip(rows, -self.clip_obs, self.clip_obs)
 
 
 def state_of(means: RunningMeanStd) -> dict[str, torch.Tensor]:
@@ -49,9 +62,9 @@ def put_back(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> None:
 
 
 class _Means(RunningMeanStd):
-    def __init__(self, horizon: np.float32, shape: Any) -> None:
+    def __init__(self, view: View, shape: Any) -> None:
         super().__init__(shape=shape)
-        self._horizon = horizon
+        self._view = view
 
-    def update(self, arr: NDArray[Any]) -> None:
-        super().update(np.clip(arr, -self._horizon, self._horizon))
+    def update(self, arr: Rows) -> None:
+        super().update(self._view(arr))

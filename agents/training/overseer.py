@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.policies.shelf import BEST
 from agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
 from agents.training.curriculum import Stages
 from agents.training.curve import Point, append
 from agents.training.evaluation import Examiner, Marks
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
@@ -36,6 +36,7 @@ class News:
     reward: float | None
     crash_rate: float | None
     best_lap_s: float | None
+    method: str  # how it learns: by imitation, or an algorithm's name
     marks: Marks | None = None
     ratings: tuple[Rating, ...] = ()  # where they have just changed, the strongest first
     stage: str = ""  # of the curriculum, in words
@@ -51,7 +52,7 @@ class Overseer(BaseCallback):
         self,
         settings: Settings,
         folder: Path,
-        world: VecNormalize,
+        world: Normaliser,
         pace: Pace,
         tell: Tell,
         best_score: float = -np.inf,
@@ -70,6 +71,7 @@ class Overseer(BaseCallback):
         self.best_score = best_score
         self.last: list[Marks] = []
         self.reached = False
+        self.method: str = settings.algorithm.name
         self._folder = folder
         self._world = world
         self._tell = tell
@@ -147,6 +149,7 @@ class Overseer(BaseCallback):
             reward=float(np.mean([row["r"] for row in episodes])) if episodes else None,
             crash_rate=float(np.mean([row["crashes"] for row in episodes])) if episodes else None,
             best_lap_s=min(laps, default=None),
+            method=self.method,
             marks=marks,
             stage=str(self.stages) if self.stages else "",
         )

@@ -41,6 +41,10 @@ class Pace:
             return min(self.done / self.steps, 1.0)
         return min(self.seconds / (60.0 * (self.minutes or 1.0)), 1.0)
 
+    def share_since(self, begin: float) -> float:
+        """Return the elapsed share of what comes behind a share of the training, 0 to 1."""
+        return max(self.share - begin, 0.0) / max(1.0 - begin, 1e-9)
+
     @property
     def is_over(self) -> bool:
         """Whether the training has lasted as long as it should."""

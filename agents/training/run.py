@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.policies.proof import MOST_DIFFERENCE, times_of
 from agents.policies.session import Policy
@@ -20,6 +19,7 @@ from agents.training.film import record_laps
 from agents.training.imitation import Imitation
 from agents.training.learner import learner_of, world_of
 from agents.training.lines import Say
+from agents.training.normaliser import Normaliser
 from agents.training.overseer import CURVE, LATEST, Overseer, Tell
 from agents.training.pace import Pace
 from agents.training.schedule import Schedule
@@ -82,15 +82,16 @@ def train(
 
 
 def _learn(
-    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+    settings: Settings, learner: Any, world: Normaliser, overseer: Overseer, say: Say
 ) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
     pace = overseer.pace
     try:
-        if settings.warm_start.is_wanted and pace.share < settings.warm_start.share:
+        if pace.share < settings.warm_start.end:
             _imitate(settings, learner, world, overseer, say)
         pace.start()
         if not pace.is_over:
+            overseer.method = settings.algorithm.name
             callbacks = [overseer, Schedule(settings, pace)]
             learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
@@ -99,10 +100,11 @@ def _learn(
 
 
 def _imitate(
-    settings: Settings, learner: Any, world: VecNormalize, overseer: Overseer, say: Say
+    settings: Settings, learner: Any, world: Normaliser, overseer: Overseer, say: Say
 ) -> None:
     overseer.init_callback(learner)
     imitation = Imitation(settings, learner, world, say)
+    overseer.method = "imitation"
     overseer.pace.start()
     try:
         imitation.go(overseer.pace, overseer.imitated)
@@ -115,7 +117,7 @@ def _conclude(
     settings: Settings,
     place: Path,
     learner: Any,
-    world: VecNormalize,
+    world: Normaliser,
     overseer: Overseer,
     spent: tuple[float, int],
     say: Callable[[str], None],

@@ -17,8 +17,8 @@ class Schedule(BaseCallback):
         super().__init__()
         self._pace = pace
         warm, network = settings.warm_start, settings.network
-        self._begin = warm.share if warm.is_wanted else 0.0
-        self._critic_until = self._begin + warm.critic_share if warm.is_wanted else 0.0
+        self._begin = warm.end
+        self._critic_until = warm.end + warm.critic_share if warm.is_wanted else 0.0
         self._first = warm.log_std if warm.is_wanted else network.log_std
         self._last = network.last_log_std
 
@@ -27,14 +27,16 @@ class Schedule(BaseCallback):
             return
         share = self._pace.share
         policy: Any = self.model.policy
-        actor = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]
+        for network in (policy.mlp_extractor.policy_net, policy.action_net):
+            network.requires_grad_(share >= self._critic_until)
         deviation = getattr(policy, "log_std", None)  # discrete actions have none
-        for parameter in actor if deviation is None else [*actor, deviation]:
-            parameter.requires_grad_(share >= self._critic_until)
-        if deviation is not None and self._last is not None:
-            elapsed = (share - self._begin) / max(1.0 - self._begin, 1e-9)
-            most = self._first + max(elapsed, 0.0) * (self._last - self._first)
-            deviation.data.clamp_(max=most)
+        if deviation is None:
+            return
+        # A deviation that is learned falls so soon that nothing new is tried out any more.
+        deviation.requires_grad_(self._last is None and share >= self._critic_until)
+        if self._last is not None:
+            elapsed = self._pace.share_since(self._begin)
+            deviation.data.fill_(self._first + elapsed * (self._last - self._first))
 
     def _on_step(self) -> bool:
         return True

@@ -17,9 +17,8 @@ class Algorithm(_Table):
 
     name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
-    last_learning_rate: float | None = Field(
-        default=None, ge=0.0
-    )  # at the end; falls evenly until then
+    # At the end; falls evenly until then, behind a warm start.
+    last_learning_rate: float | None = Field(default=None, ge=0.0)
     options: dict[str, Any] = {}
     normalise_reward: bool = True
 
@@ -30,7 +29,8 @@ class Network(_Table):
     layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
-    last_log_std: float | None = None  # PPO: at the end no greater than this; falls evenly
+    # PPO: at the end. With it the deviation falls evenly; without it is learned.
+    last_log_std: float | None = None
     # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
     first_action: tuple[float, ...] = ()
 
@@ -41,6 +41,8 @@ class Lidar(_Table):
     rays: int = Field(default=201, ge=2, le=2048)
     noise: float = Field(default=0.01, ge=0.0)  # [m] standard deviation
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)  # share of rays that come back as 0
+    # A network sees logarithms of the ranges, and a range instead of 0: see `view.py`.
+    logarithms: bool = False
 
 
 class Gap(_Table):
@@ -158,11 +160,19 @@ class WarmStart(_Table):
     floor: float = Field(default=3e-3, gt=0.0)
     loss: Literal["squared", "absolute", "huber"] = "squared"
     steering_weight: float = Field(default=1.0, ge=0.0)  # of its error, against the pedals'
+    # Of the pedals that fit what is seen, full brake first, the one that is learned: below one half
+    # the learner is careful where it cannot see what its teacher knows.
+    quantile: float = Field(default=0.5, gt=0.0, lt=1.0)
 
     @property
     def is_wanted(self) -> bool:
         """Whether there is anybody to imitate."""
         return bool(self.teacher or self.demonstrations)
+
+    @property
+    def end(self) -> float:
+        """The share of the training at which it is over."""
+        return self.share if self.is_wanted else 0.0
 
 
 class Gail(_Table):

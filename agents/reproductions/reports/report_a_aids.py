@@ -15,8 +15,9 @@ def _network(width: int, depth: int) -> tuple[str, ...]:
 REPRODUCTION = Reproduction(
     title="Aids to learning: agents at once, normalisation, network, buffer, horizon",
     source="Report of the kart laboratory, figures 30, 32 and 33: learning to park with PPO",
-    preset="time-trial",
+    preset="time-trial-ppo",
     changes=(
+        "tracks.set=train-few",
         *_buffer(128, 32),
         *_network(512, 3),
         "algorithm.learning_rate=1e-4",
