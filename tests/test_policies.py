@@ -112,7 +112,11 @@ def test_a_list_tells_of_runs_and_of_what_is_damaged(
     rows = {row["name"]: row for row in json.loads(done.stdout) if row["is_run"]}
     assert set(rows) == {"mine", "broken"}
     mine = rows["mine"]
-    assert (mine["preset"], mine["vehicle"], mine["tracks"]) == ("Time trial", "tt02", ["oval"])
+    assert (mine["preset"], mine["vehicle"], mine["tracks"]) == (
+        "Time trial by PPO alone",
+        "tt02",
+        ["oval"],
+    )
     assert mine["evaluation"]["speed"] == outcome.evaluation["tracks"][-1]["speed"]
     assert "damaged" in rows["broken"]["remark"]
     told = CliRunner().invoke(app, ["policy", "list"]).output

@@ -66,7 +66,7 @@ def write_lapping_policy(path: Path) -> None:
     One keeps a speed, the other steers to the side where the lidar sees further.
     """
     settings = read_settings(
-        "time-trial",
+        "time-trial-ppo",
         [
             *SMALL,
             "steps=1",
