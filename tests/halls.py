@@ -49,14 +49,20 @@ class Hall:
 
 @contextmanager
 def racing(
-    address: str, *, karts: int = 2, drivers: int = 0, laps: int = 0
+    address: str,
+    *,
+    karts: int = 2,
+    drivers: int = 0,
+    laps: int = 0,
+    scenario: Scenario | None = None,
 ) -> Iterator[RaceServer]:
     """Serve a race in real time; scripted drivers take the seats that stay empty."""
     rules = Rules(laps=laps, countdown_s=0.3, limit_s=300.0)
-    session = Session("race", Scenario(COURSE, karts=karts, seed=7, rules=rules))
+    scenario = scenario or Scenario(COURSE, karts=karts, seed=7, rules=rules)
+    session = Session("race", scenario)
     with (
         local_token(address, "race") as token,
-        ServerLink(address, "race", karts, real_time=True) as link,
+        ServerLink(address, "race", scenario.karts, real_time=True) as link,
     ):
         server = RaceServer(session, link, REAL, ("pure_pursuit",), token=token)
         thread = threading.Thread(target=server.run, args=(drivers,))
