@@ -1,13 +1,5 @@
-"""zenoh, and nothing else that knows it.
+"""The server's end."""
 
-The server's session is the router: it listens on one address, with scouting, gossip and shared
-memory off; `admission` says who may do what there. Callbacks do no more than put bytes into bounded
-mailboxes, one for each key, so that nobody crowds others out; the server's loop empties them. A
-session that is not closed keeps its process alive, so both ends are context managers and are closed
-at exit as well.
-"""
-
-import atexit
 import math
 import threading
 import time
@@ -15,22 +7,19 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import zenoh
 
 from race_server.admission.access import common_name, seat_name
-from race_server.admission.doubt import reason_out
 from race_server.admission.holders import Holders
-from race_server.admission.keys import ClientKeys, ServerKeys
-from race_server.admission.settings import Door, as_json, client_settings, server_settings
+from race_server.admission.keys import ServerKeys
+from race_server.admission.settings import Door, server_settings
 from race_server.errors import LinkError
+from race_server.transport.link import Link, open_session
 from race_server.wire import topics
 from race_server.wire.topics import Topic, key_of
 
-DEFAULT_ADDRESS = "tcp/127.0.0.1:7447"
 # So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
 # comes after an honest control must not hide it.
 MOST_INPUTS = 8
@@ -45,21 +34,6 @@ _WITHOUT_BADGE = {
 MOST_QUERIES = 8
 # So many requests are answered in one go; the others wait for the next tick.
 MOST_ANSWERS = 8
-QUERY_TIMEOUT_S = 2.0
-# A client asks on one key half as often as the server takes it.
-ASK_S = 2.0 / topics.QUERY_HZ
-
-
-def open_session(settings: dict[str, Any]) -> zenoh.Session:
-    """Return a zenoh session.
-
-    Raises:
-        ZError: it cannot be opened.
-    """
-    config = zenoh.Config()
-    for key, value in as_json(settings):
-        config.insert_json5(key, value)
-    return zenoh.open(config)
 
 
 @dataclass(frozen=True)
@@ -78,34 +52,7 @@ class Request:
         self._query.drop()
 
 
-class _Link:
-    """A zenoh session with a life."""
-
-    def __init__(self, session: zenoh.Session) -> None:
-        self._session = session
-        self._is_open = True
-        atexit.register(self.close)
-
-    def close(self) -> None:
-        """End the session; a second call does nothing."""
-        if self._is_open:
-            self._is_open = False
-            atexit.unregister(self.close)
-            self._session.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-
-class ServerLink(_Link):
+class ServerLink(Link):
     """The server's end: hears all seats, tells everybody."""
 
     def __init__(
@@ -355,103 +302,3 @@ class ServerLink(_Link):
             )
             self._publishers[topic.key, seat] = publisher
         publisher.put(payload)
-
-
-class ClientLink(_Link):
-    """A driver's or spectator's end."""
-
-    def __init__(
-        self,
-        address: str,
-        session_name: str,
-        *,
-        keys: ClientKeys | None = None,
-        timeout_s: float = 5.0,
-    ) -> None:
-        """Connect to a server.
-
-        Raises:
-            LinkError: nobody answers there, or we are not let in.
-            KeysError: the address asks for a certificate.
-            WireError: the session's name is none.
-        """
-        key_of(topics.SNAPSHOT, session_name)
-        settings = client_settings(address, keys, timeout_s)
-        try:
-            super().__init__(open_session(settings))
-        except zenoh.ZError as error:
-            raise LinkError(
-                f"no server answers at {address} within {timeout_s:g} s. "
-                + reason_out(address, keys)
-            ) from error
-        self._name = session_name
-        self._kept: list[Any] = []
-        self._asked: dict[str, float] = {}
-
-    def ask(self, topic: Topic, payload: bytes = b"", seat: int = -1) -> bytes:
-        """Return the server's answer to a request.
-
-        Raises:
-            LinkError: no answer within two seconds.
-        """
-        key = key_of(topic, self._name, seat)
-        now = time.monotonic()
-        time.sleep(max(self._asked.get(key, 0.0) + ASK_S - now, 0.0))
-        self._asked[key] = time.monotonic()
-        for reply in self._session.get(key, payload=payload, timeout=QUERY_TIMEOUT_S):
-            if reply.ok is not None:
-                return bytes(reply.ok.payload.to_bytes())
-        raise LinkError(
-            f"no answer on {key}: the server has gone, no session is called {self._name!r}, or "
-            "it does not let us ask that"
-        )
-
-    def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:
-        """Call `store` with each message of a topic; it runs in a thread of zenoh."""
-
-        def receive(sample: zenoh.Sample) -> None:
-            if len(sample.payload) <= topic.most_bytes:
-                store(sample.payload.to_bytes())
-
-        key = key_of(topic, self._name, seat)
-        self._kept.append(self._session.declare_subscriber(key, receive))
-
-    def announce(self, seat: int, badge: str) -> None:
-        """Show the server that this seat's driver is there, for as long as the link is."""
-        key = key_of(topics.ALIVE, self._name, seat, badge)
-        self._kept.append(self._session.liveliness().declare_token(key))
-
-    def sender(
-        self, seat: int, badge: str, topic: Topic = topics.CONTROL
-    ) -> Callable[[bytes], None]:
-        """Return what sends the controls, or another topic's messages, of a seat."""
-        publisher = self._session.declare_publisher(
-            key_of(topic, self._name, seat),
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-        )
-        self._kept.append(publisher)
-        return partial(publisher.put, attachment=badge.encode())
-
-
-class Mailbox:
-    """Holds the newest message until somebody takes it."""
-
-    def __init__(self) -> None:
-        self._newest: bytes | None = None
-        self._condition = threading.Condition()
-
-    def put(self, data: bytes) -> None:
-        """Store a message; an older one that nobody took is forgotten."""
-        with self._condition:
-            self._newest = data
-            self._condition.notify()
-
-    def take(self, timeout_s: float) -> bytes | None:
-        """Return the newest message, or None if none comes within `timeout_s`."""
-        with self._condition:
-            if self._newest is None:
-                self._condition.wait(timeout_s)
-            data, self._newest = self._newest, None
-            return data
