@@ -1,4 +1,4 @@
-"""The example drivers join a race through its gateway and come home; skipped without their tools."""
+"""The example drivers join a race through its gateway and come home; skipped without tools."""
 
 import re
 import shutil
