@@ -10,6 +10,7 @@ import pytest
 
 from agents.learned import Learned
 from agents.policies.session import Policy
+from agents.policies.shelf import policy_path
 from agents.training import curve, folder
 from agents.training.overseer import CURVE
 from agents.training.rivals import Rivals, short_name
@@ -26,7 +27,7 @@ from race_server.errors import ScenarioError
 from race_server.observe import Observation
 from race_server.params import TT02
 from race_server.rules.items import items
-from race_server.scenario.base import Scenario
+from race_server.scenario.base import Rules, Scenario
 from race_server.track.load import load_course
 from race_server.trial.run import numbers_of
 
@@ -131,8 +132,8 @@ def test_advice_shifts_the_lane_to_its_side() -> None:
     task = Task((oval(1),), action="residual", base="raceline", observation=("line_offset",))
     left, right = Batch(task, seed=4), Batch(task, seed=4)
     for _ in range(60):
-        left.step([[[0.4, 0.0, 0.0, 0.0, 0.0, 0.0]]])
-        right.step([[[-0.4, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+        left.step([[[0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+        right.step([[[-0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
     assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
 
 
@@ -241,3 +242,28 @@ def _shared(task: Task, observation: object) -> dict[str, object]:
         "action": task.action,
         "base": task.base,
     }
+
+
+# The policy that comes along
+
+
+def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
+    policy = Policy(policy_path("race"))
+    assert policy.nature.base == "raceline"
+    assert "covapsy-test-2023" not in policy.nature.tracks
+    opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
+    rules = Rules(laps=2, countdown_s=0.2)
+    task = Task(
+        (Scenario(load_course("covapsy-train-2023"), karts=5, rules=rules),),
+        opponents=opponents,
+        learners=1,
+        observation=policy.nature.parts,
+        action="residual",
+        base="raceline",
+        random_grid=True,
+    )
+    batch = Batch(task, worlds=24, seed=7, after=STAY)
+    for _ in range(900):
+        batch.step(policy.decide(batch.observations[:, 0]))
+    places = batch.world.karts["rank"].mean(axis=0)
+    assert places[0] < places[1:].min() - 0.4
