@@ -129,8 +129,8 @@ def test_advice_shifts_the_lane_to_its_side() -> None:
     task = Task((oval(1),), action="residual", base="raceline", observation=("line_offset",))
     left, right = Batch(task, seed=4), Batch(task, seed=4)
     for _ in range(60):
-        left.step([[[0.4, 0.0, 0.0, 0.0, 0.0, 0.0]]])
-        right.step([[[-0.4, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+        left.step([[[0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+        right.step([[[-0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
     assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
 
 
