@@ -99,6 +99,8 @@ def wild(action: str, turn: int, agent: str) -> Any:
         return chance.integers(15)
     drive = chance.choice([1.0, 0.7, -0.5, -1.0], p=[0.5, 0.2, 0.15, 0.15])
     numbers = np.array([drive, chance.uniform(-1, 1), chance.integers(2)], np.float32)
+    if action == "control":
+        return np.array([numbers[1], drive, max(-drive, 0.0), numbers[2]], np.float32)
     return numbers[:2] if action == "report_b" else numbers
 
 
@@ -141,7 +143,7 @@ def test_remote_karts_see_what_their_seats_see_in_a_local_session() -> None:
             seen, *_ = race.step({f"kart_{k}": (0.5 + 0.1 * k, 0.2, 0.0) for k in range(2)})
 
 
-@pytest.mark.parametrize("action", ["continuous", "discrete", "report_b"])
+@pytest.mark.parametrize("action", ["continuous", "discrete", "report_b", "control"])
 def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
     # The wire carries controls as float32; what an action adds up to is then not quite the same.
     tolerance = 1e-3 if action == "report_b" else 0.0
@@ -268,6 +270,7 @@ def test_no_server_and_no_seat_say_so() -> None:
             "a server gives one of lidar, radar, track, line, rivals, full",
         ),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
+        ({"action": "residual"}, "action 'residual' advises a driver inside the world"),
         ({"action": "telepathy"}, "action 'telepathy' is unknown"),
     ],
 )

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from race_server.env.actions import action_kind
+from race_server.env.actions import RESIDUAL, action_kind
 from race_server.env.remote_kart import News, RemoteKart
 from race_server.env.rewards import TERMS, reward_weights
 from race_server.env.spaces import action_space, observation_space
@@ -84,6 +84,11 @@ class RemoteRace(ParallelEnv[str, Vector, Any]):
         self._weights = reward_weights(reward)
         self._terms = _known_terms(observation, self._weights)
         self._action = action_kind(action)
+        if self._action == RESIDUAL:
+            raise ScenarioError(
+                "action 'residual' advises a driver inside the world, and a live race has none "
+                "there: choose another, or drive `learned:NAME`"
+            )
         self._link: ClientLink | None = None
         self._karts: dict[str, RemoteKart] = {}
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from race_server import codes
 from race_server.env import judge
-from race_server.env.actions import MEMORY, discrete_table, read_action
+from race_server.env.actions import MEMORY, WIDTHS, discrete_table, read_action
 from race_server.env.rewards import TERMS
 from race_server.errors import WireError
 from race_server.messages import Button, Control, Event, EventKind
@@ -86,7 +86,7 @@ class RemoteKart:
     def answer(self, kind: int, action: Any) -> None:
         """Answer the newest observation with what an action means."""
         numbers = np.nan_to_num(np.ravel(np.asarray(action, np.float32)))
-        given = np.zeros(3, np.float32)
+        given = np.zeros(WIDTHS[kind], np.float32)
         given[: len(numbers)] = numbers
         body, wanted = self._body, self._commanded
         body.speed = self.seen.scalar("speed")
