@@ -170,11 +170,15 @@ class Driver {
     const auto* course = table_in<race::session::Course>(course_, "RCRS");
     const auto* line = table_in<race::session::Line>(line_, "RLIN");
     if (course == nullptr || line == nullptr || line->x()->size() == 0) {
-      throw std::runtime_error("this race has no reference line, and this driver knows nothing else");
+      throw std::runtime_error(
+          "this race has no reference line, and this driver knows nothing else");
     }
     pursuit_.emplace(briefing, *course, *line);
-    std::printf("%u laps of %s; the reference line's lap takes %.2f s %s\n", briefing.laps(),
-                course->name()->c_str(), line->lap(), line->note()->c_str());
+    std::printf("%u laps of %s; the reference line's lap takes %.2f s\n", briefing.laps(),
+                course->name()->c_str(), line->lap());
+    if (line->note()->size() > 0) {
+      std::printf("%s\n", line->note()->c_str());
+    }
     channel_.send(R"({"type": "ready", "ready": true})");
   }
 

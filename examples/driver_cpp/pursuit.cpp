@@ -12,15 +12,14 @@ using race::session::Briefing;
 using race::spectate::Kart;
 
 constexpr double gravity = 9.81;       // [m/s²]
-constexpr double look_s = 0.2;        // aims at where the line is so far ahead in time
+constexpr double look_s = 0.16;        // aims at where the line is so far ahead in time
 constexpr double shortest_look = 1.5;  // wheelbases
-constexpr double delay_s = 0.08;       // from a snapshot until its control acts on the wheels
+constexpr double delay_s = 0.1;        // from a snapshot until its control acts on the wheels
 // A line of minimum time takes all the grip; this driver keeps some to correct its errors with.
-constexpr double speed_share = 0.95;
-constexpr double brake_share = 0.7;    // of what brakes and tyres give
-constexpr double throttle_gain = 8.0;  // per m/s
-constexpr double brake_gain = 4.0;
-constexpr int racing = 1;  // status of a kart
+constexpr double speed_share = 0.86;
+constexpr double brake_share = 0.5;    // of what brakes and tyres give
+constexpr double close_s = 0.1;        // pedals aim at the wanted speed within so long
+constexpr int racing = 1;              // status of a kart
 
 double number(const Briefing& briefing, const std::string& name) {
   const auto& names = *briefing.vehicle_names();
@@ -44,8 +43,10 @@ Pursuit::Pursuit(const Briefing& briefing, const race::session::Course& course,
       length_(number(briefing, "length")),
       width_(number(briefing, "width")),
       steering_limit_(number(briefing, "steering_limit")),
-      braking_(brake_share * std::min(number(briefing, "grip") * gravity,
-                                      number(briefing, "brake_force") / number(briefing, "mass"))) {
+      mass_(number(briefing, "mass")),
+      motor_force_(number(briefing, "motor_force")),
+      brake_force_(number(briefing, "brake_force")),
+      braking_(brake_share * std::min(number(briefing, "grip") * gravity, brake_force_ / mass_)) {
   for (flatbuffers::uoffset_t index = 0; index < line.x()->size(); ++index) {
     line_.push_back({line.x()->Get(index), line.y()->Get(index), line.speed()->Get(index)});
   }
@@ -80,9 +81,10 @@ Wishes Pursuit::decide(const Kart& kart, const Karts& karts, const Limits& limit
   const double angle = std::atan2(2.0 * wheelbase_ * point.aside, square);
   const double limit = std::min({limit_of_line(place, speed, limits.grip_scale),
                                  limit_behind(kart, karts), limits.speed_cap});
+  const double force = mass_ * (limit - speed) / close_s;
   return {std::clamp(angle / steering_limit_, -1.0, 1.0),
-          std::clamp(throttle_gain * (limit - speed), 0.0, 1.0),
-          std::clamp(brake_gain * (speed - limit), 0.0, 1.0)};
+          std::clamp(force / motor_force_, 0.0, 1.0),
+          std::clamp(-force / brake_force_, 0.0, 1.0)};
 }
 
 // Returns a point as seen from the rear axle once the control acts.
@@ -115,7 +117,8 @@ double Pursuit::limit_behind(const Kart& kart, const Karts& karts) const {
     const bool is_in_way = other->status() == racing && other->seat() != kart.seat() &&
                            point.ahead > 0.0 && std::abs(point.aside) < 1.2 * width_;
     if (is_in_way) {
-      const double pace = std::max(other->speed() * std::cos(other->heading() - kart.heading()), 0.f);
+      const double across = other->heading() - kart.heading();
+      const double pace = std::max(other->speed() * std::cos(across), 0.0);
       const double gap = std::max(point.ahead - 1.7 * length_, 0.0);
       square = std::min(square, pace * pace + 2.0 * braking_ * gap);
     }

@@ -52,5 +52,6 @@ class Pursuit {
   double step_, centre_step_;        // [m] between samples of the line, of the centre line
   double wheelbase_, rear_axle_, length_, width_;  // [m]
   double steering_limit_;                          // [rad]
+  double mass_, motor_force_, brake_force_;        // [kg], [N], [N]
   double braking_;                                 // [m/s²]
 };

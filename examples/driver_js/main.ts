@@ -77,8 +77,11 @@ class Driver {
       return;
     }
     this.#pursuit = new Pursuit(briefing, this.#course, this.#line);
-    const lap = this.#line.note() || `its lap takes ${this.#line.lap().toFixed(2)} s`;
-    console.log(`${briefing.laps()} laps of ${this.#course.name()}; reference line: ${lap}`);
+    const lap = this.#line.lap().toFixed(2);
+    console.log(
+      `${briefing.laps()} laps of ${this.#course.name()}; the reference line's lap takes ${lap} s`,
+    );
+    if (this.#line.note()) console.log(this.#line.note());
     this.socket.send(JSON.stringify({ type: 'ready', ready: true }));
   }
 

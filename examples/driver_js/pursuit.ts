@@ -8,14 +8,13 @@ import type { Briefing, Course, Line } from '../../web/src/wire/generated/sessio
 import type { Kart } from '../../web/src/wire/generated/spectate.js';
 
 const GRAVITY = 9.81; // [m/s²]
-const LOOK_S = 0.2; // aims at where the line is so far ahead in time
+const LOOK_S = 0.16; // aims at where the line is so far ahead in time
 const SHORTEST_LOOK = 1.5; // wheelbases
-const DELAY_S = 0.08; // from a snapshot until its control acts on the wheels
+const DELAY_S = 0.1; // from a snapshot until its control acts on the wheels
 // A line of minimum time takes all the grip; this driver keeps some to correct its errors with.
-const SPEED_SHARE = 0.95;
-const BRAKE_SHARE = 0.7; // of what brakes and tyres give
-const THROTTLE_GAIN = 8.0; // per m/s
-const BRAKE_GAIN = 4.0;
+const SPEED_SHARE = 0.86;
+const BRAKE_SHARE = 0.5; // of what brakes and tyres give
+const CLOSE_S = 0.1; // pedals aim at the wanted speed within so long
 const RACING = 1; // status of a kart
 
 export interface Wishes {
@@ -60,10 +59,11 @@ export class Pursuit {
       this.#limitBehind(kart, karts),
       hud.speedCap(),
     );
+    const force = (this.#of('mass') * (limit - speed)) / CLOSE_S;
     return {
       steering: clip(angle / this.#of('steering_limit'), -1, 1),
-      throttle: clip(THROTTLE_GAIN * (limit - speed), 0, 1),
-      brake: clip(BRAKE_GAIN * (speed - limit), 0, 1),
+      throttle: clip(force / this.#of('motor_force'), 0, 1),
+      brake: clip(-force / this.#of('brake_force'), 0, 1),
     };
   }
 
