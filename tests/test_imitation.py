@@ -119,6 +119,7 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
         (("algorithm.name=sac", "algorithm.options={}"), "only ppo with continuous actions"),
         (("warm_start.teacher=learned:nobody",), "policy 'nobody' is unknown"),
         (("warm_start.teacher=nobody",), "driver 'nobody' is unknown"),
+        (("curriculum=[{after = 0.0}]",), "with a curriculum: a teacher shows all tracks"),
     ],
 )
 def test_what_cannot_be_imitated_is_refused(changes: tuple[str, ...], message: str) -> None:

@@ -90,6 +90,11 @@ class Imitation:
                 f"warm_start with algorithm.name = {settings.algorithm.name!r} and action = "
                 f"{settings.action!r}: only ppo with continuous actions can imitate"
             )
+        if wanted.teacher and settings.curriculum:
+            raise ScenarioError(
+                f"warm_start.teacher = {wanted.teacher!r} with a curriculum: a teacher shows all "
+                "tracks from the beginning; leave one of them out"
+            )
         self._wanted, self._learner, self._world, self._say = wanted, learner, world, say
         space: Any = world.observation_space
         actions: Any = world.action_space
