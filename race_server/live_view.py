@@ -6,7 +6,6 @@ the spectator's process: the server has one more listener and does not know of t
 
 import threading
 import time
-from types import TracebackType
 from typing import Any, Self
 
 from race_server.clock import TICKS_PER_SECOND
@@ -107,12 +106,7 @@ class LiveView:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let all viewers go."""
         self._ended.set()
         self._thread.join()

@@ -20,6 +20,7 @@ from race_server.drills.crowd import heard_between
 from race_server.errors import WireError
 from race_server.gateway.hello import SUBPROTOCOL
 from race_server.messages import Control
+from race_server.wire import topics
 from race_server.wire.drive import ControlFrame, encode_control
 from race_server.wire.spectate import decode_snapshot
 
@@ -77,7 +78,9 @@ class Watchers:
             self._there += 1
             try:
                 async for heard in socket:
-                    self._heard[place] += isinstance(heard, bytes) and heard[4:8] == b"RSNP"
+                    self._heard[place] += (
+                        isinstance(heard, bytes) and heard[4:8] == topics.SNAPSHOT.identifier
+                    )
             except ConnectionClosed:
                 self._there -= 1
 
@@ -131,7 +134,7 @@ class Driver:
         async for heard in socket:
             if isinstance(heard, str):
                 self._notices += json.loads(heard).get("code") == "dead-man"
-            elif heard[4:8] == b"RSNP":
+            elif heard[4:8] == topics.SNAPSHOT.identifier:
                 self._note_snapshot(heard)
 
     def _note_snapshot(self, data: bytes) -> None:

@@ -148,6 +148,32 @@ def quantile(before: Figures, after: Figures, name: str, share: float) -> float 
     return next((end for end, count in bins if count >= share * total), None) if total else None
 
 
+def ticks_between(before: Figures, after: Figures) -> tuple[float, float]:
+    """Return how many ticks a server has driven between two moments, and how many it has missed."""
+    driven, missed = "race_ticks_total", "race_ticks_missed_total"
+    return after[driven] - before[driven], after[missed] - before[missed]
+
+
+def pace_between(
+    before: Figures, after: Figures, histograms: Mapping[str, str]
+) -> dict[str, float | None]:
+    """Return how a server's ticks went between two moments; times are upper ends of bins.
+
+    histograms: their names in the server's metrics, by what they are called here.
+    """
+    ticks, missed = ticks_between(before, after)
+    return {
+        "ticks": round(ticks),
+        "missed_ticks": round(missed),
+        "missed_share": round(missed / max(ticks + missed, 1.0), 5),
+        **{
+            f"{name}_p{round(100 * share)}_ms": milliseconds(quantile(before, after, key, share))
+            for name, key in histograms.items()
+            for share in (0.5, 0.99)
+        },
+    }
+
+
 def milliseconds(seconds: float | None) -> float | None:
     """Return seconds in milliseconds, None where they are beyond the last bin."""
     return None if seconds is None or math.isinf(seconds) else round(1e3 * seconds, 3)

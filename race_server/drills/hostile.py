@@ -13,7 +13,7 @@ from typing import Any
 
 from race_server.clock import TICKS_PER_SECOND
 from race_server.drills.damage import decode_all
-from race_server.drills.hall import Figures, hall, milliseconds, quantile
+from race_server.drills.hall import Figures, hall, milliseconds, quantile, ticks_between
 from race_server.drills.report import document_of
 from race_server.errors import RaceError
 from race_server.messages import Phase
@@ -107,8 +107,8 @@ def _release(attacker: subprocess.Popen[str], tell: Callable[[int], None]) -> in
 
 
 def _compare(before: Figures, middle: Figures, after: Figures, faults: list[str]) -> dict[str, Any]:
-    quiet, quiet_missed = _ticks(before, middle)
-    ticks, missed = _ticks(middle, after)
+    quiet, quiet_missed = ticks_between(before, middle)
+    ticks, missed = ticks_between(middle, after)
     allowed = (quiet_missed / max(quiet, 1.0) + SPARE) * ticks
     if missed > allowed:
         faults.append(f"{missed:.0f} of {ticks:.0f} ticks were missed, {allowed:.0f} are allowed")
@@ -132,8 +132,3 @@ def _silent_s(before: Figures, after: Figures) -> float:
     """Return for how long the honest driver that suffered most had no fresh control [s]."""
     names = [f'race_silent_seconds_total{{seat="{seat}"}}' for seat in range(KARTS)]
     return max(after.get(name, 0.0) - before.get(name, 0.0) for name in names)
-
-
-def _ticks(before: Figures, after: Figures) -> tuple[float, float]:
-    driven, missed = "race_ticks_total", "race_ticks_missed_total"
-    return after[driven] - before[driven], after[missed] - before[missed]

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from race_server.drills.hall import Figures, Hall, hall, milliseconds, quantile
+from race_server.drills.hall import Figures, Hall, hall, pace_between, ticks_between
 from race_server.drills.report import document_of
 from race_server.errors import RaceError
 from race_server.messages import Phase
@@ -191,18 +191,9 @@ def _column(
     before: Figures, after: Figures, told: dict[str, Any], cpu: float, memory: Sequence[float]
 ) -> dict[str, Any]:
     """Return the figures of one server; times of ticks are upper ends of bins."""
-    ticks = after["race_ticks_total"] - before["race_ticks_total"]
-    missed = after["race_ticks_missed_total"] - before["race_ticks_missed_total"]
-    times = {
-        f"{name}_p{round(100 * share)}_ms": milliseconds(quantile(before, after, key, share))
-        for name, key in (("tick", DURATION), ("lateness", LATENESS))
-        for share in (0.5, 0.99)
-    }
+    ticks, _ = ticks_between(before, after)
     return {
-        "ticks": round(ticks),
-        "missed_ticks": round(missed),
-        "missed_share": round(missed / max(ticks + missed, 1.0), 5),
-        **times,
+        **pace_between(before, after, {"tick": DURATION, "lateness": LATENESS}),
         **told,
         "heard_share": round(told["heard_mean"] / max(ticks, 1.0), 3),
         "cpu": round(cpu, 3),

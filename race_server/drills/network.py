@@ -56,9 +56,7 @@ def drill_network(
         faults.append(str(error))
     return document_of(
         faults,
-        loss=weather.loss,
-        delay_ms=1e3 * weather.delay_s,
-        jitter_ms=1e3 * weather.jitter_s,
+        **weather.figures(),
         track=track,
         karts=KARTS,
         laps=laps,

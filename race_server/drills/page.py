@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed
 
 from race_server.clock import TICKS_PER_SECOND
 from race_server.drills.browsers import RATE, socket_of, welcomed
-from race_server.drills.hall import SESSION, Figures, Hall, hall, milliseconds, quantile
+from race_server.drills.hall import SESSION, Hall, hall, pace_between
 from race_server.drills.load import LATENESS, MISSED, crowds
 from race_server.drills.report import Finding, matrix_of
 from race_server.drills.trickle import trickle
@@ -38,6 +38,7 @@ ROUGHLY = 1.5
 MOST_GROWTH = 20.0
 MOST_MINUTES = 14.0
 _CROWD = "race_server.drills.browsers"
+_LATENESS = {"lateness": LATENESS}
 
 
 def drill_page(
@@ -81,8 +82,8 @@ def drill_page(
         "gateway_memory_end_mb": used.memory_mb,
         "snapshots_per_client_s": round(told["watchers"]["heard_mean"] / seconds, 2),
         "snapshots_least_s": round(told["watchers"]["heard_least"] / seconds, 2),
-        "without": _column(before, calm),
-        "with": _column(start, end),
+        "without": pace_between(before, calm, _LATENESS),
+        "with": pace_between(start, end, _LATENESS),
         "driver": told["driver"],
     }
     findings += _judge(clients, told, figures)
@@ -184,23 +185,6 @@ async def _try(
     except (TimeoutError, ConnectionClosed, OSError) as error:
         seen = seen if seen != "nothing" else f"{type(error).__name__}: {error}"
     return Finding(act, f"refused: {expected}", f"refused: {seen}", seen == expected)
-
-
-def _column(before: Figures, after: Figures) -> dict[str, Any]:
-    """Return how the server's ticks went between two moments; times are upper ends of bins."""
-    ticks = after["race_ticks_total"] - before["race_ticks_total"]
-    missed = after["race_ticks_missed_total"] - before["race_ticks_missed_total"]
-    return {
-        "ticks": round(ticks),
-        "missed_ticks": round(missed),
-        "missed_share": round(missed / max(ticks + missed, 1.0), 5),
-        **{
-            f"lateness_p{round(100 * share)}_ms": milliseconds(
-                quantile(before, after, LATENESS, share)
-            )
-            for share in (0.5, 0.99)
-        },
-    }
 
 
 def _judge(clients: int, told: dict[str, Any], figures: dict[str, Any]) -> list[Finding]:

@@ -47,9 +47,7 @@ def drill_sites(
         faults.append(str(error))
     return document_of(
         faults,
-        loss=weather.loss,
-        delay_ms=1e3 * weather.delay_s,
-        jitter_ms=1e3 * weather.jitter_s,
+        **weather.figures(),
         laps=laps,
         karts=karts,
         seed=seed,

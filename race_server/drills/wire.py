@@ -55,6 +55,14 @@ class Weather:
     delay_s: float = 0.0
     jitter_s: float = 0.0  # evenly more or less than the delay; packets may overtake each other
 
+    def figures(self) -> dict[str, float]:
+        """Return it as drills tell it."""
+        return {
+            "loss": self.loss,
+            "delay_ms": 1e3 * self.delay_s,
+            "jitter_ms": 1e3 * self.jitter_s,
+        }
+
 
 @dataclass
 class Wire:

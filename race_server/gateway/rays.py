@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from race_server import codes
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.state import RADAR_RAYS
+from race_server.track.polyline import corners_of_box, segments_of
 from race_server.wire.lobby import CourseSheet
 from race_server.wire.rays import RaysFrame
 from race_server.wire.spectate import SnapshotFrame
@@ -48,7 +49,7 @@ class Caster:
         """Keep what never moves."""
         self._course, self._lidar, self._radar = course, lidar or Lidar(), radar or Radar()
         boxes = course.obstacles
-        outlines = [_outline(x, y, turn, length, width) for x, y, turn, length, width in boxes]
+        outlines = [segments_of(corners_of_box(*box)) for box in boxes]
         walls = np.concatenate([course.borders, *outlines])
         count = len(walls) - len(course.borders)
         self._starts, self._edges = walls[:, :2], walls[:, 2:] - walls[:, :2]
@@ -81,7 +82,8 @@ class Caster:
             turn = float(kart["heading"])
             x = float(kart["x"]) + course.kart_ahead * math.cos(turn)
             y = float(kart["y"]) + course.kart_ahead * math.sin(turn)
-            outlines.append(_outline(x, y, turn, course.kart_length, course.kart_width))
+            corners = corners_of_box(x, y, turn, course.kart_length, course.kart_width)
+            outlines.append(segments_of(corners))
         bodies = np.concatenate(outlines)
         kinds = np.full(len(bodies), codes.KART_HIT, np.uint8)
         discs = [frame.hazards[name].astype(float) for name in ("x", "y", "radius")]
@@ -91,15 +93,6 @@ class Caster:
             np.concatenate([self._kinds, kinds]),
             np.stack(discs, axis=1),
         )
-
-
-def _outline(x: float, y: float, heading: float, length: float, width: float) -> Floats:
-    """Return the four sides of a box, shape (4, 4): x0, y0, x1, y1 [m]."""
-    along, across = 0.5 * length, 0.5 * width
-    corners = np.array([(along, across), (-along, across), (-along, -across), (along, -across)])
-    cos, sin = math.cos(heading), math.sin(heading)
-    placed = corners @ np.array([(cos, sin), (-sin, cos)]) + (x, y)
-    return np.hstack([placed, np.roll(placed, -1, axis=0)])
 
 
 def _cast(

@@ -10,7 +10,7 @@ from race_server.errors import ScenarioError
 from race_server.meeting.formats.format import Obstacles
 from race_server.params import Vehicle
 from race_server.track.course import Course, Floats, Obstacle
-from race_server.track.polyline import loops_of, nearest_on
+from race_server.track.polyline import corners_of_box, loops_of, nearest_on
 
 # Free of obstacles, in car lengths: on both sides of the timing line and of the starting car …
 QUIET_LENGTHS = 6.0
@@ -91,10 +91,7 @@ def is_passable(obstacle: Obstacle, borders: tuple[Floats, Floats], passage: flo
 
 def corners_of(obstacle: Obstacle) -> Floats:
     """Return the corners of an obstacle, shape (4, 2) [m]."""
-    cos, sin = math.cos(obstacle.heading), math.sin(obstacle.heading)
-    u, v = 0.5 * obstacle.length, 0.5 * obstacle.width
-    box = np.array([(u, v), (-u, v), (-u, -v), (u, -v)])
-    return box @ np.array([[cos, sin], [-sin, cos]]) + np.array([obstacle.x, obstacle.y])
+    return corners_of_box(obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width)
 
 
 def _is_fit(course: Course, vehicle: Vehicle, progress: float, taken: list[float]) -> bool:

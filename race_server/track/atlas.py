@@ -10,7 +10,7 @@ from race_server import codes
 from race_server.state import COURSE, GATE, GROUP, LINE, REFERENCE, Atlas, Records
 from race_server.track.course import Course, Floats, Obstacle
 from race_server.track.line import ReferenceLine
-from race_server.track.polyline import area_of, is_inside, loops_of
+from race_server.track.polyline import area_of, corners_of_box, is_inside, loops_of, segments_of
 
 # A cell is about this share of the free width: small enough that few walls share one.
 CELL_SHARE = 0.18
@@ -124,12 +124,11 @@ def _groups_of(segments: Floats, first_wall: int) -> Records:
 
 
 def _sides(obstacle: Obstacle) -> Floats:
-    cos, sin = math.cos(obstacle.heading), math.sin(obstacle.heading)
-    u, v = 0.5 * obstacle.length, 0.5 * obstacle.width
-    corners = np.array([(u, v), (-u, v), (-u, -v), (u, -v)]) @ np.array([[cos, sin], [-sin, cos]])
+    corners = corners_of_box(
+        obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width
+    )
     # Clockwise, so that the outside lies on the left of each side.
-    corners = corners[::-1] + np.array([obstacle.x, obstacle.y])
-    return np.hstack([corners, np.roll(corners, -1, axis=0)])
+    return segments_of(corners[::-1])
 
 
 def _grid_over(course: Course, segments: Floats) -> tuple[tuple[float, float], float, int, int]:

@@ -1,5 +1,7 @@
 """Closed polylines: lengths, resampling, smoothing, distances."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,14 @@ from race_server.track.course import Floats
 def segments_of(points: Floats) -> Floats:
     """Return the sides of a closed polyline, shape (N, 4): x0, y0, x1, y1."""
     return np.hstack([points, np.roll(points, -1, axis=0)])
+
+
+def corners_of_box(x: float, y: float, heading: float, length: float, width: float) -> Floats:
+    """Return the corners of a box, shape (4, 2) [m], counter-clockwise from the front left one."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    u, v = 0.5 * length, 0.5 * width
+    corners = np.array([(u, v), (-u, v), (-u, -v), (u, -v)])
+    return np.asarray(corners @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y]))
 
 
 def loops_of(segments: Floats) -> list[Floats]:

@@ -1,7 +1,6 @@
 """A zenoh session with a life."""
 
 import atexit
-from types import TracebackType
 from typing import Any, Self
 
 import zenoh
@@ -41,10 +40,5 @@ class Link:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
