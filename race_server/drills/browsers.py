@@ -10,6 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,8 @@ def socket_of(base: str, **named: Any) -> connect:
 
 async def welcomed(socket: ClientConnection, **hello: Any) -> dict[str, Any]:
     """Say hello and return the answer: a welcome or a refusal."""
-    await socket.send(json.dumps(hello))
+    with suppress(ConnectionClosed):  # refused before it spoke: the reason can still be read
+        await socket.send(json.dumps(hello))
     while True:
         heard = await socket.recv()
         if isinstance(heard, str):
