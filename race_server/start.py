@@ -190,11 +190,12 @@ def _follow(plan: Plan, group: Team, console: Console, log_path: Path, page: str
         waiting = "compiling the simulation for this machine, once: about half a minute"
     try:
         with console.status(waiting, spinner="dots"):
-            watcher, link = _watch(plan, group, log_path)
+            seen = _watch(plan, group, log_path)
         if page and all(process.poll() is None for process in group.aside):
             console.print(f"watch it in a browser: {page}", markup=False, soft_wrap=True)
-        with link:
-            _show(watcher, group, console, plan, log_path)
+        if seen is not None:
+            with seen.link:
+                _show(seen, group, console, plan, log_path)
         server.wait()
     except KeyboardInterrupt:
         # The server writes what has been driven so far.
@@ -204,9 +205,24 @@ def _follow(plan: Plan, group: Team, console: Console, log_path: Path, page: str
             server.wait(10.0)
 
 
-def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink]:
-    deadline = time.monotonic() + START_S
-    while True:
+@dataclass(frozen=True)
+class _Seen:
+    """A race that answers."""
+
+    watcher: Watcher
+    items: Sequence[str]
+    link: ClientLink
+
+
+def _watch(plan: Plan, group: Team, log_path: Path) -> _Seen | None:
+    """Return the race once it answers; None where it was over before: a short one is, in lockstep.
+
+    Raises:
+        RaceError: the server did not start.
+        LinkError: it does not answer for long.
+    """
+    server, deadline = group.processes[0], time.monotonic() + START_S
+    while server.poll() != 0:
         try:
             link = ClientLink(plan.address, plan.session, timeout_s=1.0)
         except LinkError as error:
@@ -216,24 +232,25 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> tuple[Watcher, ClientLink
                 raise
             continue
         try:
-            return Watcher(link), link
+            watcher = Watcher(link)
+            return _Seen(watcher, watcher.rules()[1], link)
         except LinkError:
             link.close()
             if time.monotonic() > deadline:
                 raise
+    return None
 
 
-def _show(watcher: Watcher, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
+def _show(seen: _Seen, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
     """Draw the leaderboard a few times a second.
 
     Raises:
         RaceError: a driver fell out before the race; later the race goes on without it.
     """
-    server = group.processes[0]
-    _, items = watcher.rules()
+    server, watcher = group.processes[0], seen.watcher
     with Live(console=console, refresh_per_second=8, transient=True) as live:
         while server.poll() is None:
-            live.update(board_of(watcher, plan.session, items))
+            live.update(board_of(watcher, plan.session, seen.items))
             frame = watcher.standings
             if group.fallen() and (frame is None or frame.phase is Phase.LOBBY):
                 raise RaceError(f"a driver could not take part: {last_words(log_path)}")

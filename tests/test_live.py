@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import pytest
 from courses import ring
+from rich.console import Console
 
 from race_server.client import drive
 from race_server.driver import driver_named
@@ -21,7 +22,7 @@ from race_server.scenario.base import Rules, Scenario
 from race_server.seat import take_seat
 from race_server.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.session import Session
-from race_server.start import free_address
+from race_server.start import Plan, free_address, run_race
 from race_server.transport import ClientLink, ServerLink
 from race_server.watch import Watcher
 from race_server.wire import topics
@@ -321,6 +322,20 @@ def test_race_start_gives_the_same_race_again_and_in_one_process() -> None:
     laps = [[kart["lap_times_us"] for kart in document["karts"]] for document in documents]
     assert laps[0] == laps[1] == laps[2]
     assert all(kart["status"] == "finished" for kart in documents[0]["karts"])
+
+
+def test_a_race_that_is_over_before_anyone_can_look_has_its_result_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def late(*_: object, **__: object) -> ClientLink:
+        time.sleep(0.2)
+        raise LinkError("nobody answers")
+
+    monkeypatch.setattr("race_server.start.ClientLink", late)
+    serve = ["--track", "oval", "--karts", "1", "--laps", "1", "--pace", "lockstep", "--fresh"]
+    plan = Plan(tuple(serve), ("avoider",), free_address(), "unseen", in_process=True)
+    document = run_race(plan, Console(quiet=True))
+    assert [kart["status"] for kart in document["karts"]] == ["finished"]
 
 
 @pytest.mark.parametrize(
