@@ -17,7 +17,6 @@ export interface KartStyle {
   ratio: number; // pixels of the canvas in one of the picture
   colours: MapColours;
   followed: number; // seat, -1 for none
-  names: ReadonlyMap<number, string>; // empty where none are wanted
 }
 
 /** Draws karts, those in front last so that they lie on top. */
@@ -35,7 +34,7 @@ export function drawKarts(
 function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: KartStyle): void {
   const { camera, ratio, body } = style;
   const place = camera.toPicture(middleOf(kart, body.ahead));
-  const length = Math.max(body.length * camera.scale, LEAST_PIXELS);
+  const length = lengthOn(style);
   const width = length > LEAST_PIXELS ? body.width * camera.scale : 0.56 * length;
   const isOut = kart.status === Status.retired || (kart.flags & KartFlag.parked) !== 0;
   context.setTransform(ratio, 0, 0, ratio, place.x * ratio, place.y * ratio);
@@ -45,9 +44,12 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
   drawBody(context, kart.seat, length, width, style.colours);
   context.rotate(kart.heading);
   drawNumber(context, kart.seat, Math.max(0.62 * width, 10));
-  const name = style.names.get(kart.seat);
-  if (name) drawName(context, name, 0.5 * length + 4, style.colours);
   context.globalAlpha = 1;
+}
+
+/** Returns how long karts are on the picture [pixels]. */
+export function lengthOn({ body, camera }: KartStyle): number {
+  return Math.max(body.length * camera.scale, LEAST_PIXELS);
 }
 
 /** Returns the middle of a kart's body; its place is its centre of gravity. */
@@ -124,20 +126,4 @@ function ring(
   context.strokeStyle = colour;
   context.stroke();
   context.setLineDash([]);
-}
-
-function drawName(
-  context: CanvasRenderingContext2D,
-  name: string,
-  below: number,
-  colours: MapColours,
-): void {
-  context.font = '600 12px system-ui, sans-serif';
-  context.textBaseline = 'top';
-  context.lineWidth = 3;
-  context.lineJoin = 'round';
-  context.strokeStyle = colours.halo;
-  context.strokeText(name, 0, below);
-  context.fillStyle = colours.ink;
-  context.fillText(name, 0, below);
 }

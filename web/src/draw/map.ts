@@ -4,6 +4,7 @@ import type { Race } from '../race/race.svelte';
 import type { SnapshotFrame } from '../wire/frames';
 import { Camera } from './camera';
 import { drawKarts } from './karts';
+import { drawNames, namesOn } from './names';
 import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
 import { type MapColours, mapColours } from './palette';
 import { Surface } from './surface';
@@ -106,20 +107,9 @@ export class TrackMap {
     if (choice.rays && rays?.seat === choice.followed) {
       if (Math.abs(frame.tick - rays.tick) < RAYS_OLD_TICKS) drawRays(top, rays, pixel);
     }
-    const names = choice.names ? namesOn(race, frame, choice.followed) : new Map<number, string>();
-    const { colours } = this;
-    drawKarts(top, frame.karts, { body, camera, ratio, colours, followed: choice.followed, names });
+    const { followed } = choice;
+    const style = { body, camera, ratio, colours: this.colours, followed };
+    drawKarts(top, frame.karts, style);
+    if (choice.names) drawNames(top, frame.karts, namesOn(race, frame, followed), style);
   }
-}
-
-// Of more karts than this only the first and the followed are named, or nothing could be read.
-const MOST_NAMES = 12;
-const FIRST_NAMES = 3;
-
-function namesOn(race: Race, frame: SnapshotFrame, followed: number): Map<number, string> {
-  const isCrowd = frame.karts.length > MOST_NAMES;
-  const named = frame.karts.filter(
-    ({ seat, rank }) => !isCrowd || rank <= FIRST_NAMES || seat === followed,
-  );
-  return new Map(named.map(({ seat }) => [seat, race.driver(seat)]));
 }

@@ -1,6 +1,6 @@
 // A driver's own lap against its best and against the reference line.
 
-import { KartFlag, Status } from '../wire/codes';
+import { KartFlag, Phase, Status } from '../wire/codes';
 import type { KartFrame } from '../wire/frames';
 import type { Zone } from './line';
 import { deltaTo } from './pace';
@@ -16,7 +16,7 @@ export interface OwnLap {
   toBestS: number; // NaN where it is not known
   toReferenceS: number;
   item: number;
-  zone: Zone | null; // what the reference line does here
+  zone: Zone | null; // what the reference line does here; nobody is told before the start
   isImmune: boolean;
   isHome: boolean;
   isOut: boolean;
@@ -26,6 +26,9 @@ export interface OwnLap {
 export function ownLap(race: Race, kart: KartFrame): OwnLap {
   const row = race.standings?.rows.find(({ seat }) => seat === kart.seat);
   const laps = race.standings?.laps ?? 0;
+  const isStuck = (kart.flags & KartFlag.rescueOffered) !== 0;
+  const isOnTheWay =
+    race.headline?.phase === Phase.running && kart.status === Status.racing && !isStuck;
   return {
     speed: kart.speed,
     lap: laps ? Math.min(kart.laps + 1, laps) : kart.laps + 1,
@@ -35,7 +38,7 @@ export function ownLap(race: Race, kart: KartFrame): OwnLap {
     bestUs: row?.bestLapUs ?? 0,
     ...deltasOf(race, kart.seat),
     item: kart.item,
-    zone: race.line?.zones[race.line.nearest(kart.x, kart.y)] ?? null,
+    zone: isOnTheWay ? (race.line?.zones[race.line.nearest(kart.x, kart.y)] ?? null) : null,
     isImmune: (kart.flags & KartFlag.immune) !== 0,
     isHome: kart.status === Status.finished,
     isOut: kart.status === Status.retired,
