@@ -10,6 +10,8 @@ from agents.reflex import Echoes
 from plant.body import Body
 from race_server import codes
 from race_server.params import Vehicle
+from race_server.track.polyline import corners_of_box, segments_of
+from race_server.track.sight import are_near, first_met
 
 Floats = NDArray[np.float64]
 
@@ -36,12 +38,8 @@ class Surroundings:
     people: list[Person] = field(default_factory=list)
 
     def borders_near(self, x: float, y: float, reach: float) -> Floats:
-        """Return the borders that come within `reach` [m] of a point."""
-        middle = 0.5 * (self.borders[:, :2] + self.borders[:, 2:])
-        half = 0.5 * np.hypot(*(self.borders[:, 2:] - self.borders[:, :2]).T)
-        near = np.hypot(middle[:, 0] - x, middle[:, 1] - y) - half < reach
-        result: Floats = self.borders[near]
-        return result
+        """Return the borders that may come within `reach` [m] of a point."""
+        return np.asarray(self.borders[are_near(self.borders, x, y, reach)])
 
 
 def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoes:
@@ -52,12 +50,11 @@ def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoe
     x, y = body.x + nose * cos, body.y + nose * sin
     reach = REACH_LENGTHS * vehicle.length
     walls = around.borders_near(x, y, reach)
-    karts = np.concatenate([_box(row, vehicle) for row in around.others] or [np.zeros((0, 4))])
+    karts = np.concatenate([_outline(row, vehicle) for row in around.others] or [np.zeros((0, 4))])
     segments = np.concatenate([walls, karts])
     kinds = np.array([codes.BORDER] * len(walls) + [codes.KART_HIT] * len(karts), np.uint8)
     drift = np.concatenate([np.zeros((len(walls), 2)), np.repeat(around.others[:, 3:], 4, axis=0)])
-    angles = BEAMS + body.heading
-    ranges, which = cast(x, y, np.cos(angles), np.sin(angles), segments, reach)
+    ranges, which = first_met(segments, x, y, BEAMS + body.heading, reach)
     hit, bearings = which >= 0, BEAMS.copy()
     seen_kinds = np.where(hit, kinds[which] if len(kinds) else 0, 0).astype(np.uint8)
     moving = drift[which] if len(drift) else np.zeros((len(BEAMS), 2))
@@ -78,37 +75,11 @@ def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoe
     )
 
 
-def cast(
-    x: float, y: float, cos: Floats, sin: Floats, segments: Floats, reach: float
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Return range [m] and number of the first of some segments (S, 4) along each ray.
-
-    The number is -1 and the range `reach` where there is none.
-    """
-    if len(segments) == 0:
-        return np.full(len(cos), reach), np.full(len(cos), -1)
-    dx, dy = segments[:, 0] - x, segments[:, 1] - y
-    ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
-    across = cos[:, None] * ey - sin[:, None] * ex
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ranges = (dx * ey - dy * ex) / across
-        share = (dx * sin[:, None] - dy * cos[:, None]) / across
-    good = (across != 0.0) & (ranges >= 0.0) & (share >= 0.0) & (share <= 1.0)
-    ranges = np.where(good, ranges, np.inf)
-    which = np.argmin(ranges, axis=1)
-    nearest = ranges[np.arange(len(cos)), which]
-    return np.minimum(nearest, reach), np.where(nearest < reach, which, -1)
-
-
-def _box(row: Floats, vehicle: Vehicle) -> Floats:
+def _outline(row: Floats, vehicle: Vehicle) -> Floats:
     """Return the four sides of a kart's body."""
     x, y, heading = row[:3]
-    cos, sin = math.cos(heading), math.sin(heading)
-    front = vehicle.box_offset + 0.5 * vehicle.length
-    rear, side = front - vehicle.length, 0.5 * vehicle.width
-    corners = np.array([(front, side), (rear, side), (rear, -side), (front, -side)])
-    points = corners @ np.array([(cos, sin), (-sin, cos)]) + (x, y)
-    return np.concatenate([points, np.roll(points, -1, axis=0)], axis=1)
+    x, y = x + vehicle.box_offset * math.cos(heading), y + vehicle.box_offset * math.sin(heading)
+    return segments_of(corners_of_box(x, y, heading, vehicle.length, vehicle.width))
 
 
 def _see_person(

@@ -14,6 +14,7 @@ from race_server import codes
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.state import RADAR_RAYS
 from race_server.track.polyline import corners_of_box, segments_of
+from race_server.track.sight import are_near, first_met
 from race_server.wire.lobby import CourseSheet
 from race_server.wire.rays import RaysFrame
 from race_server.wire.spectate import SnapshotFrame
@@ -21,25 +22,15 @@ from race_server.wire.spectate import SnapshotFrame
 Floats = NDArray[np.float64]
 # Bit of a kart's flags in a snapshot: parked out of the race, so nobody sees it.
 PARKED = 1 << 6
-# A ray along a wall does not meet it.
-PARALLEL = 1e-12
 
 
 @dataclass(frozen=True)
 class Things:
     """All that rays may hit: P segments and D discs."""
 
-    starts: Floats  # (P, 2) [m]
-    edges: Floats  # (P, 2) [m] from start to end
+    segments: Floats  # (P, 4) [m]
     kinds: NDArray[np.uint8]  # (P,) see `race_server.codes`
     discs: Floats  # (D, 3) x, y, radius [m]
-
-    def within(self, x: float, y: float, reach: float) -> "Things":
-        """Return only what may lie within `reach` [m] of a place."""
-        middle = self.starts + 0.5 * self.edges
-        half = 0.5 * np.hypot(self.edges[:, 0], self.edges[:, 1])
-        near = np.hypot(middle[:, 0] - x, middle[:, 1] - y) <= reach + half
-        return Things(self.starts[near], self.edges[near], self.kinds[near], self.discs)
 
 
 class Caster:
@@ -50,9 +41,8 @@ class Caster:
         self._course, self._lidar, self._radar = course, lidar or Lidar(), radar or Radar()
         boxes = course.obstacles
         outlines = [segments_of(corners_of_box(*box)) for box in boxes]
-        walls = np.concatenate([course.borders, *outlines])
-        count = len(walls) - len(course.borders)
-        self._starts, self._edges = walls[:, :2], walls[:, 2:] - walls[:, :2]
+        self._walls = np.concatenate([course.borders, *outlines])
+        count = len(self._walls) - len(course.borders)
         self._kinds = np.repeat(
             np.array([codes.BORDER, codes.OBSTACLE], np.uint8), [len(course.borders), count]
         )
@@ -88,15 +78,14 @@ class Caster:
         kinds = np.full(len(bodies), codes.KART_HIT, np.uint8)
         discs = [frame.hazards[name].astype(float) for name in ("x", "y", "radius")]
         return Things(
-            np.concatenate([self._starts, bodies[:, :2]]),
-            np.concatenate([self._edges, bodies[:, 2:] - bodies[:, :2]]),
+            np.concatenate([self._walls, bodies]),
             np.concatenate([self._kinds, kinds]),
             np.stack(discs, axis=1),
         )
 
 
 def _cast(
-    everything: Things,
+    things: Things,
     x: float,
     y: float,
     heading: float,
@@ -109,32 +98,16 @@ def _cast(
     ahead: where the sensor is, of (x, y) along the heading [m]; angles: (R,) [rad] of its rays.
     """
     x, y = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
-    things = everything.within(x, y, reach)
+    near = are_near(things.segments, x, y, reach)
+    ranges, which = first_met(things.segments[near], x, y, heading + angles, reach)
+    # The last one is for rays that meet nothing: their number is -1.
+    kinds = np.append(things.kinds[near], np.uint8(codes.NOTHING))[which]
     ways = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
-    ranges, kinds = np.full(len(angles), reach), np.zeros(len(angles), np.uint8)
-    if len(things.starts):
-        distances = _to_segments(things, x, y, ways)
-        nearest = distances.argmin(axis=1)
-        found = np.take_along_axis(distances, nearest[:, None], axis=1)[:, 0]
-        hits = found < ranges
-        ranges[hits], kinds[hits] = found[hits], things.kinds[nearest[hits]]
     for disc in things.discs:
         found = _to_disc(disc, x, y, ways)
         hits = found < ranges
         ranges[hits], kinds[hits] = found[hits], codes.HAZARD_HIT
     return ranges, kinds
-
-
-def _to_segments(things: Things, x: float, y: float, ways: Floats) -> Floats:
-    """Return the distance [m] of each ray to each segment, shape (R, P); infinity where none."""
-    wx, wy = things.starts[:, 0] - x, things.starts[:, 1] - y
-    ex, ey = things.edges[:, 0], things.edges[:, 1]
-    across = ways[:, :1] * ey - ways[:, 1:] * ex
-    across[np.abs(across) < PARALLEL] = np.inf
-    distance = (wx * ey - wy * ex) / across
-    share = (wx * ways[:, 1:] - wy * ways[:, :1]) / across
-    met = (share >= 0.0) & (share <= 1.0) & (distance >= 0.0) & np.isfinite(across)
-    return np.where(met, distance, np.inf)
 
 
 def _to_disc(disc: Floats, x: float, y: float, ways: Floats) -> Floats:
