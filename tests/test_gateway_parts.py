@@ -1,10 +1,14 @@
 """The parts of the gateway by themselves: what waits, who may, what is cast, what is played."""
 
+import asyncio
 import json
 import subprocess
+import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -27,6 +31,7 @@ from race_server.gateway.rays import Caster
 from race_server.gateway.ring import KeyRing
 from race_server.gateway.roles import Identity, Passes, Tokens
 from race_server.gateway.settings import Settings, addresses_of, check_settings, place_of
+from race_server.gateway.wheel import Wheel
 from race_server.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
 from race_server.recording.reader import read_lines
 from race_server.recording.tape import Tape
@@ -40,6 +45,53 @@ from race_server.wire.line import decode_line
 from race_server.wire.lobby import decode_course
 from race_server.wire.sheets import course_sheet
 from race_server.wire.spectate import decode_events, decode_snapshot, decode_standings
+
+# Who sits at a wheel
+
+
+@dataclass(eq=False)
+class Someone:
+    """A browser that was heard some time ago."""
+
+    heard_at: float = 0.0
+    outbox: Any = None
+    why: GatewayError | None = None
+
+    def let_go(self, error: GatewayError) -> None:
+        self.why = error
+
+
+def test_who_comes_back_while_a_seat_is_asked_for_leaves_no_second_one_behind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked, may_sit = list[str](), threading.Event()
+
+    def sit_down(wheel: Wheel, name: str, wanted: int) -> object:
+        asked.append(name)
+        assert may_sit.wait(5.0)
+        return SimpleNamespace(number=3)
+
+    monkeypatch.setattr(Wheel, "_sit_down", sit_down)
+    monkeypatch.setattr(Wheel, "_begin", lambda *_: b"briefing")
+
+    async def play(pool: ThreadPoolExecutor) -> None:
+        wheel = Wheel(0, lambda _: pytest.fail("no link is needed"), lambda _: (), pool)
+        first, second = Someone(), Someone()
+        slow = asyncio.create_task(wheel.take(first, "Ada", -1))
+        await asyncio.sleep(0)
+        assert wheel.take_over(second) is None
+        quick = asyncio.create_task(wheel.take(second, "Ada", -1))
+        await asyncio.sleep(0)
+        may_sit.set()
+        with pytest.raises(GatewayError, match="another browser"):
+            await slow
+        assert await quick == b"briefing"
+        assert (wheel.rider, wheel.number_of_seat) == (second, 3)
+
+    with ThreadPoolExecutor(2) as pool:
+        asyncio.run(play(pool))
+    assert asked == ["Ada"]
+
 
 # What waits for a browser
 
@@ -202,6 +254,12 @@ def test_a_name_server_that_lies_does_not_make_a_page_ours() -> None:
     assert is_known_host("race.example", ("https://race.example",))
 
 
+def test_each_address_of_this_machine_is_a_name_of_our_own() -> None:
+    check_origin({"origin": "http://127.0.0.2:1", "host": "127.0.0.2:1"}, (), is_local=True)
+    assert is_known_host("127.0.0.2:1", ())
+    assert not is_known_host("127.0.0.2.evil.example:1", ())
+
+
 def test_beyond_this_machine_a_gateway_wants_a_word_and_tokens() -> None:
     settings = Settings("tcp/127.0.0.1:7447", "race", KeyRing(), host="192.0.2.1")
     with pytest.raises(LinkError, match="say so with --open"):
@@ -351,6 +409,19 @@ def test_only_recordings_of_the_folder_are_listed_and_opened(
         assert caught.value.code == "no-recording"
     assert Library(None).titles() == []
     assert Library(tmp_path / "nowhere").titles() == []
+
+
+def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cup.mcap").write_bytes(recording.read_bytes())
+    paths = [tmp_path / "gone.mcap", *tmp_path.iterdir()]
+    monkeypatch.setattr(Path, "iterdir", lambda _: iter(paths))
+    monkeypatch.setattr(Path, "is_file", lambda _: True)
+    library = Library(tmp_path)
+    assert [title["name"] for title in library.titles()] == ["cup"]
+    with pytest.raises(GatewayError, match="no recording is called"):
+        library.open("gone")
 
 
 def test_a_recording_is_played_sought_and_stepped(hall: Hall, recording: Path) -> None:
