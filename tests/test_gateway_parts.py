@@ -30,8 +30,10 @@ from race_server.gateway.pipe import Pipe, Porch
 from race_server.gateway.rays import Caster
 from race_server.gateway.ring import KeyRing
 from race_server.gateway.roles import Identity, Passes, Tokens
+from race_server.gateway.roll import KnownEvents, Roll, event_frames
 from race_server.gateway.settings import Settings, addresses_of, check_settings, place_of
 from race_server.gateway.wheel import Wheel
+from race_server.messages import Event, EventKind
 from race_server.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
 from race_server.recording.reader import read_lines
 from race_server.recording.tape import Tape
@@ -44,7 +46,12 @@ from race_server.track.course import Obstacle
 from race_server.wire.line import decode_line
 from race_server.wire.lobby import decode_course
 from race_server.wire.sheets import course_sheet
-from race_server.wire.spectate import decode_events, decode_snapshot, decode_standings
+from race_server.wire.spectate import (
+    decode_events,
+    decode_snapshot,
+    decode_standings,
+    encode_events,
+)
 
 # Who sits at a wheel
 
@@ -152,6 +159,28 @@ def test_a_browser_that_reads_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch)
         outbox.check()
     pipe.read(room=1)
     outbox.check()
+
+
+def test_events_are_written_once_for_all_who_want_to_know_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    written: list[int] = []
+
+    def write(epoch: int, events: list[Event]) -> bytes:
+        written.append(len(events))
+        return encode_events(epoch, events)
+
+    monkeypatch.setattr("race_server.gateway.roll.encode_events", write)
+    events = [Event(number, number, EventKind.LAP, 0, 1, 1) for number in range(1, 2501)]
+    roll, known = Roll(3), KnownEvents(3, events)
+    for event in events:
+        roll.add([event])
+    assert [roll.frames() for _ in range(10)] == 10 * [known.frames(2500)]
+    assert sorted(written) == [452, 452, 1024, 1024, 1024, 1024]
+    assert known.frames(1500) == [roll.frames()[0], *event_frames(3, events[1024:1500])]
+    for _ in range(10):
+        roll.add(events[:1024])
+    assert len(roll.frames()) == 9
 
 
 @pytest.mark.parametrize(("rate", "shown"), [(60, 60), (45, 45), (30, 30), (20, 20), (1, 1)])
