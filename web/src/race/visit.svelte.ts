@@ -47,6 +47,12 @@ export class Visit {
     this.link.open();
   }
 
+  /** What the reader is told of the connection; in a lobby nobody has to drive. */
+  get note(): Notice | null {
+    const inLobby = this.race.standings?.phase === Phase.lobby;
+    return inLobby && this.notice?.code === 'dead-man' ? null : this.notice;
+  }
+
   send(request: Request): void {
     this.link.send(request);
   }
