@@ -289,6 +289,18 @@ def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: St
     page.context.close()
 
 
+@pytest.mark.parametrize("place", ["watch", "drive", "steward"])
+def test_no_page_is_wider_than_a_narrow_phone_in_the_longer_language(
+    stage: Stage, place: str
+) -> None:
+    size = {"width": 360, "height": 640}
+    page = stage.browser.new_context(viewport=size, locale="fr").new_page()
+    page.goto(f"{stage.hall.base}#{place}")
+    page.get_by_role("navigation").get_by_text("Rediffusions").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    page.context.close()
+
+
 def test_on_a_phone_arrow_keys_go_through_the_tabs(stage: Stage) -> None:
     page = stage.open("watch", 390, 844)
     page.get_by_role("tab", name="Standings").focus()
