@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import os
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -200,6 +202,25 @@ def test_a_porch_lets_one_address_in_only_so_often() -> None:
     assert all(porch.enter("127.0.0.1") for _ in range(100))
     porch.leave("192.0.2.1")
     assert porch.enter("192.0.2.1")
+
+
+def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> None:
+    program = (
+        "import resource\n"
+        "from race_server.gateway.gateway import _room_for_connections as room\n"
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (256, 1024))\n"
+        "print(room(), *resource.getrlimit(resource.RLIMIT_NOFILE))\n"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "RACE_SERVER_INTERPRET": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert said.stdout.split() == ["512", "1024", "1024"]
+    porch = Porch(2)
+    assert [porch.enter(f"192.0.2.{number}") for number in range(3)] == [True, True, False]
 
 
 def test_an_allowance_fills_up_again() -> None:

@@ -139,13 +139,14 @@ class Pipe(WebSocketsSansIOProtocol):
 class Porch:
     """How many connections are open, and from where."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, most: int = MOST_CONNECTIONS) -> None:
+        """Begin with none. most: of all addresses."""
+        self._most = most
         self._of: Counter[str] = Counter()
 
     def enter(self, host: str) -> bool:
         """Let a connection in, if there is room."""
-        is_full = self._of.total() >= MOST_CONNECTIONS
+        is_full = self._of.total() >= self._most
         crowded = self._of[host] >= MOST_CONNECTIONS_OF_ADDRESS and not is_loopback(host)
         if is_full or crowded:
             return False
