@@ -72,9 +72,9 @@ def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hall]:
         yield hall
 
 
-def drive(program: list[str], address: str) -> subprocess.CompletedProcess[str]:
+def drive(program: list[str], *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*program, address], capture_output=True, text=True, check=False, timeout=60.0
+        [*program, *words], capture_output=True, text=True, check=False, timeout=60.0
     )
 
 
@@ -99,3 +99,8 @@ def test_a_driver_says_plainly_why_it_does_not_drive(program: list[str], hall: H
     cut_short = drive(program, f"{hall.base}#drive")  # what a shell makes of it without quotes
     assert cut_short.returncode == 2
     assert "in quotes" in cut_short.stderr
+
+
+def test_a_name_may_hold_quotation_marks(program: list[str], hall: Hall) -> None:
+    done = drive(program, f"{hall.base}#drive&token=wrong", 'Ada "the \\\\" Swift')
+    assert "the token does not fit" in done.stderr

@@ -7,12 +7,14 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from urllib.error import HTTPError
 
 import pytest
 from browsers import Browser
 from halls import ORIGIN, TOKENS, Hall, gated, racing, wait_for_race
+from websockets.frames import CloseCode, Frame, Opcode
 
 from race_server.errors import GatewayError
 from race_server.messages import Control, Flag
@@ -217,6 +219,67 @@ def test_floods_and_bytes_of_spectators_end_only_their_own_socket(hall: Hall) ->
                 pass
             assert huge.socket.close_code == 1009
         assert honest.frame(b"RSNP")
+
+
+def ends_with(browser: Browser) -> int | None:
+    """Return the code with which a browser's socket is closed, None where it is not."""
+    with suppress(AssertionError):
+        browser.until(lambda _: False, 5.0)
+    return browser.socket.close_code
+
+
+def test_a_token_that_is_no_text_is_refused_as_any_wrong_one_is(hall: Hall) -> None:
+    for role in ("drive", "steward"):
+        with Browser(hall.base, f'{{"role": "{role}", "token": "\\ud800"}}') as rude:
+            assert rude.refusal() == ("token", 4401)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "code"),
+    [
+        ([(Opcode.TEXT, b"\xff", True)], CloseCode.INVALID_DATA),
+        (
+            [(Opcode.TEXT, b"", False)] + [(Opcode.CONT, b"", False)] * 100,
+            CloseCode.MESSAGE_TOO_BIG,
+        ),
+        ([(Opcode.PONG, b"x" * 100, True)] * 5000, CloseCode.POLICY_VIOLATION),
+    ],
+    ids=["no text", "pieces without end", "pongs without end"],
+)
+def test_what_browsers_never_send_ends_their_socket_and_is_not_told_at_length(
+    hall: Hall,
+    caplog: pytest.LogCaptureFixture,
+    pieces: list[tuple[Opcode, bytes, bool]],
+    code: CloseCode,
+) -> None:
+    with Browser(hall.base, WATCH) as honest, Browser(hall.base, WATCH) as rude:
+        rude.word("welcome")
+        frames = [Frame(opcode, data, fin).serialize(mask=True) for opcode, data, fin in pieces]
+        with suppress(OSError):
+            rude.socket.socket.sendall(b"".join(frames))
+        # Where more comes than is read the network may forget the reason.
+        assert ends_with(rude) in {code, CloseCode.ABNORMAL_CLOSURE}
+        assert honest.frame(b"RSNP")
+    assert not [record for record in caplog.records if record.name.startswith("uvicorn")]
+
+
+@pytest.mark.parametrize(
+    "more",
+    ["X-More: y\r\n" * 200, "Content-Length: 5\r\n", f"X-Long: {'y' * 20_000}\r\n"],
+    ids=["many headers", "a body", "a long header"],
+)
+def test_a_request_for_a_websocket_that_cannot_be_read_is_over_at_once(
+    hall: Hall, more: str
+) -> None:
+    place = hall.base.removeprefix("http://").removesuffix("/")
+    host, _, port = place.partition(":")
+    with socket.create_connection((host, int(port)), timeout=5.0) as line:
+        line.sendall(
+            f"GET /ws HTTP/1.1\r\nHost: {place}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'A' * 22}==\r\n{more}\r\n".encode()
+        )
+        while line.recv(4096):  # a line that stays open ends this by its timeout
+            pass
 
 
 def test_a_word_for_coming_back_is_good_for_one_time(hall: Hall) -> None:

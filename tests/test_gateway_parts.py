@@ -1,10 +1,16 @@
 """The parts of the gateway by themselves: what waits, who may, what is cast, what is played."""
 
+import asyncio
 import json
+import os
 import subprocess
+import sys
+import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -26,7 +32,10 @@ from race_server.gateway.pipe import Pipe, Porch
 from race_server.gateway.rays import Caster
 from race_server.gateway.ring import KeyRing
 from race_server.gateway.roles import Identity, Passes, Tokens
+from race_server.gateway.roll import KnownEvents, Roll, event_frames
 from race_server.gateway.settings import Settings, addresses_of, check_settings, place_of
+from race_server.gateway.wheel import Wheel
+from race_server.messages import Event, EventKind
 from race_server.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
 from race_server.recording.reader import read_lines
 from race_server.recording.tape import Tape
@@ -39,7 +48,59 @@ from race_server.track.course import Obstacle
 from race_server.wire.line import decode_line
 from race_server.wire.lobby import decode_course
 from race_server.wire.sheets import course_sheet
-from race_server.wire.spectate import decode_events, decode_snapshot, decode_standings
+from race_server.wire.spectate import (
+    decode_events,
+    decode_snapshot,
+    decode_standings,
+    encode_events,
+)
+
+# Who sits at a wheel
+
+
+@dataclass(eq=False)
+class Someone:
+    """A browser that was heard some time ago."""
+
+    heard_at: float = 0.0
+    outbox: Any = None
+    why: GatewayError | None = None
+
+    def let_go(self, error: GatewayError) -> None:
+        self.why = error
+
+
+def test_who_comes_back_while_a_seat_is_asked_for_leaves_no_second_one_behind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked, may_sit = list[str](), threading.Event()
+
+    def sit_down(wheel: Wheel, name: str, wanted: int) -> object:
+        asked.append(name)
+        assert may_sit.wait(5.0)
+        return SimpleNamespace(number=3)
+
+    monkeypatch.setattr(Wheel, "_sit_down", sit_down)
+    monkeypatch.setattr(Wheel, "_begin", lambda *_: b"briefing")
+
+    async def play(pool: ThreadPoolExecutor) -> None:
+        wheel = Wheel(0, lambda _: pytest.fail("no link is needed"), lambda _: (), pool)
+        first, second = Someone(), Someone()
+        slow = asyncio.create_task(wheel.take(first, "Ada", -1))
+        await asyncio.sleep(0)
+        assert wheel.take_over(second) is None
+        quick = asyncio.create_task(wheel.take(second, "Ada", -1))
+        await asyncio.sleep(0)
+        may_sit.set()
+        with pytest.raises(GatewayError, match="another browser"):
+            await slow
+        assert await quick == b"briefing"
+        assert (wheel.rider, wheel.number_of_seat) == (second, 3)
+
+    with ThreadPoolExecutor(2) as pool:
+        asyncio.run(play(pool))
+    assert asked == ["Ada"]
+
 
 # What waits for a browser
 
@@ -102,6 +163,28 @@ def test_a_browser_that_reads_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch)
     outbox.check()
 
 
+def test_events_are_written_once_for_all_who_want_to_know_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    written: list[int] = []
+
+    def write(epoch: int, events: list[Event]) -> bytes:
+        written.append(len(events))
+        return encode_events(epoch, events)
+
+    monkeypatch.setattr("race_server.gateway.roll.encode_events", write)
+    events = [Event(number, number, EventKind.LAP, 0, 1, 1) for number in range(1, 2501)]
+    roll, known = Roll(3), KnownEvents(3, events)
+    for event in events:
+        roll.add([event])
+    assert [roll.frames() for _ in range(10)] == 10 * [known.frames(2500)]
+    assert sorted(written) == [452, 452, 1024, 1024, 1024, 1024]
+    assert known.frames(1500) == [roll.frames()[0], *event_frames(3, events[1024:1500])]
+    for _ in range(10):
+        roll.add(events[:1024])
+    assert len(roll.frames()) == 9
+
+
 @pytest.mark.parametrize(("rate", "shown"), [(60, 60), (45, 45), (30, 30), (20, 20), (1, 1)])
 def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, shown: int) -> None:
     pipe = SlowPipe(room=1000)
@@ -119,6 +202,25 @@ def test_a_porch_lets_one_address_in_only_so_often() -> None:
     assert all(porch.enter("127.0.0.1") for _ in range(100))
     porch.leave("192.0.2.1")
     assert porch.enter("192.0.2.1")
+
+
+def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> None:
+    program = (
+        "import resource\n"
+        "from race_server.gateway.gateway import _room_for_connections as room\n"
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (256, 1024))\n"
+        "print(room(), *resource.getrlimit(resource.RLIMIT_NOFILE))\n"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "RACE_SERVER_INTERPRET": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert said.stdout.split() == ["512", "1024", "1024"]
+    porch = Porch(2)
+    assert [porch.enter(f"192.0.2.{number}") for number in range(3)] == [True, True, False]
 
 
 def test_an_allowance_fills_up_again() -> None:
@@ -200,6 +302,12 @@ def test_a_name_server_that_lies_does_not_make_a_page_ours() -> None:
     assert not is_known_host("[", ())
     assert is_known_host("[::1]:8080", ())
     assert is_known_host("race.example", ("https://race.example",))
+
+
+def test_each_address_of_this_machine_is_a_name_of_our_own() -> None:
+    check_origin({"origin": "http://127.0.0.2:1", "host": "127.0.0.2:1"}, (), is_local=True)
+    assert is_known_host("127.0.0.2:1", ())
+    assert not is_known_host("127.0.0.2.evil.example:1", ())
 
 
 def test_beyond_this_machine_a_gateway_wants_a_word_and_tokens() -> None:
@@ -351,6 +459,19 @@ def test_only_recordings_of_the_folder_are_listed_and_opened(
         assert caught.value.code == "no-recording"
     assert Library(None).titles() == []
     assert Library(tmp_path / "nowhere").titles() == []
+
+
+def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cup.mcap").write_bytes(recording.read_bytes())
+    paths = [tmp_path / "gone.mcap", *tmp_path.iterdir()]
+    monkeypatch.setattr(Path, "iterdir", lambda _: iter(paths))
+    monkeypatch.setattr(Path, "is_file", lambda _: True)
+    library = Library(tmp_path)
+    assert [title["name"] for title in library.titles()] == ["cup"]
+    with pytest.raises(GatewayError, match="no recording is called"):
+        library.open("gone")
 
 
 def test_a_recording_is_played_sought_and_stepped(hall: Hall, recording: Path) -> None:

@@ -254,5 +254,63 @@ def test_a_wrong_token_is_refused_in_plain_words(stage: Stage) -> None:
     page.context.close()
 
 
+@pytest.mark.parametrize("role", ["steward", "drive"])
+def test_after_a_wrong_token_another_one_can_be_typed(
+    stage: Stage, driving: Page, role: str
+) -> None:
+    page = stage.open(f"{role}&token=wrong")
+    if role == "drive":
+        page.fill("input[name=name]", "Eve")
+        page.get_by_role("button", name="Take the seat").click()
+    page.locator("[data-testid=veil] [data-code=token]").wait_for()
+    page.get_by_role("button", name="Try again").click()
+    page.fill("input[type=password]", f"{role} one")
+    page.keyboard.press("Enter")
+    if role == "steward":
+        page.get_by_role("button", name="Yellow flag").wait_for()
+    else:  # it fits, but somebody drives with it
+        page.locator("[data-testid=veil] [data-code=used]").wait_for()
+    page.context.close()
+
+
+def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: Stage) -> None:
+    page = stage.open("replay=")
+    visits: list[object] = []
+    page.on("websocket", lambda visit: visits.append(visit))
+    page.get_by_test_id("recordings").get_by_role("button").first.click()
+    page.get_by_test_id("play").click()  # it plays at once: stand still
+    page.get_by_test_id("scrubber").focus()
+    for _ in range(150):
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Home")
+    wait_until(lambda: stats(page)["tick"] <= 1)
+    page.wait_for_timeout(1000)  # whoever was let go would be back by now
+    assert len(visits) == 1
+    page.context.close()
+
+
+@pytest.mark.parametrize("place", ["watch", "drive", "steward"])
+def test_no_page_is_wider_than_a_narrow_phone_in_the_longer_language(
+    stage: Stage, place: str
+) -> None:
+    size = {"width": 360, "height": 640}
+    page = stage.browser.new_context(viewport=size, locale="fr").new_page()
+    page.goto(f"{stage.hall.base}#{place}")
+    page.get_by_role("navigation").get_by_text("Rediffusions").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    page.context.close()
+
+
+def test_on_a_phone_arrow_keys_go_through_the_tabs(stage: Stage) -> None:
+    page = stage.open("watch", 390, 844)
+    page.get_by_role("tab", name="Standings").focus()
+    page.keyboard.press("ArrowRight")
+    chosen = page.get_by_role("tab", selected=True)
+    assert chosen.inner_text() == "Race control"
+    assert chosen.evaluate("tab => tab === document.activeElement")
+    assert page.get_by_role("tabpanel", name="Race control").is_visible()
+    page.context.close()
+
+
 def test_nothing_went_wrong_on_any_page_and_nothing_was_asked_of_others(stage: Stage) -> None:
     assert stage.troubles == []

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <iomanip>
 #include <optional>
 #include <regex>
 #include <sstream>
@@ -106,8 +107,8 @@ class Driver {
  public:
   Driver(const Address& address, const std::string& name) : channel_(address) {
     std::ostringstream hello;
-    hello << R"({"role": "drive", "token": ")" << address.token << R"(", "name": ")" << name
-          << R"(", "rate": )" << snapshots_hz << "}";
+    hello << R"({"role": "drive", "token": ")" << address.token << R"(", "name": )"
+          << std::quoted(name) << R"(, "rate": )" << snapshots_hz << "}";
     channel_.send(hello.str());
   }
 

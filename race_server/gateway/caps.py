@@ -17,6 +17,8 @@ MOST_TEXT, MOST_CONTROL = 1024, 256
 # Longer messages end the connection before anybody has read them.
 MOST_MESSAGE = 1 << 16
 TEXTS_HZ, CONTROLS_HZ = 20.0, 120.0
+# Of whatever it sends, pings and pieces too; and a message comes in so many pieces.
+BYTES_HZ, MOST_PIECES = 1 << 17, 64
 # Somebody whose network held messages up may send so many seconds' worth at once.
 BURST_S = 2.0
 # A browser that takes nothing for so long is let go, and ends for good a little later.
@@ -26,7 +28,7 @@ HEARTBEAT_S = 20.0
 
 @dataclass
 class Allowance:
-    """Fills up at a rate; each message takes one from it."""
+    """Fills up at a rate; each message, or byte, takes one from it."""
 
     rate_hz: float
     what: str
@@ -38,17 +40,17 @@ class Allowance:
         """Begin full."""
         self._left, self._at = BURST_S * self.rate_hz, self.clock()
 
-    def spend(self) -> None:
-        """Take one.
+    def spend(self, amount: float = 1.0) -> None:
+        """Take one, or several.
 
         Raises:
-            GatewayError: there is none left.
+            GatewayError: there are not so many left.
         """
         now = self.clock()
         self._left = min(self._left + (now - self._at) * self.rate_hz, BURST_S * self.rate_hz)
         self._at = now
-        if self._left < 1.0:
+        if self._left < amount:
             raise GatewayError(
                 "too-fast", f"more than {self.rate_hz:g} {self.what} a second; send fewer"
             )
-        self._left -= 1.0
+        self._left -= amount

@@ -1,6 +1,7 @@
 """A gateway that listens: its socket, its loop, and the end of both."""
 
 import asyncio
+import resource
 import signal
 import socket
 import time
@@ -11,7 +12,7 @@ import uvicorn
 
 from race_server.errors import LinkError
 from race_server.gateway.app import make_app
-from race_server.gateway.caps import HEARTBEAT_S, MOST_MESSAGE
+from race_server.gateway.caps import HEARTBEAT_S, MOST_CONNECTIONS, MOST_MESSAGE
 from race_server.gateway.hub import Hub
 from race_server.gateway.live import LiveRace
 from race_server.gateway.page import Page
@@ -21,6 +22,8 @@ from race_server.logs import Log
 
 # Connections that wait to be accepted.
 BACKLOG = 256
+# Connections, recordings, the link to the race: often a process has 1024 until it asks for more.
+WANTED_FILES = 4096
 # Browsers are told of the end, and have so long to take it.
 FAREWELL_S = 1
 # A server that was killed is back before that; one that has ended is not.
@@ -78,7 +81,7 @@ class Gateway:
             self._server.should_exit = True
 
     def _config(self, hub: Hub) -> uvicorn.Config:
-        visit: Any = partial(Visit, porch=Porch())
+        visit: Any = partial(Visit, porch=Porch(_room_for_connections()))
         pipe: Any = Pipe
         settings = self._settings
         app: Any = make_app(hub, Page.read())
@@ -102,6 +105,21 @@ class Gateway:
             ssl_certfile=settings.certificate,
             ssl_keyfile=settings.private_key,
         )
+
+
+def _room_for_connections() -> int:
+    """Return how many connections may be open before a browser has said anything.
+
+    Half of what this process may open: browsers, recordings and the race need room too.
+    """
+    files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if files != resource.RLIM_INFINITY:
+        files = max(
+            files, WANTED_FILES if most == resource.RLIM_INFINITY else min(most, WANTED_FILES)
+        )
+        resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
+        return min(files // 2, MOST_CONNECTIONS)
+    return MOST_CONNECTIONS
 
 
 def _listening(host: str, port: int) -> socket.socket:

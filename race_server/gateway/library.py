@@ -45,9 +45,9 @@ class Library:
 
     def titles(self) -> list[dict[str, Any]]:
         """Return the newest recordings, newest first."""
-        files = sorted(self._files(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
+        files = sorted(self._files().items(), key=lambda file: file[1][1], reverse=True)
         with self._lock:
-            found = [self._title(path) for path in files[:MOST_LISTED]]
+            found = [self._title(path, stamp) for path, stamp in files[:MOST_LISTED]]
         return [asdict(title) for title in found if title is not None]
 
     def open(self, name: str) -> tuple[Tape, list[Event]]:
@@ -57,40 +57,33 @@ class Library:
             GatewayError: no recording has that name, or it cannot be read.
         """
         # A name is looked for among those that are there, never put into a path.
-        for path in self._files():
+        for path, stamp in self._files().items():
             if path.name.removesuffix(ENDING) == name:
                 try:
                     tape = Tape(path)
                 except RecordingError as error:
                     raise GatewayError("no-recording", str(error)) from error
-                return tape, self._events_of(path, tape)
+                return tape, self._events_of(stamp, tape)
         raise GatewayError(
             "no-recording", f"no recording is called {name[:80]!r}; choose one from the list"
         )
 
-    def _files(self) -> list[Path]:
+    def _files(self) -> dict[Path, Stamp]:
         if self._folder is None:
-            return []
+            return {}
         try:
-            return [
-                path
-                for path in self._folder.iterdir()
-                if path.name.endswith(ENDING)
-                and not path.name.endswith(_NOT_YET)
-                and not path.is_symlink()
-                and path.is_file()
-            ]
+            paths = list(self._folder.iterdir())
         except OSError:
-            return []
+            return {}
+        stamps = {path: _stamp(path) for path in paths if _is_recording(path)}
+        return {path: stamp for path, stamp in stamps.items() if stamp is not None}
 
-    def _title(self, path: Path) -> Title | None:
-        stamp = _stamp(path)
+    def _title(self, path: Path, stamp: Stamp) -> Title | None:
         if stamp not in self._titles:
             self._titles[stamp] = _title_of(path)
         return self._titles[stamp]
 
-    def _events_of(self, path: Path, tape: Tape) -> list[Event]:
-        stamp = _stamp(path)
+    def _events_of(self, stamp: Stamp, tape: Tape) -> list[Event]:
         with self._lock:
             if stamp not in self._events:
                 while len(self._events) >= MOST_KEPT:
@@ -99,8 +92,17 @@ class Library:
             return self._events[stamp]
 
 
-def _stamp(path: Path) -> Stamp:
-    about = path.stat()
+def _is_recording(path: Path) -> bool:
+    has_name = path.name.endswith(ENDING) and not path.name.endswith(_NOT_YET)
+    return has_name and not path.is_symlink() and path.is_file()
+
+
+def _stamp(path: Path) -> Stamp | None:
+    """Return what tells a file from an earlier one of its name, None where it has just gone."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
     return path.name, about.st_mtime_ns, about.st_size
 
 

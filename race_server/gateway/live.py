@@ -11,8 +11,8 @@ from contextlib import suppress
 from race_server.errors import WireError
 from race_server.gateway.audience import LINKS, STANDINGS, Audience, Viewer
 from race_server.gateway.pipe import frame_of
+from race_server.gateway.roll import Roll, event_frames
 from race_server.logs import Log
-from race_server.messages import Event
 from race_server.reception import ClockOffset
 from race_server.wire import topics
 from race_server.wire.line import decode_line
@@ -23,12 +23,9 @@ from race_server.wire.spectate import (
     decode_events,
     decode_snapshot,
     decode_standings,
-    encode_events,
 )
 from race_server.wire.topics import Topic
 
-# Of a race so many events are remembered, and so many go into one message.
-MOST_EVENTS, EVENTS_AT_ONCE = 8192, 1024
 # What a newcomer is told before the events, and after them.
 FIRST = (topics.COURSE, topics.RULES, topics.LINE, topics.STANDINGS)
 THEN = (topics.LINKS, topics.SNAPSHOT)
@@ -55,7 +52,6 @@ class LiveRace:
         self._queue: deque[tuple[Topic | None, bytes]] = deque(maxlen=MOST_HEARD)
         self._is_called = False
         self._kept: dict[Topic, bytes] = {}  # frames for newcomers
-        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._last = 0  # number of the newest event
         self._why = ""  # why there is no race, as told to the log
         self.audience = Audience()
@@ -64,6 +60,7 @@ class LiveRace:
         self.left_at: float | None = None  # when a race that was there has gone
         self.damaged = 0
         self.epoch = -1
+        self._roll = Roll(self.epoch)
         self.snapshot: SnapshotFrame | None = None
         self.course: CourseSheet | None = None
         self._takers: dict[Topic, Callable[[bytes], None]] = {
@@ -95,8 +92,7 @@ class LiveRace:
         """Tell a newcomer how the race stands, and whatever comes from now on."""
         if not self.is_there:
             viewer.outbox.put(notice_frame("no-race", NO_RACE))
-        events = event_frames(self.epoch, list(self._events))
-        for frame in (*self._known(FIRST), *events, *self._known(THEN)):
+        for frame in (*self._known(FIRST), *self._roll.frames(), *self._known(THEN)):
             viewer.outbox.put(frame)
         self.audience.join(viewer)
 
@@ -155,7 +151,7 @@ class LiveRace:
             self._refresh()
             self.offset.restart()
         self.epoch, self.snapshot, self._last = epoch, None, 0
-        self._events.clear()
+        self._roll = Roll(epoch)
 
     def _keep(self, topic: Topic, data: bytes) -> bytes | None:
         """Return a message as a frame and keep it for newcomers; None where it is known."""
@@ -196,7 +192,7 @@ class LiveRace:
         if not fresh:
             return
         self._last = fresh[-1].sequence
-        self._events.extend(fresh)
+        self._roll.add(fresh)
         for frame in event_frames(epoch, fresh):
             self.audience.put(frame)
 
@@ -217,11 +213,3 @@ class LiveRace:
             self.audience.put(frame)
         # Asked for after course and rules: whoever comes now can be shown a race.
         self._find()
-
-
-def event_frames(epoch: int, events: list[Event]) -> list[bytes]:
-    """Return events as frames of a bounded size."""
-    return [
-        frame_of(encode_events(epoch, events[first : first + EVENTS_AT_ONCE]))
-        for first in range(0, len(events), EVENTS_AT_ONCE)
-    ]

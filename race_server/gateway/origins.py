@@ -6,8 +6,6 @@ from urllib.parse import urlsplit
 
 from race_server.errors import GatewayError
 
-_OURSELVES = ("localhost", "127.0.0.1", "::1")
-
 
 def is_loopback(host: str) -> bool:
     """Return whether an address is of this machine."""
@@ -32,7 +30,7 @@ def check_origin(headers: Mapping[str, str], origins: tuple[str, ...], *, is_loc
         return
     place, name = _named(origin)
     is_ours = bool(place) and place == host.lower()
-    if not is_ours or (is_local and name not in _OURSELVES):
+    if not is_ours or (is_local and not is_loopback(name)):
         raise GatewayError(
             "origin",
             f"pages of {origin[:80]} may not connect; open the page at the gateway's own address, "
@@ -43,7 +41,7 @@ def check_origin(headers: Mapping[str, str], origins: tuple[str, ...], *, is_loc
 def is_known_host(host: str, origins: tuple[str, ...]) -> bool:
     """Return whether a name, as browsers give it, is this machine's own or one of the pages'."""
     _, name = _named(f"//{host}")
-    return name in _OURSELVES or name in {_named(origin)[1] for origin in origins}
+    return is_loopback(name) or name in {_named(origin)[1] for origin in origins}
 
 
 def _named(address: str) -> tuple[str, str]:

@@ -13,12 +13,17 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
-from websockets.frames import Frame, Opcode
+from websockets.frames import CloseCode, Frame, Opcode
+from websockets.protocol import State
 
+from race_server.errors import GatewayError
 from race_server.gateway.caps import (
     ABORT_S,
+    BYTES_HZ,
     MOST_CONNECTIONS,
     MOST_CONNECTIONS_OF_ADDRESS,
+    MOST_PIECES,
+    Allowance,
 )
 from race_server.gateway.origins import is_loopback
 
@@ -51,6 +56,7 @@ class Pipe(WebSocketsSansIOProtocol):
         """Bound what may wait."""
         super().connection_made(transport)
         self.transport.set_write_buffer_limits(high=WRITE_BUFFER)
+        self._bytes = Allowance(BYTES_HZ, "bytes")
 
     async def run_asgi(self) -> None:
         """Let the application find this connection, and end it for sure after that."""
@@ -71,11 +77,43 @@ class Pipe(WebSocketsSansIOProtocol):
         self.transport.abort()
 
     def data_received(self, data: bytes) -> None:
-        """Hear no more from a browser that takes no answers."""
+        """Hear no more from a browser that takes no answers, or does not stop talking."""
         if self.transport.get_write_buffer_size() > MOST_BUFFERED:
             self._abort()
             return
+        try:
+            self._bytes.spend(len(data))
+        except GatewayError as error:
+            self._fail(CloseCode.POLICY_VIOLATION, str(error))
+            return
         super().data_received(data)
+        if self.conn.handshake_exc is not None and not self.handshake_initiated:
+            # uvicorn says nothing to a request that cannot be read, and waits for ever.
+            self.transport.write(b"".join(self.conn.data_to_send()))
+            self.transport.close()
+
+    def handle_cont(self, event: Frame) -> None:
+        """Hear no message that comes in pieces without end, each of them nothing."""
+        if len(self.frames) < MOST_PIECES:
+            super().handle_cont(event)
+        elif not self.close_sent:
+            self._fail(CloseCode.MESSAGE_TOO_BIG, f"more than {MOST_PIECES} pieces")
+
+    def send_receive_event_to_app(self) -> None:
+        """End whoever sends a text that is none; uvicorn would fill the log with each."""
+        is_text = self.curr_msg_data_type == "text" and not self.close_sent
+        if is_text and not _is_utf8(b"".join(self.frames)):
+            self._fail(CloseCode.INVALID_DATA, "a text that is not UTF-8")
+            return
+        super().send_receive_event_to_app()
+
+    def _fail(self, code: CloseCode, reason: str) -> None:
+        """End a connection with a reason; one that is ending already, at once."""
+        if self.close_sent or self.conn.state is not State.OPEN:
+            self._abort()
+            return
+        self.conn.fail(code, reason)
+        self.handle_parser_exception()
 
     def resume_writing(self) -> None:
         """Take note that there is room again."""
@@ -101,13 +139,14 @@ class Pipe(WebSocketsSansIOProtocol):
 class Porch:
     """How many connections are open, and from where."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, most: int = MOST_CONNECTIONS) -> None:
+        """Begin with none. most: of all addresses."""
+        self._most = most
         self._of: Counter[str] = Counter()
 
     def enter(self, host: str) -> bool:
         """Let a connection in, if there is room."""
-        is_full = self._of.total() >= MOST_CONNECTIONS
+        is_full = self._of.total() >= self._most
         crowded = self._of[host] >= MOST_CONNECTIONS_OF_ADDRESS and not is_loopback(host)
         if is_full or crowded:
             return False
@@ -156,3 +195,11 @@ class Visit(H11Protocol):
             self._end.cancel()
             self._end = None
             self._porch.leave(self._host)
+
+
+def _is_utf8(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True

@@ -13,9 +13,9 @@ from race_server.clock import TICKS_PER_SECOND
 from race_server.errors import GatewayError, RecordingError, WireError
 from race_server.gateway.audience import POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
 from race_server.gateway.hello import number_in, whole_in
-from race_server.gateway.live import event_frames
 from race_server.gateway.pipe import frame_of
 from race_server.gateway.rays import Caster
+from race_server.gateway.roll import KnownEvents, event_frames
 from race_server.messages import Event
 from race_server.recording.channels import SNAPSHOTS
 from race_server.recording.channels import STANDINGS as TABLES
@@ -44,6 +44,7 @@ class Player:
         """Stand at the beginning. events: all of the race; pool: for what has to wait."""
         self._viewer, self._tape, self._events, self._pool = viewer, tape, events, pool
         self._ticks = [event.tick for event in events]
+        self._known = KnownEvents(tape.start.epoch, events)
         self._tick = 0  # shown last
         self._anchor = (0.0, 0.0)  # a tick and the time at which it was due
         self._speed, self._is_playing = 1.0, False
@@ -119,16 +120,19 @@ class Player:
 
     async def _jump(self, tick: int) -> None:
         """Show a moment, and all that was known then."""
-        table, snapshot = await self._wait_for(
-            lambda: (self._tape.newest(TABLES, tick), self._tape.newest(SNAPSHOTS, tick))
+        table, snapshot, events = await self._wait_for(
+            lambda: (
+                self._tape.newest(TABLES, tick),
+                self._tape.newest(SNAPSHOTS, tick),
+                self._known.frames(bisect_right(self._ticks, tick)),
+            )
         )
         self._tick, self._anchor = tick, (float(tick), time.monotonic())
         self._tell_position(sought=True)
         outbox = self._viewer.outbox
         if table is not None and _is_sound(decode_standings, table):
             outbox.tell(table.data)
-        known = self._events[: bisect_right(self._ticks, tick)]
-        for frame in event_frames(self._tape.start.epoch, known):
+        for frame in events:
             outbox.put(frame)
         if snapshot is not None and self._take_snapshot(snapshot):
             outbox.tell(snapshot.data)

@@ -67,6 +67,7 @@ class Wheel:
         self._hud_at = self._control_at = self._left_at = 0.0
         self._is_dead = True
         self._asking: asyncio.Task[None] | None = None
+        self._turn = asyncio.Lock()  # one seat is asked for at a time
 
     @property
     def number_of_seat(self) -> int:
@@ -87,15 +88,23 @@ class Wheel:
             )
         self.rider = rider
         try:
-            if self.seat is None:
-                self.seat = await self._wait_for(partial(self._sit_down, name, wanted))
-                self._hud_at = time.monotonic()
+            seat = await self._hold_seat(name, wanted)
         except BaseException as error:
-            self.rider = None
+            self.release(rider)
             if isinstance(error, RaceError):
                 raise _refusal(error) from error
             raise
-        return self._begin(self.seat)
+        if self.rider is not rider:
+            raise _displaced()
+        return self._begin(seat)
+
+    async def _hold_seat(self, name: str, wanted: int) -> Seat:
+        """Return the seat that is held, asked for where there is none."""
+        async with self._turn:
+            if self.seat is None:
+                self.seat = await self._wait_for(partial(self._sit_down, name, wanted))
+                self._hud_at = time.monotonic()
+            return self.seat
 
     def take_over(self, rider: Rider) -> bytes | None:
         """Give the wheel back to a browser that comes back; None where no seat is held.
@@ -107,7 +116,7 @@ class Wheel:
         if before is not None:
             if time.monotonic() - before.heard_at < STALLED_S:
                 raise GatewayError("used", "this driver is here already and drives")
-            before.let_go(GatewayError("used", "this driver has come back with another browser"))
+            before.let_go(_displaced())
         if self.seat is None:
             self.rider = None
             return None
@@ -213,6 +222,8 @@ class Wheel:
         try:
             await self._wait_for(seat.come_back)
         except SeatError as error:
+            if self.seat is not seat:
+                return  # given up meanwhile, and perhaps another one taken
             await self.leave()
             if self.rider is not None:
                 self.rider.let_go(GatewayError("seat-lost", f"the seat is lost: {error}"))
@@ -234,6 +245,10 @@ def _stand_up(seat: Seat) -> None:
             seat.act(topics.LEAVE)
         except RaceError:
             return  # whoever gave it away knows already
+
+
+def _displaced() -> GatewayError:
+    return GatewayError("used", "this driver has come back with another browser")
 
 
 def _refusal(error: RaceError) -> GatewayError:

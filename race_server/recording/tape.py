@@ -84,7 +84,7 @@ class Tape:
             self._places = list(_places(self._file, path.stat().st_size))
             self._kinds: dict[int, ChannelKind] = {}
             self.start, self._begun_ns = self._beginning()
-        except (WireError, RecordingError, ValueError, struct.error) as error:
+        except (WireError, RecordingError, ValueError, OSError, struct.error) as error:
             self._file.close()
             raise RecordingError(f"{path.name} is no recording of a race: {error}") from error
         # Messages of one tick may lie in any order, and so in either of two chunks.

@@ -1,5 +1,7 @@
 // What the address asks for, behind its #: a view, and tokens, which never leave the browser that way.
 
+import { SvelteMap } from 'svelte/reactivity';
+
 import type { Hello, Role } from './wire/protocol';
 
 export type View = 'watch' | 'drive' | 'steward' | 'replay';
@@ -17,6 +19,8 @@ const VIEW_ROLES: Record<View, Role> = {
   steward: 'steward',
   replay: 'spectate',
 };
+// What is known of each role's token; kept for this tab.
+const tokens = new SvelteMap<Role, string>();
 let place = $state.raw<Place>(take());
 
 addEventListener('hashchange', () => (place = take()));
@@ -35,10 +39,12 @@ export function roleOf(view: View): Role {
 }
 
 export function tokenFor(role: Role): string {
-  return sessionStorage.getItem(`race.token.${role}`) ?? '';
+  return tokens.get(role) ?? sessionStorage.getItem(`race.token.${role}`) ?? '';
 }
 
+/** Keeps a token, '' for one that did not fit: then another is asked for. */
 export function keepToken(role: Role, token: string): void {
+  tokens.set(role, token);
   sessionStorage.setItem(`race.token.${role}`, token);
 }
 
@@ -50,7 +56,10 @@ export function keepHello(hello: Hello | null): void {
 
 export function keptHello(): Hello | null {
   const kept = sessionStorage.getItem('race.seat');
-  return kept ? (JSON.parse(kept) as Hello) : null;
+  if (!kept) return null;
+  const hello = JSON.parse(kept) as Hello;
+  // The address may have brought a newer token.
+  return { ...hello, token: tokenFor(hello.role) };
 }
 
 /** Reads the address, keeps a token that it holds and takes it out, so that nobody reads it there. */

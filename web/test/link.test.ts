@@ -45,8 +45,8 @@ const HELLO: Hello = {
 };
 let states: LinkState[] = [];
 
-function opened(): Link {
-  const link = new Link('ws://here/ws', HELLO, {
+function opened(hello = HELLO): Link {
+  const link = new Link('ws://here/ws', hello, {
     onState: (state) => states.push(state),
     onFrame: () => {},
     onTold: () => {},
@@ -94,18 +94,33 @@ test('a link that was lost comes back with the word of its last welcome, once', 
   expect(newest().hello).not.toHaveProperty('resume');
 });
 
-test('where its word was used already a link comes in by the door', () => {
+/** The newest socket says hello, and is refused. */
+function knock(code: string): Record<string, unknown> {
+  vi.advanceTimersByTime(6000);
+  newest().onopen();
+  const { hello } = newest();
+  newest().tell({ type: 'refused', code, reason: 'so it is' });
+  newest().close();
+  return hello;
+}
+
+test('a driver shows its word again while the gateway holds the line that was lost for it', () => {
   opened();
   newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
   newest().close();
-  vi.advanceTimersByTime(1000);
-  newest().onopen();
-  newest().tell({ type: 'refused', code: 'used', reason: 'the word was used' });
+  const hellos = [knock('used'), knock('used'), knock('used'), knock('used')];
+  expect(hellos.map(({ resume }) => resume)).toEqual([...Array(3).fill('word one'), undefined]);
+  expect(hellos[3]).toMatchObject({ token: 'secret' });
+  expect(states.at(-1)).toBe('refused');
+});
+
+test('where its word was used already a spectator comes in by the door', () => {
+  opened({ ...HELLO, role: 'spectate' });
+  newest().tell({ type: 'welcome', role: 'spectate', resume: 'word one' });
   newest().close();
+  expect(knock('used')).toMatchObject({ resume: 'word one' });
   expect(states.at(-1)).toBe('waiting');
-  vi.advanceTimersByTime(3000);
-  newest().onopen();
-  expect(newest().hello).toMatchObject({ token: 'secret' });
+  expect(knock('full')).toMatchObject({ token: 'secret' });
 });
 
 test('who is refused for good does not knock again', () => {

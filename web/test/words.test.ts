@@ -1,6 +1,6 @@
 import { expect, test } from 'vitest';
 
-import { type Cast, messageOf } from '../src/race/control';
+import { type Cast, messageOf, whoOf } from '../src/race/control';
 import { EventKind } from '../src/wire/codes';
 import { en } from '../src/words/en';
 import { clockText, deltaText, gapText, lapText } from '../src/words/figures';
@@ -38,4 +38,14 @@ test('a yellow flag is a warning, and around whom is told', () => {
 
 test('sectors are not told one by one', () => {
   expect(messageOf(event({ kind: EventKind.sector }), cast, en)).toBeNull();
+});
+
+test('a name that is written from right to left does not turn the sentence around it', () => {
+  const reads = messageOf(
+    event({ kind: EventKind.lap, kart: 3, other: 2, value: 9_870_000 }),
+    { ...cast, name: (seat) => whoOf('أحمد', seat) },
+    en,
+  )!;
+  expect(reads.text).toContain('\u2068أحمد\u2069 3');
+  expect(whoOf('', 3)).toBe('3');
 });

@@ -23,10 +23,9 @@ export interface Livery {
 /** Returns how the kart of a seat is painted. */
 export function liveryOf(seat: number): Livery {
   const colour = COLOURS[seat % COLOURS.length]!;
-  const isDark = colour === '#0072b2' || colour === '#d55e00';
   return {
     colour,
-    ink: isDark ? LIGHT_INK : DARK_INK,
+    ink: colour === '#0072b2' ? LIGHT_INK : DARK_INK,
     hasStripe: Math.floor(seat / COLOURS.length) % 2 === 1,
   };
 }

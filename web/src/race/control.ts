@@ -21,6 +21,11 @@ export interface Cast {
   startTick: number;
 }
 
+/** Returns a driver and its seat within a sentence: a name written from right to left stays a word. */
+export function whoOf(driver: string, seat: number): string {
+  return driver ? `\u2068${driver}\u2069 ${seat}` : String(seat);
+}
+
 const UNTOLD = new Set<number>([EventKind.sector, EventKind.effectEnd, EventKind.phase]);
 
 const TONES = new Map<number, Tone>([

@@ -28,6 +28,8 @@ const READ_MS = 250;
 const MOST_EVENTS = 400;
 // So long after the lights karts count as still being on the grid side of the timing line [ticks].
 const EARLY_TICKS = 5 * TICKS_PER_SECOND;
+// A race that a server takes up begins a few ticks earlier; further back it is another one.
+const BACK_TICKS = TICKS_PER_SECOND;
 
 export interface KartBody {
   length: number; // [m]
@@ -157,6 +159,10 @@ export class Race {
       if (this.epoch >= 0) this.forgetDriving();
       this.epoch = frame.epoch;
     }
+    // A server that was started anew counts races, and what happens in them, from one again.
+    if (last && frame.epoch === last.epoch && frame.tick < last.tick - BACK_TICKS) {
+      this.forgetEvents();
+    }
     this.buffer.push(frame, arrivedMs);
     this.trails.note(frame);
     this.ages.note(frame, arrivedMs);
@@ -182,11 +188,23 @@ export class Race {
 
   private takeStandings(frame: StandingsFrame): void {
     this.standings = frame;
+    if (frame.phase === Phase.lobby) this.clearTrack(frame.epoch);
     if (!this.buffer.newest) {
       const { phase, flag, tick } = frame;
       this.headline = { phase, flag, tick, lights: 0, lap: 0 };
       this.makeRows(null, 0); // a lobby: there is nothing on the track yet
     }
+  }
+
+  /** Forgets what was on the track: a lobby sends no snapshots that would say so. */
+  private clearTrack(epoch: number): void {
+    if (!this.buffer.newest) return;
+    this.buffer.clear();
+    this.forgetDriving();
+    this.epoch = -1;
+    this.readMs = -Infinity;
+    // What happened in the race before is told until the next one; not that of another server.
+    if (epoch !== this.told) this.forgetEvents();
   }
 
   private takeEvents(frame: EventsFrame): void {

@@ -2,6 +2,7 @@
 
 import { SvelteMap } from 'svelte/reactivity';
 
+import { Phase } from '../wire/codes';
 import { Link, type LinkState } from '../wire/link';
 import type { Frame } from '../wire/frames';
 import type {
@@ -46,6 +47,12 @@ export class Visit {
     this.link.open();
   }
 
+  /** What the reader is told of the connection; in a lobby nobody has to drive. */
+  get note(): Notice | null {
+    const inLobby = this.race.standings?.phase === Phase.lobby;
+    return inLobby && this.notice?.code === 'dead-man' ? null : this.notice;
+  }
+
   send(request: Request): void {
     this.link.send(request);
   }
@@ -63,7 +70,10 @@ export class Visit {
   }
 
   private take(frame: Frame, arrivedMs: number): void {
+    const before = this.race.standings?.phase;
     this.race.take(frame, arrivedMs);
+    // Who was ready for one race is asked again before the next.
+    if (before !== Phase.lobby && this.race.standings?.phase === Phase.lobby) this.isReady = false;
   }
 
   private hear(told: Told, arrivedMs: number): void {

@@ -17,6 +17,8 @@ const LONGEST_WAIT_MS = 8000;
 const PING_MS = 2000;
 // The gateway sends something every few hundredths of a second; after so long the link is dead.
 const SILENCE_MS = 25_000;
+// By the last of them the gateway has heard nothing of the line that was lost for two seconds.
+const DRIVER_TRIES = 3;
 
 export class Link {
   private socket: WebSocket | null = null;
@@ -107,8 +109,10 @@ export class Link {
     if (socket !== this.socket || this.isEnded) return;
     clearInterval(this.pinging);
     const refusal = this.refusal;
-    // A reconnection token that was used up: come in by the door once more.
+    // A word that was used up: come in by the door. A driver's may only be early: the gateway
+    // refuses it while it holds the line that was lost for one that is still there.
     const isStale = refusal?.code === 'used' && this.keeper.hasTaken;
+    if (isStale) this.keeper.putBack();
     if (refusal && !isPassing(refusal.code) && !isStale) {
       this.listener.onState('refused', refusal);
       return;
@@ -123,21 +127,32 @@ export class Link {
 export class ResumeKeeper {
   hasTaken = false;
   private readonly name: string;
+  private readonly most: number; // so often a token is shown
+  private token = '';
+  private shown = 0;
 
   constructor(hello: Hello) {
     this.name = `race.resume.${hello.role}.${hello.source}.${hello.seat}`;
+    this.most = hello.role === 'drive' ? DRIVER_TRIES : 1;
   }
 
   keep(token: string): void {
     this.hasTaken = false;
+    this.shown = 0;
     sessionStorage.setItem(this.name, token);
   }
 
   /** Returns the token, once. */
   take(): string {
-    const token = sessionStorage.getItem(this.name) ?? '';
+    this.token = sessionStorage.getItem(this.name) ?? '';
     sessionStorage.removeItem(this.name);
-    this.hasTaken = token !== '';
-    return token;
+    this.hasTaken = this.token !== '';
+    this.shown += Number(this.hasTaken);
+    return this.token;
+  }
+
+  /** The token was refused: it may be shown again, a few times. */
+  putBack(): void {
+    if (this.shown < this.most) sessionStorage.setItem(this.name, this.token);
   }
 }

@@ -1,0 +1,48 @@
+import { expect, test } from 'vitest';
+
+import { Race } from '../src/race/race.svelte';
+import { Phase } from '../src/wire/codes';
+import type { StandingsFrame } from '../src/wire/frames';
+import { event, snapshot } from './frames';
+
+function table(changes: Partial<StandingsFrame> = {}): StandingsFrame {
+  return {
+    kind: 'standings',
+    epoch: 1,
+    tick: 900,
+    startTick: 60,
+    phase: Phase.running,
+    flag: 0,
+    laps: 3,
+    course: 'round',
+    rows: [],
+    ...changes,
+  };
+}
+
+test('after a race the lobby is seen again, though nothing drives there', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900, phase: Phase.finished }), 0);
+  race.take(table({ phase: Phase.lobby }), 10);
+  expect(race.headline?.phase).toBe(Phase.lobby);
+  expect(race.kart(0)).toBeNull();
+  race.take(snapshot({ epoch: 2, tick: 1, phase: Phase.countdown }), 20);
+  expect(race.headline?.phase).toBe(Phase.countdown);
+});
+
+test('events of a server that was started anew are told, though they count from one again', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 800 })] }, 0);
+  race.take(snapshot({ tick: 5 }), 20);
+  race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 3 })] }, 30);
+  expect(race.events.map(({ tick }) => tick)).toEqual([3]);
+});
+
+test('events are kept where a server takes up its race a few ticks earlier', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 800 })] }, 0);
+  race.take(snapshot({ tick: 880 }), 20);
+  expect(race.events).toHaveLength(1);
+});
