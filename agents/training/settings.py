@@ -63,6 +63,8 @@ class Race(_Table):
     karts: int = Field(default=1, ge=1, le=64)
     learners: int = Field(default=1, ge=1, le=64)
     opponents: tuple[str, ...] = ()
+    # Karts of a race, drawn anew for each, the last ones staying away; none: always all.
+    fields: tuple[int, ...] = ()
     rules: dict[str, Any] = {}
 
 
@@ -89,7 +91,8 @@ class Episode(_Table):
     steps: int = Field(
         default=1200, ge=0
     )  # decisions until it is cut off; 0: the rules alone end it
-    random_start: bool = True
+    # Share of the races that begin at random places; true is all of them.
+    random_start: float = Field(default=1.0, ge=0.0, le=1.0)
     random_grid: bool = False  # every race begins in another order on the grid
     crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
 
