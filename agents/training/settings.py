@@ -144,6 +144,11 @@ class WarmStart(_Table):
     """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
 
     teacher: str = ""  # a scripted driver, which may see more than the learner
+    # To a teacher that takes it, as a residual action, see `race_server.env.actions`.
+    advice: tuple[float, ...] = ()
+    # The lane that it is in, which it remembers and a learner cannot see, lies at most so far [m]
+    # beside the learner; None: where it remembers.
+    lane_reach: float | None = Field(default=None, ge=0.0)
     demonstrations: str = ""  # a file of `race demonstrate`
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
     critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
