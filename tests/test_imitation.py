@@ -222,6 +222,8 @@ def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
     for part in (seen[:100], seen):
         lessons.look_at(world.view(part))
         assert np.allclose(lessons.answer(seen), before, atol=1e-5)
+        assert world.stretch is not None
+        assert (world.stretch == world.stretch.astype(np.float32)).all()
     apart = world.normalize_obs(seen)
     together = [np.corrcoef(some[:, 0], some[:, 1])[0, 1] for some in (rows, apart)]
     assert together[0] > 0.5
