@@ -248,6 +248,22 @@ def test_random_starts_on_a_shipped_track_face_the_direction_of_travel() -> None
     assert (np.abs(batch.world.karts["heading_error"]) < 0.6).all()
 
 
+def test_a_share_of_the_rounds_begins_at_random_places() -> None:
+    grid = Batch(ring_task(3)).world.karts["x"][0]
+    begun = Batch(ring_task(3, random_start=0.5), worlds=60).world.karts["x"]
+    on_grid = (begun == grid).all(axis=1)
+    assert 15 < on_grid.sum() < 45
+    assert not (begun[~on_grid] == grid).any()
+
+
+def test_who_is_stuck_is_put_back_without_asking() -> None:
+    task = ring_task(1, replace(FREE, stuck_s=0.5), action="continuous")
+    batch = Batch(task, after=STAY)
+    for _ in range(20):
+        batch.step(np.zeros((1, 1, 3)))
+    assert batch.world.karts["ghost_until"][0, 0] > 0
+
+
 def test_every_round_begins_in_an_order_on_the_grid_that_is_drawn() -> None:
     batch = Batch(ring_task(6, random_grid=True), worlds=20, seed=3)
     places = batch.world.karts["grid_place"].copy()

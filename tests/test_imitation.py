@@ -9,6 +9,7 @@ import torch
 from stable_baselines3 import PPO
 from typer.testing import CliRunner
 
+from agents.latency import LATENCY
 from agents.training.demonstrations import (
     Demonstrations,
     pairs_for,
@@ -24,7 +25,8 @@ from agents.training.run import train
 from agents.training.schedule import Schedule
 from agents.training.settings import Settings
 from agents.training.sheet import read_settings
-from agents.training.teacher import actions_of
+from agents.training.teacher import actions_of, controls_of
+from race_server.autopilot import SHIFT
 from race_server.cli import app
 from race_server.env.actions import CONTINUOUS, CONTROL
 from race_server.errors import RaceError, RecordingError, ScenarioError
@@ -89,10 +91,62 @@ def test_a_teacher_looks_at_what_the_learner_does_not_see() -> None:
 
 
 def test_controls_become_what_a_learner_would_answer() -> None:
+    controls = np.array([[0.5, 0.8, 0.0, 0.0], [-0.2, 0.0, 0.6, 1.0], [0.0, 0.0, 1.0, 0.0]])
+    speeds = np.array([2.0, 2.0, 0.0])
+    # Whoever brakes while standing would drive backwards.
+    wanted = [[0.8, 0.5, 0.0], [-0.6, -0.2, 1.0], [0.0, 0.0, 0.0]]
+    assert actions_of(controls, CONTINUOUS, speeds) == pytest.approx(np.array(wanted))
+    assert actions_of(controls, CONTROL, speeds) == pytest.approx(controls)
+
+
+@pytest.mark.parametrize("kind", [CONTINUOUS, CONTROL])
+def test_what_is_answered_becomes_controls_again(kind: int) -> None:
     controls = np.array([[0.5, 0.8, 0.0, 0.0], [-0.2, 0.0, 0.6, 1.0]])
-    wanted = [[0.8, 0.5, 0.0], [-0.6, -0.2, 1.0]]
-    assert actions_of(controls, CONTINUOUS) == pytest.approx(np.array(wanted))
-    assert actions_of(controls, CONTROL) == pytest.approx(controls)
+    answers = actions_of(controls, kind, np.array([2.0, 2.0]))
+    assert controls_of(answers, kind) == pytest.approx(controls[:, :3])
+
+
+def test_a_teacher_that_takes_advice_shows_what_it_then_does() -> None:
+    slower = "warm_start.advice=[0.0, -1.0, 0.0, 0.0, 0.0, 0.0]"
+    plain, advised = (School(settings(*more), lambda _: None) for more in ((), (slower,)))
+    for _ in range(40):
+        _, labels = plain.look(44)
+        _, slowly = advised.look(44)
+        for school in (plain, advised):
+            school.move(labels)
+    assert slowly[:, 0].mean() < labels[:, 0].mean() - 0.1
+
+
+def test_a_teacher_believes_wheels_that_do_what_the_learner_wants() -> None:
+    school = driven_at_random()
+    assert (school.teacher.memory[..., LATENCY] == 0.0).all()
+
+
+def test_a_teacher_is_in_a_lane_beside_the_learner() -> None:
+    near = [
+        (lanes_apart(driven_at_random(*change)) < 0.2).mean()
+        for change in ((), ("warm_start.lane_reach=0.1",))
+    ]
+    assert near[0] < 0.7 < near[1]
+
+
+def lanes_apart(school: School) -> np.ndarray:
+    """Return how far [m] each learner is beside the lane of its teacher."""
+    offsets = school.batch.observations[..., school.batch.layout.slices["line_offset"]]
+    lanes: np.ndarray = school.teacher.memory[..., SHIFT]
+    return np.abs(lanes - offsets[..., 0])
+
+
+def driven_at_random(*changes: str) -> School:
+    """Return a school after three seconds."""
+    school = School(settings("gap={}", *changes), lambda _: None)
+    chance = np.random.default_rng(0)
+    for _ in range(60):
+        school.look(44)
+        actions = chance.uniform(-1.0, 1.0, (16, 3)).astype(np.float32)
+        school.move(actions + np.float32([0.5, 0.0, 0.0]))
+    school.look(44)
+    return school
 
 
 def test_a_warm_start_comes_near_to_its_teacher_and_is_the_same_again() -> None:
@@ -119,6 +173,7 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
         (("algorithm.name=sac", "algorithm.options={}"), "only ppo with continuous actions"),
         (("warm_start.teacher=learned:nobody",), "policy 'nobody' is unknown"),
         (("warm_start.teacher=nobody",), "driver 'nobody' is unknown"),
+        (("warm_start.advice=[0.5]",), "give 6 numbers to a driver on the reference line"),
         (("curriculum=[{after = 0.0}]",), "with a curriculum: a teacher shows all tracks"),
     ],
 )
@@ -167,6 +222,8 @@ def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
     for part in (seen[:100], seen):
         lessons.look_at(world.view(part))
         assert np.allclose(lessons.answer(seen), before, atol=1e-5)
+        assert world.stretch is not None
+        assert (world.stretch == world.stretch.astype(np.float32)).all()
     apart = world.normalize_obs(seen)
     together = [np.corrcoef(some[:, 0], some[:, 1])[0, 1] for some in (rows, apart)]
     assert together[0] > 0.5

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,14 @@ from typer.testing import CliRunner
 
 from agents.policies.proof import observations_of, times_of
 from agents.policies.session import Policy
+from agents.policies.shelf import policy_path
 from agents.training.run import Outcome
 from race_server.cli import app
+from race_server.driver import driver_named
+from race_server.env.batch import Batch, Task
+from race_server.env.rig import STAY
+from race_server.scenario.base import Rules, Scenario
+from race_server.track.load import load_course
 
 
 @pytest.fixture(scope="module")
@@ -121,3 +128,52 @@ def test_a_list_tells_of_runs_and_of_what_is_damaged(
     assert "damaged" in rows["broken"]["remark"]
     told = CliRunner().invoke(app, ["policy", "list"]).output
     assert "mine" in told
+
+
+# The policy that comes along and knows the course
+
+
+@pytest.fixture(scope="module")
+def full() -> Policy:
+    return Policy(policy_path("full"))
+
+
+def test_the_policy_that_knows_the_course_is_small_and_needs_no_lidar(full: Policy) -> None:
+    assert policy_path("full").stat().st_size < 300_000
+    nature = full.nature
+    assert (nature.action, nature.base, nature.lidar_rays) == ("continuous", "", 0)
+    assert {"line_speed_ahead", "karts_along", "boxes_x", "hazards_x", "item_use"} <= set(
+        nature.parts
+    )
+    assert driver_named("learned:full").preset == "rivals"
+    assert not {"covapsy-test-2023", "covapsy-base"} & set(nature.tracks)
+
+
+def test_the_policy_that_knows_the_course_comes_before_its_teacher(full: Policy) -> None:
+    rules = Rules(laps=2, countdown_s=0.2)
+    opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
+    task = task_on("covapsy-base", full, karts=5, rules=rules)
+    task = replace(task, opponents=opponents, random_grid=True)
+    batch = drive(full, task, worlds=24, decisions=900)
+    places = batch.world.karts["rank"].mean(axis=0)
+    assert places[0] < places[1] - 0.4
+
+
+def test_the_policy_that_knows_the_course_laps_alone_off_the_walls(full: Policy) -> None:
+    rules = Rules(laps=3, countdown_s=0.2, items=False)
+    batch = drive(full, task_on("covapsy-base", full, karts=1, rules=rules), 1, 700)
+    kart = batch.world.karts[0, 0]
+    assert (int(kart["laps"]), int(kart["wall_contacts"])) == (3, 0)
+    assert kart["best_lap_us"] / 1e6 < 10.2
+
+
+def task_on(track: str, policy: Policy, *, karts: int, rules: Rules) -> Task:
+    scenario = Scenario(load_course(track), karts=karts, rules=rules)
+    return Task((scenario,), learners=1, observation=policy.nature.parts, action="continuous")
+
+
+def drive(policy: Policy, task: Task, worlds: int, decisions: int) -> Batch:
+    batch = Batch(task, worlds=worlds, seed=7, after=STAY)
+    for _ in range(decisions):
+        batch.step(policy.decide(batch.observations[:, 0]))
+    return batch

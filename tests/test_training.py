@@ -25,6 +25,7 @@ from agents.training.settings import Tracks
 from agents.training.sheet import as_toml, preset_names, read_settings
 from agents.training.tasks import training_task
 from agents.training.view import View
+from race_server import codes
 from race_server.driver import Briefing, driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.gap import RealityGap
@@ -87,12 +88,22 @@ def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> N
     [
         ("race.rules.lap=3", "race.rules.lap = 3: no such rule"),
         ("race.rules.laps=many", "race.rules.laps = 'many': give a int"),
+        ("race.fields=[2]", "race.fields: 2 karts of race.karts = 1; choose 1 to as many"),
         ("tracks.set=moon", "track set 'moon' is unknown; choose one of train"),
     ],
 )
 def test_a_task_that_makes_no_race_is_refused(change: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         training_task(read_settings("time-trial-ppo", [change]))
+
+
+def test_races_are_drawn_with_so_many_karts() -> None:
+    changes = ("race.karts=4", "race.opponents=['idm']", "race.fields=[4, 1]")
+    wanted = read_settings("time-trial-ppo", [*QUICK, *changes])
+    batch = Batch(training_task(wanted), worlds=40, seed=1)
+    racing = (batch.world.karts["status"] == codes.RACING).sum(axis=1)
+    assert set(racing.tolist()) == {1, 4}
+    assert 10 < (racing == 1).sum() < 30
 
 
 def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:

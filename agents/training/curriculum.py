@@ -32,7 +32,13 @@ class Stages:
                     f"curriculum: {track!r} is not trained on; choose from {', '.join(names)}"
                 )
         self._weights = [
-            [float(name in (stage.tracks or names)) for name in names] for stage in self.stages
+            # Of each track there is a scenario for each number of karts.
+            [
+                float(name in (stage.tracks or names))
+                for name in names
+                for _ in settings.race.fields or (settings.race.karts,)
+            ]
+            for stage in self.stages
         ]
         self._pace = pace
         self._karts = settings.worlds * settings.race.learners

@@ -153,5 +153,6 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         places = places_in(layout, nature, gear, "the learner")
     except RaceError as error:
         raise ScenarioError(f"{path}: {error}") from error
-    actions = actions_of(shown.controls.astype(np.float64), kind)
+    speeds = shown.observations[:, layout.slices["speed"].start]
+    actions = actions_of(shown.controls.astype(np.float64), kind, speeds.astype(np.float64))
     return np.ascontiguousarray(shown.observations[:, places]), actions

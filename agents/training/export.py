@@ -95,7 +95,9 @@ def _normalise(graph: _Graph, world: Normaliser) -> None:
     most = np.float64(world.clip_obs)
     graph.then("Clip", -most, most)
     if world.stretch is not None:
-        graph.then("MatMul", world.stretch)
+        # It takes most of the file's bytes, and lessons use it in single precision, too.
+        stretch = graph.add("Cast", world.stretch.astype(np.float32), to=TensorProto.DOUBLE)
+        graph.then("MatMul", stretch)
     graph.then("Cast", to=TensorProto.FLOAT)
 
 

@@ -58,7 +58,7 @@ class School:
             after=after,
             threads=settings.threads,
         )
-        self.teacher = Teacher(wanted.teacher, self.batch, wanted.caution)
+        self.teacher = Teacher(wanted, self.batch)
         self.karts = self.batch.worlds * self.batch.learners
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 
@@ -70,6 +70,7 @@ class School:
 
     def move(self, actions: NDArray[np.float32]) -> list[dict[str, Any]]:
         """Move every race on by one decision; return the episodes that are over."""
+        self.teacher.take_note(actions)
         self.batch.step(actions)
         self._begun = (self.batch.terminated | self.batch.truncated).astype(np.bool_)
         return [self.batch.episode_of(w, k) for w, k in np.argwhere(self._begun)]

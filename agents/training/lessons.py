@@ -66,7 +66,9 @@ class Lessons:
         before = np.eye(size) if self._world.stretch is None else self._world.stretch
         spread = np.cov(rows.T) + self._wanted.floor * np.eye(size)
         values, directions = np.linalg.eigh(spread)
-        self._world.stretch = directions @ np.diag(values**-0.5) @ directions.T
+        # As exactly as a file holds it.
+        stretch = (directions @ np.diag(values**-0.5) @ directions.T).astype(np.float32)
+        self._world.stretch = stretch.astype(np.float64)
         change = before @ directions @ np.diag(values**0.5) @ directions.T
         with torch.no_grad():
             self._first.weight.copy_(self._first.weight.double() @ torch.from_numpy(change))

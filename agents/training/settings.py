@@ -63,6 +63,8 @@ class Race(_Table):
     karts: int = Field(default=1, ge=1, le=64)
     learners: int = Field(default=1, ge=1, le=64)
     opponents: tuple[str, ...] = ()
+    # Karts of a race, drawn anew for each, the last ones staying away; none: always all.
+    fields: tuple[int, ...] = ()
     rules: dict[str, Any] = {}
 
 
@@ -89,7 +91,8 @@ class Episode(_Table):
     steps: int = Field(
         default=1200, ge=0
     )  # decisions until it is cut off; 0: the rules alone end it
-    random_start: bool = True
+    # Share of the races that begin at random places; true is all of them.
+    random_start: float = Field(default=1.0, ge=0.0, le=1.0)
     random_grid: bool = False  # every race begins in another order on the grid
     crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
 
@@ -141,6 +144,11 @@ class WarmStart(_Table):
     """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
 
     teacher: str = ""  # a scripted driver, which may see more than the learner
+    # To a teacher that takes it, as a residual action, see `race_server.env.actions`.
+    advice: tuple[float, ...] = ()
+    # The lane that it is in, which it remembers and a learner cannot see, lies at most so far [m]
+    # beside the learner; None: where it remembers.
+    lane_reach: float | None = Field(default=None, ge=0.0)
     demonstrations: str = ""  # a file of `race demonstrate`
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
     critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone

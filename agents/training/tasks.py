@@ -10,7 +10,7 @@ from race_server.env.gap import RealityGap
 from race_server.env.presets import LEARNING_RULES
 from race_server.errors import ScenarioError
 from race_server.params import vehicle_named
-from race_server.scenario.base import Rules, Scenario
+from race_server.scenario.base import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
 
 DECISION_TICKS = 3  # those of a live race
@@ -22,8 +22,23 @@ def training_task(settings: Settings) -> Task:
     Raises:
         RaceError: a track, a vehicle or a rule does not exist.
     """
-    scenarios = tuple(_scenario(settings, name) for name in names_of(settings.tracks))
+    race = settings.race
+    scenarios = tuple(
+        _with_karts(_scenario(settings, name), karts)
+        for name in names_of(settings.tracks)
+        for karts in race.fields or (race.karts,)
+    )
     return _task(settings, scenarios)
+
+
+def _with_karts(scenario: Scenario, karts: int) -> Scenario:
+    """Return a scenario from which all but the first karts stay away."""
+    if not 1 <= karts <= scenario.karts:
+        raise ScenarioError(
+            f"race.fields: {karts} karts of race.karts = {scenario.karts}; choose 1 to as many"
+        )
+    away = (ABSENT,) * (scenario.karts - karts)
+    return replace(scenario, fitted=scenario.fitted * karts + away) if away else scenario
 
 
 def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:

@@ -5,15 +5,26 @@ numbers come first. Learning from a teacher that knows more than the learner can
 Chen et al., "Learning by Cheating", CoRL 2019, https://arxiv.org/abs/1912.12294
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.autopilot import memory_size
+from agents.latency import COMMAND, COMMANDS
+from agents.training.settings import WarmStart
+from race_server.autopilot import ASIDE, FETCH, PRESSED, SHIFT, memory_size
 from race_server.clock import TICK_S
 from race_server.driver import driver_named
-from race_server.env.actions import CONTINUOUS, CONTROL, action_kind
+from race_server.env.actions import (
+    CONTINUOUS,
+    CONTROL,
+    RESIDUAL,
+    REVERSE_BELOW,
+    WIDTHS,
+    action_kind,
+    advice_of,
+)
 from race_server.env.batch import Batch, Task
 from race_server.env.opponents import opponents_of
 from race_server.errors import ScenarioError
@@ -37,13 +48,17 @@ def shown_to_both(task: Task, teacher: str) -> Task:
 
 
 class Teacher:
-    """A scripted driver in the place of every learning kart of a batch."""
+    """A scripted driver in the place of every learning kart of a batch.
 
-    def __init__(self, name: str, batch: Batch, caution: float) -> None:
-        """Take a seat beside each learner. caution: share of the line's speeds that it drives.
+    memory: what it keeps from one decision to the next, shape (W, L, M).
+    """
+
+    def __init__(self, wanted: WarmStart, batch: Batch) -> None:
+        """Take a seat beside each learner.
 
         Raises:
-            ScenarioError: the driver is no kernel, or the learner's actions are not pedals.
+            ScenarioError: the driver is no kernel, the learner's actions are not pedals, or the
+                advice does not fit.
         """
         task, lidar = batch.task, batch.scenarios[0].lidar
         self._action = action_kind(task.action)
@@ -54,21 +69,26 @@ class Teacher:
             )
         gear = np.array([lidar.field, lidar.reach, task.decision_ticks * TICK_S])
         names = tuple(item.name for item in items())
-        (group,) = opponents_of((name,), 0, batch.learners, lidar.rays, gear, names)
-        offered, wanted = batch.layout.slices, group.layout
+        (group,) = opponents_of((wanted.teacher,), 0, batch.learners, lidar.rays, gear, names)
+        offered, seen = batch.layout.slices, group.layout
         self._columns = np.concatenate(
-            [np.arange(offered[part].start, offered[part].stop) for part in wanted.slices]
+            [np.arange(offered[part].start, offered[part].stop) for part in seen.slices]
         )
         shape = (batch.worlds, batch.learners)
-        self._views = np.zeros((*shape, wanted.size))
-        self._scale = np.ones(wanted.size)
-        if "line_speed_ahead" in wanted.slices:
-            self._scale[wanted.slices["line_speed_ahead"]] = caution
-        self._memory = np.zeros((*shape, memory_size(lidar.rays)))
+        self._views = np.zeros((*shape, seen.size))
+        self._scale = np.ones(seen.size)
+        if "line_speed_ahead" in seen.slices:
+            self._scale[seen.slices["line_speed_ahead"]] = wanted.caution
+        self._speeds = self._views[..., seen.slices["speed"].start]
+        self._reach = wanted.lane_reach if "line_offset" in seen.slices else None
+        if self._reach is not None:
+            self._offsets = self._views[..., seen.slices["line_offset"].start]
+        self.memory = np.zeros((*shape, memory_size(lidar.rays)))
         self._controls = np.zeros((*shape, 4))
         vehicles = batch.world.vehicles
+        self._advice = _advice_to(wanted.teacher, wanted.advice, float(vehicles[0, 0].width))
         self._decide = group.driving(
-            batch.worlds, self._views, vehicles, self._memory, self._controls
+            batch.worlds, self._views, vehicles, self.memory, self._controls
         )
 
     def labels(self, seen: NDArray[np.float32], begun: NDArray[np.bool_]) -> Labels:
@@ -76,19 +96,60 @@ class Teacher:
 
         seen: (W, L, size); begun: (W, L) true where an episode has just begun.
         """
-        self._memory[begun] = 0.0
+        self.memory[begun] = 0.0
+        # Whether to press does not depend on whether it would have pressed before.
+        self.memory[..., PRESSED] = 0.0
+        self.memory[..., ASIDE : FETCH + 1] = self._advice
         self._views[...] = seen[..., self._columns] * self._scale
+        if self._reach is not None:
+            lanes, at = self.memory[..., SHIFT], self._offsets
+            np.clip(lanes, at - self._reach, at + self._reach, out=lanes)
         self._decide()
-        return actions_of(self._controls.reshape(-1, 4), self._action)
+        controls = self._controls.reshape(-1, 4)
+        return actions_of(controls, self._action, self._speeds.ravel())
+
+    def take_note(self, actions: NDArray[np.float32]) -> None:
+        """Remember what is driven instead of its answers: by that it tells how late wheels turn.
+
+        actions: (W · L, A)
+        """
+        driven = controls_of(actions, self._action).reshape(*self.memory.shape[:2], COMMAND)
+        self.memory[..., COMMANDS : COMMANDS + COMMAND] = driven
 
 
-def actions_of(controls: Floats, kind: int) -> Labels:
+def _advice_to(name: str, advice: Sequence[float], width: float) -> Floats:
+    """Return what is to stand in a driver's memory, shape (6,); width: of the vehicle [m]."""
+    if not advice:
+        return np.zeros(WIDTHS[RESIDUAL])
+    if len(advice) != WIDTHS[RESIDUAL] or not getattr(
+        type(driver_named(name)), "takes_advice", False
+    ):
+        raise ScenarioError(
+            f"warm_start.advice = {list(advice)} to {name!r}: give {WIDTHS[RESIDUAL]} numbers to a "
+            "driver on the reference line, raceline or idm"
+        )
+    return advice_of(np.array(advice, np.float32), width)
+
+
+def actions_of(controls: Floats, kind: int, speeds: Floats) -> Labels:
     """Return what a learner would have to answer for these controls, shape (n, A).
 
-    controls: (n, 4) steering, throttle, brake, buttons; kind: CONTINUOUS or CONTROL.
+    controls: (n, 4) steering, throttle, brake, buttons; kind: CONTINUOUS or CONTROL; speeds: (n,)
+    [m/s], since a learner that brakes while it stands drives backwards.
     """
     if kind == CONTROL:
         return controls.astype(np.float32)
     steering, throttle, brake, buttons = controls.T
-    drive = np.where(brake > 0.0, -brake, throttle)
+    braking = np.where(speeds > REVERSE_BELOW, -brake, 0.0)
+    drive = np.where(brake > 0.0, braking, throttle)
     return np.stack([drive, steering, buttons > 0.0], axis=1).astype(np.float32)
+
+
+def controls_of(actions: NDArray[np.float32], kind: int) -> Floats:
+    """Return steering, throttle and brake of what a learner answers, shape (n, 3)."""
+    if kind == CONTROL:
+        return actions[:, :COMMAND].astype(np.float64)
+    drive, steering = actions[:, 0], actions[:, 1]
+    return np.stack(
+        [steering, np.maximum(drive, 0.0), np.maximum(-drive, 0.0)], axis=1, dtype=np.float64
+    )

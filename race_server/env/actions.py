@@ -109,7 +109,11 @@ def read_action(
     _press(drive, kart, control)
     # The button acts when it goes down; to hold it is to press it again and again.
     held = kart.buttons_before & codes.USE_ITEM
-    control[3] = codes.USE_ITEM if item > 0.5 and held == 0 else 0
+    buttons = codes.USE_ITEM if item > 0.5 and held == 0 else 0
+    # No number says so; a kart that is stuck wants to be put back on the line.
+    if kart.rescue_offered:
+        buttons |= codes.ACCEPT_RESCUE
+    control[3] = buttons
 
 
 @kernel

@@ -67,7 +67,7 @@ class Task:
     gap: RealityGap = field(default_factory=RealityGap)
     decision_ticks: int = 3
     most_steps: int = 0  # decisions until an episode is cut off; 0: the rules alone end it
-    random_start: bool = False
+    random_start: float = 0.0  # share of the rounds with random places instead of the grid
     random_grid: bool = False  # each round begins in another order on the grid
     both_directions: bool = False  # every scenario also with its course reversed
     crash_range: float = 0.0  # [m]; a nearer lidar range is a crash

@@ -29,7 +29,7 @@ _ACTIONS = """## Actions
 
 - `continuous`, a box of 3: drive from -1 to 1 (throttle above zero; below it brake, or reverse once
   the kart stands), steering from -1 to 1 (left positive, a share of the vehicle's limit), item
-  (used above 0.5).
+  (used above 0.5). A kart that counts as stuck accepts its rescue by itself.
 - `report_b`, a box of 2: what is added to the set speed, 0 to 1 for 0 to {speed:g} m/s, and to the
   set angle of the road wheels, -1 to 1 for -{angle:g}° to {angle:g}° (left positive). The set speed
   is at least {slowest:g} m/s.

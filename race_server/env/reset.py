@@ -50,8 +50,10 @@ def begin_round(world: World, rig: Rig, templates: Templates, w: int) -> None:
             rig.controls[w, k, number] = 0.0
     if rig.settings[0].random_grid:
         _shuffle_grid(world, w)
+    # Entry 0: those of the places begin at 1.
+    is_spread = uniform(world.races[w].seed, START_STREAM, 0, 0) < rig.settings[0].random_start
     for k in range(world.karts.shape[1]):
-        if rig.settings[0].random_start and world.karts[w, k].status != codes.ABSENT:
+        if is_spread and world.karts[w, k].status != codes.ABSENT:
             _find_start(world, rig, templates, w, k, START_STREAM)
     line_up(world, w)
     for k in range(rig.rewards.shape[1]):

@@ -22,7 +22,7 @@ SETTINGS = np.dtype(
             ("action", np.int64),
             ("after", np.int64),  # STAY, RESET_WORLD or REENTER
             ("most_steps", np.int64),  # decisions of an episode; 0: no limit
-            ("random_start", np.int64),
+            ("random_start", np.float64),  # share of the rounds
             ("random_grid", np.int64),
         ],
     )
