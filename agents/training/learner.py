@@ -127,10 +127,16 @@ def _options(settings: Settings) -> dict[str, Any]:
 
 def _rate(settings: Settings, pace: Pace) -> Any:
     """Return a schedule that goes by the pace: the learner's own knows nothing of minutes."""
-    first, last = settings.algorithm.learning_rate, settings.algorithm.last_learning_rate
-    if last is None:
-        return lambda _: first
-    return lambda _: first + pace.share_since(settings.warm_start.end) * (last - first)
+    first, warm = settings.algorithm.learning_rate, settings.warm_start
+    last = settings.algorithm.last_learning_rate
+    change = 0.0 if last is None else last - first
+
+    def rate(_: float) -> float:
+        if warm.critic_learning_rate is not None and pace.share < warm.critic_end:
+            return warm.critic_learning_rate
+        return first + pace.share_since(warm.critic_end) * change
+
+    return rate
 
 
 def _explore_by(learner: DQN, pace: Pace) -> None:
