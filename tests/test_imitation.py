@@ -21,7 +21,7 @@ from agents.training.learner import learner_of, world_of
 from agents.training.lessons import Lessons, Memory, loss_of
 from agents.training.pace import Pace
 from agents.training.run import train
-from agents.training.schedule import Schedule, deviations
+from agents.training.schedule import Schedule
 from agents.training.settings import Settings
 from agents.training.sheet import read_settings
 from agents.training.teacher import actions_of
@@ -193,9 +193,12 @@ def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate
     world.close()
 
 
-def test_deviations_for_another_number_of_actions_are_refused() -> None:
+def test_deviations_for_another_number_of_actions_are_refused_before_anybody_learns() -> None:
+    wanted = settings("warm_start.log_std=[-2.0, -3.0]")
+    world = world_of(wanted, Pace.of(wanted))
     with pytest.raises(ScenarioError, match="the action has 3 numbers; give as many"):
-        deviations((-2.0, -3.0), torch.zeros(3))
+        learner_of(wanted, world, Pace.of(wanted), None)
+    world.close()
 
 
 def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:

@@ -17,6 +17,7 @@ from agents.training.gail import Discriminator
 from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.rewarded import Judge, Rewarded, width_of
+from agents.training.schedule import deviations
 from agents.training.settings import Settings
 from agents.training.tasks import training_task
 from agents.training.view import View
@@ -105,6 +106,8 @@ def learner_of(settings: Settings, world: VecNormalize, pace: Pace, log: str | N
         raise ScenarioError(f"algorithm.options of {name}: {error}") from error
     if isinstance(learner, DQN):
         _explore_by(learner, pace)
+    if isinstance(learner, PPO):
+        _check_deviations(learner, settings)
     if isinstance(learner, PPO) and settings.network.first_action:
         _answer_at_first(learner, settings.network.first_action)
     return learner
@@ -147,6 +150,14 @@ def _explore_by(learner: DQN, pace: Pace) -> None:
         return first + min(pace.share / until, 1.0) * (last - first)
 
     learner.exploration_schedule = chance
+
+
+def _check_deviations(learner: PPO, settings: Settings) -> None:
+    """Refuse deviations for another action now, and not once they are wanted, minutes later."""
+    own: Any = getattr(learner.policy, "log_std", None)  # discrete actions have none
+    for wanted in (settings.warm_start.log_std, settings.network.last_log_std):
+        if own is not None and wanted is not None:
+            deviations(wanted, own)
 
 
 def _answer_at_first(learner: PPO, action: tuple[float, ...]) -> None:
