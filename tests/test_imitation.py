@@ -210,6 +210,52 @@ def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
     world.close()
 
 
+def test_the_critic_begins_with_what_the_actor_has_learned_to_see() -> None:
+    learner, _ = imitate(settings())
+    policy = learner.policy
+    actor, critic = policy.mlp_extractor.policy_net, policy.mlp_extractor.value_net
+    for one, other in zip(actor.parameters(), critic.parameters(), strict=True):
+        assert one.equal(other)
+        assert one is not other
+    assert not policy.predict_values(torch.zeros(1, 44)).any()
+
+
+def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate() -> None:
+    wanted = settings(
+        "warm_start.share=0.5",
+        "warm_start.critic_share=0.1",
+        "warm_start.critic_learning_rate=1e-3",
+        "warm_start.log_std=[-2.0, -3.0, 0.0]",
+        "network.last_log_std=[-3.0, -4.0, 0.0]",
+        "algorithm.learning_rate=2e-4",
+        "algorithm.last_learning_rate=0.0",
+        "steps=1000",
+    )
+    pace = Pace.of(wanted)
+    world = world_of(wanted, pace)
+    learner = learner_of(wanted, world, pace, None)
+    schedule = Schedule(wanted, pace)
+    schedule.init_callback(learner)
+    rates, logarithms = [], []
+    for done in (599, 600, 750, 1000):
+        pace.done = done
+        schedule.on_rollout_start()
+        rates.append(learner.lr_schedule(1.0))
+        logarithms.append(learner.policy.log_std.tolist())
+    assert rates == pytest.approx([1e-3, 2e-4, 1.25e-4, 0.0])
+    assert logarithms[2] == pytest.approx([-2.5, -3.5, 0.0])
+    assert logarithms[3] == pytest.approx([-3.0, -4.0, 0.0])
+    world.close()
+
+
+def test_deviations_for_another_number_of_actions_are_refused_before_anybody_learns() -> None:
+    wanted = settings("warm_start.log_std=[-2.0, -3.0]")
+    world = world_of(wanted, Pace.of(wanted))
+    with pytest.raises(ScenarioError, match="the action has 3 numbers; give as many"):
+        learner_of(wanted, world, Pace.of(wanted), None)
+    world.close()
+
+
 def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
     wanted = settings("warm_start.floor=1e-4")
     world = world_of(wanted, Pace.of(wanted))

@@ -20,6 +20,7 @@ from agents.training.lessons import Lessons, Memory
 from agents.training.lines import Say, find_lines
 from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
+from agents.training.schedule import deviations
 from agents.training.settings import Settings, WarmStart
 from agents.training.tasks import training_task
 from agents.training.teacher import Teacher, shown_to_both
@@ -127,7 +128,9 @@ class Imitation:
             self._learn(elapsed)
             # With demonstrations alone nobody drives: as much counts as if somebody did.
             passed(self._wanted.decisions * self._world.num_envs)
-        self._learner.policy.log_std.data.fill_(self._wanted.log_std)
+        policy = self._learner.policy
+        policy.log_std.data.copy_(deviations(self._wanted.log_std, policy.log_std))
+        show_the_critic(policy)
         # What was learned rests on these means: those of a few demonstrations would move soon.
         means: Any = self._world.obs_rms
         means.count = max(means.count, FIRM)
@@ -161,6 +164,17 @@ class Imitation:
         """Let the worlds go."""
         if self._school is not None:
             self._school.batch.close()
+
+
+def show_the_critic(policy: Any) -> None:
+    """Let the critic begin with the layers that the actor has learned, and with no opinion yet.
+
+    A network that has not learned to look past the noise of a lidar judges by that noise first.
+    """
+    layers = policy.mlp_extractor
+    layers.value_net.load_state_dict(layers.policy_net.state_dict())
+    for numbers in (policy.value_net.weight, policy.value_net.bias):
+        numbers.data.zero_()
 
 
 def _weights(

@@ -17,6 +17,7 @@ from agents.training.gail import Discriminator
 from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.rewarded import Judge, Rewarded, width_of
+from agents.training.schedule import deviations
 from agents.training.settings import Settings
 from agents.training.tasks import training_task
 from agents.training.view import View
@@ -105,6 +106,8 @@ def learner_of(settings: Settings, world: VecNormalize, pace: Pace, log: str | N
         raise ScenarioError(f"algorithm.options of {name}: {error}") from error
     if isinstance(learner, DQN):
         _explore_by(learner, pace)
+    if isinstance(learner, PPO):
+        _check_deviations(learner, settings)
     if isinstance(learner, PPO) and settings.network.first_action:
         _answer_at_first(learner, settings.network.first_action)
     return learner
@@ -127,10 +130,16 @@ def _options(settings: Settings) -> dict[str, Any]:
 
 def _rate(settings: Settings, pace: Pace) -> Any:
     """Return a schedule that goes by the pace: the learner's own knows nothing of minutes."""
-    first, last = settings.algorithm.learning_rate, settings.algorithm.last_learning_rate
-    if last is None:
-        return lambda _: first
-    return lambda _: first + pace.share_since(settings.warm_start.end) * (last - first)
+    first, warm = settings.algorithm.learning_rate, settings.warm_start
+    last = settings.algorithm.last_learning_rate
+    change = 0.0 if last is None else last - first
+
+    def rate(_: float) -> float:
+        if warm.critic_learning_rate is not None and pace.share < warm.critic_end:
+            return warm.critic_learning_rate
+        return first + pace.share_since(warm.critic_end) * change
+
+    return rate
 
 
 def _explore_by(learner: DQN, pace: Pace) -> None:
@@ -141,6 +150,14 @@ def _explore_by(learner: DQN, pace: Pace) -> None:
         return first + min(pace.share / until, 1.0) * (last - first)
 
     learner.exploration_schedule = chance
+
+
+def _check_deviations(learner: PPO, settings: Settings) -> None:
+    """Refuse deviations for another action now, and not once they are wanted, minutes later."""
+    own: Any = getattr(learner.policy, "log_std", None)  # discrete actions have none
+    for wanted in (settings.warm_start.log_std, settings.network.last_log_std):
+        if own is not None and wanted is not None:
+            deviations(wanted, own)
 
 
 def _answer_at_first(learner: PPO, action: tuple[float, ...]) -> None:

@@ -2,11 +2,30 @@
 
 from typing import Any
 
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents.training.pace import Pace
-from agents.training.settings import Settings
+from agents.training.settings import Deviations, Settings
+from race_server.errors import ScenarioError
+
+
+def deviations(wanted: Deviations, like: torch.Tensor) -> torch.Tensor:
+    """Return the logarithm of the deviation of each number of an action, shape (A,).
+
+    like: (A,) those that a policy has.
+
+    Raises:
+        ScenarioError: there are not as many as the action has numbers.
+    """
+    logarithms = torch.as_tensor(wanted, dtype=like.dtype)
+    if logarithms.ndim and logarithms.shape != like.shape:
+        raise ScenarioError(
+            f"log_std = {list(logarithms.tolist())}: the action has {len(like)} numbers; give as "
+            "many, or one for all of them"
+        )
+    return logarithms.expand_as(like)
 
 
 class Schedule(BaseCallback):
@@ -18,8 +37,8 @@ class Schedule(BaseCallback):
         self._pace = pace
         warm, network = settings.warm_start, settings.network
         self._begin = warm.end
-        self._critic_until = warm.end + warm.critic_share if warm.is_wanted else 0.0
-        self._first = warm.log_std if warm.is_wanted else network.log_std
+        self._critic_until = warm.critic_end
+        self._first: Deviations = warm.log_std if warm.is_wanted else network.log_std
         self._last = network.last_log_std
 
     def _on_rollout_start(self) -> None:
@@ -36,7 +55,8 @@ class Schedule(BaseCallback):
         deviation.requires_grad_(self._last is None and share >= self._critic_until)
         if self._last is not None:
             elapsed = self._pace.share_since(self._begin)
-            deviation.data.fill_(self._first + elapsed * (self._last - self._first))
+            first, last = (deviations(each, deviation) for each in (self._first, self._last))
+            deviation.data.copy_(first + elapsed * (last - first))
 
     def _on_step(self) -> bool:
         return True

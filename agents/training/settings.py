@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 LEARNER = "learner"  # in the seats of self-play
 Range = tuple[float, float]
+# Logarithms of the deviations of actions: one for all their numbers, or one for each.
+Deviations = float | tuple[float, ...]
 
 
 class _Table(BaseModel):
@@ -17,7 +19,7 @@ class Algorithm(_Table):
 
     name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
-    # At the end; falls evenly until then, behind a warm start.
+    # At the end; falls evenly until then, from where the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)
     options: dict[str, Any] = {}
     normalise_reward: bool = True
@@ -30,7 +32,7 @@ class Network(_Table):
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
     # PPO: at the end. With it the deviation falls evenly; without it is learned.
-    last_log_std: float | None = None
+    last_log_std: Deviations | None = None
     # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
     first_action: tuple[float, ...] = ()
 
@@ -152,7 +154,8 @@ class WarmStart(_Table):
     demonstrations: str = ""  # a file of `race demonstrate`
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
     critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
-    log_std: float = -2.0  # then; what is learned already needs less trying out
+    critic_learning_rate: float | None = Field(default=None, gt=0.0)  # then; None: as afterwards
+    log_std: Deviations = -2.0  # then; what is learned already needs less trying out
     # The share of steps that the teacher drives falls from all to none in this share of it.
     teacher_drives: float = Field(default=0.125, ge=0.0, le=1.0)
     caution: float = Field(default=1.0, gt=0.0, le=1.0)  # share of its line's speeds
@@ -181,6 +184,11 @@ class WarmStart(_Table):
     def end(self) -> float:
         """The share of the training at which it is over."""
         return self.share if self.is_wanted else 0.0
+
+    @property
+    def critic_end(self) -> float:
+        """The share of the training from which the actor learns by reward."""
+        return self.share + self.critic_share if self.is_wanted else 0.0
 
 
 class Gail(_Table):
