@@ -34,7 +34,7 @@ def train(
     seed: Annotated[int | None, typer.Option(help="Seed of worlds and network.")] = None,
     algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or dqn.")] = "",
     worlds: Annotated[int | None, typer.Option(help="Races at once.")] = None,
-    threads: Annotated[int | None, typer.Option(help="Of the worlds and of PyTorch.")] = None,
+    threads: Annotated[int | None, typer.Option(help="Cores to spread the worlds over.")] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the run; otherwise one of the user's runs.")
     ] = None,

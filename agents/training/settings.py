@@ -226,7 +226,7 @@ class Settings(_Table):
     steps: int | None = Field(default=None, ge=1)  # decisions of learning karts; instead of minutes
     seed: int = Field(default=1, ge=0)
     worlds: int = Field(default=64, ge=1)
-    threads: int = Field(default=1, ge=1)  # of the worlds and of PyTorch
+    threads: int = Field(default=1, ge=1)  # of the worlds; PyTorch has one
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
     action: Literal["continuous", "report_b", "discrete", "control", "residual"] = "continuous"
