@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO
+from trainings import untrained
 from typer.testing import CliRunner
 
 from agents.latency import LATENCY
@@ -58,9 +59,8 @@ def settings(*changes: str) -> Settings:
 
 def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
     """Return a learner after its warm start, and what was said."""
-    pace, said = Pace.of(wanted), list[str]()
-    world = world_of(wanted, pace)
-    learner = learner_of(wanted, world, pace, None)
+    said: list[str] = []
+    pace, world, learner = untrained(wanted)
     imitation = Imitation(wanted, learner, world, said.append)
 
     def passed(decisions: int) -> None:
@@ -195,9 +195,7 @@ def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
     wanted = wanted.model_copy(
         update={"network": wanted.network.model_copy(update={"last_log_std": -4.0})}
     )
-    pace = Pace.of(wanted)
-    world = world_of(wanted, pace)
-    learner = learner_of(wanted, world, pace, None)
+    pace, world, learner = untrained(wanted)
     schedule = Schedule(wanted, pace)
     schedule.init_callback(learner)
     learns = []
@@ -231,9 +229,7 @@ def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate
         "algorithm.last_learning_rate=0.0",
         "steps=1000",
     )
-    pace = Pace.of(wanted)
-    world = world_of(wanted, pace)
-    learner = learner_of(wanted, world, pace, None)
+    pace, world, learner = untrained(wanted)
     schedule = Schedule(wanted, pace)
     schedule.init_callback(learner)
     rates, logarithms = [], []
@@ -258,8 +254,7 @@ def test_deviations_for_another_number_of_actions_are_refused_before_anybody_lea
 
 def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
     wanted = settings("warm_start.floor=1e-4")
-    world = world_of(wanted, Pace.of(wanted))
-    learner = learner_of(wanted, world, Pace.of(wanted), None)
+    _, world, learner = untrained(wanted)
     ones = np.ones(3, np.float32)
     lessons = Lessons(wanted.warm_start, learner, world, ones, 0.5 * ones)
     seen = np.random.default_rng(0).normal(1.0, 0.3, (500, 44)).astype(np.float32)
@@ -289,8 +284,7 @@ def test_below_the_middle_an_answer_too_high_counts_more_than_one_too_low() -> N
 
 def test_a_careful_learner_takes_the_lower_of_answers_that_fit_alike() -> None:
     wanted = settings("warm_start={teacher = 'raceline', loss = 'absolute', learning_rate = 1e-2}")
-    world = world_of(wanted, Pace.of(wanted))
-    learner = learner_of(wanted, world, Pace.of(wanted), None)
+    _, world, learner = untrained(wanted)
     quantiles = np.array([0.25, 0.5, 0.5], np.float32)
     lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32), quantiles)
     labels = np.zeros((5, 3), np.float32)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import VecNormalize
+from trainings import untrained
 
 from agents.training.checkpoint import companions_in, load_checkpoint, save_checkpoint
 from agents.training.curiosity import Curious
@@ -41,9 +42,7 @@ def settings(*changes: str) -> Settings:
 
 def learned(wanted: Settings) -> tuple[Marks, VecNormalize]:
     """Return how a policy drives after its steps, and its world."""
-    pace = Pace.of(wanted)
-    world = world_of(wanted, pace)
-    learner = learner_of(wanted, world, pace, None)
+    _, world, learner = untrained(wanted)
     learner.learn(wanted.steps)
     examiner = Examiner(wanted, wanted.evaluation.tracks, wanted.evaluation.first_seed)
     marks = examiner.examine(

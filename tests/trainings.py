@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,8 +10,10 @@ from agents.learned import Learned
 from agents.policies.session import Policy
 from agents.training.export import export_policy, nature_from
 from agents.training.learner import learner_of, world_of
+from agents.training.normaliser import Normaliser
 from agents.training.pace import Pace
 from agents.training.run import Outcome
+from agents.training.settings import Settings
 from agents.training.sheet import read_settings
 from race_server.env.batch import Batch
 from race_server.observe import Observation
@@ -38,6 +41,13 @@ QUICK = (
     "evaluation.times=2",
     "evaluation.seconds=3.0",
 )
+
+
+def untrained(settings: Settings) -> tuple[Pace, Normaliser, Any]:
+    """Return a learner that has learned nothing, the world that it is to learn in, and its pace."""
+    pace = Pace.of(settings)
+    world = world_of(settings, pace)
+    return pace, world, learner_of(settings, world, pace, None)
 
 
 def side_by_side(
@@ -76,9 +86,7 @@ def write_lapping_policy(path: Path) -> None:
             "network={layers = [2]}",
         ],
     )
-    pace = Pace.of(settings)
-    world = world_of(settings, pace)
-    learner = learner_of(settings, world, pace, None)
+    _, world, learner = untrained(settings)
     policy = learner.policy
     for parameter in policy.parameters():
         parameter.data.zero_()

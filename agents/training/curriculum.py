@@ -33,11 +33,7 @@ class Stages:
                 )
         self._weights = [
             # Of each track there is a scenario for each number of karts.
-            [
-                float(name in (stage.tracks or names))
-                for name in names
-                for _ in settings.race.fields or (settings.race.karts,)
-            ]
+            [float(name in (stage.tracks or names)) for name in names for _ in settings.race.sizes]
             for stage in self.stages
         ]
         self._pace = pace

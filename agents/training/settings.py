@@ -69,6 +69,11 @@ class Race(_Table):
     fields: tuple[int, ...] = ()
     rules: dict[str, Any] = {}
 
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """The numbers of karts of which one is drawn for each race."""
+        return self.fields or (self.karts,)
+
 
 class SelfPlay(_Table):
     """Who sits in which seat of a race, drawn anew for each stretch of the training.

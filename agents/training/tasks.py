@@ -22,11 +22,10 @@ def training_task(settings: Settings) -> Task:
     Raises:
         RaceError: a track, a vehicle or a rule does not exist.
     """
-    race = settings.race
     scenarios = tuple(
         _with_karts(_scenario(settings, name), karts)
         for name in names_of(settings.tracks)
-        for karts in race.fields or (race.karts,)
+        for karts in settings.race.sizes
     )
     return _task(settings, scenarios)
 

@@ -26,7 +26,7 @@ from race_server.env.actions import (
     advice_of,
 )
 from race_server.env.batch import Batch, Task
-from race_server.env.opponents import opponents_of
+from race_server.env.opponents import Opponents, opponents_of, takes_advice
 from race_server.errors import ScenarioError
 from race_server.observe import PARTS, layout_of
 from race_server.rules.items import items
@@ -86,7 +86,7 @@ class Teacher:
         self.memory = np.zeros((*shape, memory_size(lidar.rays)))
         self._controls = np.zeros((*shape, 4))
         vehicles = batch.world.vehicles
-        self._advice = _advice_to(wanted.teacher, wanted.advice, float(vehicles[0, 0].width))
+        self._advice = _advice_to(group, wanted.advice, float(vehicles[0, 0].width))
         self._decide = group.driving(
             batch.worlds, self._views, vehicles, self.memory, self._controls
         )
@@ -117,16 +117,14 @@ class Teacher:
         self.memory[..., COMMANDS : COMMANDS + COMMAND] = driven
 
 
-def _advice_to(name: str, advice: Sequence[float], width: float) -> Floats:
+def _advice_to(teacher: Opponents, advice: Sequence[float], width: float) -> Floats:
     """Return what is to stand in a driver's memory, shape (6,); width: of the vehicle [m]."""
     if not advice:
         return np.zeros(WIDTHS[RESIDUAL])
-    if len(advice) != WIDTHS[RESIDUAL] or not getattr(
-        type(driver_named(name)), "takes_advice", False
-    ):
+    if len(advice) != WIDTHS[RESIDUAL] or not takes_advice(teacher.driver):
         raise ScenarioError(
-            f"warm_start.advice = {list(advice)} to {name!r}: give {WIDTHS[RESIDUAL]} numbers to a "
-            "driver on the reference line, raceline or idm"
+            f"warm_start.advice = {list(advice)} to {teacher.name!r}: give {WIDTHS[RESIDUAL]} "
+            "numbers to a driver on the reference line, raceline or idm"
         )
     return advice_of(np.array(advice, np.float32), width)
 

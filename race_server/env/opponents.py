@@ -85,6 +85,11 @@ def opponents_of(
     return found
 
 
+def takes_advice(driver: object) -> bool:
+    """Return whether a driver does what is written into its memory, see `Autopilot`."""
+    return bool(getattr(driver, "takes_advice", False))
+
+
 def advised(name: str) -> str:
     """Return the name of the driver that residual actions advise, if it takes advice.
 
@@ -96,7 +101,7 @@ def advised(name: str) -> str:
         raise ScenarioError(
             "action 'residual' needs a driver to advise; name one, such as base = 'raceline'"
         )
-    if not getattr(type(driver_named(name)), "takes_advice", False):
+    if not takes_advice(driver_named(name)):
         raise ScenarioError(
             f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
         )

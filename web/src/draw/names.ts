@@ -13,6 +13,7 @@ const LINE_PIXELS = 14;
 const GAP_PIXELS = 4;
 
 interface Box {
+  middle: number;
   left: number;
   right: number;
   top: number;
@@ -48,12 +49,11 @@ export function drawNames(
   for (const kart of inOrder(karts, style.followed)) {
     const name = names.get(kart.seat);
     if (!name) continue;
-    const x = style.camera.toPicture(middleOf(kart, style.body.ahead)).x;
     const box = placeFor(context.measureText(name).width, kart, style, taken);
     if (!box) continue;
     taken.push(box);
-    context.strokeText(name, x, box.top);
-    context.fillText(name, x, box.top);
+    context.strokeText(name, box.middle, box.top);
+    context.fillText(name, box.middle, box.top);
   }
 }
 
@@ -67,7 +67,7 @@ function placeFor(width: number, kart: KartFrame, style: KartStyle, taken: Box[]
   const away = 0.5 * lengthOn(style) + GAP_PIXELS;
   const [left, right] = [x - 0.5 * width, x + 0.5 * width];
   for (const top of [y + away, y - away - LINE_PIXELS]) {
-    const box = { left, right, top };
+    const box = { middle: x, left, right, top };
     if (!taken.some((other) => overlap(box, other))) return box;
   }
   return null;

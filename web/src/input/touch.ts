@@ -7,6 +7,11 @@ import { type Device, type Wheel, clamp, pedals } from './wheel';
 const LOCK_PIXELS = 80;
 const PRESS_MS = 150;
 
+/** Returns whether this is a screen that thumbs drive on. */
+export function hasThumbs(): boolean {
+  return matchMedia('(pointer: coarse)').matches;
+}
+
 export class Touch implements Device {
   readonly name = 'touch';
   movedMs = -Infinity;
