@@ -36,15 +36,20 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
   const place = camera.toPicture(middleOf(kart, body.ahead));
   const length = lengthOn(style);
   const width = length > LEAST_PIXELS ? body.width * camera.scale : 0.56 * length;
-  const isOut = kart.status === Status.retired || (kart.flags & KartFlag.parked) !== 0;
   context.setTransform(ratio, 0, 0, ratio, place.x * ratio, place.y * ratio);
-  context.globalAlpha = isOut ? 0.4 : 1;
+  context.globalAlpha = opacityOf(kart);
   drawRings(context, kart, style, length);
   context.rotate(-kart.heading);
   drawBody(context, kart.seat, length, width, style.colours);
   context.rotate(kart.heading);
   drawNumber(context, kart.seat, Math.max(0.62 * width, 10));
   context.globalAlpha = 1;
+}
+
+/** Returns how clearly a kart is drawn: who is out of the race is faint. */
+export function opacityOf(kart: KartFrame): number {
+  const isOut = kart.status === Status.retired || (kart.flags & KartFlag.parked) !== 0;
+  return isOut ? 0.4 : 1;
 }
 
 /** Returns how long karts are on the picture [pixels]. */

@@ -3,7 +3,7 @@
 import { Status } from '../wire/codes';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import type { Race } from '../race/race.svelte';
-import { type KartStyle, lengthOn, middleOf } from './karts';
+import { type KartStyle, lengthOn, middleOf, opacityOf } from './karts';
 
 // Of more karts than this only the first and the followed are named, or nothing could be read.
 const MOST_NAMES = 12;
@@ -52,9 +52,11 @@ export function drawNames(
     const box = placeFor(context.measureText(name).width, kart, style, taken);
     if (!box) continue;
     taken.push(box);
+    context.globalAlpha = opacityOf(kart);
     context.strokeText(name, box.middle, box.top);
     context.fillText(name, box.middle, box.top);
   }
+  context.globalAlpha = 1;
 }
 
 function inOrder(karts: readonly KartFrame[], followed: number): KartFrame[] {
