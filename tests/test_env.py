@@ -348,6 +348,15 @@ def test_an_increment_of_one_adds_half_a_metre_per_second_and_nine_degrees() -> 
     assert batch.rig.commanded[0, 0, :2] == pytest.approx([1.0, 0.0])
 
 
+@pytest.mark.parametrize(("action", "slower"), [("increments", 0.5), ("report_b", 1.0)])
+def test_only_plain_increments_take_speed_away_again(action: str, slower: float) -> None:
+    batch = Batch(ring_task(1, action=action))
+    batch.step([[[1.0, 0.0]]])
+    batch.step([[[1.0, 0.0]]])
+    batch.step([[[-1.0, 0.0]]])
+    assert batch.rig.commanded[0, 0, 0] == pytest.approx(slower)
+
+
 def test_a_discrete_action_is_a_row_of_the_table() -> None:
     batch = Batch(ring_task(1, action="discrete"))
     row = int(np.flatnonzero((discrete_table() == (1.0, 0.5, 0.0)).all(axis=1))[0])

@@ -25,6 +25,8 @@ pytestmark = pytest.mark.net
 
 COURSE = ring(radius=3.0, half_width=0.7)
 RULES = Rules(laps=1, countdown_s=0.2, items=False, finish_limit_s=20.0, limit_s=40.0)
+# Actions that add up from one decision to the next.
+ADDED_UP = ("report_b", "increments")
 EVERYTHING = {
     "progress": 1.0,
     "speed": 0.1,
@@ -101,7 +103,7 @@ def wild(action: str, turn: int, agent: str) -> Any:
     numbers = np.array([drive, chance.uniform(-1, 1), chance.integers(2)], np.float32)
     if action == "control":
         return np.array([numbers[1], drive, max(-drive, 0.0), numbers[2]], np.float32)
-    return numbers[:2] if action == "report_b" else numbers
+    return numbers[:2] if action in ADDED_UP else numbers
 
 
 def test_two_remote_karts_race_a_scripted_one_to_the_end_and_leave() -> None:
@@ -143,10 +145,10 @@ def test_remote_karts_see_what_their_seats_see_in_a_local_session() -> None:
             seen, *_ = race.step({f"kart_{k}": (0.5 + 0.1 * k, 0.2, 0.0) for k in range(2)})
 
 
-@pytest.mark.parametrize("action", ["continuous", "discrete", "report_b", "control"])
+@pytest.mark.parametrize("action", ["continuous", "discrete", *ADDED_UP, "control"])
 def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
     # The wire carries controls as float32; what an action adds up to is then not quite the same.
-    tolerance = 1e-3 if action == "report_b" else 0.0
+    tolerance = 1e-3 if action in ADDED_UP else 0.0
     task = Task((scenario(3),), observation="track", reward=EVERYTHING, action=action)
     local = KartRace(task)
     with (
@@ -156,7 +158,7 @@ def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
         here, _ = local.reset()
         there, _ = remote.reset()
         met = dict.fromkeys(EVERYTHING, 0.0)
-        for turn in range(50 if action == "report_b" else 200):
+        for turn in range(50 if action in ADDED_UP else 200):
             for agent in local.agents:
                 np.testing.assert_allclose(there[agent], here[agent], rtol=0.0, atol=tolerance)
             actions = {agent: wild(action, turn, agent) for agent in local.agents}

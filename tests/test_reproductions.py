@@ -71,7 +71,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
         cells = cells_of(plan, scale)
         assert len(cells) == len(plan.rows) * scale.seeds
         assert len({cell.key for cell in cells}) == len(cells)
-    assert all(len(row.theirs) == len(plan.their_heads) for row in plan.rows)
+    assert all(len(row.theirs) in (0, len(plan.their_heads)) for row in plan.rows)
     assert len({row.name for row in plan.rows}) == len(plan.rows)
     assert not plan.base or plan.base in {row.name for row in plan.rows}
 

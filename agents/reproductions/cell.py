@@ -68,7 +68,7 @@ def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
     _check_plain(settings, plan.preset)
     if row.twist.choices:
         # Settings know no picking among increments: what arrives at the world are increments.
-        settings = settings.model_copy(update={"action": "report_b"})
+        settings = settings.model_copy(update={"action": "increments"})
     return Cell(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
 
 

@@ -13,7 +13,7 @@ class Twist:
 
     # Observations by running means, divided by their largest values, or as they are.
     scaling: Literal["running", "largest", "none"] = "running"
-    choices: bool = False  # the policy picks among increments: DQN has no others
+    choices: bool = False  # the policy picks among increments: DQN knows no other actions
     steering_share: float = 1.0  # of the 9° of a full increment
     growing_crash: bool = False  # a crash costs one more than the crash before
 

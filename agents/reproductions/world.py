@@ -21,7 +21,7 @@ from race_server.scenario.sensors import Lidar
 Array = NDArray[Any]
 
 # Increments of speed and steering that a policy picks from; the reports name none.
-CHOICES = np.array(list(product((0.0, 0.5, 1.0), (-1.0, -0.5, 0.0, 0.5, 1.0))), np.float32)
+CHOICES = np.array(list(product((-1.0, 0.0, 1.0), (-1.0, -0.5, 0.0, 0.5, 1.0))), np.float32)
 
 
 def actions_of(twist: Twist, answers: Array) -> Array:

@@ -9,19 +9,21 @@ from race_server.errors import ScenarioError
 from race_server.kernels.jit import kernel
 from race_server.state import Float32s, Floats, Record
 
-CONTINUOUS, INCREMENTS, DISCRETE, CONTROL, RESIDUAL = range(5)
+CONTINUOUS, RISING, DISCRETE, CONTROL, RESIDUAL, INCREMENTS = range(6)
 ACTIONS = {
     "continuous": CONTINUOUS,
-    "report_b": INCREMENTS,
+    "report_b": RISING,
+    "increments": INCREMENTS,
     "discrete": DISCRETE,
     "control": CONTROL,
     "residual": RESIDUAL,
 }
 # Numbers of an action, by kind.
-WIDTHS = {CONTINUOUS: 3, INCREMENTS: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 6}
+WIDTHS = {CONTINUOUS: 3, RISING: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 6, INCREMENTS: 2}
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
-# speed that is set is at least 0.1 m/s, so that a policy cannot stall.
+# speed that is set is at least 0.1 m/s, so that a policy cannot stall. It prints 0 to 1 for the
+# speed, which then only rises; but its cars slow down, so that `increments` go down to -1.
 SPEED_STEP = 0.5
 STEERING_STEP = math.radians(9.0)
 SLOWEST = 0.1
@@ -92,8 +94,8 @@ def read_action(
     """
     if kind == RESIDUAL:
         return
-    if kind == INCREMENTS:
-        _add_increments(action, kart, vehicle, memory, control)
+    if kind in (RISING, INCREMENTS):
+        _add_increments(action, 0.0 if kind == RISING else -1.0, kart, vehicle, memory, control)
         return
     if kind == CONTROL:
         for index in range(4):
@@ -128,9 +130,9 @@ def _press(drive: float, kart: Record, control: Floats) -> None:
 
 @kernel
 def _add_increments(
-    action: Float32s, kart: Record, vehicle: Record, memory: Floats, control: Floats
+    action: Float32s, least: float, kart: Record, vehicle: Record, memory: Floats, control: Floats
 ) -> None:
-    speed = memory[SET_SPEED] + SPEED_STEP * min(max(float(action[0]), 0.0), 1.0)
+    speed = memory[SET_SPEED] + SPEED_STEP * min(max(float(action[0]), least), 1.0)
     memory[SET_SPEED] = min(max(speed, SLOWEST), vehicle.top_speed)
     limit = vehicle.steering_limit
     steering = memory[SET_STEERING] + STEERING_STEP * min(max(float(action[1]), -1.0), 1.0)

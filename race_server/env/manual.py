@@ -33,6 +33,8 @@ _ACTIONS = """## Actions
 - `report_b`, a box of 2: what is added to the set speed, 0 to 1 for 0 to {speed:g} m/s, and to the
   set angle of the road wheels, -1 to 1 for -{angle:g}° to {angle:g}° (left positive). The set speed
   is at least {slowest:g} m/s.
+- `increments`, a box of 2: the same, but the set speed falls as well, -1 to 1 for -{speed:g} to
+  {speed:g} m/s.
 - `control`, a box of 4: what a driver sends. Steering from -1 to 1 (left positive, a share of the
   vehicle's limit), throttle from -1 to 1 (negative drives in reverse), brake from 0 to 1, and the
   buttons as a number (1 use the item, 2 accept a rescue).

@@ -1,7 +1,7 @@
 """Report of the 1/10 race, 2024, table 5.1: which algorithm earns most in 100 000 steps."""
 
 from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
-from agents.reproductions.report_b import ASSUMPTIONS, OWN
+from agents.reproductions.report_b import ASSUMPTIONS, OWN, as_printed
 from agents.training.settings import Tracks
 
 _PLAIN = ("algorithm.learning_rate=5e-4",)
@@ -26,6 +26,7 @@ REPRODUCTION = Reproduction(
             ("0.97", "slows down to avoid walls; at times swings before one"),
             0.9715,
         ),
+        as_printed("PPO", *_PLAIN),
     ),
     exam=Exam(Tracks(set="train-2023"), alone=False, random_start=True),
     full=Scale(steps=100_000, seeds=10, exam_s=180.0),

@@ -1,7 +1,7 @@
 """Report of the 1/10 race, 2024, table 5.3: six networks on the empty validation track."""
 
 from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale
-from agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2
+from agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2, as_printed
 from agents.training.settings import Tracks
 from race_server.trial.report_b import LAPS, VALIDATION_TRACK
 
@@ -40,7 +40,8 @@ REPRODUCTION = Reproduction(
             row.steps_share,
         )
         for row, theirs in zip(_PARTICULAR, LAPS, strict=True)
-    ),
+    )
+    + (as_printed("PPO 1"),),
     exam=Exam(
         Tracks(names=(VALIDATION_TRACK, f"{VALIDATION_TRACK}-reversed")),
         alone=True,
