@@ -143,7 +143,7 @@ def test_before_its_first_episode_a_training_earned_what_that_one_did() -> None:
 
 def test_a_twist_turns_choices_and_small_steps_into_increments() -> None:
     picked = actions_of(Twist(choices=True), np.array([0, 14]))
-    assert picked.tolist() == [[0.0, -1.0], [1.0, 1.0]]
+    assert picked.tolist() == [[-1.0, -1.0], [1.0, 1.0]]
     assert len(CHOICES) == 15
     small = actions_of(Twist(steering_share=0.5), np.array([[1.0, 1.0]], np.float32))
     assert small.tolist() == [[1.0, 0.5]]

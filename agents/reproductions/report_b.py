@@ -8,7 +8,6 @@ GROWING_CRASH = Twist(scaling="largest", growing_crash=True)
 STEPS_OF_2 = Twist(scaling="largest", steering_share=2.0 / 9.0)
 
 
-
 def as_printed(name: str, *changes: str) -> Row:
     """Return the row of a car whose speed only rises, which the report's tables do not have."""
     return Row(f"as printed: {name}, never slower", (*changes, "action=report_b"), OWN)

@@ -234,9 +234,9 @@ class Settings(_Table):
     threads: int = Field(default=1, ge=1)  # of the worlds; PyTorch has one
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
-    action: Literal[
-        "continuous", "report_b", "increments", "discrete", "control", "residual"
-    ] = "continuous"
+    action: Literal["continuous", "report_b", "increments", "discrete", "control", "residual"] = (
+        "continuous"
+    )
     base: str = ""  # the driver that residual actions advise
     # What is seen is cut to this before it is normalised: nobody near is 1000 m away, which
     # would make all that is near look alike.

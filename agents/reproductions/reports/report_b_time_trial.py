@@ -1,9 +1,11 @@
 """Report of the 1/10 race, 2024, table 5.3: six networks on the empty validation track."""
 
+from dataclasses import replace
+
 from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale
 from agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2, as_printed
 from agents.training.settings import Tracks
-from race_server.trial.report_b import LAPS, VALIDATION_TRACK
+from race_server.trial.report_b import LAPS, VALIDATION_TRACK, LapRow
 
 _ENTROPY = "algorithm.options.ent_coef=0.02"
 _PARTICULAR = (
@@ -18,6 +20,7 @@ _PARTICULAR = (
         STEPS_OF_2,
     ),
 )
+_PRINTED = as_printed("PPO 1")
 
 
 def seconds_of(lap: str) -> float | None:
@@ -26,22 +29,17 @@ def seconds_of(lap: str) -> float | None:
     return 60.0 * int(minutes) + float(seconds) if colon else None
 
 
+def _beside(row: Row, lap: LapRow) -> Row:
+    """Return a row with what the report says of it."""
+    theirs = (lap.lap, lap.crashes or "–", lap.remark)
+    return replace(row, theirs=theirs, their_number=seconds_of(lap.lap))
+
+
 REPRODUCTION = Reproduction(
     title="Time trial of six networks on the empty validation track",
     source="Report of the 1/10 race, table 5.3: one lap of each trained network",
     preset="report-b",
-    rows=tuple(
-        Row(
-            row.name,
-            row.changes,
-            row.twist,
-            (theirs.lap, theirs.crashes or "–", theirs.remark),
-            seconds_of(theirs.lap),
-            row.steps_share,
-        )
-        for row, theirs in zip(_PARTICULAR, LAPS, strict=True)
-    )
-    + (as_printed("PPO 1"),),
+    rows=(*(_beside(row, lap) for row, lap in zip(_PARTICULAR, LAPS, strict=True)), _PRINTED),
     exam=Exam(
         Tracks(names=(VALIDATION_TRACK, f"{VALIDATION_TRACK}-reversed")),
         alone=True,
