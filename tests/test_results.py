@@ -353,7 +353,7 @@ def test_a_writer_that_is_full_drops_the_rest_of_the_race_and_takes_the_next(
 def test_laps_that_were_announced_outlive_a_server_that_is_killed(path: Path) -> None:
     address = free_address()
     command = [sys.executable, "-m", "race_server", "serve", "--track", "oval", "--karts", "2"]
-    command += ["--laps", "500", "--pace", "lockstep", "--no-items", "--fill", "pure_pursuit"]
+    command += ["--laps", "500", "--pace", "lockstep", "--items", "off", "--fill", "pure_pursuit"]
     command += ["--wait-for", "0", "--listen", address, "--results", str(path)]
     command += ["--no-guard"]
     announced: list[Event] = []

@@ -1,6 +1,6 @@
 """What the words of several commands mean: the race that is wanted, and who drives."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -22,10 +22,9 @@ Pace = Annotated[
     str,
     typer.Option(help="real: 60 ticks a second. lockstep: the world waits for every driver."),
 ]
-Items = Annotated[bool, typer.Option("--items/--no-items", help="Race with items.")]
-CatchUp = Annotated[
-    bool, typer.Option("--catch-up/--no-catch-up", help="Karts behind draw stronger items.")
-]
+Switch = Literal["on", "off"]
+Items = Annotated[Switch, typer.Option(help="Race with items, or without.")]
+CatchUp = Annotated[Switch, typer.Option(help="Karts behind draw stronger items, or the same.")]
 Results = Annotated[
     str,
     typer.Option(

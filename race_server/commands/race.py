@@ -47,8 +47,8 @@ def start(
     drivers: Annotated[
         str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
     ] = ",".join(MIXED),
-    items: Items = True,
-    catch_up: CatchUp = True,
+    items: Items = "on",
+    catch_up: CatchUp = "on",
     one_process: Annotated[
         bool, typer.Option("--one-process", help="Drivers inside the server, not each its own.")
     ] = False,
@@ -85,8 +85,7 @@ def start(
         )
     serve = ["--track", track, "--vehicle", vehicle, "--karts", str(karts), "--laps", str(laps)]
     serve += ["--seed", str(seed), "--pace", pace]
-    serve += ["--items" if items else "--no-items"]
-    serve += ["--catch-up" if catch_up else "--no-catch-up"]
+    serve += ["--items", items, "--catch-up", catch_up]
     serve += ["--results", results] if results else []
     serve += ["--record", record] if record else []
     serve += ["--fresh"]

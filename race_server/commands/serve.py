@@ -40,8 +40,8 @@ def serve(
     laps: Laps = 3,
     seed: Seed = 1,
     pace: Pace = "real",
-    items: Items = True,
-    catch_up: CatchUp = True,
+    items: Items = "on",
+    catch_up: CatchUp = "on",
     fill: Annotated[
         str, typer.Option(help="Comma-separated drivers for seats that stay empty, in turn.")
     ] = "",
@@ -113,7 +113,12 @@ def serve(
         raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
     log = Log(as_json=log_json)
     fillers = known_drivers(fill)
-    rules = Rules(laps=laps, items=items, catch_up=catch_up, finish_limit_s=finish_limit)
+    rules = Rules(
+        laps=laps,
+        items=items == "on",
+        catch_up=catch_up == "on",
+        finish_limit_s=finish_limit,
+    )
     scenario = _scenario(track, vehicle, karts, rules, seed, fillers, log)
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about half a minute")

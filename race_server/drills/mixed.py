@@ -114,7 +114,7 @@ def _plan(setting: Setting, address: str, real: tuple[Real, ...], folder: str) -
     serve = ["--track", setting.track, "--vehicle", setting.vehicle, "--results", "none"]
     serve += ["--record", folder, "--fresh"]
     serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
-    serve += ["--seed", str(setting.seed), "--items"]
+    serve += ["--seed", str(setting.seed), "--items", "on"]
     drivers = (setting.driver,) * setting.karts
     return Plan(tuple(serve), drivers, address, SESSION, real=real)
 

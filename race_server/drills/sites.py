@@ -63,7 +63,7 @@ def _race(
     try:
         for hall, (session, address) in enumerate(zip(SESSIONS, addresses, strict=True)):
             serve = ["serve", "--track", TRACK, "--karts", "4", "--laps", str(laps), "--once"]
-            serve += ["--no-items", "--no-guard", "--fresh", "--record", "none"]
+            serve += ["--items", "off", "--no-guard", "--fresh", "--record", "none"]
             serve += ["--results", "none", "--listen", address, "--session", session]
             serve += ["--result", str(place / f"{session}.json")]
             processes.append(start_within(wire.names[hall], serve, place / session))
