@@ -168,7 +168,7 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
 
 
 def test_a_warm_start_ends_once_its_goal_is_reached(tmp_path: Path) -> None:
-    wanted = settings("evaluation.times=8", "goal={crash_rate = 1.0}", "warm_start.lessons=1")
+    wanted = settings("evaluation.times=8", "goal={speed = -9.0}")
     outcome = train(wanted, tmp_path)
     assert outcome.evaluation["goal_reached"]
     assert outcome.evaluation["steps"] < 0.5 * (wanted.steps or 0)
