@@ -108,6 +108,9 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Pace) -> 
         pace.spent_s, pace.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
     except FileNotFoundError as error:
-        raise ScenarioError(f"{path}: no such checkpoint; give the folder of a run") from error
+        raise ScenarioError(
+            f"{path}: no such checkpoint, as the run ended before it was first tried out; begin it "
+            "anew"
+        ) from error
     except Exception as error:  # PyTorch's reader raises whatever a damaged file leads it to
         raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error

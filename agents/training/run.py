@@ -187,6 +187,11 @@ def _film(settings: Settings, place: Path, marks: list[Marks], say: Callable[[st
         return
     track = max(lapped, key=lambda one: one.speed).track
     try:
-        record_laps(place, place / POLICY, track, settings.vehicle, settings.evaluation.first_seed)
+        made = record_laps(
+            place, place / POLICY, track, settings.vehicle, settings.evaluation.first_seed
+        )
     except RaceError as error:
         say(f"the laps were not recorded: {error}")
+        return
+    if made is None:
+        say(f"the laps on {track} were not recorded: their race did not come to its end")
