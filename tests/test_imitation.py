@@ -167,10 +167,12 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
     assert outcome.evaluation["tracks"][0]["speed"] > 1.0
 
 
-def test_a_warm_start_ends_once_its_goal_is_reached(tmp_path: Path) -> None:
+def test_a_warm_start_ends_once_its_goal_is_reached_and_is_logged(tmp_path: Path) -> None:
     wanted = settings("evaluation.times=8", "goal={speed = -9.0}")
-    outcome = train(wanted, tmp_path)
+    outcome = train(wanted, tmp_path, tensorboard=True)
     assert outcome.evaluation["goal_reached"]
+    assert outcome.evaluation["learned_on"] == ["oval"]
+    assert list((tmp_path / "tensorboard" / "race").glob("events.*"))
     assert outcome.evaluation["steps"] < 0.5 * (wanted.steps or 0)
 
 
