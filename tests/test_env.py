@@ -171,10 +171,13 @@ def test_a_kart_reenters_the_race_that_goes_on_without_it() -> None:
     batch = Batch(crash_task(), after=REENTER)
     tick = 0
     for _ in range(100):
+        batch.rig.memory[:] = 7.0
         batch.step(crash_first(batch))
         if batch.terminated[0, 0]:
             break
         tick = int(batch.world.races["tick"][0])
+    assert not batch.rig.memory[0, 0].any()
+    assert batch.rig.memory[0, 1].all()
     assert batch.terminated[0].tolist() == [1, 0, 0]
     assert batch.world.races["tick"][0] == tick + 3
     assert batch.world.karts["status"][0, 0] == codes.RACING
@@ -380,6 +383,11 @@ def test_an_action_that_is_delayed_by_two_decisions_acts_two_decisions_later() -
         batch.step([[[0.0, command, 0.0]]])
         steering.append(batch.rig.controls[0, 0, 0])
     assert steering == pytest.approx([0.0, 0.0, 0.1, 0.2])
+
+
+def test_delays_are_rounded_to_decisions() -> None:
+    gap = RealityGap(action_delay=(0.4, 1.6), actuator_lag=(0.4, 1.6))
+    assert gap.ranges()[:3].tolist() == [[0.0, 2.0], [0.0, 0.0], [0.4, 1.6]]
 
 
 def test_an_observation_that_is_delayed_is_that_of_earlier() -> None:

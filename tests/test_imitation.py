@@ -63,8 +63,9 @@ def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
     pace, world, learner = untrained(wanted)
     imitation = Imitation(wanted, learner, world, said.append)
 
-    def passed(decisions: int) -> None:
+    def passed(decisions: int) -> bool:
         pace.done += decisions
+        return True
 
     imitation.go(pace, passed)
     imitation.close()
@@ -164,6 +165,15 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
     outcome = train(wanted, tmp_path)
     assert outcome.evaluation["parity"] <= 1e-5
     assert outcome.evaluation["tracks"][0]["speed"] > 1.0
+
+
+def test_a_warm_start_ends_once_its_goal_is_reached_and_is_logged(tmp_path: Path) -> None:
+    wanted = settings("evaluation.times=8", "goal={speed = -9.0}")
+    outcome = train(wanted, tmp_path, tensorboard=True)
+    assert outcome.evaluation["goal_reached"]
+    assert outcome.evaluation["learned_on"] == ["oval"]
+    assert list((tmp_path / "tensorboard" / "race").glob("events.*"))
+    assert outcome.evaluation["steps"] < 0.5 * (wanted.steps or 0)
 
 
 @pytest.mark.parametrize(
@@ -340,6 +350,16 @@ def test_foreign_and_damaged_files_are_refused_in_one_sentence(
     refused("damaged", observations=np.array([{"an": "object"}], object))
     refused("are wanted", controls=good["controls"][:-1])
     refused("no numbers", controls=np.full_like(good["controls"], np.nan))
+    write_demonstrations(path, shown)
+    packed = bytearray(path.read_bytes())
+    packed[200:400] = bytes(200)
+    path.write_bytes(packed)
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))  # one array, and no table of them
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
     path.write_bytes(b"PK\x03\x04 nonsense")
     with pytest.raises(RecordingError, match="damaged"):
         read_demonstrations(path)

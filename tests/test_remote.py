@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,17 +12,39 @@ import pytest
 from courses import ring
 from test_live import free_address
 
+from race_server.env.actions import CONTINUOUS
 from race_server.env.batch import Task
 from race_server.env.parallel import KartRace
 from race_server.env.remote import RemoteRace
+from race_server.env.remote_kart import RemoteKart
 from race_server.errors import LinkError, ScenarioError, SeatError
-from race_server.messages import Control, Status
+from race_server.messages import Button, Control, Status
+from race_server.observe import layout_of
+from race_server.params import TT02
 from race_server.scenario.base import Rules, Scenario
 from race_server.server import LOCKSTEP, RaceResult, RaceServer
 from race_server.session import Session
 from race_server.transport import ServerLink
 
 pytestmark = pytest.mark.net
+
+
+def test_a_stuck_kart_accepts_its_rescue_as_in_training() -> None:
+    layout, said = layout_of("track", 0), list[Control]()
+    values = np.zeros(layout.size, np.float32)
+    values[layout.slices["rescue_offered"]] = 1.0
+    frame = SimpleNamespace(epoch=1, acknowledged=0, tick=0, values=values)
+    seat: Any = SimpleNamespace(
+        welcome=SimpleNamespace(briefing=SimpleNamespace(vehicle=TT02), epoch=0),
+        layout=layout,
+        hear=lambda _: frame,
+        answer=lambda *words: said.append(words[-1]),
+    )
+    kart = RemoteKart(seat)
+    assert kart.begin(0.0)
+    kart.answer(CONTINUOUS, [0.5, 0.0, 0.0])
+    assert said[0].buttons == Button.ACCEPT_RESCUE
+
 
 COURSE = ring(radius=3.0, half_width=0.7)
 RULES = Rules(laps=1, countdown_s=0.2, items=False, finish_limit_s=20.0, limit_s=40.0)

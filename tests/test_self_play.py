@@ -76,6 +76,16 @@ def test_a_full_pool_keeps_the_first_snapshot_and_the_newest(tmp_path: Path) -> 
     assert Rivals(SelfPlay(snapshots=2), tmp_path).snapshots == rivals.snapshots
 
 
+def test_a_snapshot_that_is_taken_again_is_in_the_pool_once(tmp_path: Path) -> None:
+    rivals = Rivals(SelfPlay(snapshots=2), tmp_path)
+    for decisions in (100, 200, 200, 300):
+        path = rivals.place_for(decisions)
+        path.touch()
+        rivals.add(path)
+        assert all(one.is_file() for one in rivals.snapshots)
+    assert [path.stem[-3:] for path in rivals.snapshots] == ["100", "300"]
+
+
 def test_seats_that_do_not_fit_the_race_are_named() -> None:
     with pytest.raises(ScenarioError, match=r"seats names 2 karts, 1 of them learners; race.karts"):
         read_settings("race", ["self_play.seats=['learner', 'idm']"])

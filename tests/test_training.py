@@ -5,18 +5,23 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import onnx
 import pytest
-from trainings import QUICK, Train, side_by_side
+from trainings import QUICK, Train, side_by_side, untrained
 
 from agents.learned import Learned
 from agents.policies.nature import KEY
 from agents.policies.session import Policy
 from agents.policies.shelf import SHIPPED
 from agents.training import curve, folder
+from agents.training.checkpoint import load_checkpoint, save_checkpoint
 from agents.training.courses import course_named, names_of, track_sets
+from agents.training.evaluation import Examiner
+from agents.training.export import difference, export_policy, nature_from
 from agents.training.learner import CLASSES
 from agents.training.overseer import BEST, CURVE, LATEST
 from agents.training.pace import Pace
@@ -88,7 +93,11 @@ def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> N
     [
         ("race.rules.lap=3", "race.rules.lap = 3: no such rule"),
         ("race.rules.laps=many", "race.rules.laps = 'many': give a int"),
-        ("race.fields=[2]", "race.fields: 2 karts of race.karts = 1; choose 1 to as many"),
+        ("race.fields=[2]", "race.fields: 2 karts, with race.karts = 1 .*; choose 1 to 1"),
+        (
+            "race={karts = 4, learners = 2, opponents = ['idm'], fields = [4, 1]}",
+            "race.fields: 1 karts, .* race.learners = 2; choose 2 to 4",
+        ),
         ("tracks.set=moon", "track set 'moon' is unknown; choose one of train"),
     ],
 )
@@ -118,6 +127,9 @@ def test_no_course_to_be_tried_out_on_is_learned_on() -> None:
     assert not sets["validation-wide"] & (sets["train"] | sets["unseen"])
     assert sets["validation"] <= sets["validation-wide"]
     assert len(sets["train"]) >= 12
+    for preset in preset_names():
+        settings = read_settings(preset)
+        assert not set(names_of(settings.tracks)) & set(names_of(settings.evaluation.final))
 
 
 def test_a_reversed_course_is_found_by_its_name() -> None:
@@ -173,6 +185,86 @@ def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> Non
     steps = [row["steps"] for row in curve.read(tmp_path / CURVE)]
     assert steps == sorted(steps)
     assert again.evaluation["minutes"] > outcome.evaluation["minutes"]
+    assert "to the bit" in (outcome.folder / "README.md").read_text()
+    assert "this run was interrupted" in (tmp_path / "README.md").read_text()
+
+
+def test_the_weight_of_the_entropy_goes_on_where_it_was(tmp_path: Path) -> None:
+    changes = (*QUICK, "worlds=2", "algorithm={name = 'sac'}", "lidar.logarithms=true")
+    settings, path = read_settings("time-trial-ppo", changes), tmp_path / "it.pt"
+    pace, world, learner = untrained(settings)
+    learner.log_ent_coef.data.fill_(-4.0)
+    save_checkpoint(path, learner, world, pace)
+    _, again, other = untrained(settings)
+    weight = other.log_ent_coef
+    load_checkpoint(path, other, again, pace)
+    assert other.log_ent_coef is weight  # its optimiser's
+    assert float(weight.detach()) == -4.0
+    for one in (world, again):
+        one.close()
+
+
+def test_last_observations_are_kept_as_they_were_seen() -> None:
+    changes = (*QUICK, "worlds=4", "algorithm={name = 'sac'}", "lidar.logarithms=true")
+    _, world, _ = untrained(read_settings("time-trial-ppo", changes))
+    world.reset()
+    for _ in range(20):
+        world.step(np.zeros((4, 3), np.float32))
+    seen = world.get_original_obs()
+    normal = world.normalize_obs(seen)
+    assert world.unnormalize_obs(normal) == pytest.approx(world.view.undone(world.view(seen)), 1e-3)
+    assert world.normalize_obs(world.unnormalize_obs(normal)) == pytest.approx(normal, abs=1e-3)
+    world.close()
+
+
+def test_sac_with_noise_that_depends_on_the_state_is_exported(tmp_path: Path) -> None:
+    changes = (*QUICK, "worlds=2", "algorithm={name = 'sac', options = {use_sde = true}}")
+    settings, path = read_settings("time-trial-ppo", changes), tmp_path / "it.onnx"
+    _, world, learner = untrained(settings)
+    export_policy(path, learner, world, nature_from(settings, ("oval",)))
+    seen = np.random.default_rng(1).uniform(0.0, 8.0, (64, 44)).astype(np.float32)
+    assert difference(Policy(path), learner, world, seen) <= 1e-5
+    world.close()
+
+
+def test_answers_that_a_learner_takes_for_alike_are_no_difference() -> None:
+    changes = (*QUICK, "worlds=2", "action=discrete", "network.first_action=[]")
+    settings = read_settings("time-trial-ppo", [*changes, "algorithm={name = 'dqn'}"])
+    _, world, learner = untrained(settings)
+    seventh: Any = SimpleNamespace(decide=lambda seen: np.full((len(seen), 1), 7.0, np.float32))
+    seen = np.ones((5, 44), np.float32)
+    last = learner.q_net.q_net[-1]
+    last.weight.data.zero_()
+    last.bias.data.zero_()
+    assert difference(seventh, learner, world, seen) == 0.0
+    last.bias.data[3] = 0.5
+    assert difference(seventh, learner, world, seen) == 0.5
+    world.close()
+
+
+def test_who_stands_until_he_is_out_was_slow_all_the_time() -> None:
+    changes = (*QUICK, "evaluation.seconds=20.0", "race.rules.stopped_limit_s=3.0")
+    settings = read_settings("time-trial-ppo", changes)
+    examiner = Examiner(settings, settings.evaluation.tracks, 1)
+    decisions = 0
+
+    def drives_a_second(seen: np.ndarray) -> np.ndarray:
+        nonlocal decisions
+        decisions += 1
+        braking = np.where(seen[:, 42] > 0.15, -1.0, 0.0)  # its speed
+        drive = np.full(len(seen), 0.5) if decisions < 20 else braking
+        return np.stack([drive, 0.0 * drive, 0.0 * drive], axis=1).astype(np.float32)
+
+    (marks, _) = examiner.examine(drives_a_second)
+    batch = examiner.batches["oval"]
+    end = batch.world.karts["distance"][:, 0].copy()
+    batch.reset(1)
+    metres = float((end - batch.world.karts["distance"][:, 0]).mean())
+    assert marks.crash_rate == 0.0
+    assert decisions < 400  # they were out before the end
+    assert metres > 0.1
+    assert marks.speed == pytest.approx(metres / 20.0)
+    examiner.close()
 
 
 def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:
@@ -282,6 +374,12 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
         ({"action": "telepathy"}, "answers with actions 'telepathy'"),
         ({"sizes": [1, 1, 1, 1]}, "takes 44 numbers and gives 3; its metadata speak of 4"),
         ({"vehicle": 3}, "vehicle = 3"),
+        ({"parts": [["speed"]]}, "parts = .* makes no policy"),
+        ({"tracks": [3]}, "tracks = .* makes no policy"),
+        ({"decision_s": float("nan")}, "decision_s = nan in its metadata"),
+        ({"lidar_reach": 10**400}, "lidar_reach = inf in its metadata"),
+        ({"decision_s": 0}, "decides every 0 s"),
+        ({"action": "residual", "base": f"learned:{bad}"}, "takes no advice"),
     ):
         onnx.helper.set_model_props(model, {KEY: json.dumps({**words, **change})})
         onnx.save(model, bad)
@@ -291,6 +389,38 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
     onnx.save(model, bad)
     with pytest.raises(DriverError, match="is no policy of this program"):
         Learned(str(bad))
+
+
+@pytest.mark.parametrize(
+    ("operator", "inputs", "message"),
+    [
+        ("Div", ["nothing", "nothing"], "endless"),  # 0 / 0
+        ("Concat", ["some", "some"], r"\(2, 3\) numbers"),
+        ("Reshape", ["some", "shape"], "cannot answer"),
+    ],
+)
+def test_a_network_that_answers_with_no_numbers_drives_nobody(
+    operator: str, inputs: list[str], message: str, tmp_path: Path
+) -> None:
+    shipped, bad = onnx.load(SHIPPED / "time-trial.onnx"), tmp_path / "bad.onnx"
+    attributes = {"axis": 0} if operator == "Concat" else {}
+    nodes = [
+        onnx.helper.make_node("Gather", ["observation", "columns"], ["some"], axis=1),
+        onnx.helper.make_node("Sub", ["some", "some"], ["nothing"]),
+        onnx.helper.make_node(operator, inputs, ["action"], **attributes),
+    ]
+    numbers = {"columns": np.arange(3), "shape": np.array([7, 3])}
+    constants = [onnx.numpy_helper.from_array(value, name) for name, value in numbers.items()]
+    body = shipped.graph
+    graph = onnx.helper.make_graph(nodes, "foreign", body.input, body.output, constants)
+    model = onnx.helper.make_model(
+        graph, ir_version=shipped.ir_version, opset_imports=shipped.opset_import
+    )
+    model.metadata_props.extend(shipped.metadata_props)
+    onnx.save(model, bad)
+    policy = Policy(bad)
+    with pytest.raises(DriverError, match=message):
+        policy.decide(np.ones((1, policy.nature.size), np.float32))
 
 
 def test_an_unknown_policy_is_named_with_the_known_ones() -> None:

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from agents.policies.shelf import policy_path
@@ -113,7 +114,7 @@ def _show(document: dict[str, Any]) -> None:
             f"{value:.9g}" for value in document["example"]["action"]
         )
     for name, value in rows.items():
-        facts.add_row(name, value)
+        facts.add_row(name, escape(value))
     console.print(facts)
     if document["difference"] is None:
         console.print(document["remark"], style="yellow", markup=False)
@@ -159,7 +160,7 @@ def list_policies(as_json: AsJson = False) -> None:
     for one in known:
         preset = one.preset if one.is_run else f"{one.preset} (comes along)"
         facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
-        table.add_row(one.name, *facts, *_figures(one.evaluation))
+        table.add_row(*map(escape, (one.name, *facts)), *_figures(one.evaluation))
     console.print(table)
     for one in known:
         if one.remark:

@@ -1,9 +1,10 @@
 """What a policy's file says of itself: what it sees, what its answers mean, where it learned."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from race_server.env.actions import ACTIONS, RESIDUAL
 from race_server.errors import DriverError
@@ -13,6 +14,7 @@ from race_server.observe import PART_NUMBERS, PRESETS
 VERSION = 1
 KEY = "race-server-policy"  # of the metadata of the ONNX file
 INPUT, OUTPUT = "observation", "action"
+MOST_BITS = 64  # of a whole number that stands for another
 
 
 @dataclass(frozen=True)
@@ -78,12 +80,22 @@ def _built(words: dict[str, Any], name: str) -> Nature:
         if isinstance(value, list):
             value = tuple(value)
         elif field.type is float and isinstance(value, int):
-            value = float(value)
-        wanted = tuple if "tuple" in str(field.type) else field.type
-        if not isinstance(value, wanted):  # type: ignore[arg-type]  # a type, not its name
-            raise DriverError(f"{name}: {field.name} = {value!r} in its metadata makes no policy")
+            value = float(value) if value.bit_length() < MOST_BITS else math.inf
+        if not _fits(value, field.type):
+            raise DriverError(
+                f"{name}: {field.name} = {value!r:.60} in its metadata makes no policy; "
+                "export it again"
+            )
         values[field.name] = value
     return Nature(**values)
+
+
+def _fits(value: Any, wanted: Any) -> bool:
+    """Return whether a value is of a type, with all members of a tuple, and no endless number."""
+    if get_origin(wanted) is tuple:
+        member = get_args(wanted)[0]
+        return isinstance(value, tuple) and all(isinstance(one, member) for one in value)
+    return isinstance(value, wanted) and (wanted is not float or math.isfinite(value))
 
 
 def _check(nature: Nature, name: str) -> None:
@@ -102,8 +114,12 @@ def _check(nature: Nature, name: str) -> None:
             f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; "
             "export it again"
         )
+    if ":" in nature.base:  # such as a policy, which might advise itself
+        raise DriverError(f"{name}: base {nature.base!r} takes no advice; export it again")
+    if nature.decision_s <= 0.0:
+        raise DriverError(f"{name} decides every {nature.decision_s:g} s; export it again")
     sizes_fit = len(nature.sizes) == len(nature.parts)
-    if not sizes_fit or not all(isinstance(size, int) and size > 0 for size in nature.sizes):
+    if not sizes_fit or not all(size > 0 for size in nature.sizes):
         raise DriverError(f"{name}: {len(nature.parts)} parts of sizes {nature.sizes} do not fit")
 
 

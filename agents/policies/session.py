@@ -12,6 +12,7 @@ from race_server.env.actions import ACTIONS, WIDTHS
 from race_server.errors import DriverError
 
 Float32s = NDArray[np.float32]
+MOST_WORDS = 200  # characters of what the runtime says
 
 
 class Policy:
@@ -30,10 +31,9 @@ class Policy:
         self._check_shapes()
 
     def _check_shapes(self) -> None:
-        inputs = {one.name: one.shape for one in self._session.get_inputs()}
-        outputs = {one.name: one.shape for one in self._session.get_outputs()}
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         size, width = self.nature.size, WIDTHS[ACTIONS[self.nature.action]]
-        seen, answer = inputs.get(INPUT, [0])[-1], outputs.get(OUTPUT, [0])[-1]
+        seen, answer = _columns_of(inputs, INPUT), _columns_of(outputs, OUTPUT)
         if len(inputs) != 1 or (seen, answer) != (size, width):
             raise DriverError(
                 f"{self.name}: its network takes {seen} numbers and gives {answer}; its metadata "
@@ -41,8 +41,37 @@ class Policy:
             )
 
     def decide(self, seen: Float32s) -> Float32s:
-        """Return the actions (n, A) for observations (n, size)."""
-        return np.asarray(self._session.run([OUTPUT], {INPUT: seen})[0], np.float32)
+        """Return the actions (n, A) for observations (n, size).
+
+        Raises:
+            DriverError: the network fails, or answers with something else than numbers.
+        """
+        try:
+            actions: Float32s = self._session.run([OUTPUT], {INPUT: seen})[0]
+        except Exception as error:  # the runtime's errors have no common class
+            reason = str(error).partition("\n")[0][:MOST_WORDS]
+            raise DriverError(f"{self.name} cannot answer: {reason}; train it again") from error
+        # What is declared binds nobody, and kernels look no number up twice.
+        wanted = (len(seen), WIDTHS[ACTIONS[self.nature.action]])
+        if actions.shape != wanted:
+            raise DriverError(
+                f"{self.name} answers with {actions.shape} numbers, {wanted} are wanted; "
+                "export it again"
+            )
+        if not np.isfinite(actions).all():
+            raise DriverError(
+                f"{self.name} answers with {actions.tolist()[0]}, where a number is endless or "
+                "none; train it again"
+            )
+        return actions
+
+
+def _columns_of(ends: Any, name: str) -> Any:
+    """Return how many columns an input or output has; 0 where it is no table of floats."""
+    for one in ends:
+        if one.name == name and one.type == "tensor(float)" and len(one.shape) == 2:
+            return one.shape[1]
+    return 0
 
 
 def _session_of(path: Path) -> Any:

@@ -21,6 +21,7 @@ from race_server.errors import ScenarioError
 
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 CURRICULUM = "curriculum"
+ENTROPY = "log_ent_coef"
 RETURN = "return_"  # before the names of the rewards' means
 STRETCH = "stretch"
 
@@ -47,6 +48,12 @@ def companions_in(world: VecEnv) -> dict[str, Companion]:
     return found
 
 
+def _weights_beside(learner: Any) -> dict[str, torch.Tensor]:
+    """Return what a learner adjusts besides its networks: SAC's weight of the entropy."""
+    weight = getattr(learner, ENTROPY, None)
+    return {} if weight is None else {ENTROPY: weight.detach()}
+
+
 def save_checkpoint(
     path: Path, learner: Any, world: Normaliser, pace: Pace, score: float = 0.0
 ) -> None:
@@ -56,6 +63,7 @@ def save_checkpoint(
     stretch = np.empty(0) if world.stretch is None else world.stretch
     content = {
         "parameters": learner.get_parameters(),
+        "beside": {name: value.clone() for name, value in _weights_beside(learner).items()},
         "normalisation": state_of(seen) | returns | {STRETCH: torch.from_numpy(stretch).clone()},
         "counters": {name: int(getattr(learner, name)) for name in COUNTERS},
         "companions": {name: one.state() for name, one in companions_in(world).items()},
@@ -81,6 +89,10 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Pace) -> 
     try:
         content = torch.load(path, weights_only=True)
         learner.set_parameters(content["parameters"], exact_match=True, device="cpu")
+        beside = content.get("beside", {})
+        for name, weight in _weights_beside(learner).items():
+            if name in beside:
+                weight.copy_(beside[name])  # in its place, where its optimiser knows it
         numbers = content["normalisation"]
         seen: Any = world.obs_rms
         put_back(seen, numbers)
@@ -96,6 +108,9 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Pace) -> 
         pace.spent_s, pace.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
     except FileNotFoundError as error:
-        raise ScenarioError(f"{path}: no such checkpoint; give the folder of a run") from error
+        raise ScenarioError(
+            f"{path}: no such checkpoint, as the run ended before it was first tried out; begin it "
+            "anew"
+        ) from error
     except Exception as error:  # PyTorch's reader raises whatever a damaged file leads it to
         raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error

@@ -5,6 +5,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -56,7 +57,11 @@ def train(
     words = _words(track_set, tracks, minutes, steps, seed, algorithm, worlds, threads)
     words += changes or []
     console = Console(stderr=True)
+    if tensorboard:
+        with brought_by("curves"):
+            import_module("tensorboard")
     if resume:
+        _check_resumed(resume, preset, out)
         place = _run_folder(resume)
         settings = folder.settings_in(place, tuple(words))
     else:
@@ -113,6 +118,15 @@ def _words(
     return words + [f"{name}={value}" for name, value in numbers.items() if value is not None]
 
 
+def _check_resumed(resume: str, preset: str, out: Path | None) -> None:
+    other = preset or (f"--out {out}" if out is not None else "")
+    if other:
+        raise ScenarioError(
+            f"--resume {resume} with {other}: a run goes on with its own settings in its own "
+            "folder; leave out one of the two"
+        )
+
+
 def _run_folder(name: str) -> Path:
     from agents.policies.shelf import runs_folder
 
@@ -138,7 +152,7 @@ def _bar(
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
@@ -195,7 +209,9 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
 
     from agents.policies.shelf import name_of
 
-    table = Table("track", title="the best policy on unseen courses", title_justify="left")
+    known = ", ".join(outcome.evaluation["learned_on"])
+    title = "the best policy on unseen courses" + (f", but it learned on {known}" if known else "")
+    table = Table("track", title=title, title_justify="left")
     for column in ("speed, m/s", "crash rate", "laps", "best lap, s", "return"):
         table.add_column(column, justify="right")
     for row in outcome.evaluation["tracks"]:

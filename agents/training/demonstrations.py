@@ -7,6 +7,7 @@ of the observations, as it does in a race.
 
 import json
 import zipfile
+import zlib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,11 @@ from race_server.observe import layout_of
 # Raise it when a part of an observation or a control comes to mean something else.
 VERSION = 1
 Rows = NDArray[np.float32]
+# What a damaged or foreign file leads NumPy and its unpacking to.
+DAMAGES = (
+    *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, NotImplementedError),
+    *(AttributeError, RecursionError, zipfile.BadZipFile, zlib.error),
+)
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ def read_demonstrations(path: Path) -> Demonstrations:
             observations, controls = tables["observations"], tables["controls"]
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file; record one with `race demonstrate`") from error
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, RecursionError) as error:
+    except DAMAGES as error:
         raise RecordingError(f"{path}: damaged, or no demonstrations: {error}") from error
     shown = Demonstrations(_about(words, path), observations, controls)
     _check(shown, path)

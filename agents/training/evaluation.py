@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from agents.training.courses import names_of
 from agents.training.settings import Goal, Settings, Tracks
 from agents.training.tasks import decision_s, evaluation_tasks
+from race_server import codes
 from race_server.env.batch import Batch
 from race_server.env.rig import STAY
 
@@ -84,20 +85,22 @@ class Examiner:
         seen = batch.reset(self.first_seed)
         learners = batch.learners
         begun = batch.world.karts["distance"][:, :learners].copy()
-        times = np.zeros(begun.shape)
+        times, cut = np.zeros(begun.shape), np.zeros(begun.shape, np.bool_)
         horizon = self.settings.evaluation.seconds
         for step in range(round(horizon / decision_s())):
             batch.step(decide(seen.reshape(-1, batch.layout.size)))
             over = (batch.terminated | batch.truncated).astype(bool)
             times[over] = (step + 1) * decision_s()
+            cut |= batch.truncated.astype(bool)
             if batch.rig.idle.all():
                 break
         ended = batch.rig.ended
         crashed = ended["crashes"] > 0
-        # Who crashed would have had the rest of the time; who came to the finish is done.
-        finished = (times > 0.0) & ~crashed
+        # Who crashed, or stood until he was out, would have had the rest of the time; who came to
+        # the finish is done.
+        done = cut | (ended["status"] == codes.FINISHED)
         metres = batch.world.karts["distance"][:, :learners] - begun
-        speeds = metres / np.where(finished, np.maximum(times, decision_s()), horizon)
+        speeds = metres / np.where(done, np.maximum(times, decision_s()), horizon)
         laps = ended["best_lap_us"][ended["best_lap_us"] > 0]
         return Marks(
             track=name,

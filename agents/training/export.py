@@ -155,6 +155,10 @@ def _layers(graph: _Graph, layers: Iterable[torch.nn.Module]) -> None:
             graph.then("Gemm", weight, bias, transB=1)
         elif isinstance(layer, torch.nn.Tanh | torch.nn.ReLU):
             graph.then("Tanh" if isinstance(layer, torch.nn.Tanh) else "Relu")
+        elif isinstance(layer, torch.nn.Sequential):
+            _layers(graph, layer)
+        elif isinstance(layer, torch.nn.Hardtanh):  # around SAC's answer, with `use_sde`
+            graph.then("Clip", np.float32(layer.min_val), np.float32(layer.max_val))
         elif not isinstance(layer, torch.nn.Flatten | torch.nn.Identity):
             raise ScenarioError(f"a layer {type(layer).__name__} cannot be exported yet")
 
@@ -183,6 +187,29 @@ def nature_from(settings: Settings, tracks: tuple[str, ...]) -> Nature:
 
 
 def difference(policy: Policy, learner: Any, world: Normaliser, seen: NDArray[Any]) -> float:
-    """Return by how much a file's answers differ at most from the learner's own."""
-    own = learner.predict(world.normalize_obs(seen), deterministic=True)[0]
-    return float(np.abs(policy.decide(seen) - np.reshape(own, (len(seen), -1))).max())
+    """Return by how much a file's answers differ at most from the learner's own.
+
+    Of answers that are picked: how much less the learner thinks of the file's than of its own, as
+    two that it takes for alike are told apart by rounding alone.
+    """
+    rows, answers = world.normalize_obs(seen), policy.decide(seen)
+    if isinstance(world.action_space, spaces.Discrete):
+        return _lost(_merits(learner, torch.as_tensor(rows)), torch.as_tensor(answers).long())
+    own = learner.predict(rows, deterministic=True)[0]
+    return float(np.abs(answers - np.reshape(own, (len(seen), -1))).max())
+
+
+def _merits(learner: Any, rows: torch.Tensor) -> torch.Tensor:
+    """Return what a learner thinks of each answer, shape (n, answers)."""
+    with torch.no_grad():
+        if isinstance(learner, DQN):
+            return torch.as_tensor(learner.q_net(rows))
+        return torch.as_tensor(learner.policy.get_distribution(rows).distribution.logits)
+
+
+def _lost(merits: torch.Tensor, answers: torch.Tensor) -> float:
+    """Return how much worse answers (n, 1) are at most than the best, as a share above 1."""
+    if int(answers.min()) < 0 or int(answers.max()) >= merits.shape[1]:
+        return float("inf")
+    best = merits.max(dim=1, keepdim=True).values
+    return float(((best - merits.gather(1, answers)) / best.abs().clamp(min=1.0)).max())

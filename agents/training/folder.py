@@ -89,7 +89,7 @@ def write_readme(folder: Path, settings: Settings, evaluation: dict[str, Any]) -
 Learned by {settings.algorithm.name} in {evaluation["steps"]} decisions and \
 {evaluation["minutes"]:.1f} minutes, seed {settings.seed}.
 
-Do it again, {_likeness(settings)}:
+Do it again, {_likeness(settings, evaluation)}:
 
     race train {CONFIG}
 
@@ -114,8 +114,10 @@ The best policy, tried out on {settings.evaluation.seeds} seeds from the start g
     (folder / README).write_text(text, encoding="utf-8")
 
 
-def _likeness(settings: Settings) -> str:
+def _likeness(settings: Settings, evaluation: dict[str, Any]) -> str:
     """Return how much alike a repetition is: a clock never stops a training at the same place."""
+    if evaluation["stopped"] or evaluation["resumed"]:
+        return "at one go: this run was interrupted, so another policy comes out"
     if settings.steps is not None:
         return f"to the bit with the versions in {VERSIONS}"
     return "as far as a clock allows; with --steps it is the same to the bit"

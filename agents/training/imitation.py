@@ -33,8 +33,8 @@ FIRM = 1e12  # observations after which means do not move any more
 LOOKED_AT = 20_000  # observations whose spread is found out
 EPISODES = 100  # the last ones, of which figures are told
 
-# Called with the decisions since the last call.
-Pass = Callable[[int], None]
+# Called with the decisions since the last call; returns whether to go on.
+Pass = Callable[[int], bool]
 
 
 class School:
@@ -119,7 +119,7 @@ class Imitation:
         self._next_look = 1  # once there are so many labels
 
     def go(self, pace: Pace, passed: Pass) -> None:
-        """Imitate until the share of the training for it is over."""
+        """Imitate until the share of the training for it is over, or nobody wants more."""
         while not pace.is_over and pace.share < self._wanted.share:
             elapsed = pace.share / self._wanted.share
             if self._school is not None:
@@ -127,7 +127,8 @@ class Imitation:
                     self._drive(self._school, elapsed)
             self._learn(elapsed)
             # With demonstrations alone nobody drives: as much counts as if somebody did.
-            passed(self._wanted.decisions * self._world.num_envs)
+            if not passed(self._wanted.decisions * self._world.num_envs):
+                break
         policy = self._learner.policy
         policy.log_std.data.copy_(deviations(self._wanted.log_std, policy.log_std))
         show_the_critic(policy)

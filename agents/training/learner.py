@@ -104,7 +104,7 @@ def learner_of(settings: Settings, world: VecNormalize, pace: Pace, log: str | N
             tensorboard_log=log,
             **options,
         )
-    except (TypeError, ValueError, AssertionError) as error:
+    except (TypeError, ValueError, ArithmeticError, AssertionError) as error:
         raise ScenarioError(f"algorithm.options of {name}: {error}") from error
     if isinstance(learner, DQN):
         _explore_by(learner, pace)
@@ -149,7 +149,7 @@ def _explore_by(learner: DQN, pace: Pace) -> None:
     until = learner.exploration_fraction
 
     def chance(_: float) -> float:
-        return first + min(pace.share / until, 1.0) * (last - first)
+        return first + min(pace.share / max(until, 1e-9), 1.0) * (last - first)
 
     learner.exploration_schedule = chance
 

@@ -35,6 +35,15 @@ class Normaliser(VecNormalize):
         rows = self._normalize_obs(self.view(obs), means)
         return (rows if self.stretch is None else rows @ self.stretch).astype(np.float32)
 
+    def unnormalize_obs(self, obs: Any) -> Any:
+        """Return observations (n, size) of which `normalize_obs` makes these.
+
+        So SAC, TD3 and DQN keep the last observations of episodes.
+        """
+        means: Any = self.obs_rms
+        rows = obs if self.stretch is None else obs @ np.linalg.inv(self.stretch)
+        return self.view.undone(self._unnormalize_obs(rows, means))
+
     def scaled(self, viewed: Rows) -> NDArray[np.float32]:
         """Return what the view has shown, (n, size), of mean 0 and variance 1, not stretched."""
         means: Any = self.obs_rms

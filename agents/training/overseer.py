@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
 
 from agents.policies.shelf import BEST
 from agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
@@ -57,8 +58,9 @@ class Overseer(BaseCallback):
         tell: Tell,
         best_score: float = -np.inf,
         self_play: SelfPlay | None = None,
+        log: Path | None = None,
     ) -> None:
-        """Watch a training whose files go into `folder`."""
+        """Watch a training whose files go into `folder`. log: a folder for TensorBoard."""
         super().__init__()
         self.settings = settings
         self.pace = pace
@@ -75,6 +77,7 @@ class Overseer(BaseCallback):
         self._folder = folder
         self._world = world
         self._tell = tell
+        self._log = configure(str(log), ["tensorboard"]) if log is not None else None
         self._told = time.monotonic()
         self._told_steps = pace.done
         self._rate = 0.0
@@ -89,12 +92,13 @@ class Overseer(BaseCallback):
         )[0]
         return actions
 
-    def imitated(self, decisions: int) -> None:
-        """Take note of decisions outside of the learner's own worlds."""
+    def imitated(self, decisions: int) -> bool:
+        """Take note of decisions outside of the learner's own worlds; return whether to go on."""
         self.pace.done += decisions
         if time.monotonic() - self._told > TELL_S:
             self._look()
         self._examine_in_time()
+        return not self.reached
 
     def _on_step(self) -> bool:
         self.pace.done += self.training_env.num_envs
@@ -137,7 +141,16 @@ class Overseer(BaseCallback):
         row = int(self.pace.share * ROWS)
         if marks is not None or rated or row > self._rows:
             self._rows = row
-            append(self._folder / CURVE, self._point(news))
+            self._note(self._point(news))
+
+    def _note(self, point: Point) -> None:
+        append(self._folder / CURVE, point)
+        if self._log is None:
+            return
+        for name, value in asdict(point).items():
+            if value is not None:
+                self._log.record(f"race/{name}", value)
+        self._log.dump(point.steps)
 
     def _news(self, rate: float, marks: Marks | None) -> News:
         episodes = list(self.model.ep_info_buffer or ())

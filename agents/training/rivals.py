@@ -29,7 +29,8 @@ class Rivals:
 
         The first stays: who forgets how to beat it has learned in circles.
         """
-        self.snapshots.append(snapshot)
+        # A run that was killed before its checkpoint comes to the same snapshot again.
+        self.snapshots = [*(one for one in self.snapshots if one != snapshot), snapshot]
         if len(self.snapshots) > self.settings.snapshots:
             self.snapshots.pop(min(1, len(self.snapshots) - 2)).unlink(missing_ok=True)
 

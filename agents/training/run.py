@@ -65,20 +65,37 @@ def train(
         # Other worlds and other chances than at the beginning.
         learner.set_random_seed(settings.seed + pace.done)
     folder.begin(place, settings)
+    if known := _learned_on(settings):
+        say(
+            f"evaluation.final: {', '.join(known)}: learned on as well, which tells nothing of "
+            "unseen courses; choose others"
+        )
     played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
-    overseer = Overseer(settings, place, world, pace, tell, best_score, played)
+    log = place / "tensorboard" / "race" if tensorboard else None
+    overseer = Overseer(settings, place, world, pace, tell, best_score, played, log)
     try:
         stopped = _learn(settings, learner, world, overseer, say)
         overseer.examine()
         pace.stop()
-        spent = pace.seconds, pace.done
+        told = {
+            "steps": pace.done,
+            "minutes": pace.seconds / 60.0,
+            "stopped": stopped,
+            "resumed": resume,
+        }
         # The latest is for going on; what drives is the best.
         load_checkpoint(place / BEST, learner, world, pace)
-        document = _conclude(settings, place, learner, world, overseer, spent, say)
+        document = _conclude(settings, place, learner, world, overseer, told, say)
     finally:
         world.close()
         overseer.examiner.close()
     return Outcome(place, document, stopped)
+
+
+def _learned_on(settings: Settings) -> list[str]:
+    """Return the courses of the last evaluation that are learned on as well."""
+    learned = set(names_of(settings.tracks))
+    return [name for name in names_of(settings.evaluation.final) if name in learned]
 
 
 def _learn(
@@ -90,7 +107,7 @@ def _learn(
         if pace.share < settings.warm_start.end:
             _imitate(settings, learner, world, overseer, say)
         pace.start()
-        if not pace.is_over:
+        if not (pace.is_over or overseer.reached):
             overseer.method = settings.algorithm.name
             callbacks = [overseer, Schedule(settings, pace)]
             learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
@@ -119,10 +136,13 @@ def _conclude(
     learner: Any,
     world: Normaliser,
     overseer: Overseer,
-    spent: tuple[float, int],
+    told: dict[str, Any],
     say: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Export the best policy, try the file out, and write down what came of it."""
+    """Export the best policy, try the file out, and write down what came of it.
+
+    told: what else is to be known of the run.
+    """
     path = place / POLICY
     export_policy(path, learner, world, nature_from(settings, names_of(settings.tracks)))
     policy = Policy(path)
@@ -148,9 +168,9 @@ def _conclude(
             "parity": parity,
             "compared_observations": len(seen),
             "decision_us": times_of(policy, seen[:TIMED]).mean,
-            "steps": spent[1],
-            "minutes": spent[0] / 60.0,
             "goal_reached": overseer.reached,
+            "learned_on": _learned_on(settings),
+            **told,
         },
     )
     curve.draw(place / CURVE, place / "curve.png", settings.title or place.name)
@@ -167,6 +187,11 @@ def _film(settings: Settings, place: Path, marks: list[Marks], say: Callable[[st
         return
     track = max(lapped, key=lambda one: one.speed).track
     try:
-        record_laps(place, place / POLICY, track, settings.vehicle, settings.evaluation.first_seed)
+        made = record_laps(
+            place, place / POLICY, track, settings.vehicle, settings.evaluation.first_seed
+        )
     except RaceError as error:
         say(f"the laps were not recorded: {error}")
+        return
+    if made is None:
+        say(f"the laps on {track} were not recorded: their race did not come to its end")

@@ -23,18 +23,19 @@ def training_task(settings: Settings) -> Task:
         RaceError: a track, a vehicle or a rule does not exist.
     """
     scenarios = tuple(
-        _with_karts(_scenario(settings, name), karts)
+        _with_karts(_scenario(settings, name), karts, settings.race.learners)
         for name in names_of(settings.tracks)
         for karts in settings.race.sizes
     )
     return _task(settings, scenarios)
 
 
-def _with_karts(scenario: Scenario, karts: int) -> Scenario:
-    """Return a scenario from which all but the first karts stay away."""
-    if not 1 <= karts <= scenario.karts:
+def _with_karts(scenario: Scenario, karts: int, learners: int) -> Scenario:
+    """Return a scenario from which all but the first karts stay away; who learns never does."""
+    if not learners <= karts <= scenario.karts:
         raise ScenarioError(
-            f"race.fields: {karts} karts of race.karts = {scenario.karts}; choose 1 to as many"
+            f"race.fields: {karts} karts, with race.karts = {scenario.karts} and race.learners = "
+            f"{learners}; choose {learners} to {scenario.karts}"
         )
     away = (ABSENT,) * (scenario.karts - karts)
     return replace(scenario, fitted=scenario.fitted * karts + away) if away else scenario

@@ -61,3 +61,9 @@ class View:
         viewed = seen.astype(np.float64)
         viewed[..., self.ranges] = np.log(np.clip(filled, NEAREST, self.reach, dtype=np.float64))
         return viewed
+
+    def undone(self, viewed: NDArray[Any]) -> NDArray[Any]:
+        """Return observations (..., size) of which this is what is viewed."""
+        seen = viewed.astype(np.float64)
+        seen[..., self.ranges] = np.exp(seen[..., self.ranges])
+        return seen

@@ -30,7 +30,7 @@ class RealityGap:
     grip: tuple[float, float] = (1.0, 1.0)  # share of the vehicle's
 
     def ranges(self) -> Floats:
-        """Return low and high of every draw, shape (draws, 2).
+        """Return low and high of every draw, shape (draws, 2), those of delays as whole numbers.
 
         Raises:
             ScenarioError: a range is upside down or out of bounds.
@@ -44,6 +44,8 @@ class RealityGap:
                     f"reality gap {name} from {low:g} to {high:g}: choose low to high "
                     f"between {least:g} and {most:g}"
                 )
+        delays = slice(ACTION_DELAY, OBSERVATION_DELAY + 1)
+        rows[delays] = np.rint(rows[delays])
         return rows
 
 

@@ -90,6 +90,7 @@ class RemoteKart:
         given[: len(numbers)] = numbers
         body, wanted = self._body, self._commanded
         body.speed = self.seen.scalar("speed")
+        body.rescue_offered = int(self.seen.scalar("rescue_offered"))
         read_action(kind, given, self._table, body, self._vehicle, self._memory, wanted)
         body.buttons_before = int(wanted[3])
         self._control = Control(wanted[0], wanted[1], wanted[2], Button(int(wanted[3])))

@@ -44,10 +44,7 @@ def begin_round(world: World, rig: Rig, templates: Templates, w: int) -> None:
     for k in range(world.karts.shape[1]):
         world.karts[w, k] = templates.karts[scenario, k]
         world.vehicles[w, k] = templates.vehicles[scenario, k]
-        for number in range(rig.memory.shape[2]):
-            rig.memory[w, k, number] = 0.0
-        for number in range(4):
-            rig.controls[w, k, number] = 0.0
+        _forget(rig, w, k)
     if rig.settings[0].random_grid:
         _shuffle_grid(world, w)
     # Entry 0: those of the places begin at 1.
@@ -58,6 +55,15 @@ def begin_round(world: World, rig: Rig, templates: Templates, w: int) -> None:
     line_up(world, w)
     for k in range(rig.rewards.shape[1]):
         begin_episode(world, rig, w, k)
+
+
+@kernel
+def _forget(rig: Rig, w: int, k: int) -> None:
+    """Let what a scripted driver remembers, and what it commanded last, be nothing."""
+    for number in range(rig.memory.shape[2]):
+        rig.memory[w, k, number] = 0.0
+    for number in range(4):
+        rig.controls[w, k, number] = 0.0
 
 
 @kernel
@@ -153,6 +159,7 @@ def reenter(world: World, rig: Rig, templates: Templates, w: int, k: int) -> Non
     scenario = rig.rounds[w].scenario
     world.karts[w, k] = templates.karts[scenario, k]
     world.vehicles[w, k] = templates.vehicles[scenario, k]
+    _forget(rig, w, k)
     _find_start(world, rig, templates, w, k, RESPAWN_STREAM)
     place_kart(world, w, k)
     kart, race = world.karts[w, k], world.races[w]
