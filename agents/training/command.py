@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from agents.training.run import Outcome
     from agents.training.settings import Settings
 
+BESIDE_BAR = 17  # characters: share, time that remains, and what is between columns
+
 
 def train(
     preset: Annotated[
@@ -165,10 +167,14 @@ def _bar(
 ) -> Iterator[Callable[["News"], None]]:
     """Show how far a training is and how it goes."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.table import Column
 
+    # On a narrow terminal rather the last figures go than the bar and the time.
+    length = min(40, console.width // 5)
+    words = Column(no_wrap=True, max_width=max(console.width - length - BESIDE_BAR, 12))
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
+        TextColumn("{task.description}", table_column=words),
+        BarColumn(length),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
