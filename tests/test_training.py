@@ -25,7 +25,7 @@ from agents.training.export import difference, export_policy, nature_from
 from agents.training.learner import CLASSES
 from agents.training.overseer import BEST, CURVE, LATEST
 from agents.training.pace import Pace
-from agents.training.run import Outcome, train
+from agents.training.run import Outcome, train, warn_of_lidar
 from agents.training.settings import Tracks
 from agents.training.sheet import as_toml, preset_names, read_settings
 from agents.training.tasks import training_task
@@ -35,7 +35,7 @@ from race_server.driver import Briefing, driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.gap import RealityGap
 from race_server.env.presets import LEARNING_RULES
-from race_server.errors import DriverError, ScenarioError
+from race_server.errors import DriverError, ScenarioError, TrackError
 from race_server.observe import Observation
 from race_server.params import KART_60, TT02, Vehicle
 from race_server.trial.run import numbers_of
@@ -75,8 +75,13 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
     ("change", "message"),
     [
         ("algorithm.name=ppoo", "algorithm.name = 'ppoo': input should be 'ppo', 'sac'"),
-        ("worlds=0", "worlds = '0': input should be greater than or equal to 1"),
-        ("wolds=3", "wolds = '3': no such key; known here are action, algorithm"),
+        ("worlds=0", "worlds = 0: input should be greater than or equal to 1"),
+        ("wolds=3", "wolds = 3: no such key; known here are action, algorithm"),
+        (
+            "curriculum=[{after = 0, track = 'oval'}]",
+            "curriculum.0.track = 'oval': no such key; known",
+        ),
+        ("observation.lidar=3", "observation = .* is no table here; give it whole"),
         ("network.layer=[3]", "network.layer = .* known here are activation, first_action"),
         ("steps=10", "give one of the two"),
         ("algorithm.name=dqn", "dqn needs discrete actions"),
@@ -265,6 +270,64 @@ def test_who_stands_until_he_is_out_was_slow_all_the_time() -> None:
     assert metres > 0.1
     assert marks.speed == pytest.approx(metres / 20.0)
     examiner.close()
+
+
+def test_two_trainings_never_share_a_folder(tmp_path: Path) -> None:
+    with (
+        folder.occupied(tmp_path),
+        pytest.raises(ScenarioError, match="another training is at work there"),
+        folder.occupied(tmp_path),
+    ):
+        pass
+    with folder.occupied(tmp_path):
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_training_that_did_not_begin_leaves_nothing_but_what_was_there(tmp_path: Path) -> None:
+    settings = read_settings("time-trial-ppo")
+    new, used = tmp_path / "new", tmp_path / "used"
+    for place in (new, used):
+        place.mkdir()
+        folder.begin(place, settings)
+    (used / "notes.txt").write_text("mine")
+    folder.abandon(new)
+    folder.abandon(used)
+    assert not new.exists()
+    assert (used / "notes.txt").exists()
+
+
+def test_a_course_of_the_last_evaluation_is_looked_up_before_the_first_lesson(
+    tmp_path: Path,
+) -> None:
+    settings = read_settings("time-trial-ppo", [*QUICK, "evaluation.final.names=['moon']"])
+    with pytest.raises(TrackError, match="track 'moon' is unknown"):
+        train(settings, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_says_how_to_drive_it_with_its_own_vehicle_and_courses(tmp_path: Path) -> None:
+    changes = ["vehicle=kart-60", "evaluation.final={names = ['oval-reversed', 'oval']}"]
+    ways = folder.ways_to_drive(tmp_path, read_settings("time-trial-ppo", changes))
+    assert ways == (
+        f"race trial --drivers learned:{tmp_path} --tracks oval --vehicle kart-60",
+        f"race start --drivers learned:{tmp_path},follow_gap --karts 4 --track oval "
+        "--vehicle kart-60",
+    )
+
+
+def test_a_lidar_that_no_race_shows_is_told_of_at_once() -> None:
+    said: list[str] = []
+    for rays in (21, 100):
+        warn_of_lidar(read_settings("time-trial-ppo", [f"lidar.rays={rays}"]), said.append)
+    assert said == [
+        "lidar.rays = 100: no race shows these, so the policy will drive in none; choose one of "
+        "201, 101, 51, 41, 26, 21"
+    ]
+
+
+def test_demonstrations_are_found_from_anywhere() -> None:
+    settings = read_settings("time-trial-ppo", ["warm_start.demonstrations=laps.npz"])
+    assert settings.warm_start.demonstrations == str(Path.cwd() / "laps.npz")
 
 
 def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:

@@ -158,7 +158,7 @@ def list_policies(as_json: AsJson = False) -> None:
         table.add_column(head, justify="right")
     console = Console()
     for one in known:
-        preset = one.preset if one.is_run else f"{one.preset} (comes along)"
+        preset = one.preset if one.is_run else "comes along"
         facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
         table.add_row(*map(escape, (one.name, *facts)), *_figures(one.evaluation))
     console.print(table)

@@ -46,15 +46,21 @@ def reproduce(
         from agents.reproductions.run import reproduce as reproduce_it
         from agents.reproductions.shelf import reproduction_named, reproduction_names
     if not name:
-        raise ScenarioError(f"name a table to make again: {', '.join(reproduction_names())}")
+        _list({one: reproduction_named(one).title for one in reproduction_names()}, as_json=as_json)
+        return
     plan = reproduction_named(name)
     place = out or RESULTS / (f"{name}-quick" if quick else name)
     console = Console(stderr=True)
-    with _bar(console, quiet=as_json) as tell, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="stable_baselines3")
-        outcome = reproduce_it(
-            name, plan, place, quick=quick, jobs=jobs, rows=rows, seeds=seeds, tell=tell
-        )
+    try:
+        with _bar(console, quiet=as_json) as tell, warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="stable_baselines3")
+            outcome = reproduce_it(
+                name, plan, place, quick=quick, jobs=jobs, rows=rows, seeds=seeds, tell=tell
+            )
+    except OSError as error:
+        raise ScenarioError(
+            f"{error.filename or place}: {error.strerror or error}; the same command goes on"
+        ) from error
     if as_json:
         print_document({"folder": str(place), "stopped": outcome.stopped, **outcome.document})
     else:
@@ -63,6 +69,16 @@ def reproduce(
     if outcome.stopped:
         console.print("stopped; the same command goes on", markup=False)
         sys.exit(130)
+
+
+def _list(titles: dict[str, str], *, as_json: bool) -> None:
+    """Show which tables there are."""
+    if as_json:
+        print_document([{"name": name, "title": title} for name, title in titles.items()])
+        return
+    console = Console()
+    for name, title in titles.items():
+        console.print(f"{name}: {title}", markup=False, highlight=False)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ What learns beside the learner is in them, too: judges with their networks, the 
 are read with PyTorch's restricted reader: nothing is unpickled that could run.
 """
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -73,7 +74,10 @@ def save_checkpoint(
     }
     # Written aside and moved: whoever is killed here leaves the checkpoint before whole.
     aside = path.with_suffix(".part")
-    torch.save(content, aside)
+    # By way of memory: of a full disk PyTorch's writer tells in words of its own.
+    written = io.BytesIO()
+    torch.save(content, written)
+    aside.write_bytes(written.getbuffer())
     aside.replace(path)
 
 

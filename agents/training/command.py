@@ -4,7 +4,7 @@ import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from agents.training.run import Outcome
     from agents.training.settings import Settings
 
+BESIDE_BAR = 17  # characters: share, time that remains, and what is between columns
+
 
 def train(
     preset: Annotated[
@@ -28,7 +30,9 @@ def train(
             help="time-trial, time-trial-ppo, race, full, report-b, or a .toml file of settings."
         ),
     ] = "",
-    track_set: Annotated[str, typer.Option(help="A named set of tracks: train, …")] = "",
+    track_set: Annotated[
+        str, typer.Option(help="A named set: train, train-narrow, train-few, …")
+    ] = "",
     tracks: Annotated[str, typer.Option(help="Comma-separated names, instead of a set.")] = "",
     minutes: Annotated[float | None, typer.Option(help="Learn for so long, in all.")] = None,
     steps: Annotated[int | None, typer.Option(help="Learn for so many decisions, in all.")] = None,
@@ -71,7 +75,9 @@ def train(
         place = folder.new_folder(Path(preset).stem, out)
     console.print(f"run: {place}", markup=False, soft_wrap=True)
     with (
-        _left_clean(place),
+        _disk_named(place),
+        folder.occupied(place),
+        nullcontext() if resume else _left_clean(place),
         _bar(settings, console, quiet=as_json) as tell,
         warnings.catch_warnings(),
     ):
@@ -84,9 +90,19 @@ def train(
             say=lambda text: console.print(text, markup=False, soft_wrap=True),
             tensorboard=tensorboard,
         )
-    _show(outcome, console, as_json=as_json)
+    _show(outcome, settings, console, as_json=as_json)
     if outcome.stopped:
         sys.exit(130)
+
+
+def _check_resumed(resume: str, preset: str, out: Path | None) -> None:
+    """Refuse what a run that goes on would not heed."""
+    for given in (preset, f"--out {out}" if out is not None else ""):
+        if given:
+            raise ScenarioError(
+                f"--resume {resume} goes on with that run's own settings in its own folder: leave "
+                f"out {given}; --set changes a setting"
+            )
 
 
 def _words(
@@ -118,15 +134,6 @@ def _words(
     return words + [f"{name}={value}" for name, value in numbers.items() if value is not None]
 
 
-def _check_resumed(resume: str, preset: str, out: Path | None) -> None:
-    other = preset or (f"--out {out}" if out is not None else "")
-    if other:
-        raise ScenarioError(
-            f"--resume {resume} with {other}: a run goes on with its own settings in its own "
-            "folder; leave out one of the two"
-        )
-
-
 def _run_folder(name: str) -> Path:
     from agents.policies.shelf import runs_folder
 
@@ -136,12 +143,26 @@ def _run_folder(name: str) -> Path:
 
 @contextmanager
 def _left_clean(place: Path) -> Iterator[None]:
-    """Leave no empty folder behind where settings make no training."""
+    """Leave no folder behind where settings make no training."""
+    from agents.training import folder
+
     try:
         yield
     finally:
         with suppress(OSError):
-            place.rmdir()
+            folder.abandon(place)
+
+
+@contextmanager
+def _disk_named(place: Path) -> Iterator[None]:
+    """Say in a sentence what a full or locked disk did to a training."""
+    try:
+        yield
+    except OSError as error:
+        raise ScenarioError(
+            f"{error.filename or place}: {error.strerror or error}; the training is off; where it "
+            "left a latest.pt, --resume goes on"
+        ) from error
 
 
 @contextmanager
@@ -150,10 +171,14 @@ def _bar(
 ) -> Iterator[Callable[["News"], None]]:
     """Show how far a training is and how it goes."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.table import Column
 
+    # On a narrow terminal rather the last figures go than the bar and the time.
+    length = min(40, console.width // 5)
+    words = Column(no_wrap=True, max_width=max(console.width - length - BESIDE_BAR, 12))
     columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
+        TextColumn("{task.description}", markup=False, table_column=words),
+        BarColumn(length),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
@@ -194,7 +219,7 @@ def _marks_in_words(marks: Any) -> str:
     return f"{marks.speed:.2f} m/s, {100.0 * marks.crash_rate:.0f} % crash, {lap}"
 
 
-def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
+def _show(outcome: "Outcome", settings: "Settings", console: Console, *, as_json: bool) -> None:
     if as_json:
         print_document(
             {
@@ -207,7 +232,7 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
         return
     from rich.table import Table
 
-    from agents.policies.shelf import name_of
+    from agents.training.folder import ways_to_drive
 
     known = ", ".join(outcome.evaluation["learned_on"])
     title = "the best policy on unseen courses" + (f", but it learned on {known}" if known else "")
@@ -219,8 +244,5 @@ def _show(outcome: "Outcome", console: Console, *, as_json: bool) -> None:
         figures = (f"{row['speed']:.2f}", f"{row['crash_rate']:.2f}", f"{row['laps']:.1f}")
         table.add_row(row["track"], *figures, lap, f"{row['reward']:.1f}")
     Console().print(table)
-    console.print(
-        f"drive it: race trial --drivers learned:{name_of(outcome.folder)}",
-        markup=False,
-        soft_wrap=True,
-    )
+    alone, _ = ways_to_drive(outcome.folder, settings)
+    console.print(f"drive it: {alone}", markup=False, soft_wrap=True)

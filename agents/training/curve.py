@@ -5,6 +5,14 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+# Of the picture: what is drawn in each, in training and when tried out.
+PANELS = {
+    "return": ("reward", "tried_reward"),
+    "speed [m/s]": ("tried_speed",),
+    "crash rate": ("crash_rate", "tried_crash_rate"),
+    "best lap [s]": ("best_lap_s", "tried_best_lap_s"),
+}
+
 
 @dataclass(frozen=True)
 class Point:
@@ -59,33 +67,39 @@ def read(path: Path) -> list[dict[str, float]]:
 
 
 def draw(table: Path, picture: Path, title: str) -> None:
-    """Draw return, evaluation and laps over the minutes."""
+    """Draw returns, speeds, crashes and laps over the minutes."""
     from matplotlib.figure import Figure
 
     rows = read(table)
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
-    plots: Any = figure.subplots(3, 1, sharex=True)
-    panels = (
-        ("return", {"reward": "training", "tried_reward": "evaluation"}),
-        ("evaluation", {"tried_speed": "speed [m/s]", "tried_crash_rate": "crash rate [-]"}),
-        ("best lap [s]", {"best_lap_s": "training", "tried_best_lap_s": "evaluation"}),
-    )
-    for plot, (label, columns) in zip(plots, panels, strict=True):
-        for column, name in columns.items():
-            points = [(row["minutes"], row[column]) for row in rows if column in row]
-            if points:
-                mark = "o-" if column.startswith("tried") else "-"
-                plot.plot(*zip(*points, strict=True), mark, label=name, markersize=3)
+    figure = Figure(figsize=(9.0, 8.5), layout="constrained")
+    plots: Any = figure.subplots(len(PANELS), 1, sharex=True)
+    for plot, (label, columns) in zip(plots, PANELS.items(), strict=True):
+        for column in columns:
+            _draw_column(plot, rows, column)
         plot.set_ylabel(label)
         plot.grid(alpha=0.3)
         if plot.get_legend_handles_labels()[0]:
-            plot.legend(frameon=False)
+            plot.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        else:
+            plot.text(0.5, 0.5, "none", ha="center", transform=plot.transAxes)
+            plot.set_yticks([])
     for row, before in zip(rows[1:], rows, strict=False):
         if row.get("stage") != before.get("stage"):
             _mark_stage(plots, row)
     plots[-1].set_xlabel("minutes of training")
     figure.suptitle(title)
     figure.savefig(picture, dpi=110)
+
+
+def _draw_column(plot: Any, rows: list[dict[str, float]], column: str) -> None:
+    """Draw one column where there are figures: what was tried out by points, and in orange."""
+    points = [(row["minutes"], row[column]) for row in rows if column in row]
+    if not points:
+        return
+    is_tried = column.startswith("tried")
+    look, colour = ("o-", "tab:orange") if is_tried else ("-", "tab:blue")
+    name = "evaluation" if is_tried else "training"
+    plot.plot(*zip(*points, strict=True), look, color=colour, label=name, markersize=3)
 
 
 def _mark_stage(plots: Any, row: dict[str, float]) -> None:

@@ -1,13 +1,19 @@
 """The folder that a run of training leaves behind."""
 
+import fcntl
 import json
+import os
+import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from agents.policies.shelf import CONFIG, EVALUATION, POLICY, name_of, runs_folder
+from agents.training.courses import REVERSED, names_of
 from agents.training.evaluation import Marks
 from agents.training.settings import Settings
 from agents.training.sheet import as_toml, read_settings
@@ -32,11 +38,42 @@ def new_folder(name: str, wanted: Path | None) -> Path:
         if (place / CONFIG).exists() or (wanted is None and place.exists()):
             continue
         try:
-            place.mkdir(parents=True, exist_ok=True)
+            place.mkdir(parents=True, exist_ok=wanted is not None)
         except OSError as error:
+            if wanted is None and place.is_dir():
+                continue  # another training has just made it
             raise ScenarioError(f"{place}: cannot be made: {error.strerror}") from error
         return place
     raise ScenarioError(f"{places[0]} holds a run already; go on with --resume, or choose another")
+
+
+@contextmanager
+def occupied(folder: Path) -> Iterator[None]:
+    """Keep the folder of a run from other trainings meanwhile; it leaves no trace.
+
+    Raises:
+        ScenarioError: a training is at work there.
+    """
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ScenarioError(
+                f"{folder}: another training is at work there; wait for its end, or choose another"
+            ) from error
+        yield
+    finally:
+        os.close(place)
+
+
+def abandon(folder: Path) -> None:
+    """Take away what `begin` wrote, and the folder with it, where nothing was learned."""
+    found = list(folder.iterdir())
+    if {path.name for path in found} <= {CONFIG, VERSIONS}:
+        for path in found:
+            path.unlink()
+        folder.rmdir()
 
 
 def begin(folder: Path, settings: Settings) -> None:
@@ -84,25 +121,28 @@ def write_readme(folder: Path, settings: Settings, evaluation: dict[str, Any]) -
         f"| {row['track']} | {row['speed']:.2f} | {row['crash_rate']:.2f} | {_lap(row)} |"
         for row in evaluation["tracks"]
     ]
+    alone, among = ways_to_drive(folder, settings)
     text = f"""# {settings.title or folder.name}
 
 Learned by {settings.algorithm.name} in {evaluation["steps"]} decisions and \
 {evaluation["minutes"]:.1f} minutes, seed {settings.seed}.
 
-Do it again, {_likeness(settings, evaluation)}:
+Do it again, in this folder, {_likeness(settings, evaluation)}:
 
     race train {CONFIG}
 
 Go on with it, until it has learned for twice as long in all:
 
-    race train --resume {name_of(folder)} {_twice(settings)}
+    race train --resume {shlex.quote(name_of(folder))} {_twice(settings)}
 
 Drive it:
 
-    race trial --drivers learned:{name_of(folder)} --tracks covapsy-test-2023
-    race start --drivers learned:{name_of(folder)},follow_gap --karts 4
+    {alone}
+    {among}
 
-The best policy, tried out on {settings.evaluation.seeds} seeds from the start grid:
+The best policy on each of the courses of `evaluation.final`, under \
+{settings.evaluation.seeds} seeds from the start grid. The speed is that along the centre line \
+until {settings.evaluation.seconds:g} s or the race are over; who crashed stands until then:
 
 | track | speed [m/s] | crash rate | best lap [s] |
 |---|---|---|---|
@@ -112,6 +152,22 @@ The best policy, tried out on {settings.evaluation.seeds} seeds from the start g
 {evaluation["decision_us"]:.0f} µs for a decision.
 """
     (folder / README).write_text(text, encoding="utf-8")
+
+
+def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, str]:
+    """Return the commands that drive a run's policy: against the clock, and in a race."""
+    driver = shlex.quote(f"learned:{name_of(folder)}")
+    courses = [name for name in names_of(settings.evaluation.final) if not name.endswith(REVERSED)]
+    # Where nothing is said both take the 1/10 car, and a course that is wide enough for it.
+    own = settings.vehicle != Settings.model_fields["vehicle"].default
+    vehicle = f" --vehicle {settings.vehicle}" if own else ""
+    track = shlex.quote(courses[0]) if courses else ""
+    alone = f" --tracks {track}" if track else ""
+    among = f" --track {track}" if track and own else ""
+    return (
+        f"race trial --drivers {driver}{alone}{vehicle}",
+        f"race start --drivers {driver},follow_gap --karts 4{among}{vehicle}",
+    )
 
 
 def _likeness(settings: Settings, evaluation: dict[str, Any]) -> str:

@@ -122,7 +122,8 @@ def _options(settings: Settings) -> dict[str, Any]:
         if key not in known:
             raise ScenarioError(
                 f"algorithm.options.{key} = {value!r}: {settings.algorithm.name} has no such "
-                f"option; known are {', '.join(known)}"
+                f"option; known are {', '.join(known)}; "
+                "--set algorithm.options={} takes their defaults"
             )
     return {
         key: tuple(value) if isinstance(value, list) else value

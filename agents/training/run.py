@@ -25,7 +25,9 @@ from agents.training.pace import Pace
 from agents.training.schedule import Schedule
 from agents.training.self_play import SelfPlay
 from agents.training.settings import Settings
+from agents.training.tasks import evaluation_tasks
 from race_server.errors import RaceError, ScenarioError
+from race_server.scenario.sensors import Lidar
 
 PARITY_STEPS = 200  # decisions whose observations the file and the learner are compared on
 TIMED = 2000  # decisions that are timed
@@ -56,6 +58,9 @@ def train(
         RaceError: the settings make no training, or there is nothing to resume.
     """
     pace = Pace.of(settings)
+    for tracks in (settings.evaluation.tracks, settings.evaluation.final):
+        evaluation_tasks(settings, tracks)  # a wrong name is refused now, not after hours
+    warn_of_lidar(settings, say)
     world = world_of(settings, pace)
     learner = learner_of(settings, world, pace, str(place / "tensorboard") if tensorboard else None)
     best_score = -np.inf
@@ -64,13 +69,15 @@ def train(
         load_checkpoint(place / LATEST, learner, world, pace)
         # Other worlds and other chances than at the beginning.
         learner.set_random_seed(settings.seed + pace.done)
-    folder.begin(place, settings)
+        if pace.is_over:
+            say("all of its time is over, so it learns nothing more: give it more, in all")
     if known := _learned_on(settings):
         say(
             f"evaluation.final: {', '.join(known)}: learned on as well, which tells nothing of "
             "unseen courses; choose others"
         )
     played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
+    folder.begin(place, settings)
     log = place / "tensorboard" / "race" if tensorboard else None
     overseer = Overseer(settings, place, world, pace, tell, best_score, played, log)
     try:
@@ -96,6 +103,17 @@ def _learned_on(settings: Settings) -> list[str]:
     """Return the courses of the last evaluation that are learned on as well."""
     learned = set(names_of(settings.tracks))
     return [name for name in names_of(settings.evaluation.final) if name in learned]
+
+
+def warn_of_lidar(settings: Settings, say: Say) -> None:
+    """Say so where a policy is to see rays that are not among those of a race."""
+    rays, gaps = nature_from(settings, ()).lidar_rays, Lidar().rays - 1
+    if rays and gaps % (rays - 1):
+        fitting = ", ".join(str(gaps // every + 1) for every in range(1, 11) if not gaps % every)
+        say(
+            f"lidar.rays = {rays}: no race shows these, so the policy will drive in none; choose "
+            f"one of {fitting}"
+        )
 
 
 def _learn(

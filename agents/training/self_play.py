@@ -10,9 +10,10 @@ from agents.policies.session import Policy
 from agents.training.courses import names_of
 from agents.training.export import export_policy, nature_from
 from agents.training.normaliser import Normaliser
-from agents.training.rivals import Rivals, driver_of, short_name
-from agents.training.settings import Settings
+from agents.training.rivals import POOL, Rivals, driver_of, short_name
+from agents.training.settings import LEARNER, Settings
 from agents.training.tasks import decision_s, evaluation_tasks
+from race_server.driver import driver_named
 from race_server.env.batch import Batch, Task
 from race_server.env.rig import STAY
 from race_server.env.sb3 import KartVecEnv
@@ -36,7 +37,11 @@ class SelfPlay:
 
         Raises:
             ResultsError: openskill is not installed.
+            DriverError: a seat or an anchor names no driver.
         """
+        for name in sorted({*settings.self_play.seats, *settings.self_play.anchors}):
+            if name not in {LEARNER, POOL}:
+                driver_named(name)  # a wrong one is refused now, not once it is drawn
         self.settings = settings
         self.rivals = Rivals(settings.self_play, folder)
         self.races, self.ratings = _read(folder / RATINGS)

@@ -1,13 +1,22 @@
 """Everything that decides what a run of training learns, in one frozen structure."""
 
-from typing import Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 LEARNER = "learner"  # in the seats of self-play
 Range = tuple[float, float]
 # Logarithms of the deviations of actions: one for all their numbers, or one for each.
 Deviations = float | tuple[float, ...]
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).expanduser().absolute()) if path else ""
+
+
+# In full, so that the settings in a run's folder mean the same file from anywhere.
+File = Annotated[str, AfterValidator(_absolute)]
 
 
 class _Table(BaseModel):
@@ -156,7 +165,7 @@ class WarmStart(_Table):
     # The lane that it is in, which it remembers and a learner cannot see, lies at most so far [m]
     # beside the learner; None: where it remembers.
     lane_reach: float | None = Field(default=None, ge=0.0)
-    demonstrations: str = ""  # a file of `race demonstrate`
+    demonstrations: File = ""  # a file of `race demonstrate`
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
     critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
     critic_learning_rate: float | None = Field(default=None, gt=0.0)  # then; None: as afterwards
@@ -199,7 +208,7 @@ class WarmStart(_Table):
 class Gail(_Table):
     """Reward for driving like demonstrations; without them there is none."""
 
-    demonstrations: str = ""  # a file of `race demonstrate`
+    demonstrations: File = ""  # a file of `race demonstrate`
     scale: float = Field(default=1.0, gt=0.0)
     own_share: float = Field(default=0.0, ge=0.0)  # of the race's own reward that stays
     layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)

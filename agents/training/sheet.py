@@ -5,7 +5,7 @@ import json
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
@@ -81,12 +81,12 @@ def _check_seats(settings: Settings, source: str) -> None:
 def _sentence(error: ValidationError, source: str) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"] if not _is_branch(part))
-    value = str(first.get("input"))[:60]
+    value = repr(first.get("input"))[:60]
     reason = first["msg"][:1].lower() + first["msg"][1:]
     if first["type"] == "extra_forbidden":
         known = ", ".join(_keys_beside(first["loc"]))
         reason = f"no such key; known here are {known}"
-    return f"{source}: {key} = {value!r}: {reason}"
+    return f"{source}: {key} = {value}: {reason}"
 
 
 def _is_branch(part: int | str) -> bool:
@@ -97,8 +97,8 @@ def _is_branch(part: int | str) -> bool:
 def _keys_beside(place: tuple[int | str, ...]) -> list[str]:
     table: Any = Settings
     for key in place[:-1]:
-        if isinstance(key, str):
-            table = table.model_fields[key].annotation
+        # A number stands for one of several tables, such as the stages of a curriculum.
+        table = table.model_fields[key].annotation if isinstance(key, str) else get_args(table)[0]
     return sorted(table.model_fields) if hasattr(table, "model_fields") else []
 
 
@@ -111,7 +111,10 @@ def _apply(words: Words, change: str) -> None:
     for name in tables:
         table = table.setdefault(name, {})
         if not isinstance(table, dict):
-            raise ScenarioError(f"--set {change!r}: {name} is no table")
+            raise ScenarioError(
+                f"--set {change!r}: {name} = {table!r} is no table here; give it whole, such as "
+                f"--set '{name}={{{last} = {value.strip()}}}'"
+            )
     if value.strip() == "none":
         table.pop(last, None)
         return
