@@ -12,6 +12,7 @@ from race_server.params import (
     GRAVITY,
     KART_60,
     TT02,
+    TT02_DRIFT,
     VEHICLES,
     Vehicle,
     vehicle_named,
@@ -73,6 +74,13 @@ def test_reverse_is_as_fast_as_the_controller_allows() -> None:
 def test_at_walking_pace_the_rear_axle_turns_on_the_kinematic_circle() -> None:
     state = drive(TT02, 4.0, steering=1.0, throttle=1.0, cap=0.4)
     assert state[SPEED] / state[YAW_RATE] == pytest.approx(TT02.turning_radius, rel=1e-6)
+
+
+def test_the_drift_kit_lets_the_car_turn_more_tightly() -> None:
+    assert math.degrees(TT02.steering_limit) == pytest.approx(18.0, abs=0.01)
+    assert TT02_DRIFT.turning_radius == pytest.approx(0.257 / math.tan(math.radians(30.0)))
+    state = drive(TT02_DRIFT, 4.0, steering=1.0, throttle=1.0, cap=0.4)
+    assert state[SPEED] / state[YAW_RATE] == pytest.approx(0.445, abs=0.001)
 
 
 def test_grip_bounds_the_lateral_acceleration() -> None:

@@ -14,7 +14,9 @@ Course = Annotated[
         "generated:block:SEED, generated:spline:SEED, generated:spline:SEED:kart."
     ),
 ]
-VehicleName = Annotated[str, typer.Option("--vehicle", help="tt02, kart-13, kart-30 or kart-60.")]
+VehicleName = Annotated[
+    str, typer.Option("--vehicle", help="tt02, tt02-drift, kart-13, kart-30 or kart-60.")
+]
 Karts = Annotated[int, typer.Option(min=1, max=64, help="Seats in the race.")]
 Laps = Annotated[int, typer.Option(min=1, help="Laps to the finish.")]
 Seed = Annotated[int, typer.Option(help="Seed of all chance in the race.")]

@@ -45,7 +45,7 @@ export class ForwardView {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  draw(frame: SnapshotFrame | null, seat: number, race: Race): void {
+  draw(frame: SnapshotFrame | null, seat: number, race: Race, showsLine: boolean): void {
     const { context, eye } = this;
     this.prepare(race);
     const own = frame?.karts.find((kart) => kart.seat === seat) ?? null;
@@ -53,7 +53,7 @@ export class ForwardView {
     else eye.look(1e6, 1e6, 0, this.width, this.height);
     drawBackdrop(context, eye, this.width, this.height);
     if (!own || !frame || !race.course) return;
-    this.drawGround(own, frame, race);
+    this.drawGround(own, frame, race, showsLine);
     const solids = this.solidsOf(own, frame, race);
     solids.sort((one, other) => other.distance - one.distance);
     for (const solid of solids) solid.draw(context);
@@ -68,13 +68,13 @@ export class ForwardView {
     this.walls = race.course ? wallsOf(race.course, WALL_PIECE * length) : [];
   }
 
-  private drawGround(own: KartFrame, frame: SnapshotFrame, race: Race): void {
+  private drawGround(own: KartFrame, frame: SnapshotFrame, race: Race, showsLine: boolean): void {
     const { context, eye, length } = this;
     const course = race.course!;
     drawSurfaces(context, course, eye, EDGE_STEP * length);
     const sample = course.sampleAt(own.progress);
     drawBands(context, course, eye, sample, BAND_STEP * length, REACH * length);
-    if (race.line) {
+    if (showsLine && race.line) {
       const { line } = race;
       const [width, reach] = [LINE_WIDTH * length, LINE_REACH * length];
       drawIdealLine(context, line, eye, line.nearest(own.x, own.y), width, reach);

@@ -3,6 +3,8 @@
 import { encodeControl } from '../wire/encode';
 import { Response } from '../race/response';
 import type { Visit } from '../race/visit.svelte';
+import type { KartFrame } from '../wire/frames';
+import { type Helped, help, type Level, LEVELS } from './assistance';
 import { Pad } from './gamepad';
 import { type Grip, Hands } from './hands';
 import { Keyboard } from './keyboard';
@@ -10,10 +12,14 @@ import { Touch } from './touch';
 import { NEUTRAL, tyreLock } from './wheel';
 
 const SEND_MS = 1000 / 40;
+const KEPT = 'race.help';
 
 export class DrivenSeat {
   grip = $state.raw<Grip>({ device: 'none', wheel: NEUTRAL, isHeld: false });
   responseMs = $state(NaN);
+  level = $state<Level>(keptLevel());
+  /** What the driver is helped with just now. */
+  does = $state.raw<Helped['does']>(null);
   readonly touch = new Touch();
   private readonly keyboard = new Keyboard((speed) =>
     tyreLock(this.visit.race.briefing?.numbers ?? new Map(), speed),
@@ -39,6 +45,12 @@ export class DrivenSeat {
     this.timer = window.setInterval(() => this.drive(), SEND_MS);
   }
 
+  /** Helps more, and after the most not at all. */
+  changeLevel(): void {
+    this.level = LEVELS[(LEVELS.indexOf(this.level) + 1) % LEVELS.length]!;
+    localStorage.setItem(KEPT, this.level);
+  }
+
   close(): void {
     clearInterval(this.timer);
     this.ending.abort();
@@ -61,13 +73,26 @@ export class DrivenSeat {
     const now = performance.now();
     const own = this.visit.race.kart(this.number);
     const wasHeld = this.grip.isHeld;
-    this.grip = this.hands.read(now, own?.speed ?? 0);
+    this.grip = this.helped(this.hands.read(now, own?.speed ?? 0), own);
     if (own) {
       this.response.noteAcknowledged(own.acknowledged, now);
       this.responseMs = this.response.ms;
     }
     // Once more when the hands have left, so that the kart coasts at once.
     if (this.grip.isHeld || wasHeld) this.send(now);
+  }
+
+  private helped(grip: Grip, own: KartFrame | null): Grip {
+    const { buffer, hud, line } = this.visit.race;
+    const frame = buffer.newest;
+    if (!grip.isHeld || !own || !frame) {
+      this.does = null;
+      return grip;
+    }
+    const flag = Math.max(frame.flag, hud?.flag ?? 0);
+    const { wheel, does } = help(this.level, grip.wheel, { own, frame, flag, line });
+    this.does = does;
+    return { ...grip, wheel };
   }
 
   private send(now: number): void {
@@ -81,6 +106,11 @@ export class DrivenSeat {
     const bytes = encodeControl({ epoch, tick, sequence, ...this.grip.wheel });
     if (this.visit.sendBytes(bytes)) this.response.noteSent(sequence, now);
   }
+}
+
+function keptLevel(): Level {
+  const kept = localStorage.getItem(KEPT);
+  return LEVELS.find((level) => level === kept) ?? 'line';
 }
 
 function isButtonKey(code: string): boolean {

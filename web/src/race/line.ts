@@ -13,11 +13,16 @@ export class ReferenceLine {
   readonly count: number;
   readonly zones: Zone[];
   readonly lapS: number;
+  readonly fastest: number; // [m/s]
+  readonly slowest: number; // [m/s]
 
   constructor(readonly frame: LineFrame) {
     this.count = frame.x.length;
     this.zones = Array.from({ length: this.count }, (_, i) => this.zoneAt(i));
     this.lapS = frame.lapS;
+    const speeds = Array.from(frame.speed);
+    this.fastest = Math.max(...speeds);
+    this.slowest = Math.min(...speeds);
   }
 
   /** Returns the index of the point nearest to (x, y), looking near `around` where it is given. */
