@@ -121,17 +121,13 @@ class Echoes:
         return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
 
 
-def time_to_collision(gap: float, closing: float) -> float:
-    """Return how long until a gap [m] is closed at a speed [m/s]; infinite if it is not."""
-    return gap / closing if closing > 0.0 else math.inf
+def braking_time(closing: Floats, limits: Limits) -> Floats:
+    """Return the times to collision (n,) [s] at which the brakes must be full to stop in time.
 
-
-def braking_time(closing: float, limits: Limits) -> float:
-    """Return the time to collision [s] at which the brakes must be full to stop in time.
-
-    Stopping takes closing²/(2 braking) and the way of the reaction: as a time at that speed.
+    closing: (n,) [m/s] by which the distances shrink. Stopping takes closing²/(2 braking) and the
+    way of the reaction: as a time at that speed.
     """
-    return limits.reaction_s + closing / (2.0 * limits.braking)
+    return limits.reaction_s + np.maximum(closing, 0.0) / (2.0 * limits.braking)
 
 
 def way_along(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
@@ -169,7 +165,7 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
-    time_s = limits.reaction_s + np.maximum(echoes.closing, 0.0) / (2.0 * limits.braking)
+    time_s = braking_time(echoes.closing, limits)
     berth = limits.berth + 0.5 * limits.swerve * time_s**2
     beside = np.where(echoes.kinds == codes.OBSTACLE, berth, 0.0)
     ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)

@@ -11,9 +11,9 @@ from race_server.caution import Caution
 from race_server.clock import TICK_S, ticks_of
 from race_server.driver import Briefing, Driver
 from race_server.errors import DriverError, LinkError, WireError
-from race_server.foresight import Foresight
 from race_server.messages import Control
 from race_server.observe import Observation
+from race_server.predictor import Predictor
 from race_server.reception import Reception
 from race_server.renewal import FRESH_LINK_S, Renewal
 from race_server.seat import SILENCE_S, Seat, insist, take_seat
@@ -46,7 +46,7 @@ def drive(
     """Drive one race to its end and return the briefing that the driver had.
 
     raw: the driver sees what came as it came, however old it is, and drives as it likes; else a
-    slow network is allowed for, see `race_server.foresight` and `race_server.caution`.
+    slow network is allowed for, see `race_server.predictor` and `race_server.caution`.
     reception: takes what is heard; tell: is called with it after each observation.
 
     Raises:
@@ -111,7 +111,7 @@ def _answer(
     briefing = seat.welcome.briefing
     decision_ticks = max(ticks_of(briefing.decision_s), 1)
     caution = Caution(briefing.vehicle)
-    foresight = Foresight(briefing.vehicle, briefing.lidar_field)
+    predictor = Predictor(briefing.vehicle, briefing.lidar_field)
     sequence = 0
     epoch = answered = -1
     last = time.monotonic()
@@ -143,10 +143,10 @@ def _answer(
             shown = observation
             if caution.is_needed:
                 age_s = reception.offset.age_s(frame.tick * TICK_S, last)
-                shown = foresight.ahead(observation, last, age_s, caution.late_s)
+                shown = predictor.ahead(observation, last, age_s, caution.late_s)
             control = _call(name, "act", partial(driver.act, shown))
             control = caution.temper(control, shown.scalar("speed"))
-        foresight.note(time.monotonic(), control)
+        predictor.note(time.monotonic(), control)
         sequence += 1
         seat.answer(frame.epoch, sequence, frame.tick, control)
         if observation.scalar("finished") > 0.0:

@@ -48,9 +48,7 @@ def _one(result: RaceResult | None) -> list[RaceResult]:
 
 
 @contextmanager
-def served(
-    karts: int = 2, *, pace: str = LOCKSTEP, laps: int = 1, drivers: int = 0
-) -> Iterator[Live]:
+def served(karts: int = 2, *, pace: str = LOCKSTEP, drivers: int = 0) -> Iterator[Live]:
     """Serve one race; it ends with the block."""
     rules = Rules(laps=1, countdown_s=0.5, finish_limit_s=60.0, limit_s=90.0)
     session = Session("race", Scenario(COURSE, karts=karts, seed=7, rules=rules))

@@ -1,10 +1,15 @@
 """The same source gives the same world whether it is compiled, bounds-checked or interpreted."""
 
+import ast
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import race_server
+from race_server.kernels.jit import kernel_sources
 
 RACE = """
 import numpy as np
@@ -51,3 +56,29 @@ def test_interpreted_kernels_move_the_same_world(compiled: str) -> None:
 @pytest.mark.slow
 def test_no_kernel_reads_outside_its_arrays(compiled: str) -> None:
     assert world_under(NUMBA_BOUNDSCHECK="1") == compiled
+
+
+PACKAGE = Path(race_server.__file__).parent
+# What they raise when a record is made, outside a kernel.
+WITHOUT_NUMBERS = {PACKAGE / "errors.py"}
+
+
+def modules_of(source: Path) -> set[Path]:
+    """Return the files of this package that a file imports."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
+    places = {PACKAGE.parent / f"{name.replace('.', '/')}.py" for name in names}
+    return {place for place in places if place.is_file() and PACKAGE in place.parents}
+
+
+def test_machine_code_is_old_once_any_file_that_the_world_imports_has_changed() -> None:
+    counted = set(kernel_sources())
+    floors = [PACKAGE / floor for floor in ("kernels", "rules", "stages")]
+    world = {path for floor in floors for path in floor.rglob("*.py")}
+    world |= {PACKAGE / "step.py", PACKAGE / "state.py"}
+    assert world <= counted
+    imported = set().union(*(modules_of(source) for source in world))
+    assert PACKAGE / "codes.py" in imported
+    assert imported - counted <= WITHOUT_NUMBERS

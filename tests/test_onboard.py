@@ -18,7 +18,6 @@ from agents.reflex import (
     Verdict,
     braking_time,
     combine,
-    time_to_collision,
     watch_creeping,
     watch_driver,
     watch_fence,
@@ -244,14 +243,10 @@ def wall_ahead(distance: float, closing: float, kind: int = codes.OBSTACLE) -> E
     return Echoes(where, np.zeros(1), np.array([closing]), np.array([kind], np.uint8))
 
 
-def test_a_gap_of_twelve_metres_at_six_a_second_is_two_seconds() -> None:
-    assert time_to_collision(12.0, 6.0) == 2.0
-    assert time_to_collision(12.0, -1.0) == math.inf
-
-
 def test_from_ten_a_second_the_brakes_must_be_full_one_point_two_seconds_before() -> None:
-    # 10 m of braking way and 2 m of reaction: 12 m at 10 m/s.
-    assert braking_time(10.0, LIMITS) == pytest.approx(1.2)
+    # 10 m of braking way and 2 m of reaction: 12 m at 10 m/s; what draws away needs no braking.
+    times = braking_time(np.array([10.0, -3.0]), LIMITS)
+    assert times == pytest.approx([1.2, LIMITS.reaction_s])
 
 
 @pytest.mark.parametrize(("gap", "brakes"), [(12.4, True), (12.6, False)])

@@ -12,10 +12,10 @@ from race_server.caution import FRESH_S, REACH, Caution
 from race_server.drills.sites import drill_sites
 from race_server.drills.wire import Weather
 from race_server.errors import RaceError
-from race_server.foresight import Foresight, moved_scan
 from race_server.messages import Control
 from race_server.observe import Observation, layout_of
 from race_server.params import TT02
+from race_server.predictor import Predictor, moved_scan
 from race_server.relay import Guest, Site, relay
 from race_server.scenario.base import Scenario
 from race_server.server import RaceServer
@@ -94,14 +94,14 @@ def test_drop_outs_are_no_walls() -> None:
 
 def test_a_fresh_view_is_shown_as_it_is() -> None:
     seen = observation(speed=1.0)
-    assert Foresight(TT02, FIELD).ahead(seen, 100.0, 0.02, 0.02) is seen
+    assert Predictor(TT02, FIELD).ahead(seen, 100.0, 0.02, 0.02) is seen
 
 
 def test_an_old_view_is_moved_on_by_what_was_sent_meanwhile() -> None:
-    foresight = Foresight(TT02, FIELD)
+    predictor = Predictor(TT02, FIELD)
     for tenth in range(10):
-        foresight.note(99.0 + 0.1 * tenth, Control(throttle=0.2))
-    shown = foresight.ahead(observation(speed=1.0), 100.0, 0.6, 0.3)
+        predictor.note(99.0 + 0.1 * tenth, Control(throttle=0.2))
+    shown = predictor.ahead(observation(speed=1.0), 100.0, 0.6, 0.3)
     assert shown["lidar"][100] == pytest.approx(3.0 - 0.7, abs=0.1)
     assert shown.scalar("speed") == pytest.approx(1.07, abs=0.1)
     assert shown.tick == 60

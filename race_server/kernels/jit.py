@@ -23,9 +23,11 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 INTERPRET = os.environ.get("RACE_SERVER_INTERPRET", "") == "1"
 
+_PACKAGE = Path(__file__).parent.parent
 # Everything below `step.py`: the only code that a kernel can call or take constants from.
 _SOURCES = (
     "state.py",
+    "codes.py",
     "params.py",
     "clock.py",
     "step.py",
@@ -46,19 +48,26 @@ def cache_root() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "race-server"
 
 
+def kernel_sources() -> list[Path]:
+    """Return the files that hold kernels, and those that kernels take constants from."""
+    places = [_PACKAGE / name for name in _SOURCES]
+    # Drivers may be kernels too, and share helpers of their own; what trains them is none.
+    places += sorted((_PACKAGE.parent / "agents").glob("*.py"))
+    places += [_PACKAGE / "observe.py", _PACKAGE / "autopilot.py"]
+    return [
+        path
+        for place in places
+        for path in (sorted(place.rglob("*.py")) if place.is_dir() else [place])
+    ]
+
+
 @cache
 def source_digest() -> str:
     """Return a digest of all kernel sources and of what else decides the machine code."""
-    package = Path(__file__).parent.parent
     digest = hashlib.sha256()
-    places = [package / name for name in _SOURCES]
-    # Drivers may be kernels too, and share helpers of their own; what trains them is none.
-    places += sorted((package.parent / "agents").glob("*.py"))
-    places += [package / "observe.py", package / "autopilot.py"]
-    for place in places:
-        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-            digest.update(path.relative_to(package.parent).as_posix().encode())
-            digest.update(path.read_bytes())
+    for path in kernel_sources():
+        digest.update(path.relative_to(_PACKAGE.parent).as_posix().encode())
+        digest.update(path.read_bytes())
     settings = (version("numba"), version("numpy"), sys.version, _bounds_checked())
     digest.update(repr(settings).encode())
     return digest.hexdigest()[:16]

@@ -50,3 +50,10 @@ class Course:
     def length(self) -> float:
         """Length of the centre line [m]."""
         return len(self.line) * self.spacing
+
+    def edges(self, beyond: float = 0.0) -> tuple[Floats, Floats]:
+        """Return the left and right edge of the asphalt (N, 2) [m], moved `beyond` [m] outwards."""
+        heading = self.line[:, 2]
+        across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+        left = self.line[:, :2] + (self.half_widths[:, :1] + beyond) * across
+        return left, self.line[:, :2] - (self.half_widths[:, 1:] + beyond) * across

@@ -50,11 +50,11 @@ def _box(course: Course) -> tuple[Floats, Floats]:
 
 def draw_on(axes: Any, course: Course) -> None:
     """Draw a course on matplotlib axes."""
-    left, right = _edges(course, 0.0)
+    left, right = course.edges()
     verge = course.kerb + course.grass
     _fill_between_borders(axes, course, _GRASS if verge > 0.0 else _ASPHALT)
     if course.kerb > 0.0:
-        outer_left, outer_right = _edges(course, course.kerb)
+        outer_left, outer_right = course.edges(course.kerb)
         _ribbon(axes, outer_left, outer_right, _KERB)
     if verge > 0.0:
         _ribbon(axes, left, right, _ASPHALT)
@@ -81,13 +81,6 @@ def draw_on(axes: Any, course: Course) -> None:
         fontsize=11,
         color=_INK,
     )
-
-
-def _edges(course: Course, beyond: float) -> tuple[Floats, Floats]:
-    heading = course.line[:, 2]
-    across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    left = course.line[:, :2] + (course.half_widths[:, :1] + beyond) * across
-    return left, course.line[:, :2] - (course.half_widths[:, 1:] + beyond) * across
 
 
 def _ribbon(axes: Any, left: Floats, right: Floats, colour: str) -> None:
@@ -128,7 +121,7 @@ def _draw_borders(axes: Any, course: Course) -> None:
 
 
 def _draw_gates(axes: Any, course: Course) -> None:
-    left, right = _edges(course, 0.0)
+    left, right = course.edges()
     ends = {gate for gate in course.sectors if gate != 0}
     for gate, progress in enumerate(course.gates):
         index = round(progress / course.spacing) % len(course.line)

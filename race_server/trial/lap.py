@@ -115,9 +115,7 @@ def _root_mean_square(values: Floats) -> float:
 
 def time_at(trace: Floats, progress: Floats) -> Floats:
     """Return when [s] a lap first reached each progress [m]."""
-    reached = np.maximum.accumulate(trace[PROGRESS])
-    first = np.concatenate([[True], np.diff(reached) > 0.0])
-    return np.asarray(np.interp(progress, reached[first], trace[TIME][first]))
+    return column_at(trace, TIME, progress)
 
 
 def column_at(trace: Floats, column: int, progress: Floats) -> Floats:

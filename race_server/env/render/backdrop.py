@@ -58,18 +58,10 @@ def _fill_loops(pen: ImageDraw.ImageDraw, view: View, loops: list[Floats], colou
             pen.polygon(flat(view.pixels(loops[number][:, :2])), fill=fill)
 
 
-def _edges(course: Course, beyond: float) -> tuple[Floats, Floats]:
-    """Return the left and right edge of the asphalt (N, 2), moved `beyond` [m] outwards."""
-    heading = course.line[:, 2]
-    across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    left = course.line[:, :2] + (course.half_widths[:, :1] + beyond) * across
-    return left, course.line[:, :2] - (course.half_widths[:, 1:] + beyond) * across
-
-
 def _fill_ribbon(
     pen: ImageDraw.ImageDraw, view: View, course: Course, beyond: float, colour: Colour
 ) -> None:
-    left, right = (view.pixels(edge) for edge in _edges(course, beyond))
+    left, right = (view.pixels(edge) for edge in course.edges(beyond))
     after = np.roll(np.arange(len(left)), -1)
     for piece in np.stack([left, left[after], right[after], right], axis=1):
         pen.polygon(flat(piece), fill=colour)
@@ -88,7 +80,7 @@ def _draw_centre(pen: ImageDraw.ImageDraw, view: View, course: Course) -> None:
 def _draw_timing_line(pen: ImageDraw.ImageDraw, view: View, course: Course) -> None:
     """Draw two rows of black and white squares across the asphalt."""
     index = round(course.gates[0] / course.spacing) % len(course.line)
-    left, right = (view.pixels(edge[index : index + 1])[0] for edge in _edges(course, 0.0))
+    left, right = (view.pixels(edge[index : index + 1])[0] for edge in course.edges())
     width = float(np.hypot(*(right - left)))
     count = max(4, round(width / (5.0 * _DETAIL)))
     across = (right - left) / count

@@ -3,7 +3,6 @@
 export const Phase = { lobby: 0, countdown: 1, running: 2, finished: 3 } as const;
 export const Flag = { green: 0, yellow: 1, red: 2 } as const;
 export const Status = { absent: 0, racing: 1, finished: 2, retired: 3 } as const;
-export const Trust = { simulated: 0, trusted: 1, doubtful: 2, parked: 3, out: 4 } as const;
 export const Button = { useItem: 1, acceptRescue: 2 } as const;
 
 /** Bits of a kart's flags in a snapshot. */

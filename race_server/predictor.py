@@ -23,7 +23,7 @@ from race_server.params import Vehicle, vehicle_record
 from race_server.silence import FRESH_TICKS
 from race_server.state import Floats
 
-# A shorter time is not worth while looking beyond [s]; what lies further ahead is guesswork.
+# A shorter time [s] is not worth predicting over; what lies further ahead is guesswork.
 SHORT_S, FURTHEST_S = 0.15, 1.5
 STEP_S = 1.0 / 30.0
 # A control is small and nothing waits behind it: it takes less than what the driver sees took.
@@ -34,7 +34,7 @@ _POINTS = (("path_ahead_x", "path_ahead_y"), ("karts_x", "karts_y"), ("hazards_x
 
 
 @dataclass
-class Foresight:
+class Predictor:
     """Remembers what was sent, and moves what is seen on to the moment that counts."""
 
     vehicle: Vehicle
