@@ -127,7 +127,7 @@ def test_a_quick_page_says_so_and_names_what_is_assumed() -> None:
     text = page(plan, plan.quick, lines, {"Made by": "`it`"}, quick=True)
     assert "QUICK: 6144 decisions" in text
     assert "So far 1 of 8 runs are there; a row says of how many it is the mean" in text
-    assert "none of: DQN; SAC." in text
+    assert "none of: DQN; SAC; as printed: PPO, never slower." in text
     assert "| PPO | 3.86 | converges fastest | 1.00 |" in text
     assert "- Made by: `it`" in text
     assert "QUICK" not in page(plan, plan.full, lines, {}, quick=False)
