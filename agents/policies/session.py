@@ -79,7 +79,7 @@ def _session_of(path: Path) -> Any:
         import onnxruntime
     except ImportError as error:
         raise DriverError(
-            f"{path}: onnxruntime is not installed: `pip install race-server[policy]` brings it"
+            f"{path}: onnxruntime is not installed: `pip install onnxruntime` brings it"
         ) from error
     options = onnxruntime.SessionOptions()
     # A network this small is slower on many threads, and a race has many drivers.
