@@ -2,6 +2,7 @@
 
 import statistics
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,9 @@ ROUNDS = 3  # in turns: ours, ceiling, ours, ceiling and so on
 def bench_learn(*, rollouts: int = ROLLOUTS) -> dict[str, Any]:
     """Return the figures of `race bench learn`: time steps of `learn` per second of CPU time.
 
+    The shares are of the time of ours: `world_share` in `step_wait`, `gradients_share` in `train`,
+    and `rollouts_share` for all between, answers of the network and the buffer.
+
     Raises:
         ScenarioError: Stable-Baselines3 or PyTorch is not installed.
     """
@@ -38,6 +42,7 @@ def bench_learn(*, rollouts: int = ROLLOUTS) -> dict[str, Any]:
         for _ in range(ROUNDS):
             for name, learner in learners.items():
                 fps[name].append(_learn(learner, rollouts))
+        shares = _shares(learners["ours"], ours, rollouts)
     finally:
         ours.close()
         torch.set_num_threads(threads)
@@ -46,6 +51,7 @@ def bench_learn(*, rollouts: int = ROLLOUTS) -> dict[str, Any]:
         "ceiling_fps": round(medians["ceiling"]),
         "ours_fps": round(medians["ours"]),
         "ratio": round(medians["ours"] / medians["ceiling"], 3),
+        **{f"{name}_share": round(share, 3) for name, share in shares.items()},
         "batch_size": BATCH_SIZE,
         "n_steps": DECISIONS,
         "n_epochs": EPOCHS,
@@ -77,6 +83,25 @@ def _learn(learner: "PPO", rollouts: int) -> float:
     begun = time.process_time()
     learner.learn(steps, reset_num_timesteps=False)
     return steps / (time.process_time() - begun)
+
+
+def _shares(learner: Any, env: Any, rollouts: int) -> dict[str, float]:
+    """Return where the CPU time of a learner goes."""
+    spent = {"world": 0.0, "gradients": 0.0}
+
+    def timed(name: str, work: Callable[[], Any]) -> Callable[[], Any]:
+        def do() -> Any:
+            begun = time.process_time()
+            done = work()
+            spent[name] += time.process_time() - begun
+            return done
+
+        return do
+
+    env.step_wait, learner.train = timed("world", env.step_wait), timed("gradients", learner.train)
+    whole = rollouts * DECISIONS * WORLDS * KARTS / _learn(learner, rollouts)
+    shares = {name: seconds / whole for name, seconds in spent.items()}
+    return {**shares, "rollouts": 1.0 - sum(shares.values())}
 
 
 def _free_of_cost(like: "VecEnv") -> "VecEnv":
