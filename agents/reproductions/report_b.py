@@ -17,8 +17,8 @@ ASSUMPTIONS = (
     "Increments of speed lie between -1 and 1. The report prints 0 to 1, with which a car can keep "
     "the speed that is set or raise it, but never lower it; but its remarks are of cars that slow "
     "down, and its real car had negative increments. The row 'as printed' is without them.",
-    "The reward pays 12 for each metre to whatever is nearest, so a car that stands in the middle of "
-    "the road earns well and never crashes: networks whose mean speed is below 0.1 m/s found that.",
+    "The reward pays 12 for each metre to whatever is nearest, so a car that stands in the middle "
+    "of the road earns well and never crashes: networks slower than 0.1 m/s found that.",
     "Decisions are 0.05 s apart and scans 0.1 s; the report does not say how long a step is.",
     "A touch of a wall or a car is a crash, besides a range under 120 mm.",
     "Other cars are the driver `avoider`; the network has two layers of 64, the library's default.",
