@@ -71,7 +71,8 @@ def train(
         learner.set_random_seed(settings.seed + pace.done)
         if pace.is_over:
             say("all of its time is over, so it learns nothing more: give it more, in all")
-    if known := _learned_on(settings):
+    known = _learned_on(settings)
+    if known:
         say(
             f"evaluation.final: {', '.join(known)}: learned on as well, which tells nothing of "
             "unseen courses; choose others"
@@ -89,6 +90,7 @@ def train(
             "minutes": pace.seconds / 60.0,
             "stopped": stopped,
             "resumed": resume,
+            "learned_on": known,
         }
         # The latest is for going on; what drives is the best.
         load_checkpoint(place / BEST, learner, world, pace)
@@ -187,7 +189,6 @@ def _conclude(
             "compared_observations": len(seen),
             "decision_us": times_of(policy, seen[:TIMED]).mean,
             "goal_reached": overseer.reached,
-            "learned_on": _learned_on(settings),
             **told,
         },
     )

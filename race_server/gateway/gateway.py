@@ -113,13 +113,12 @@ def _room_for_connections() -> int:
     Half of what this process may open: browsers, recordings and the race need room too.
     """
     files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if files != resource.RLIM_INFINITY:
-        files = max(
-            files, WANTED_FILES if most == resource.RLIM_INFINITY else min(most, WANTED_FILES)
-        )
-        resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
-        return min(files // 2, MOST_CONNECTIONS)
-    return MOST_CONNECTIONS
+    if files == resource.RLIM_INFINITY:
+        return MOST_CONNECTIONS
+    may = WANTED_FILES if most == resource.RLIM_INFINITY else min(most, WANTED_FILES)
+    files = max(files, may)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
+    return min(files // 2, MOST_CONNECTIONS)
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -83,14 +83,14 @@ export class DrivenSeat {
   }
 
   private helped(grip: Grip, own: KartFrame | null): Grip {
-    const { buffer, hud, line } = this.visit.race;
-    const frame = buffer.newest;
+    const { race } = this.visit;
+    const frame = race.buffer.newest;
     if (!grip.isHeld || !own || !frame) {
       this.does = null;
       return grip;
     }
-    const flag = Math.max(frame.flag, hud?.flag ?? 0);
-    const { wheel, does } = help(this.level, grip.wheel, { own, frame, flag, line });
+    const situation = { own, frame, flag: race.flagIn(frame), line: race.line };
+    const { wheel, does } = help(this.level, grip.wheel, situation);
     this.does = does;
     return { ...grip, wheel };
   }

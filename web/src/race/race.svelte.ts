@@ -124,6 +124,11 @@ export class Race {
     return this.buffer.newest?.karts.find((kart) => kart.seat === seat) ?? null;
   }
 
+  /** The flag that this page's driver is shown: that of the race, or a graver one of its own. */
+  flagIn(frame: SnapshotFrame): number {
+    return Math.max(frame.flag, this.hud?.flag ?? 0);
+  }
+
   /** Forgets what was driven, for another race or another place in a recording. */
   forget(): void {
     this.forgetDriving();
