@@ -5,7 +5,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 
 # The page that browsers show, and what it is made of.
-PAGE   := race_server/gateway/page/index.html
+PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
@@ -41,7 +41,7 @@ check: lint check-page test
 setup: $(VENV)/.installed-test
 
 schemas: $(VENV)/.installed-test
-	$(BIN)/python -m race_server.wire.generate
+	$(BIN)/python -m race_server.net.wire.generate
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.12")'
@@ -58,7 +58,7 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(VENV)/bin/python
 	@touch $@ $(VENV)/.installed
 
 limits: $(VENV)/.installed-test
-	$(BIN)/python -m race_server.limit.ship
+	$(BIN)/python -m race_server.scenario.raceline.export
 
 clean:
-	rm -rf $(VENV) web/node_modules race_server/gateway/page .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) web/node_modules race_server/live/gateway/page .mypy_cache .ruff_cache .pytest_cache .hypothesis

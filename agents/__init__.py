@@ -1,1 +1,1 @@
-"""Drivers. Each is found by its name through the entry points `race_server.drivers`."""
+"""Drivers, their training and the program of a real kart; installed as `race_agents`."""

@@ -1,29 +1,24 @@
 """What all tests share: the kernels are compiled once, and small worlds are quick to make."""
 
 import os
-import sys
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
 # No test writes to the results of whoever runs it.
 os.environ["RACE_SERVER_RESULTS"] = "none"
 os.environ["RACE_SERVER_RECORDINGS"] = "none"
 # Races of tests are not watched.
 os.environ["RACE_SERVER_PAGE"] = "0"
 
-from courses import ring
-
-from race_server.scenario.base import Scenario, make_world
-from race_server.step import advance
+from race_server.core.step import advance
+from race_server.scenario.race import Scenario, make_world
+from support.courses import ring
 
 if TYPE_CHECKING:
-    from trainings import Train
-
-    from agents.training.run import Outcome
+    from race_agents.training.run import Outcome
+    from support.trainings import Train
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -38,9 +33,9 @@ def compiled() -> None:
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> "Train":
     """Trains by a preset with changes: each training once, in a folder of its own."""
-    from agents.training import folder
-    from agents.training.run import train
-    from agents.training.sheet import read_settings
+    from race_agents.training import folder
+    from race_agents.training.run import train
+    from race_agents.training.settings_toml import read_settings
 
     @cache
     def train_by(preset: str, changes: tuple[str, ...]) -> "Outcome":

@@ -4,7 +4,7 @@ import { join } from 'node:path';
 import { gzipSync } from 'node:zlib';
 
 const MOST_KIB = 120;
-const folder = new URL('../race_server/gateway/page/', import.meta.url).pathname;
+const folder = new URL('../race_server/live/gateway/page/', import.meta.url).pathname;
 
 function filesIn(path) {
   return readdirSync(path, { withFileTypes: true }).flatMap((entry) =>

@@ -8,7 +8,7 @@ export default defineConfig({
   plugins: [svelte()],
   base: './',
   build: {
-    outDir: '../race_server/gateway/page',
+    outDir: '../race_server/live/gateway/page',
     emptyOutDir: true,
     target: 'es2022',
     modulePreload: { polyfill: false },

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.policies.nature import INPUT, OUTPUT, Nature, nature_of
-from agents.policies.shelf import policy_bytes
-from race_server.env.actions import ACTIONS, WIDTHS
+from race_agents.policies.metadata import INPUT, OUTPUT, Nature, nature_of
+from race_agents.policies.registry import policy_bytes
+from race_server.envs.actions import ACTIONS, WIDTHS
 from race_server.errors import DriverError
 
 Float32s = NDArray[np.float32]

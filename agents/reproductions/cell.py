@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.reproductions.exam import examine
-from agents.reproductions.plan import Exam, Reproduction, Row, Scale
-from agents.reproductions.world import actions_of, world_of
-from agents.training.learner import learner_of
-from agents.training.pace import Pace
-from agents.training.settings import Settings
-from agents.training.sheet import as_toml, read_settings
+from race_agents.reproductions.exam import examine
+from race_agents.reproductions.plan import Exam, Reproduction, Row, Scale
+from race_agents.reproductions.world import actions_of, world_of
+from race_agents.training.budget import Pace
+from race_agents.training.learner import learner_of
+from race_agents.training.settings import Settings
+from race_agents.training.settings_toml import as_toml, read_settings
 from race_server.errors import ScenarioError
 
 POINTS = 40  # of the curve of a training

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.reproductions.plan import Exam
-from agents.training.settings import Settings
-from agents.training.tasks import decision_s, evaluation_tasks
-from race_server.env.batch import Batch
-from race_server.env.rewards import TERMS
-from race_server.env.rig import RESET_WORLD
+from race_agents.reproductions.plan import Exam
+from race_agents.training.settings import Settings
+from race_agents.training.tasks import decision_s, evaluation_tasks
+from race_server.envs.batch import Batch
+from race_server.envs.buffers import RESET_WORLD
+from race_server.envs.rewards import TERMS
 
 Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
 

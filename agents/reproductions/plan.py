@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from agents.training.settings import Tracks
+from race_agents.training.settings import Tracks
 from race_server.errors import ScenarioError
 
 
@@ -54,7 +54,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Column:
-    """A figure that is shown, see `agents.reproductions.exam.Figures`."""
+    """A figure that is shown, see `race_agents.reproductions.exam.Figures`."""
 
     key: str
     head: str

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from agents.reproductions.plan import Reproduction
-from agents.reproductions.summary import Line
+from race_agents.reproductions.plan import Reproduction
+from race_agents.reproductions.summary import Line
 
 OURS, THEIRS = "tab:blue", "tab:orange"
 

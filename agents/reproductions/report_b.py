@@ -1,6 +1,6 @@
 """What all reproductions of the report of the 1/10 race share."""
 
-from agents.reproductions.plan import Row, Twist
+from race_agents.reproductions.plan import Row, Twist
 
 # It divides what the car sees by the largest values that can be.
 OWN = Twist(scaling="largest")

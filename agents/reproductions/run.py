@@ -11,12 +11,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.reproductions.cell import Cell, cells_of, drive_cell, read_cell, write_cell
-from agents.reproductions.plan import Reproduction, Scale
-from agents.reproductions.plot import draw
-from agents.reproductions.summary import Line, lines_of, remarks_on
-from agents.reproductions.table import page, scale_words
-from agents.training.folder import versions
+from race_agents.reproductions.cell import Cell, cells_of, drive_cell, read_cell, write_cell
+from race_agents.reproductions.plan import Reproduction, Scale
+from race_agents.reproductions.plot import draw
+from race_agents.reproductions.summary import Line, lines_of, remarks_on
+from race_agents.reproductions.table import page, scale_words
+from race_agents.training.folder import versions
 from race_server.errors import ScenarioError
 
 CELLS, TABLE, FIGURES, PLOT = "cells", "README.md", "table.json", "plot.png"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.reproductions.plan import Column, Reproduction, Row
+from race_agents.reproductions.plan import Column, Reproduction, Row
 
 
 @dataclass(frozen=True)

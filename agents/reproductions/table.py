@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from agents.reproductions.plan import Column, Reproduction, Scale
-from agents.reproductions.summary import Line, remarks_on
+from race_agents.reproductions.plan import Column, Reproduction, Scale
+from race_agents.reproductions.summary import Line, remarks_on
 
 NOTHING = "–"
 

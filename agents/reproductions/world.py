@@ -9,13 +9,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
 
-from agents.reproductions.plan import Twist
-from agents.training.learner import world_of as training_world_of
-from agents.training.pace import Pace
-from agents.training.settings import Settings
-from race_server.env.sb3 import KartVecEnv
-from race_server.observe import Layout
-from race_server.params import vehicle_named
+from race_agents.reproductions.plan import Twist
+from race_agents.training.budget import Pace
+from race_agents.training.learner import world_of as training_world_of
+from race_agents.training.settings import Settings
+from race_server.core.observation import Layout
+from race_server.core.vehicles import vehicle_named
+from race_server.envs.sb3 import KartVecEnv
 from race_server.scenario.sensors import Lidar
 
 Array = NDArray[Any]

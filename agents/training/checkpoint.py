@@ -13,11 +13,11 @@ import numpy as np
 import torch
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from agents.training.curriculum import Stages
-from agents.training.normaliser import Normaliser, put_back, state_of
-from agents.training.pace import Pace
-from agents.training.rewarded import Rewarded
-from race_server.env.sb3 import KartVecEnv
+from race_agents.training.budget import Pace
+from race_agents.training.curriculum import Stages
+from race_agents.training.normaliser import Normaliser, put_back, state_of
+from race_agents.training.reward_wrapper import Rewarded
+from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")

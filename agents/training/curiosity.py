@@ -12,9 +12,9 @@ import numpy as np
 import torch
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
-from agents.training.normaliser import put_back, state_of
-from agents.training.rewarded import Rows, Scale, network
-from agents.training.settings import Curiosity
+from race_agents.training.normaliser import put_back, state_of
+from race_agents.training.reward_wrapper import Rows, Scale, network
+from race_agents.training.settings import Curiosity
 
 
 class Curious:

@@ -4,10 +4,10 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agents.training.courses import names_of
-from agents.training.pace import Pace
-from agents.training.settings import Settings
+from race_agents.training.budget import Pace
+from race_agents.training.settings import Settings
 from race_server.errors import ScenarioError
+from race_server.scenario.track.sets import names_of
 
 NONE_YET = -1  # in place of the number of a stage
 
@@ -24,7 +24,7 @@ class Stages:
         Raises:
             ScenarioError: a stage names a track that is not trained on.
         """
-        names = names_of(settings.tracks)
+        names = names_of(settings.tracks.names, settings.tracks.set)
         self.stages = sorted(settings.curriculum, key=lambda stage: stage.after)
         for track in (track for stage in self.stages for track in stage.tracks):
             if track not in names:

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.learned import places_in
-from agents.training.export import nature_from
-from agents.training.settings import Settings
-from agents.training.teacher import actions_of
-from race_server.env.actions import CONTINUOUS, CONTROL, action_kind
+from race_agents.drivers.learned import places_in
+from race_agents.training.export import nature_from
+from race_agents.training.settings import Settings
+from race_agents.training.teacher import actions_of
+from race_server.core.observation import layout_of
+from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
-from race_server.observe import layout_of
 
 # Raise it when a part of an observation or a control comes to mean something else.
 VERSION = 1

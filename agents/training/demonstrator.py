@@ -6,15 +6,15 @@ from functools import partial
 
 import numpy as np
 
-from agents.training.demonstrations import About, Demonstrations
-from race_server.driver import Briefing, Driver, driver_named
+from race_agents.training.demonstrations import About, Demonstrations
+from race_server.competition.time_trial.gaps import DECISION_S
+from race_server.competition.time_trial.run import Run, drive_cell, numbers_of
+from race_server.competition.time_trial.run_spec import Cell
+from race_server.core.driver import Briefing, Driver, driver_named
+from race_server.core.messages import Button, Control
+from race_server.core.observation import PRESETS, Observation, layout_of
 from race_server.errors import ScenarioError
-from race_server.messages import Button, Control
-from race_server.observe import PRESETS, Observation, layout_of
 from race_server.scenario.sensors import Lidar
-from race_server.trial.cell import Cell
-from race_server.trial.gaps import DECISION_S
-from race_server.trial.run import Run, drive_cell, numbers_of
 
 EVERYTHING = "full"
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.training.courses import names_of
-from agents.training.settings import Goal, Settings, Tracks
-from agents.training.tasks import decision_s, evaluation_tasks
-from race_server import codes
-from race_server.env.batch import Batch
-from race_server.env.rig import STAY
+from race_agents.training.settings import Goal, Settings, Tracks
+from race_agents.training.tasks import decision_s, evaluation_tasks
+from race_server.core import codes
+from race_server.envs.batch import Batch
+from race_server.envs.buffers import STAY
+from race_server.scenario.track.sets import names_of
 
 # Takes observations (n, size), returns actions (n, A).
 Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
@@ -56,7 +56,7 @@ class Examiner:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return names_of(self.tracks)
+        return names_of(self.tracks.names, self.tracks.set)
 
     def _batch(self, name: str) -> Batch:
         if not self.batches:

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from stable_baselines3 import DQN, PPO, SAC, TD3
 
-from agents.policies.nature import INPUT, KEY, OUTPUT, Nature
-from agents.policies.session import Policy
-from agents.training.normaliser import Normaliser
-from agents.training.settings import Settings
-from agents.training.sheet import digest_of
-from agents.training.tasks import decision_s
-from agents.training.view import NEAREST, View
+from race_agents.policies.metadata import INPUT, KEY, OUTPUT, Nature
+from race_agents.policies.session import Policy
+from race_agents.training.normaliser import Normaliser
+from race_agents.training.settings import Settings
+from race_agents.training.settings_toml import digest_of
+from race_agents.training.tasks import decision_s
+from race_agents.training.view import NEAREST, View
 from race_server import __version__
+from race_server.core.observation import PARTS, layout_of
 from race_server.errors import ScenarioError
-from race_server.observe import PARTS, layout_of
 from race_server.scenario.sensors import Lidar
 
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime that runs on our Pythons

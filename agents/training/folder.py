@@ -12,12 +12,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from agents.policies.shelf import CONFIG, EVALUATION, POLICY, name_of, runs_folder
-from agents.training.courses import REVERSED, names_of
-from agents.training.evaluation import Marks
-from agents.training.settings import Settings
-from agents.training.sheet import as_toml, read_settings
+from race_agents.policies.registry import CONFIG, EVALUATION, POLICY, name_of, runs_folder
+from race_agents.training.evaluation import Marks
+from race_agents.training.settings import Settings
+from race_agents.training.settings_toml import as_toml, read_settings
 from race_server.errors import ScenarioError
+from race_server.scenario.track.sets import REVERSED, names_of
 
 VERSIONS, README = "versions.json", "README.md"
 PACKAGES = ("race-server", "torch", "stable-baselines3", "numpy", "numba", "gymnasium", "onnx")
@@ -157,7 +157,11 @@ until {settings.evaluation.seconds:g} s or the race are over; who crashed stands
 def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, str]:
     """Return the commands that drive a run's policy: against the clock, and in a race."""
     driver = shlex.quote(f"learned:{name_of(folder)}")
-    courses = [name for name in names_of(settings.evaluation.final) if not name.endswith(REVERSED)]
+    courses = [
+        name
+        for name in names_of(settings.evaluation.final.names, settings.evaluation.final.set)
+        if not name.endswith(REVERSED)
+    ]
     # Where nothing is said both take the 1/10 car, and a course that is wide enough for it.
     own = settings.vehicle != Settings.model_fields["vehicle"].default
     vehicle = f" --vehicle {settings.vehicle}" if own else ""

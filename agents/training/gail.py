@@ -12,9 +12,9 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from agents.training.demonstrations import pairs_for
-from agents.training.rewarded import Rows, Scale, network
-from agents.training.settings import Gail, Settings
+from race_agents.training.demonstrations import pairs_for
+from race_agents.training.reward_wrapper import Rows, Scale, network
+from race_agents.training.settings import Gail, Settings
 
 
 class Discriminator:

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
-from agents.training.demonstrations import pairs_for
-from agents.training.lessons import Lessons, Memory
-from agents.training.lines import Say, find_lines
-from agents.training.normaliser import Normaliser
-from agents.training.pace import Pace
-from agents.training.schedule import deviations
-from agents.training.settings import Settings, WarmStart
-from agents.training.tasks import training_task
-from agents.training.teacher import Teacher, shown_to_both
-from race_server.env.actions import CONTINUOUS, CONTROL, action_kind
-from race_server.env.batch import Batch
-from race_server.env.vector import after_an_episode
+from race_agents.training.budget import Pace
+from race_agents.training.demonstrations import pairs_for
+from race_agents.training.lines import Say, find_lines
+from race_agents.training.normaliser import Normaliser
+from race_agents.training.schedule import deviations
+from race_agents.training.settings import Settings, WarmStart
+from race_agents.training.supervised import Lessons, Memory
+from race_agents.training.tasks import training_task
+from race_agents.training.teacher import Teacher, shown_to_both
+from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
+from race_server.envs.batch import Batch
+from race_server.envs.vector import after_an_episode
 from race_server.errors import ScenarioError
 
 FIRM = 1e12  # observations after which means do not move any more

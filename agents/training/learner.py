@@ -11,17 +11,17 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from agents.training.curiosity import Curious
-from agents.training.curriculum import Stages
-from agents.training.gail import Discriminator
-from agents.training.normaliser import Normaliser
-from agents.training.pace import Pace
-from agents.training.rewarded import Judge, Rewarded, width_of
-from agents.training.schedule import deviations
-from agents.training.settings import Settings
-from agents.training.tasks import training_task
-from agents.training.view import View
-from race_server.env.sb3 import KartVecEnv
+from race_agents.training.budget import Pace
+from race_agents.training.curiosity import Curious
+from race_agents.training.curriculum import Stages
+from race_agents.training.gail import Discriminator
+from race_agents.training.normaliser import Normaliser
+from race_agents.training.reward_wrapper import Judge, Rewarded, width_of
+from race_agents.training.schedule import deviations
+from race_agents.training.settings import Settings
+from race_agents.training.tasks import training_task
+from race_agents.training.view import View
+from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "dqn": DQN}

@@ -7,14 +7,14 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import get_context
 
+from race_server.core.vehicles import Vehicle
 from race_server.errors import RaceError
-from race_server.limit.bounds import bounds_of
-from race_server.limit.detour import around
-from race_server.limit.line import line_of
-from race_server.limit.reference import known_limit, reference_limit
-from race_server.params import Vehicle
-from race_server.scenario.base import Scenario
-from race_server.track.course import Course
+from race_server.scenario.race import Scenario
+from race_server.scenario.raceline.attach import line_of
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.raceline.detour import around
+from race_server.scenario.raceline.reference import known_limit, reference_limit
+from race_server.scenario.track.course import Course
 
 Say = Callable[[str], None]
 Job = tuple[Course, Vehicle, float | None]  # and the margin [m]

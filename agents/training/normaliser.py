@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from agents.training.view import View
+from race_agents.training.view import View
 
 Rows = NDArray[Any]
 

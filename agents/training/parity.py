@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-from agents.policies.proof import Rows
-from agents.policies.session import Policy
-from agents.policies.shelf import BEST
-from agents.training.checkpoint import load_checkpoint
-from agents.training.courses import names_of
-from agents.training.export import difference
-from agents.training.folder import settings_in
-from agents.training.learner import learner_of, world_of
-from agents.training.pace import Pace
-from agents.training.settings import Curiosity, Gail, Settings, Tracks
+from race_agents.policies.registry import BEST
+from race_agents.policies.session import Policy
+from race_agents.policies.verification import Rows
+from race_agents.training.budget import Pace
+from race_agents.training.checkpoint import load_checkpoint
+from race_agents.training.export import difference
+from race_agents.training.folder import settings_in
+from race_agents.training.learner import learner_of, world_of
+from race_agents.training.settings import Curiosity, Gail, Settings, Tracks
+from race_server.scenario.track.sets import names_of
 
 
 def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
@@ -35,7 +35,7 @@ def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
 
 def _small(settings: Settings) -> Settings:
     """Return what makes the same learner in a smaller world: nothing is to be learned."""
-    first = names_of(settings.tracks)[0]
+    first = names_of(settings.tracks.names, settings.tracks.set)[0]
     changes = {
         "tracks": Tracks(names=(first,)),
         "curriculum": (),

@@ -9,18 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from agents.training.demonstrations import About, Demonstrations
-from agents.training.demonstrator import EVERYTHING
-from race_server import codes
-from race_server.clock import TICK_S
+from race_agents.training.demonstrations import About, Demonstrations
+from race_agents.training.demonstrator import EVERYTHING
+from race_server.core import codes
+from race_server.core.clock import TICK_S
+from race_server.core.messages import Event, EventKind
+from race_server.core.observation import PRESETS
+from race_server.core.state import Float32s
 from race_server.errors import RecordingError
-from race_server.messages import Event, EventKind
-from race_server.observe import PRESETS
-from race_server.recording.reader import Recording, read_recording
-from race_server.recording.rerun import Rerun
-from race_server.recording.setting import unpack_scenario
 from race_server.session import Session
-from race_server.state import Float32s
+from race_server.storage.recording.reader import Recording, read_recording
+from race_server.storage.recording.rerun import Rerun
+from race_server.storage.recording.scenario_codec import unpack_scenario
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
-from agents.training.settings import LEARNER, SelfPlay
+from race_agents.training.settings import LEARNER, SelfPlay
 
 POOL = "pool"  # in the seats
 SNAPSHOTS = "snapshots"

@@ -7,27 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from agents.policies.proof import MOST_DIFFERENCE, times_of
-from agents.policies.session import Policy
-from agents.policies.shelf import BEST, CONFIG, POLICY
-from agents.training import curve, folder
-from agents.training.checkpoint import load_checkpoint
-from agents.training.courses import names_of
-from agents.training.evaluation import Examiner, Marks
-from agents.training.export import difference, export_policy, nature_from
-from agents.training.film import record_laps
-from agents.training.imitation import Imitation
-from agents.training.learner import learner_of, world_of
-from agents.training.lines import Say
-from agents.training.normaliser import Normaliser
-from agents.training.overseer import CURVE, LATEST, Overseer, Tell
-from agents.training.pace import Pace
-from agents.training.schedule import Schedule
-from agents.training.self_play import SelfPlay
-from agents.training.settings import Settings
-from agents.training.tasks import evaluation_tasks
+from race_agents.policies.registry import BEST, CONFIG, POLICY
+from race_agents.policies.session import Policy
+from race_agents.policies.verification import MOST_DIFFERENCE, times_of
+from race_agents.training import curve, folder
+from race_agents.training.budget import Pace
+from race_agents.training.callback import CURVE, LATEST, Overseer, Tell
+from race_agents.training.checkpoint import load_checkpoint
+from race_agents.training.evaluation import Examiner, Marks
+from race_agents.training.export import difference, export_policy, nature_from
+from race_agents.training.imitation import Imitation
+from race_agents.training.learner import learner_of, world_of
+from race_agents.training.lines import Say
+from race_agents.training.normaliser import Normaliser
+from race_agents.training.record_laps import record_laps
+from race_agents.training.schedule import Schedule
+from race_agents.training.self_play import SelfPlay
+from race_agents.training.settings import Settings
+from race_agents.training.tasks import evaluation_tasks
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
+from race_server.scenario.track.sets import names_of
 
 PARITY_STEPS = 200  # decisions whose observations the file and the learner are compared on
 TIMED = 2000  # decisions that are timed
@@ -103,8 +103,12 @@ def train(
 
 def _learned_on(settings: Settings) -> list[str]:
     """Return the courses of the last evaluation that are learned on as well."""
-    learned = set(names_of(settings.tracks))
-    return [name for name in names_of(settings.evaluation.final) if name in learned]
+    learned = set(names_of(settings.tracks.names, settings.tracks.set))
+    return [
+        name
+        for name in names_of(settings.evaluation.final.names, settings.evaluation.final.set)
+        if name in learned
+    ]
 
 
 def warn_of_lidar(settings: Settings, say: Say) -> None:
@@ -164,7 +168,12 @@ def _conclude(
     told: what else is to be known of the run.
     """
     path = place / POLICY
-    export_policy(path, learner, world, nature_from(settings, names_of(settings.tracks)))
+    export_policy(
+        path,
+        learner,
+        world,
+        nature_from(settings, names_of(settings.tracks.names, settings.tracks.set)),
+    )
     policy = Policy(path)
     tried = settings.evaluation
     examiner = Examiner(settings, tried.final, tried.first_seed + FRESH_SEEDS)

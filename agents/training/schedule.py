@@ -6,8 +6,8 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.training.pace import Pace
-from agents.training.settings import Deviations, Settings
+from race_agents.training.budget import Pace
+from race_agents.training.settings import Deviations, Settings
 from race_server.errors import ScenarioError
 
 

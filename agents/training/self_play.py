@@ -6,19 +6,19 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from agents.policies.session import Policy
-from agents.training.courses import names_of
-from agents.training.export import export_policy, nature_from
-from agents.training.normaliser import Normaliser
-from agents.training.rivals import POOL, Rivals, driver_of, short_name
-from agents.training.settings import LEARNER, Settings
-from agents.training.tasks import decision_s, evaluation_tasks
-from race_server.driver import driver_named
-from race_server.env.batch import Batch, Task
-from race_server.env.rig import STAY
-from race_server.env.sb3 import KartVecEnv
-from race_server.results.ratings import Rating, ratings
-from race_server.scenario.base import Scenario
+from race_agents.policies.session import Policy
+from race_agents.training.export import export_policy, nature_from
+from race_agents.training.normaliser import Normaliser
+from race_agents.training.rivals import POOL, Rivals, driver_of, short_name
+from race_agents.training.settings import LEARNER, Settings
+from race_agents.training.tasks import decision_s, evaluation_tasks
+from race_server.core.driver import driver_named
+from race_server.envs.batch import Batch, Task
+from race_server.envs.buffers import STAY
+from race_server.envs.sb3 import KartVecEnv
+from race_server.scenario.race import Scenario
+from race_server.scenario.track.sets import names_of
+from race_server.storage.results.ratings import Rating, ratings
 
 RATINGS = "ratings.json"
 # A race that rates is over after this time [s], whoever has not finished by then.
@@ -67,7 +67,9 @@ class SelfPlay:
     def keep(self, learner: Any, done: int) -> None:
         """Take the learner as it is now into the pool, and rate it."""
         path = self.rivals.place_for(done)
-        nature = nature_from(self.settings, names_of(self.settings.tracks))
+        nature = nature_from(
+            self.settings, names_of(self.settings.tracks.names, self.settings.tracks.set)
+        )
         export_policy(path, learner, self._world, nature)
         self.rivals.add(path)
         self.races += self._raced(path)

@@ -57,7 +57,7 @@ class Lidar(_Table):
 
 
 class Gap(_Table):
-    """Ranges of the reality gap, drawn anew for each episode; see `race_server.env.gap`."""
+    """Ranges of the reality gap, drawn at each reset; see `race_server.envs.reality_gap`."""
 
     action_delay: Range = (0.0, 0.0)
     observation_delay: Range = (0.0, 0.0)
@@ -69,7 +69,7 @@ class Gap(_Table):
 
 
 class Race(_Table):
-    """Who else is on the track, and the rules; they stand in `race_server.scenario.base.Rules`."""
+    """Who else is on the track, and the rules; they stand in `race_server.scenario.race.Rules`."""
 
     karts: int = Field(default=1, ge=1, le=64)
     learners: int = Field(default=1, ge=1, le=64)
@@ -160,7 +160,7 @@ class WarmStart(_Table):
     """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
 
     teacher: str = ""  # a scripted driver, which may see more than the learner
-    # To a teacher that takes it, as a residual action, see `race_server.env.actions`.
+    # To a teacher that takes it, as a residual action, see `race_server.envs.actions`.
     advice: tuple[float, ...] = ()
     # The lane that it is in, which it remembers and a learner cannot see, lies at most so far [m]
     # beside the learner; None: where it remembers.

@@ -3,15 +3,15 @@
 from dataclasses import fields, replace
 from typing import Any
 
-from agents.training.courses import course_named, names_of
-from agents.training.settings import Settings, Tracks
-from race_server.env.batch import Task
-from race_server.env.gap import RealityGap
-from race_server.env.presets import LEARNING_RULES
+from race_agents.training.settings import Settings, Tracks
+from race_server.core.vehicles import vehicle_named
+from race_server.envs.batch import Task
+from race_server.envs.presets import LEARNING_RULES
+from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ScenarioError
-from race_server.params import vehicle_named
-from race_server.scenario.base import ABSENT, Rules, Scenario
+from race_server.scenario.race import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
+from race_server.scenario.track.sets import course_named, names_of
 
 DECISION_TICKS = 3  # those of a live race
 
@@ -24,7 +24,7 @@ def training_task(settings: Settings) -> Task:
     """
     scenarios = tuple(
         _with_karts(_scenario(settings, name), karts, settings.race.learners)
-        for name in names_of(settings.tracks)
+        for name in names_of(settings.tracks.names, settings.tracks.set)
         for karts in settings.race.sizes
     )
     return _task(settings, scenarios)
@@ -54,7 +54,7 @@ def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
             random_start=False,
             most_steps=steps,
         )
-        for name in names_of(tracks)
+        for name in names_of(tracks.names, tracks.set)
     }
 
 

@@ -11,12 +11,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.latency import COMMAND, COMMANDS
-from agents.training.settings import WarmStart
-from race_server.autopilot import ASIDE, FETCH, PRESSED, SHIFT, memory_size
-from race_server.clock import TICK_S
-from race_server.driver import driver_named
-from race_server.env.actions import (
+from race_agents.planning.latency import COMMAND, COMMANDS
+from race_agents.training.settings import WarmStart
+from race_server.core.clock import TICK_S
+from race_server.core.driver import driver_named
+from race_server.core.kernel_driver import ASIDE, FETCH, PRESSED, SHIFT, memory_size
+from race_server.core.observation import PARTS, layout_of
+from race_server.core.rules.items import items
+from race_server.core.state import Floats
+from race_server.envs.actions import (
     CONTINUOUS,
     CONTROL,
     RESIDUAL,
@@ -25,12 +28,9 @@ from race_server.env.actions import (
     action_kind,
     advice_of,
 )
-from race_server.env.batch import Batch, Task
-from race_server.env.opponents import Opponents, opponents_of, takes_advice
+from race_server.envs.batch import Batch, Task
+from race_server.envs.opponents import Opponents, opponents_of, takes_advice
 from race_server.errors import ScenarioError
-from race_server.observe import PARTS, layout_of
-from race_server.rules.items import items
-from race_server.state import Floats
 
 Labels = NDArray[np.float32]
 

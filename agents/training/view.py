@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.training.settings import Settings
-from race_server.observe import layout_of
+from race_agents.training.settings import Settings
+from race_server.core.observation import layout_of
 from race_server.scenario.sensors import Lidar
 
 RANGES = ("lidar", "lidar_before")

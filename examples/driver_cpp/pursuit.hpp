@@ -11,7 +11,6 @@
 #include "session_generated.h"
 #include "spectate_generated.h"
 
-namespace race = race_server::wire::generated;
 
 using Karts = flatbuffers::Vector<const race::spectate::Kart*>;
 

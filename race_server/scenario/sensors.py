@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from race_server import codes
-from race_server.clock import ticks_of
+from race_server.core import codes
+from race_server.core.clock import ticks_of
+from race_server.core.state import RADAR_RAYS, SENSORS, Floats, Records
 from race_server.errors import ScenarioError
-from race_server.state import RADAR_RAYS, SENSORS, Floats, Records
 
 MOST_RAYS = 2048
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from race_server import codes
-from race_server.messages import Control
-from race_server.scenario.base import Scenario
-from race_server.session.entries import Inputs
+from race_server.core import codes
+from race_server.core.messages import Control
+from race_server.core.state import Float32s, Floats, World
+from race_server.scenario.race import Scenario
+from race_server.session.failsafe import STOP, Silence, control_under, grace_of, silence_after
+from race_server.session.journal_entries import Inputs
 from race_server.session.seats import Seat, Seats
-from race_server.silence import STOP, Silence, control_under, grace_of, silence_after
-from race_server.state import Float32s, Floats, World
 
 
 class Controls:

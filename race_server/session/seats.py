@@ -4,11 +4,11 @@ import secrets
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from race_server.acts import Act, ActKind
-from race_server.badge import key_of
+from race_server.core.messages import Control
+from race_server.credentials import key_of
 from race_server.errors import SeatError
-from race_server.messages import Control
-from race_server.silence import AWAY_TICKS, STOP, Silence
+from race_server.session.failsafe import AWAY_TICKS, STOP, Silence
+from race_server.session.interventions import Act, ActKind
 
 # Why a seat is closed; the place of each is the value of the act that closes it.
 CLOSED_FOR = ("by the steward", "the steward sent its driver away")

@@ -5,27 +5,27 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from race_server import codes
-from race_server.acts import Act, ActKind, carry_out
-from race_server.badge import key_of
+from race_server.core import codes
+from race_server.core.kernels.jit import bind
+from race_server.core.messages import Button, Control, Doubt, Event, Flag, Phase, Pose, Standing
+from race_server.core.observation import Layout, layout_of
+from race_server.core.stages.standings import rank
+from race_server.core.state import Float32s, Floats, World, digest
+from race_server.core.step import advance, place_karts
+from race_server.credentials import key_of
 from race_server.errors import WireError
-from race_server.fleet import Fleet, Placements
-from race_server.kernels.jit import bind
-from race_server.messages import Button, Control, Doubt, Event, Flag, Phase, Pose, Standing
-from race_server.observe import Layout, layout_of
-from race_server.scenario.base import Scenario, line_up_race, make_world
-from race_server.serials import Granted, Serials
-from race_server.session.chronicle import Chronicle
+from race_server.scenario.race import Scenario, line_up_race, make_world
 from race_server.session.controls import Controls
-from race_server.session.door import Newcomer, free_seat, held_seat
-from race_server.session.entries import Entry, Inputs
+from race_server.session.event_log import Chronicle
+from race_server.session.failsafe import STOP
+from race_server.session.interventions import Act, ActKind, carry_out
+from race_server.session.journal_entries import Entry, Inputs
+from race_server.session.observations import Views, fitted_for
+from race_server.session.replay_guard import Granted, Serials
+from race_server.session.seating import Newcomer, free_seat, held_seat
 from race_server.session.seats import Seat, Seats
 from race_server.session.standings import table_of
-from race_server.session.views import Views, fitted_for
-from race_server.silence import STOP
-from race_server.stages.standings import rank
-from race_server.state import Float32s, Floats, World, digest
-from race_server.step import advance, place_karts
+from race_server.session.tracked.karts import Fleet, Placements
 
 
 @dataclass
@@ -263,8 +263,8 @@ class Session:
     def advance(self, ticks: int = 1) -> list[Event]:
         """Move the race on and return what happened.
 
-        The same control acts for all `ticks`; see `race_server.silence` for karts whose driver
-        is not heard.
+        The same control acts for all `ticks`; see `race_server.session.failsafe` for karts whose
+        driver is not heard.
         """
         tick, statuses = self.tick, self.world.karts["status"][0]
         for seat in self.seats.taken():

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from race_server import codes
-from race_server.messages import Standing, Status
+from race_server.core import codes
+from race_server.core.messages import Standing, Status
+from race_server.core.state import Record
 from race_server.session.seats import Seat, Seats
-from race_server.state import Record
 
 
 def table_of(seats: Seats, karts: Record, laps_us: dict[int, list[int]]) -> list[Standing]:

@@ -1,7 +1,7 @@
 """Report of the kart laboratory, figures 30 to 33: what helps learning, here for racing."""
 
-from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
-from agents.training.settings import Tracks
+from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from race_agents.training.settings import Tracks
 
 
 def _buffer(agents: int, horizon: int) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """Report of the 1/10 race, 2024, table 5.1: which algorithm earns most in 100 000 steps."""
 
-from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
-from agents.reproductions.report_b import ASSUMPTIONS, OWN, as_printed
-from agents.training.settings import Tracks
+from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from race_agents.reproductions.report_b import ASSUMPTIONS, OWN, as_printed
+from race_agents.training.settings import Tracks
 
 _PLAIN = ("algorithm.learning_rate=5e-4",)
 

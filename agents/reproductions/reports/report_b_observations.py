@@ -1,8 +1,8 @@
 """Report of the 1/10 race, 2024, table 5.2: what networks do on the training track with cars."""
 
-from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
-from agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2
-from agents.training.settings import Tracks
+from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from race_agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2
+from race_agents.training.settings import Tracks
 
 _LIDAR = 'observation=["lidar"]'
 _GAMMA, _LAMBDA = "algorithm.options.gamma=0.95", "algorithm.options.gae_lambda=0.90"

@@ -2,10 +2,16 @@
 
 from dataclasses import replace
 
-from agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale
-from agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2, as_printed
-from agents.training.settings import Tracks
-from race_server.trial.report_b import LAPS, VALIDATION_TRACK, LapRow
+from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale
+from race_agents.reproductions.report_b import (
+    ASSUMPTIONS,
+    GROWING_CRASH,
+    OWN,
+    STEPS_OF_2,
+    as_printed,
+)
+from race_agents.training.settings import Tracks
+from race_server.competition.time_trial.report_b import LAPS, VALIDATION_TRACK, LapRow
 
 _ENTROPY = "algorithm.options.ent_coef=0.02"
 _PARTICULAR = (

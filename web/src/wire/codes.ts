@@ -1,4 +1,4 @@
-// The numbers of race_server/messages.py.
+// The numbers of race_server/core/messages.py.
 
 export const Phase = { lobby: 0, countdown: 1, running: 2, finished: 3 } as const;
 export const Flag = { green: 0, yellow: 1, red: 2 } as const;

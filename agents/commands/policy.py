@@ -1,0 +1,187 @@
+"""`race policy`: which policies there are, and whether one does what it should."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from race_agents.policies.registry import policy_path
+from race_server.cli.document import AsJson, print_document
+from race_server.errors import ScenarioError
+
+app = typer.Typer(help="Learned policies: which there are, and one put to the proof.")
+
+UNKNOWN = "–"
+# What the metadata say besides what is seen, with units.
+FACTS = {
+    **dict.fromkeys(("action", "base", "vehicle", "lidar_rays"), ""),
+    "lidar_field": " rad",
+    "lidar_reach": " m",
+    "decision_s": " s",
+    **dict.fromkeys(("algorithm", "tracks", "seed", "settings", "simulator", "version"), ""),
+}
+
+
+@app.command()
+def check(
+    policy: Annotated[str, typer.Argument(help="A run, a shipped policy, or an .onnx file.")],
+    observations: Annotated[
+        int, typer.Option(min=1, help="So many, from driving tracks that no policy learns on.")
+    ] = 10_000,
+    example: Annotated[
+        Path | None,
+        typer.Option(help="Write one observation to this text file, as examples/policy_cpp reads."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare a policy's file with its learner, time its decisions, show what it says of itself."""
+    from race_agents.policies.session import Policy
+    from race_agents.policies.verification import MOST_DIFFERENCE, observations_of, times_of
+
+    path = policy_path(policy)
+    loaded = Policy(path)
+    seen = observations_of(loaded, observations)
+    difference, remark = _difference(path, loaded, seen)
+    document = {
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "observations": len(seen),
+        "decision_us": asdict(times_of(loaded, seen)),
+        "difference": difference,
+        "remark": remark,
+        "most_difference": MOST_DIFFERENCE,
+        "ok": difference is None or difference <= MOST_DIFFERENCE,
+        "metadata": asdict(loaded.nature),
+        "example": _example(example, loaded, seen) if example else None,
+    }
+    if as_json:
+        print_document(document)
+    else:
+        _show(document)
+    if not document["ok"]:
+        raise typer.Exit(1)
+
+
+def _difference(path: Path, loaded: Any, seen: Any) -> tuple[float | None, str]:
+    """Return the largest difference to the learner, or why there is nothing to compare with."""
+    from race_agents.policies.registry import BEST, CONFIG
+
+    run = path.parent
+    if not ((run / CONFIG).is_file() and (run / BEST).is_file()):
+        return None, f"not compared with its learner: {run} is no folder of a run"
+    try:
+        from race_agents.training.parity import difference_in
+    except ImportError as error:
+        return None, (
+            f"not compared with its learner: {error.name} is not installed, "
+            "`pip install race-server[train]` brings it"
+        )
+    return difference_in(run, loaded, seen), ""
+
+
+def _example(path: Path, loaded: Any, seen: Any) -> dict[str, Any]:
+    """Write the last observation as text, a number a line; return what the policy answers."""
+    row = seen[-1:]
+    text = "".join(f"{value:.9g}\n" for value in row[0].tolist())
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be written: {error.strerror}") from error
+    return {"file": str(path), "action": loaded.decide(row)[0].tolist()}
+
+
+def _show(document: dict[str, Any]) -> None:
+    console = Console(soft_wrap=True)
+    facts = Table("", "", show_header=False, box=None)
+    times, nature = document["decision_us"], document["metadata"]
+    rows = {
+        "file": f"{document['file']}, {document['bytes'] / 1e3:.1f} kB",
+        "a decision": f"{times['median']:.0f} µs, 99 of 100 within {times['p99']:.0f} µs, "
+        "one at a time on one thread",
+        "observations": f"{document['observations']} of the unseen tracks",
+        "sees": _parts(nature),
+        **{
+            name.removesuffix("_s").replace("_", " "): _fact(nature[name]) + unit
+            for name, unit in FACTS.items()
+        },
+    }
+    if document["example"]:
+        rows["example"] = f"{document['example']['file']}, answered by " + ", ".join(
+            f"{value:.9g}" for value in document["example"]["action"]
+        )
+    for name, value in rows.items():
+        facts.add_row(name, escape(value))
+    console.print(facts)
+    if document["difference"] is None:
+        console.print(document["remark"], style="yellow", markup=False)
+        return
+    words = f"answers like its learner up to {document['difference']:.1e}"
+    limit = f"at most {document['most_difference']:g} is rounding"
+    if document["ok"]:
+        console.print(f"{words}; {limit}", markup=False)
+    else:
+        console.print(f"{words}, {limit}: export it again", style="red", markup=False)
+
+
+def _parts(nature: dict[str, Any]) -> str:
+    pairs = zip(nature["parts"], nature["sizes"], strict=True)
+    return ", ".join(part if size == 1 else f"{part} ({size})" for part, size in pairs)
+
+
+def _fact(value: Any) -> str:
+    if isinstance(value, tuple | list):
+        return ", ".join(value)
+    return f"{value:g}" if isinstance(value, float) else str(value) or UNKNOWN
+
+
+@app.command("list")
+def list_policies(as_json: AsJson = False) -> None:
+    """Show the policies that come along and those of your runs, and how they did when tried out."""
+    from race_agents.policies.listing import entries
+
+    known = entries()
+    if as_json:
+        print_document([asdict(one) for one in known])
+        return
+    if not known:
+        Console().print("no policies so far: `race train time-trial` makes one")
+        return
+    table = Table(box=None, padding=(0, 1, 0, 0))
+    table.add_column("policy", no_wrap=True)
+    for head in ("preset", "vehicle", "by", "tracks"):
+        table.add_column(head, overflow="fold")
+    for head in ("speed, m/s", "crash rate", "best lap, s"):
+        table.add_column(head, justify="right")
+    console = Console()
+    for one in known:
+        preset = one.preset if one.is_run else "comes along"
+        facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
+        table.add_row(*map(escape, (one.name, *facts)), *_figures(one.evaluation))
+    console.print(table)
+    for one in known:
+        if one.remark:
+            console.print(one.remark, style="yellow", markup=False, soft_wrap=True)
+
+
+def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:
+    """Return how good a policy was on unseen courses."""
+    if not evaluation:
+        return (UNKNOWN,) * 3
+    lap = evaluation["best_lap_s"]
+    words = UNKNOWN if lap is None else f"{lap:.2f}"
+    return f"{evaluation['speed']:.2f}", f"{evaluation['crash_rate']:.2f}", words
+
+
+def _tracks(names: tuple[str, ...]) -> str:
+    """Return in few words on which tracks a policy learned."""
+    from race_server.scenario.track.sets import set_named, track_sets
+
+    for name in track_sets():
+        if tuple(set_named(name)) == names:
+            return f"set {name} ({len(names)})"
+    words = ", ".join(names[:2])
+    return words if len(names) <= 2 else f"{words} and {len(names) - 2} more"

@@ -1,0 +1,147 @@
+"""`race reproduce`: a table of the reports, made again here and set beside theirs."""
+
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from race_server.cli.document import AsJson, print_document
+from race_server.errors import ScenarioError, brought_by
+
+if TYPE_CHECKING:
+    from race_agents.reproductions.run import News, Outcome
+
+RESULTS = Path("docs") / "results"
+NAME_WIDTH = 14  # characters of a row's name on a narrow terminal
+WORDY = ("remark", "finding")  # columns of the report that are sentences
+
+
+def reproduce(
+    name: Annotated[str, typer.Argument(help="Of the table; none: which there are.")] = "",
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer steps and seeds: minutes instead of hours.")
+    ] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Trainings at once, a process each.")] = 1,
+    rows: Annotated[
+        str, typer.Option(help="Drive only these rows, comma-separated names or beginnings.")
+    ] = "",
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Drive only the first so many runs of each row.")
+    ] = None,
+    as_json: AsJson = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder; otherwise docs/results/NAME, quick in NAME-quick.")
+    ] = None,
+) -> None:
+    """Make a table of the reports again: `race reproduce report-b-algorithms --quick`.
+
+    What was driven before is kept: the table shows all that is known, whatever is driven now.
+    """
+    with brought_by("train"):
+        from race_agents.reproductions.registry import reproduction_named, reproduction_names
+        from race_agents.reproductions.run import reproduce as reproduce_it
+    if not name:
+        _list({one: reproduction_named(one).title for one in reproduction_names()}, as_json=as_json)
+        return
+    plan = reproduction_named(name)
+    place = out or RESULTS / (f"{name}-quick" if quick else name)
+    console = Console(stderr=True)
+    try:
+        with _bar(console, quiet=as_json) as tell, warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="stable_baselines3")
+            outcome = reproduce_it(
+                name, plan, place, quick=quick, jobs=jobs, rows=rows, seeds=seeds, tell=tell
+            )
+    except OSError as error:
+        raise ScenarioError(
+            f"{error.filename or place}: {error.strerror or error}; the same command goes on"
+        ) from error
+    if as_json:
+        print_document({"folder": str(place), "stopped": outcome.stopped, **outcome.document})
+    else:
+        _show(outcome, quick=quick)
+        console.print(f"table and plot: {place}", markup=False, soft_wrap=True)
+    if outcome.stopped:
+        console.print("stopped; the same command goes on", markup=False)
+        sys.exit(130)
+
+
+def _list(titles: dict[str, str], *, as_json: bool) -> None:
+    """Show which tables there are."""
+    if as_json:
+        print_document([{"name": name, "title": title} for name, title in titles.items()])
+        return
+    console = Console()
+    for name, title in titles.items():
+        console.print(f"{name}: {title}", markup=False, highlight=False)
+
+
+@contextmanager
+def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["News"], None]]:
+    """Show how many cells are done; without a terminal, say each that is."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bar:
+        task = bar.add_task("reproduction", total=1.0)
+
+        def tell(news: "News") -> None:
+            bar.update(task, completed=news.done, total=news.cells, description=news.name)
+            if isinstance(news.done, int) and not quiet and not console.is_terminal:
+                text = f"{news.done} of {news.cells}: {news.name}"
+                console.print(text, markup=False, highlight=False)
+
+        yield tell
+
+
+def _show(outcome: "Outcome", *, quick: bool) -> None:
+    from rich.table import Table
+
+    from race_agents.reproductions.table import (
+        base_of,
+        cells_of,
+        heads_of,
+        partial_words,
+        scale_words,
+    )
+
+    plan, base = outcome.plan, base_of(outcome.plan, outcome.lines)
+    title = f"{plan.title}\n{scale_words(outcome.scale, outcome.lines, quick=quick)}"
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+    heads = heads_of(plan)
+    texts = [cells_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
+    # Words of the report would leave no room for figures.
+    shown = [number for number, head in enumerate(heads) if not head.endswith(WORDY)]
+    for number in shown:
+        justify: Literal["left", "right"] = "right" if number else "left"
+        # A name may be folded, a figure may not.
+        longest = [*heads[number].split(), *(row[number] for row in texts if number)]
+        width = max(len(word) for word in longest) if number else NAME_WIDTH
+        table.add_column(heads[number], justify=justify, width=width)
+    console = Console()
+    for row in texts:
+        table.add_row(*(row[number] for number in shown))
+    # Rather wider than the terminal than without its last figures.
+    least = sum((column.width or 0) + 2 for column in table.columns)
+    console.width = max(console.width, least)
+    console.print(table)
+    if words := partial_words(plan, outcome.scale, outcome.lines):
+        console.print(words, markup=False, highlight=False)
+    if base is not None:
+        console.print(f"in brackets: the difference to {base.row.name}", highlight=False)
+    for number, head in enumerate(heads):
+        if number not in shown:
+            words = "".join(f"\n  {row[0]}: {row[number]}" for row in texts)
+            console.print(f"{head}{words}", markup=False, highlight=False)
+    for remark in outcome.document["remarks"]:
+        console.print(remark, markup=False, highlight=False)

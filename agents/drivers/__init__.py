@@ -1,0 +1,1 @@
+"""Drivers: each is found by its name through the entry points `race_server.drivers`."""

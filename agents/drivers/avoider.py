@@ -1,0 +1,76 @@
+"""A sparring partner: keeps away from what is near, at a steady pace.
+
+It does what the obstacle-avoiding cars of the 1/10 race's training track do: steer to the side
+where there is more room.
+"""
+
+import math
+
+from race_agents.planning.scan import nearest, ray_angle, repair
+from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
+from race_server.core.kernel_driver import FIELD, KEPT, REACH, Autopilot
+from race_server.core.kernels.jit import kernel
+from race_server.core.observation import PART_NUMBERS
+from race_server.core.state import Floats, Ints, Record, Records
+
+LIDAR = PART_NUMBERS["lidar"]
+PACE_SHARE = 0.2  # of the top speed
+INNER, OUTER = math.radians(15.0), math.radians(75.0)
+
+
+@kernel
+def avoid(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Steer by the balance of free space on the left and on the right."""
+    rays, field, length = at[-1], gear[FIELD], vehicle.length
+    repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    left = _room(memory, rays, field, 1.0, 6.0 * length)
+    right = _room(memory, rays, field, -1.0, 6.0 * length)
+    control[0] = min(max(2.5 * (left - right) / (left + right), -1.0), 1.0)
+    ahead = nearest(memory, KEPT, rays, field, -INNER, INNER, gear[REACH])
+    pace = PACE_SHARE * vehicle.top_speed * min(max(ahead / (3.0 * length), 0.35), 1.0)
+    press_pedals(seen[at[SPEED]], pace, 2.0, control)
+    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+
+
+@kernel
+def _room(ranges: Floats, rays: int, field: float, side: float, far: float) -> float:
+    """Return the mean range [m] between 15° and 75° on one side; beyond `far` counts as that."""
+    total, count = 0.0, 0
+    for ray in range(rays):
+        if INNER < side * ray_angle(ray, rays, field) < OUTER:
+            total += min(ranges[KEPT + ray], far)
+            count += 1
+    return total / max(count, 1) + 1e-3
+
+
+@kernel
+def avoid_all(
+    seats: Ints,
+    seen: Floats,
+    at: Ints,
+    vehicles: Records,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    controls: Floats,
+) -> None:
+    """Decide for many karts: row n of `seats` is a world and a kart in it."""
+    for row in range(len(seats)):
+        w, k = seats[row, 0], seats[row, 1]
+        avoid(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+
+
+class Avoider(Autopilot):
+    """Steers by the balance of free space on the left and on the right."""
+
+    preset = "lidar"
+    decide = staticmethod(avoid)
+    decide_all = staticmethod(avoid_all)

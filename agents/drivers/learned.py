@@ -1,0 +1,232 @@
+"""A driver that has learned: `learned:NAME` drives the policy of a file or of a training run."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from race_agents.policies.metadata import Nature, preset_for
+from race_agents.policies.registry import policy_path
+from race_agents.policies.session import Policy
+from race_server.core import codes
+from race_server.core.driver import Briefing, driver_named
+from race_server.core.kernel_driver import (
+    ASIDE,
+    FETCH,
+    FIELD,
+    REACH,
+    Autopilot,
+    item_kinds,
+    starts_of,
+)
+from race_server.core.kernels.jit import bind, kernel
+from race_server.core.messages import Button, Control
+from race_server.core.observation import PRESETS, Layout, Observation
+from race_server.core.rules.items import items
+from race_server.core.state import KART, Float32s, Floats, Ints, Records
+from race_server.core.vehicles import vehicle_record
+from race_server.envs.actions import MEMORY, action_kind, advice_of, discrete_table, read_action
+from race_server.errors import DriverError
+
+# Lidars that differ by less, in rad or m, are the same.
+TOLERANCE = 1e-3
+# What a driver is told besides what its policy sees; every observation of a live race has it.
+TOLD = ("speed", "lights", "finished", "rescue_offered")
+SPEED, LIGHTS, FINISHED, RESCUE_OFFERED = range(4)
+
+
+class Learned:
+    """Drives a policy that was learned: `learned:NAME`, a run, a shipped policy or an .onnx file.
+
+    What it answers means the same as in training, because the same function reads it.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Load a policy.
+
+        Raises:
+            DriverError: there is none of that name, or its file is foreign or damaged.
+        """
+        self.policy = Policy(policy_path(name))
+        nature = self.policy.nature
+        self._base = driver_named(nature.base) if nature.base else None
+        seen = PRESETS[self._base.preset] if self._base is not None else ()
+        self.preset = preset_for(nature, self.policy.name, seen)
+        self._kind = action_kind(self.policy.nature.action)
+        self._table = discrete_table()
+
+    def reset(self, briefing: Briefing) -> None:
+        """Get ready for a new race.
+
+        Raises:
+            DriverError: the policy learned with another vehicle or at another pace.
+        """
+        _check_briefing(self.policy.nature, briefing, self.policy.name)
+        self._briefing = briefing
+        self._drive: Callable[[], None] | None = None
+        self._places: Ints | None = None
+        if self._base is not None:
+            self._base.reset(briefing)
+
+    def act(self, observation: Observation) -> Control:
+        """Return what to do until the next observation."""
+        if isinstance(self._base, Autopilot):
+            return self._act_by_advice(self._base, observation)
+        if self._drive is None:
+            self._prepare(observation.layout)
+            assert self._drive is not None
+        self._view[0, 0] = observation.values
+        self._drive()
+        steering, throttle, brake, buttons = self._controls[0, 0].tolist()
+        return Control(steering, throttle, brake, Button(int(buttons)))
+
+    def _act_by_advice(self, base: Autopilot, observation: Observation) -> Control:
+        """Return what the driver does that the policy advises."""
+        told, nature = self._briefing, self.policy.nature
+        if self._places is None:
+            gear = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
+            self._places = places_in(observation.layout, nature, gear, self.policy.name)
+        action = self.policy.decide(observation.values[None, self._places])[0]
+        base.take_advice(observation, advice_of(action, told.vehicle.width).tolist())
+        return base.act(observation)
+
+    def _prepare(self, layout: Layout) -> None:
+        """Take a seat: a batch of one."""
+        told = self._briefing
+        self._view = np.zeros((1, 1, layout.size))
+        self._controls = np.zeros((1, 1, 4))
+        vehicles = vehicle_record(told.vehicle).reshape(1, 1)
+        gear = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
+        memory, seats = np.zeros((1, 1, MEMORY + 1)), np.zeros((1, 2), np.int64)
+        self._drive = self.driving(
+            seats, self._view, layout, vehicles, gear, memory, self._controls
+        )
+
+    def driving(
+        self,
+        seats: Ints,
+        views: Floats,
+        layout: Layout,
+        vehicles: Records,
+        gear: Floats,
+        memory: Floats,
+        controls: Floats,
+    ) -> Callable[[], None]:
+        """Return what drives many karts, with one pass of the network for all of them.
+
+        seats: (n, 2) world and kart; views: (W, K, size); gear: lidar field [rad], lidar reach
+        [m], time between decisions [s]; memory: (W, K, M); controls: (W, K, 4), to be filled.
+
+        Raises:
+            DriverError: the karts have another lidar than the policy learned with.
+        """
+        places = places_in(layout, self.policy.nature, gear, self.policy.name)
+        worlds, numbers = seats[:, 0], seats[:, 1]
+        if self._base is not None:
+            base: Any = type(self._base)
+            kinds = item_kinds(tuple(item.name for item in items()))
+            seen_by_base = (seats, views, starts_of(layout), vehicles, gear, kinds)
+            follow = bind(base.decide_all, *seen_by_base, memory, controls)
+            width = float(vehicles[0, 0].width)
+
+            def advise() -> None:
+                actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
+                memory[worlds, numbers, ASIDE : FETCH + 1] = advice_of(actions, width)
+                follow()
+
+            return advise
+        at = np.array([layout.slices[part].start for part in TOLD], np.int64)
+        karts = np.zeros(len(seats), KART)
+
+        def drive() -> None:
+            seen = views[worlds, numbers]
+            actions = self.policy.decide(seen[:, places].astype(np.float32))
+            told = (seats, seen, at, actions, self._table, karts, vehicles)
+            command_all(self._kind, *told, memory, controls)
+
+        return drive
+
+
+@kernel
+def command_all(
+    kind: int,
+    seats: Ints,
+    seen: Floats,
+    at: Ints,
+    actions: Float32s,
+    table: Floats,
+    karts: Records,
+    vehicles: Records,
+    memory: Floats,
+    controls: Floats,
+) -> None:
+    """Turn the actions (n, A) of the karts at `seats` (n, 2) into controls, as training does.
+
+    Before the lights go out and after the finish, which training does not know, a kart stands.
+    """
+    for row in range(len(seats)):
+        w, k = seats[row, 0], seats[row, 1]
+        control, kept, kart = controls[w, k], memory[w, k], karts[row]
+        if seen[row, at[LIGHTS]] > 0.0 or seen[row, at[FINISHED]] > 0.0:
+            control[0], control[1], control[2], control[3] = 0.0, 0.0, 1.0, 0.0
+            kept[MEMORY] = 0.0
+            continue
+        kart.speed = seen[row, at[SPEED]]
+        kart.buttons_before = int(kept[MEMORY])
+        read_action(kind, actions[row], table, kart, vehicles[w, k], kept, control)
+        control[0] = min(max(control[0], -1.0), 1.0)
+        control[1] = min(max(control[1], -1.0), 1.0)
+        control[2] = min(max(control[2], 0.0), 1.0)
+        kept[MEMORY] = control[3]
+        if seen[row, at[RESCUE_OFFERED]] > 0.0:
+            control[3] = float(int(control[3]) | codes.ACCEPT_RESCUE)
+
+
+def _check_briefing(nature: Nature, briefing: Briefing, name: str) -> None:
+    if briefing.vehicle.name != nature.vehicle:
+        raise DriverError(
+            f"{name} learned to drive {nature.vehicle!r}, not {briefing.vehicle.name!r}; "
+            "choose that vehicle or train another policy"
+        )
+    if abs(briefing.decision_s - nature.decision_s) > 1e-6:
+        raise DriverError(
+            f"{name} learned to decide every {nature.decision_s:g} s, not every "
+            f"{briefing.decision_s:g} s; train it at that pace"
+        )
+
+
+def _check_lidar(nature: Nature, gear: Floats, name: str) -> None:
+    field, reach = float(gear[FIELD]), float(gear[REACH])
+    if abs(field - nature.lidar_field) > TOLERANCE or abs(reach - nature.lidar_reach) > TOLERANCE:
+        raise DriverError(
+            f"{name} learned with a lidar of {np.degrees(nature.lidar_field):.0f}° and "
+            f"{nature.lidar_reach:g} m, this one has {np.degrees(field):.0f}° and {reach:g} m; "
+            "train it with this lidar"
+        )
+
+
+def places_in(layout: Layout, nature: Nature, gear: Floats, name: str) -> Ints:
+    """Return where each number that a policy sees lies in a larger observation, shape (size,).
+
+    A policy that learned with fewer lidar rays in the same field takes every so many of them.
+
+    Raises:
+        DriverError: a part is missing, or has another size.
+    """
+    places: list[int] = []
+    for part, size in zip(nature.parts, nature.sizes, strict=True):
+        if part not in layout.slices:
+            raise DriverError(f"{name} wants to see {part!r}; the race shows {layout.preset!r}")
+        there = layout.slices[part]
+        offered = there.stop - there.start
+        step = 1
+        if part in {"lidar", "lidar_before"}:
+            _check_lidar(nature, gear, name)
+            step = max((offered - 1) // max(size - 1, 1), 1)
+        if offered != (size - 1) * step + 1:
+            raise DriverError(
+                f"{name} learned with {size} numbers of {part!r}, the race shows {offered}; "
+                "train it with this many"
+            )
+        places += range(there.start, there.stop, step)
+    return np.array(places, np.int64)

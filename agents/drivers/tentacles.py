@@ -1,0 +1,302 @@
+"""Driving with tentacles: 81 arcs for each of 16 speeds, judged by what the lidar sees along them.
+
+After von Hundelshausen, Himmelsbach, Hecker, Mueller and Wuensche, Driving with Tentacles:
+Integral Structures for Sensing and Motion, Journal of Field Robotics 25(9), 2008. A support area
+wider than the car is searched along each arc; arcs that leave room to stop are drivable, and the
+least weighted sum of clearance, flatness and trajectory wins. If none is drivable the longest is
+taken, and the car brakes.
+
+What differs here, and why:
+
+- The paper reads a grid of cells, here there is one scan. Each point stands for the wall between
+  two rays, range times angle [m]; that is its weight, so that near and far walls count alike.
+- Flatness judged the roughness of the ground. In two dimensions the wall within the support area
+  stands in for it: a way with less of it beside is the better one.
+- There is no map and so no wanted path. The middle of the deepest gap stands in for it.
+- Lengths are the paper's in the proportion of the wheelbases (its car: 2.855 m), so that the same
+  code drives the 1/10 car and karts; radii also respect what the car can steer and hold.
+"""
+
+import math
+
+from race_agents.drivers.follow_gap import middle_of_gap, nearest_deepest
+from race_agents.planning.scan import age_of_scan, move_scan, repair, widen_edges
+from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
+from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, Autopilot
+from race_server.core.kernels.jit import kernel
+from race_server.core.observation import PART_NUMBERS
+from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.vehicles import GRAVITY
+
+LIDAR = PART_NUMBERS["lidar"]
+YAW_RATE = PART_NUMBERS["yaw_rate"]
+STEERING = PART_NUMBERS["steering"]
+SPEED_CAP = PART_NUMBERS["speed_cap"]
+GRIP_SCALE = PART_NUMBERS["grip_scale"]
+
+# The paper's figures; lengths [m] and speeds [m/s] of a car with WHEELBASE.
+WHEELBASE = 2.855
+CLASSES, SIDE = 16, 40  # speed classes; arcs on either side of the straight one
+SHORTEST, LONGER, EXTRA = 8.0, 33.5, 20.0
+SLOWEST, FASTEST = 0.25, 10.0
+SPEED_POWER, RADIUS_POWER = 1.2, 0.9
+WIDEST = 0.6 * math.pi  # [rad] that the sharpest arc of the slowest class turns
+GROWTH = 1.15  # of the radius from one arc to the next
+
+# Half-widths of the classification and of the support area [body widths].
+CORE, SUPPORT = 0.6, 2.0
+BINS, WINDOW = 40, 3
+ENOUGH_WALL = 0.15  # body widths of wall within a window that make an obstacle
+SAFE_GAP = 0.8  # body lengths to keep when stopping in front of something
+SAFE_BRAKING = 3.0  # [m/s²]
+HALF_CLEAR = 10.0  # body lengths of free way at which the clearance is half of the worst
+CLEARANCE, FLATNESS, TRAJECTORY, CHANGE = 1.0, 0.6, 0.2, 0.08
+# The wanted direction: edges hide what a body of so many half-widths [widths] cannot reach.
+GAP_HALF, GAP_JUMP, GAP_DEEP = 0.4, 0.5, 0.9
+
+# What is decided now has its effect so much later. In truth 0.1 s; counting less brakes and turns
+# earlier, which costs 2 % of lap time and saved every touch of a wall.
+LEAD_S = 0.05
+BEND_SHARE, BRAKE_SHARE, END_SHARE = 0.75, 0.6, 0.65
+STOP_GAP = 0.7  # body lengths
+# What is found about an arc, by place in the row of numbers to work with.
+FREE, SUPPORT_FREE, WALL, LENGTH, CURVATURE, FIRST_BIN = range(6)
+
+
+@kernel
+def grown(factor: float, times: int) -> float:
+    """Return `factor` to the power of a whole number, to the same bits compiled or not."""
+    result = 1.0
+    for _ in range(times):
+        result *= factor
+    return result
+
+
+@kernel
+def speed_class(speed: float) -> int:
+    """Return the class 0 to 15 whose speed v_s + q^1.2 (v_e - v_s) is nearest below or at it."""
+    share = min(max((speed - SLOWEST) / (FASTEST - SLOWEST), 0.0), 1.0)
+    return min(int(share ** (1.0 / SPEED_POWER) * (CLASSES - 1) + 0.5), CLASSES - 2)
+
+
+@kernel
+def class_length(number: int, scale: float) -> float:
+    """Return the length [m] of the sharpest arc of a class."""
+    q = number / (CLASSES - 1)
+    return scale * (SHORTEST + LONGER * q**SPEED_POWER)
+
+
+@kernel
+def class_radius(number: int, scale: float) -> float:
+    """Return the radius [m] of the sharpest arc of a class below the last, which is straight."""
+    q = number / (CLASSES - 1)
+    return class_length(number, scale) / (WIDEST * (1.0 - q**RADIUS_POWER))
+
+
+@kernel
+def stopping_length(speed: float, length: float) -> float:
+    """Return the free length l_c = l_s + v²/2a [m] that makes an arc drivable."""
+    return SAFE_GAP * length + speed * speed / (2.0 * SAFE_BRAKING)
+
+
+@kernel
+def clearance_of(free: float, length: float, body: float) -> float:
+    """Return how bad an arc's free length [m] is: 0 for free to its end, towards 1 for none."""
+    if free >= length:
+        return 0.0
+    steepness = math.log(3.0) / (HALF_CLEAR * body)
+    return 2.0 - 2.0 / (1.0 + math.exp(-steepness * free))
+
+
+@kernel
+def flatness_of(wall: float, body: float) -> float:
+    """Return how bad the wall [m] in an arc's support area is, 0 to 1."""
+    return 2.0 / (1.0 + math.exp(-wall / body)) - 1.0
+
+
+@kernel
+def direction_after(curvature: float, length: float) -> float:
+    """Return the direction [rad] in which an arc's end lies: half of what it turns."""
+    return 0.5 * curvature * length
+
+
+@kernel
+def place_points(memory: Floats, rays: int, field: float, ahead: float, turn: float) -> None:
+    """Write the scan's points as seen from where the car will be: x ahead, then y to the left.
+
+    It will have driven `ahead` [m] and turned by `turn` [rad].
+    """
+    dx, dy = ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn)
+    move_scan(memory, rays, field, dx, dy, turn)
+
+
+@kernel
+def search_arc(
+    memory: Floats, rays: int, step: float, side: float, bend: float, length: float, vehicle: Record
+) -> None:
+    """Write what the points say of one arc: free lengths of both areas and the wall [m].
+
+    bend: the curvature without its sign [1/m], which `side` is, 1 to the left; length: of the
+    arc [m]; step: angle between two rays [rad].
+    """
+    core, support, half = CORE * vehicle.width, SUPPORT * vehicle.width, 0.5 * vehicle.length
+    xs, ys, out = KEPT + 2 * rays, KEPT + 3 * rays, KEPT + 4 * rays
+    bins = out + FIRST_BIN
+    for index in range(BINS):
+        memory[bins + index] = 0.0
+    free, wall = length, 0.0
+    # With m = κ (x² + y²) / 2 - y a point lies sqrt(1 + 2 κ m) / κ from the circle's centre: so
+    # most points are found to be far away without a root.
+    middle = 0.5 * bend * support * support
+    for ray in range(rays):
+        x, y = memory[xs + ray], side * memory[ys + ray]
+        square = x * x + y * y
+        off = 0.5 * bend * square - y
+        if off < middle - support or off > middle + support:
+            continue
+        along, lateral = x, abs(y)
+        if bend > 0.0:
+            along = math.atan2(bend * x, 1.0 - bend * y) / bend
+            lateral = abs(math.sqrt(1.0 + 2.0 * bend * off) - 1.0) / bend
+        if not 0.0 <= along <= length + half:
+            continue
+        ahead = max(along - half, 0.0)
+        if lateral < core:
+            free = min(free, ahead)
+        else:
+            weight = (support - lateral) / (support - core) * math.sqrt(square) * step
+            memory[bins + int(ahead / length * (BINS - 1))] += weight
+            wall += weight
+    memory[out + FREE] = free
+    memory[out + SUPPORT_FREE] = min(free, slide_window(memory, bins, vehicle.width) * length)
+    memory[out + WALL] = wall
+
+
+@kernel
+def slide_window(memory: Floats, bins: int, width: float) -> float:
+    """Return the share of an arc before the first window with enough wall in it; 1 for none."""
+    total = 0.0
+    for index in range(BINS):
+        total += memory[bins + index]
+        if index >= WINDOW:
+            total -= memory[bins + index - WINDOW]
+        if total > ENOUGH_WALL * width:
+            return index / (BINS - 1)
+    return 1.0
+
+
+@kernel
+def choose_arc(
+    memory: Floats, rays: int, step: float, speed: float, now: float, goal: float, vehicle: Record
+) -> bool:
+    """Write curvature, length and free length of the best arc; return whether it is drivable.
+
+    now: the curvature that the wheels are turned to [1/m]; goal: the wanted direction [rad].
+    """
+    out = KEPT + 4 * rays
+    wheelbase, body = vehicle.front_axle + vehicle.rear_axle, vehicle.length
+    tightest = wheelbase / math.tan(vehicle.steering_limit)
+    scale = wheelbase / WHEELBASE
+    number = speed_class(speed)
+    start = class_length(number, scale)
+    grip = vehicle.grip * GRAVITY
+    sharpest = max(class_radius(number, scale), tightest, speed * speed / grip)
+    needed = stopping_length(speed, body)
+    drivable, best, longest = False, math.inf, -1.0
+    best_free, best_length, best_curvature = 0.0, 0.0, 0.0
+    for arc in range(2 * SIDE + 1):
+        # From hard left to straight to hard right.
+        rank, side = min(arc, 2 * SIDE - arc), 1.0 if arc <= SIDE else -1.0
+        bend = 0.0 if rank == SIDE else 1.0 / (sharpest * grown(GROWTH, rank))
+        length = start + scale * EXTRA * math.sqrt(rank / SIDE)
+        search_arc(memory, rays, step, side, bend, length, vehicle)
+        free, clear = memory[out + FREE], memory[out + SUPPORT_FREE]
+        can = free >= min(needed, length)
+        curvature = side * bend
+        value = CLEARANCE * clearance_of(clear, length, body)
+        value += FLATNESS * flatness_of(memory[out + WALL], body)
+        value += TRAJECTORY * abs(direction_after(curvature, clear) - goal)
+        value += CHANGE * abs(curvature - now) * tightest
+        better = value < best if can else not drivable and free > longest
+        if better or (can and not drivable):
+            best, longest, drivable = value, free, drivable or can
+            best_free, best_length, best_curvature = free, length, curvature
+    memory[out + FREE], memory[out + LENGTH] = best_free, best_length
+    memory[out + CURVATURE] = best_curvature
+    return drivable
+
+
+@kernel
+def feel(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Take the best arc, as fast as the free way along it and its bend allow."""
+    rays, field, speed = at[-1], gear[FIELD], max(seen[at[SPEED]], 0.0)
+    step, widened = field / (rays - 1), KEPT + rays
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    half, jump = GAP_HALF * vehicle.width, GAP_JUMP * vehicle.length
+    widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
+    depth = nearest_deepest(memory, widened, rays, field)
+    goal = middle_of_gap(memory, widened, rays, field, GAP_DEEP * depth)
+    later = LEAD_S + age_of_scan(seen, at[LIDAR], rays, gear[DECISION], memory)
+    turn = later * seen[at[YAW_RATE]]
+    place_points(memory, rays, field, later * speed, turn)
+    now = math.tan(seen[at[STEERING]]) / wheelbase
+    drivable = choose_arc(memory, rays, step, speed, now, goal - turn, vehicle)
+    control[0] = math.atan(memory[KEPT + 4 * rays + CURVATURE] * wheelbase) / vehicle.steering_limit
+    target = _speed(memory, KEPT + 4 * rays, vehicle, seen[at[GRIP_SCALE]], depth, drivable)
+    press_pedals(seen[at[SPEED]], min(target, seen[at[SPEED_CAP]]), 2.7, control)
+    control[2] = min(1.2 * control[2], 1.0)  # the brake is what saves a bend taken too fast
+    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+
+
+@kernel
+def _speed(
+    memory: Floats, found: int, vehicle: Record, grip_scale: float, depth: float, drivable: bool
+) -> float:
+    """Return the speed [m/s] for the bend and for the way that is free; less if nothing is."""
+    grip = vehicle.grip * GRAVITY * grip_scale
+    free, bend = memory[found + FREE], abs(memory[found + CURVATURE])
+    if free >= memory[found + LENGTH]:
+        free = max(free, depth)  # an arc ends, the view goes on
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    way = max(free - STOP_GAP * vehicle.length, 0.0)
+    # At the end of the free way there is room for the tightest bend, unless it is here already.
+    end = END_SHARE * math.sqrt(grip * wheelbase / math.tan(vehicle.steering_limit))
+    end = min(end, 0.5 * end + 2.0 * way)
+    braking = BRAKE_SHARE * min(grip, vehicle.brake_force / vehicle.mass)
+    target = math.sqrt(end * end + 2.0 * braking * way)
+    target = min(target, math.sqrt(BEND_SHARE * grip / max(bend, 1e-3)), vehicle.top_speed)
+    return target if drivable else min(target, end)
+
+
+@kernel
+def feel_all(
+    seats: Ints,
+    seen: Floats,
+    at: Ints,
+    vehicles: Records,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    controls: Floats,
+) -> None:
+    """Decide for many karts: row n of `seats` is a world and a kart in it."""
+    for row in range(len(seats)):
+        w, k = seats[row, 0], seats[row, 1]
+        feel(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+
+
+class Tentacles(Autopilot):
+    """Judges 81 arcs by what the lidar sees along them and takes the best."""
+
+    preset = "lidar"
+    decide = staticmethod(feel)
+    decide_all = staticmethod(feel_all)

@@ -1,0 +1,1 @@
+"""The program of a real kart: estimation, safety, control unit, network."""

@@ -1,0 +1,203 @@
+"""The program of a real kart: takes a seat, tells where the kart is, obeys, keeps it safe.
+
+`Onboard` is the kart's end of the link; `ControlUnit` is what it thinks with. Whatever plays the
+kart's body, a real one or the plant, is `Hardware`.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
+
+from race_agents.onboard.control_unit import ControlUnit, Fence, Readings
+from race_agents.onboard.safety import Command
+from race_server.core.clock import Pacer
+from race_server.core.driver import Driver
+from race_server.core.messages import Control, Flag, Trust
+from race_server.core.observation import Observation
+from race_server.errors import LinkError, SeatError, WireError
+from race_server.live.client.seat import Seat, insist, take_seat
+from race_server.net.auth.keys import ClientKeys
+from race_server.net.transport import ClientLink
+from race_server.net.wire import topics
+from race_server.net.wire.drive import HudFrame, decode_hud, decode_observation
+from race_server.net.wire.lobby import CourseSheet, Join, decode_course
+from race_server.net.wire.pose import PoseFrame, encode_pose
+
+PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
+# After the link broke the kart asks for its seat as often as this, and gives up after so long.
+RETRY_S, GIVE_UP_S = 1.0, 10.0
+
+Clock = Callable[[], float]
+
+
+class Hardware(Protocol):
+    """A kart's body: sensors, actuators, and who holds the wheel."""
+
+    def read(self, now_s: float) -> Readings:
+        """Return what the sensors give now."""
+
+    def act(self, command: Command) -> None:
+        """Move the actuators."""
+
+    def hands(self, control: Control | None, now_s: float) -> Control | None:
+        """Return what comes from wheel and pedals now, if anything new does.
+
+        control: what the driver decided on, None if it has seen nothing new.
+        """
+
+
+@dataclass
+class Onboard:
+    """A seat as a real kart holds it."""
+
+    seat: Seat
+    clock: Clock
+    delay_s: float = 0.0  # added each way, to play a slow link
+    is_cut: bool = False  # as if the radio were off
+    sequence: int = 0
+    _up: deque[tuple[float, bytes]] = field(default_factory=deque)
+    _down: deque[tuple[float, bytes]] = field(default_factory=lambda: deque(maxlen=64))
+
+    def store(self, data: bytes) -> None:
+        """Take a message from the server; called by the transport's thread."""
+        self._down.append((self.clock() + self.delay_s, data))
+
+    def hear(self, now_s: float) -> tuple[HudFrame, float] | None:
+        """Return the newest heads-up data that has arrived, and when it did."""
+        newest = None
+        while self._down and self._down[0][0] <= now_s:
+            newest = self._down.popleft()
+        if newest is None or self.is_cut:
+            return None
+        try:
+            return decode_hud(newest[1]), newest[0]
+        except WireError:
+            return None  # the next one comes in 50 ms
+
+    def see(self) -> Observation | None:
+        """Return what the driver sees: the newest observation, if there is a new one."""
+        data = self.seat.mailbox.take(0.0)
+        if data is None or self.is_cut:
+            return None
+        frame = decode_observation(data)
+        return Observation(frame.tick, self.seat.layout, frame.values)
+
+    def tell(self, unit: ControlUnit, now_s: float) -> None:
+        """Send the pose, and what was sent before and is due."""
+        pose, hud = unit.pose(), unit.hud
+        if pose is not None and hud is not None:
+            self.sequence += 1
+            told = PoseFrame(
+                epoch=hud.epoch,
+                sequence=self.sequence,
+                acknowledged=hud.sequence,
+                pose=replace(pose, echo_us=unit.echo_us(now_s)),
+                buttons=unit.buttons,
+            )
+            self._up.append((now_s + self.delay_s, encode_pose(told)))
+        while self._up and self._up[0][0] <= now_s:
+            _, data = self._up.popleft()
+            if not self.is_cut:
+                self.seat.send(data)
+
+
+def take_part(
+    driver: Driver,
+    hardware_of: Callable[[Seat, CourseSheet, ClientLink], Hardware],
+    *,
+    name: str,
+    address: str,
+    session: str = "race",
+    keys: ClientKeys | None = None,
+    wanted: int = -1,
+    timeout_s: float = 20.0,
+    delay_s: float = 0.0,
+    clock: Clock = time.monotonic,
+    caution: float = 1.0,
+    each_turn: Callable[[Onboard, ControlUnit, float], bool] | None = None,
+) -> None:
+    """Drive one race with a real kart.
+
+    caution: share of the tyres' grip that the driver is told of; what the figures promise, a kart
+    that exists seldom has. each_turn: is called after each decision; the kart leaves once it
+    returns False.
+
+    Raises:
+        LinkError: no server.
+        SeatError: no seat.
+    """
+    with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
+        persist = partial(insist, deadline=time.monotonic() + timeout_s)
+        join = Join(name[:32], driver.preset, wanted, tracked=True)
+        seat = persist(partial(take_seat, link, join))
+        sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
+        briefing = seat.welcome.briefing
+        unit = ControlUnit.of(briefing.vehicle, fence_of(sheet))
+        hardware = hardware_of(seat, sheet, link)
+        onboard = Onboard(seat, clock, delay_s)
+        link.listen(topics.HUD, onboard.store, seat.number)
+        known = replace(briefing.vehicle, grip=caution * briefing.vehicle.grip)
+        driver.reset(replace(briefing, vehicle=known))
+        persist(partial(seat.act, topics.READY))
+        _drive(driver, onboard, unit, hardware, each_turn or _until_home)
+
+
+def fence_of(sheet: CourseSheet) -> Fence:
+    """Return the course as the kart may use it."""
+    return Fence(sheet.line, sheet.half_widths, sheet.kerb)
+
+
+def _until_home(onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+    """Go on until the race is over for this kart and it stands."""
+    del onboard, now_s
+    return not is_home(unit)
+
+
+def is_home(unit: ControlUnit) -> bool:
+    """Return whether the kart was told to stop after the start, and stands."""
+    hud = unit.hud
+    if hud is None or hud.trust is Trust.PARKED or hud.flag is Flag.RED:
+        return False
+    told = hud.lights_s == 0.0 and hud.speed_cap == 0.0
+    return told and unit.fusion is not None and abs(unit.fusion.state[3]) < 0.05
+
+
+def _drive(
+    driver: Driver,
+    onboard: Onboard,
+    unit: ControlUnit,
+    hardware: Hardware,
+    goes_on: Callable[[Onboard, ControlUnit, float], bool],
+) -> None:
+    pacer = Pacer(PERIOD_S)
+    pacer.start()
+    heard_s = asked = onboard.clock()
+    while unit.hud is None or onboard.clock() - heard_s < GIVE_UP_S:
+        now = onboard.clock()
+        unit.sense(hardware.read(now))
+        if (heard := onboard.hear(now)) is not None:
+            unit.hear(*heard)
+            heard_s = asked = now
+        seen = onboard.see()
+        control = hardware.hands(driver.act(seen) if seen is not None else None, now)
+        if control is not None:
+            unit.drive(control, now)
+        hardware.act(unit.decide(now))
+        onboard.tell(unit, now)
+        if not goes_on(onboard, unit, now):
+            return
+        if now - asked > RETRY_S and not onboard.is_cut and unit.hud is not None:
+            asked = now
+            _ask_again(onboard)
+        pacer.wait()
+
+
+def _ask_again(onboard: Onboard) -> None:
+    """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex."""
+    try:
+        onboard.seat.come_back()
+    except (LinkError, SeatError):
+        return

@@ -1,0 +1,281 @@
+"""A real kart's control unit, without I/O: what it senses and hears, what it does, what it tells.
+
+Two sides that meet in one place only. One listens to the game: speed cap, share of the motor. The
+other keeps the kart safe with what the kart itself senses. `decide` takes the strictest of both,
+so a message can take speed away and never give any.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_agents.onboard.ekf import HEADING, SLIDE, SPEED, YAW_RATE, Fusion, X, Y
+from race_agents.onboard.safety import (
+    STOP_FOR_OBSTACLE,
+    Command,
+    Echoes,
+    Limits,
+    Verdict,
+    combine,
+    watch_creeping,
+    watch_driver,
+    watch_fence,
+    watch_link,
+    watch_obstacles,
+    watch_place,
+    watch_restart,
+    watch_speed,
+)
+from race_server.core.messages import Button, Control, Pose, Source
+from race_server.core.vehicles import GRAVITY, Vehicle
+from race_server.net.wire.drive import HudFrame
+
+MICROSECONDS = 1_000_000
+# Standard deviations of the readings, where a sensor does not give its own.
+WHEEL_DEVIATION, WHEEL_SHARE, GYRO_DEVIATION = 0.05, 0.02, 0.02  # [m/s], of the speed, [rad/s]
+# Without a position fix for so long the place is dead reckoning.
+FIX_S = 0.5
+# [rad] by which rear tyres that hold run aside, and [m/s] at a crawl, as standard deviations.
+SLIP, CRAWL_SLIP = 0.1, 0.05
+# An acceleration, as a share of what the tyres hold, that only a wall or another kart can cause.
+BLOW = 1.3
+
+
+STOP = Control(brake=1.0)
+STANDS = 0.05  # [m/s]
+# Somebody who was seen so long ago may still be there: beside a front corner no beam reaches.
+UNSEEN_S = 3.0
+
+
+@dataclass(frozen=True)
+class Fix:
+    """One reading of the position."""
+
+    x: float
+    y: float
+    deviation: float  # [m]
+    source: Source = Source.CORRECTED_SATELLITES
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the sensors give at one moment; None where one has nothing new."""
+
+    time_s: float  # by the kart's own clock
+    wheel_speed: float  # [m/s]
+    yaw_rate: float  # [rad/s] of the gyro, with its bias
+    steering: float  # [rad] at the road wheels
+    acceleration: tuple[float, float] | None = None  # [m/s²] ahead and to the left
+    fix: Fix | None = None
+    echoes: Echoes | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fence:
+    """The course as the kart may use it: a band around its centre line."""
+
+    line: NDArray[np.float64]  # (N, 4) x, y, heading, curvature
+    half_widths: NDArray[np.float64]  # (N, 2)
+    kerb: float
+
+    def beyond(self, x: float, y: float) -> float:
+        """Return how far outside the kerb a point lies [m], negative inside."""
+        dx, dy = x - self.line[:, 0], y - self.line[:, 1]
+        nearest = int(np.argmin(dx * dx + dy * dy))
+        heading = self.line[nearest, 2]
+        offset = dy[nearest] * math.cos(heading) - dx[nearest] * math.sin(heading)
+        width = self.half_widths[nearest, 0 if offset > 0.0 else 1]
+        return float(abs(offset) - width - self.kerb)
+
+    def heading_at(self, x: float, y: float) -> float:
+        """Return the direction of the course at a point [rad]."""
+        dx, dy = x - self.line[:, 0], y - self.line[:, 1]
+        return float(self.line[int(np.argmin(dx * dx + dy * dy)), 2])
+
+
+@dataclass
+class ControlUnit:
+    """Fuses, obeys, and holds the reflex."""
+
+    vehicle: Vehicle
+    fence: Fence
+    limits: Limits
+    fusion: Fusion | None = None  # from the first position fix on
+    hud: HudFrame | None = None
+    command: Command = field(default_factory=Command)
+    steering: float = 0.0
+    echoes: Echoes = field(default_factory=Echoes.nothing)
+    _hud_s: float = -math.inf
+    _driver: Control = STOP
+    _driver_s: float = -math.inf
+    _time_s: float = 0.0
+    _rate: float = 0.0  # [rad/s] that the gyro gave last
+    _fix_s: float = -math.inf
+    _source: Source = Source.UNKNOWN
+    _is_braking: bool = False  # the reflex began to brake for something and is not through
+    _met_s: float = -math.inf  # when somebody was last seen in the way, or near
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, fence: Fence) -> "ControlUnit":
+        """Return the unit of a kart of this kind."""
+        return cls(vehicle, fence, Limits.of(vehicle))
+
+    def hear(self, hud: HudFrame, now_s: float) -> None:
+        """Take what the game wants of this kart."""
+        self.hud, self._hud_s = hud, now_s
+
+    def drive(self, control: Control, now_s: float) -> None:
+        """Take what the driver wants."""
+        self._driver, self._driver_s = control, now_s
+
+    def sense(self, readings: Readings) -> None:
+        """Take the newest readings."""
+        dt, self._time_s = readings.time_s - self._time_s, readings.time_s
+        self.steering = readings.steering
+        if readings.echoes is not None:
+            self.echoes = readings.echoes
+        if self.fusion is None:
+            self._begin(readings.fix)
+            return
+        felt = readings.acceleration
+        self.fusion.predict(dt, push=self._push(felt, readings.yaw_rate, dt), blow=self._blow(felt))
+        self.fusion.see_grip(CRAWL_SLIP + SLIP * abs(float(self.fusion.state[SPEED])))
+        speed = readings.wheel_speed
+        self.fusion.see_speed(speed, WHEEL_DEVIATION + WHEEL_SHARE * abs(speed))
+        self.fusion.see_yaw_rate(readings.yaw_rate, GYRO_DEVIATION)
+        if (fix := readings.fix) is not None:
+            if self.fusion.see_position(fix.x, fix.y, fix.deviation):
+                self._fix_s, self._source = readings.time_s, fix.source
+
+    def _push(
+        self, felt: tuple[float, float] | None, rate: float, dt: float
+    ) -> tuple[float, float]:
+        """Return how the speeds of the rear axle change [m/s²], ahead and to the left.
+
+        felt: by the accelerometer, which sits in the centre of gravity; rate: what the gyro says.
+        """
+        assert self.fusion is not None
+        turned, self._rate = rate - self._rate, rate
+        if felt is None or dt <= 0.0:
+            return 0.0, 0.0
+        speed, turn, slide = self.fusion.state[[SPEED, YAW_RATE, SLIDE]]
+        lever = self.vehicle.rear_axle
+        ahead = felt[0] + turn * (slide + lever * turn)
+        return float(ahead), float(felt[1] - turn * speed - lever * turned / dt)
+
+    def _blow(self, felt: tuple[float, float] | None) -> float:
+        """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""
+        if felt is None:
+            return 0.0
+        blow = math.hypot(*felt)
+        return blow if blow > BLOW * self.vehicle.grip * GRAVITY else 0.0
+
+    def _begin(self, fix: Fix | None) -> None:
+        """Begin at the first fix, facing along the course: nobody stands on a grid otherwise."""
+        if fix is not None:
+            heading = self.fence.heading_at(fix.x, fix.y)
+            lever = self.vehicle.rear_axle
+            self.fusion = Fusion(fix.x, fix.y, heading, lever=lever)
+            self._fix_s, self._source = self._time_s, fix.source
+
+    def decide(self, now_s: float) -> Command:
+        """Return what goes to the actuators now."""
+        if self.fusion is None or self.hud is None:
+            self.command = Command()
+            return self.command
+        speed = float(self.fusion.state[SPEED])
+        self.command = combine(
+            self._driver,
+            speed,
+            self._verdicts(now_s, speed),
+            self.limits,
+            game_speed=self.hud.speed_cap,
+            thrust=self.hud.thrust_scale,
+        )
+        return self.command
+
+    def _verdicts(self, now_s: float, speed: float) -> list[Verdict]:
+        assert self.fusion is not None
+        assert self.hud is not None
+        wanted = self._driver.steering * self.vehicle.steering_limit
+        now, will = (math.tan(angle) / self.vehicle.wheelbase for angle in (self.steering, wanted))
+        x, y = (float(value) for value in self.fusion.state[[X, Y]])
+        return [
+            self._watch_ahead(now, will, speed),
+            watch_driver(now_s - self._driver_s, self.limits),
+            watch_link(now_s - self._hud_s, self.hud.valid_s, self.limits),
+            watch_speed(speed, self.limits),
+            watch_fence(self.fence.beyond(x, y), self.limits),
+            watch_place(self.fusion.deviation, self.limits),
+        ]
+
+    def _watch_ahead(self, now: float, will: float, speed: float) -> Verdict:
+        """Brake for what stands ahead until the kart stands, and then until the way is free.
+
+        Who lets the pedal go, or backs away, may try again. For another kart, which drives on,
+        the brakes are on only as long as it is in danger.
+        """
+        if self._driver.throttle < 0.0 and speed < STANDS:
+            self._is_braking = False
+            return Verdict()
+        verdict = watch_obstacles(self.echoes, speed, now, will, self.limits)
+        still = self.echoes.without_karts()
+        if verdict.brake > 0.0:
+            alone = watch_obstacles(still, speed, now, will, self.limits)
+            self._is_braking = self._is_braking or alone.brake > 0.0
+            people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
+            if people.brake > 0.0:
+                self._met_s = self._time_s
+            return verdict
+        if self._is_braking and speed > STANDS:
+            return STOP_FOR_OBSTACLE
+        if self._driver.throttle <= 0.0:
+            self._is_braking = False
+            return Verdict()
+        held = Verdict()
+        if self._is_braking:
+            held = self._hold(watch_restart(still, self.limits))
+            self._is_braking = held.brake > 0.0
+        near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
+        return held if held.brake > 0.0 else near
+
+    def _hold(self, held: Verdict) -> Verdict:
+        """Hold a kart for a while longer than it sees somebody in front."""
+        if held.brake > 0.0:
+            self._met_s = self._time_s
+        return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
+
+    def pose(self) -> Pose | None:
+        """Return where the kart's centre of gravity is, as it is told to the server."""
+        if self.fusion is None:
+            return None
+        state = [float(value) for value in self.fusion.state]
+        back, heading = self.vehicle.rear_axle, state[HEADING]
+        lost_s = self._time_s - self._fix_s
+        return Pose(
+            stamp_us=round(self._time_s * MICROSECONDS),
+            x=state[X] + back * math.cos(heading),
+            y=state[Y] + back * math.sin(heading),
+            heading=heading,
+            speed=state[SPEED],
+            lateral_speed=state[SLIDE] + back * state[YAW_RATE],
+            yaw_rate=state[YAW_RATE],
+            steering=self.steering,
+            deviation=self.fusion.deviation,
+            # Halved for every two seconds of dead reckoning.
+            quality=1.0 if lost_s < FIX_S else 0.5 ** (0.5 * (lost_s - FIX_S)),
+            source=self._source if lost_s < FIX_S else Source.DEAD_RECKONING,
+        )
+
+    def echo_us(self, now_s: float) -> int:
+        """Return the server's clock as the newest message had it, and the time since [µs]."""
+        if self.hud is None:
+            return 0
+        return self.hud.monotonic_us + round((now_s - self._hud_s) * MICROSECONDS)
+
+    @property
+    def buttons(self) -> Button:
+        """What the driver presses."""
+        return self._driver.buttons & Button.USE_ITEM

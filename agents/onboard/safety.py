@@ -1,0 +1,296 @@
+"""The safety reflex of a real kart: pure functions of what the kart itself senses.
+
+Each watches one danger and answers with the speed that is still allowed, or with the brakes. The
+strictest counts. None of them takes a word from the game: a message can make a kart slower, never
+faster than what is returned here.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core import codes
+from race_server.core.messages import Control
+from race_server.core.vehicles import GRAVITY, Vehicle
+
+Floats = NDArray[np.float64]
+# Brakes where there is time: nobody behind is surprised.
+GENTLE = 0.6
+# How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
+OVER_RATE, OVER_BRAKE = 5.0, 0.7
+CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
+STRAIGHT = 1e-4  # [1/m] bends flatter than this are driven as straight lines
+
+
+class Cause(IntFlag):
+    """What made the reflex act."""
+
+    NONE = 0
+    OBSTACLE = 1  # something will be hit unless the kart brakes now
+    DRIVER = 2  # the driver has let go
+    LINK = 4  # the server is silent
+    SPEED = 8  # faster than this kart may ever be
+    FENCE = 16  # outside the course
+    LOST = 32  # the kart does not know where it is
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the reflex may count on, and where it draws the line."""
+
+    braking: float  # [m/s²] that the kart reaches for certain
+    reaction_s: float  # until the brakes bite
+    half_width: float  # [m] of the corridor that the body needs
+    berth: float  # [m] beside it that people get: an echo is one point of somebody who is wider
+    swerve: float  # [m/s²] across by which a driver may turn towards somebody at any time
+    nose: float  # [m] from the rear axle to the front bumper
+    stand_off: float  # [m] that must be left
+    restart: float  # [m] that must be free before a kart that braked for something drives on
+    top_speed: float  # [m/s] never more, boost or not
+    reverse_speed: float  # [m/s]
+    sharpest: float  # [1/m] curvature at full lock
+    grip: float  # [m/s²] across that the tyres hold for certain
+    slow_speed: float  # [m/s] where something is wrong
+    fence: float  # [m] beyond the kerb that are no danger yet
+    coast_s: float = 0.3  # the driver's input is older: no motor
+    let_go_s: float = 0.8  # … and older than this: stop
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> "Limits":
+        """Return the limits for a vehicle: 70 % of the braking that its figures promise."""
+        promised = min(vehicle.brake_force / vehicle.mass, vehicle.grip * GRAVITY)
+        return cls(
+            braking=0.7 * promised,
+            reaction_s=0.2,
+            half_width=0.55 * vehicle.width,
+            berth=0.35 * vehicle.width,
+            swerve=0.3 * 0.7 * vehicle.grip * GRAVITY,
+            nose=vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length,
+            stand_off=0.25 * vehicle.length,
+            restart=1.5 * vehicle.length,
+            top_speed=1.25 * vehicle.top_speed,
+            reverse_speed=vehicle.reverse_speed,
+            sharpest=math.tan(vehicle.steering_limit) / vehicle.wheelbase,
+            grip=0.7 * vehicle.grip * GRAVITY,
+            slow_speed=0.15 * vehicle.top_speed,
+            fence=0.5 * vehicle.length,
+        )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one watch allows."""
+
+    speed: float = math.inf  # [m/s] at most
+    brake: float = 0.0  # [0, 1] at least
+    motor: float = 1.0  # [0, 1] of the motor's force at most
+    cause: Cause = Cause.NONE
+
+
+STOP_FOR_OBSTACLE = Verdict(brake=1.0, motor=0.0, cause=Cause.OBSTACLE)
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes:
+    """What the radar sees, one entry for each ray that something came back on."""
+
+    x: Floats  # (n,) [m] ahead of the rear axle
+    y: Floats  # (n,) [m] to the left
+    closing: Floats  # (n,) [m/s] by which the distance shrinks
+    kinds: NDArray[np.uint8]  # (n,) Hit
+
+    @classmethod
+    def nothing(cls) -> "Echoes":
+        """Return what a radar in an empty place sees."""
+        none = np.zeros(0)
+        return cls(none, none, none, np.zeros(0, np.uint8))
+
+    def without_karts(self) -> "Echoes":
+        """Return what is left where other karts are not looked at."""
+        return self._kept(self.kinds != codes.KART_HIT)
+
+    def of_people(self) -> "Echoes":
+        """Return what is neither a kart nor a border."""
+        return self._kept(self.kinds == codes.OBSTACLE)
+
+    def _kept(self, kept: NDArray[np.bool_]) -> "Echoes":
+        return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
+
+
+def braking_time(closing: Floats, limits: Limits) -> Floats:
+    """Return the times to collision (n,) [s] at which the brakes must be full to stop in time.
+
+    closing: (n,) [m/s] by which the distances shrink. Stopping takes closing²/(2 braking) and the
+    way of the reaction: as a time at that speed.
+    """
+    return limits.reaction_s + np.maximum(closing, 0.0) / (2.0 * limits.braking)
+
+
+def way_along(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
+    """Return how far along an arc each point lies and how far beside it [m], inside positive.
+
+    The arc begins at the origin along x; curvature [1/m] is positive to the left.
+    """
+    if abs(curvature) < STRAIGHT:
+        return x, -np.abs(y)
+    radius = 1.0 / abs(curvature)
+    side = y if curvature > 0.0 else -y
+    turned = np.arctan2(x, radius - side)
+    return radius * turned, radius - np.hypot(x, radius - side)
+
+
+def is_on_way(
+    along: Floats, aside: Floats, beside: Floats, curvature: float, limits: Limits
+) -> NDArray[np.bool_]:
+    """Return which points of `way_along` the body sweeps over, or misses by less than `beside` [m].
+
+    In a bend the outer front corner swings out beyond the way of the rear axle.
+    """
+    outer = limits.half_width
+    if abs(curvature) > STRAIGHT:
+        radius = 1.0 / abs(curvature)
+        outer = math.hypot(radius + limits.half_width, limits.nose) - radius
+    return (along > 0.0) & (aside < limits.half_width + beside) & (aside > -outer - beside)
+
+
+def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
+    """Return which echoes will be hit along an arc unless the kart brakes fully now.
+
+    To borders a kart need not keep its distance: drivers use all of the track. People get a berth,
+    and the wider the longer it takes to get there: a bend opens, a driver turns.
+    """
+    along, aside = way_along(echoes.x, echoes.y, curvature)
+    gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
+    time_s = braking_time(echoes.closing, limits)
+    berth = limits.berth + 0.5 * limits.swerve * time_s**2
+    beside = np.where(echoes.kinds == codes.OBSTACLE, berth, 0.0)
+    ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
+    return ahead & (gap < echoes.closing * time_s)
+
+
+def watch_obstacles(
+    echoes: Echoes, speed: float, now: float, wanted: float, limits: Limits
+) -> Verdict:
+    """Brake for what stands in the way.
+
+    now, wanted: curvature [1/m] that the kart drives, and that its driver steers to. Whatever
+    stands on one of these two ways counts, be it a person, a kart or a thing. The border of a bend
+    lies on the way of every kart that is about to turn: it counts where no way leads past it.
+    """
+    is_border = echoes.kinds == codes.BORDER
+    drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
+    if bool(((drives | will) & ~is_border).any()):
+        return STOP_FOR_OBSTACLE
+    if not (drives & is_border).any() or not (will & is_border).any():
+        return Verdict()
+    for curvature in ways_out(speed, limits):
+        if not (is_in_danger(echoes, curvature, limits) & is_border).any():
+            return Verdict()
+    return STOP_FOR_OBSTACLE
+
+
+def ways_out(speed: float, limits: Limits) -> list[float]:
+    """Return the curvatures [1/m] that a kart may still steer, from right to left."""
+    most = min(limits.sharpest, limits.grip / max(speed * speed, 1e-6))
+    return [most * share for share in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)]
+
+
+def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
+    """Hold a kart that stands right before somebody from driving on. room: [m] to be free."""
+    along, aside = way_along(echoes.x, echoes.y, wanted)
+    beside = np.where(echoes.kinds == codes.OBSTACLE, limits.berth, 0.0)
+    close = is_on_way(along, aside, beside, wanted, limits)
+    close &= (along - limits.nose < room) & (echoes.kinds != codes.BORDER)
+    return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
+
+
+def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
+    """Hold a kart that stood for somebody until nobody is in front, wherever it would steer.
+
+    Steering around what is that near takes it out of the radar's sight and under a front wheel.
+    """
+    for curvature in ways_out(0.0, limits):
+        held = watch_creeping(echoes, curvature, limits.restart, limits)
+        if held.brake > 0.0:
+            return held
+    return Verdict()
+
+
+def watch_driver(age_s: float, limits: Limits) -> Verdict:
+    """Coast, then stop, when the driver's input gets old: the dead man's handle."""
+    if age_s > limits.let_go_s:
+        return Verdict(brake=GENTLE, motor=0.0, cause=Cause.DRIVER)
+    return Verdict(motor=0.0, cause=Cause.DRIVER) if age_s > limits.coast_s else Verdict()
+
+
+def watch_link(age_s: float, valid_s: float, limits: Limits) -> Verdict:
+    """Slow down, then stop, when nothing comes from the server.
+
+    valid_s: for how long its last word holds.
+    """
+    if age_s > valid_s:
+        return Verdict(brake=GENTLE, motor=0.0, cause=Cause.LINK)
+    return Verdict(limits.slow_speed, cause=Cause.LINK) if age_s > 0.6 * valid_s else Verdict()
+
+
+def watch_speed(speed: float, limits: Limits) -> Verdict:
+    """Allow the top speed of the kart and nothing more; no radar looks back, so less in reverse."""
+    most = limits.top_speed if speed >= 0.0 else limits.reverse_speed
+    return Verdict(most, cause=Cause.SPEED if abs(speed) > most else Cause.NONE)
+
+
+def watch_fence(beyond: float, limits: Limits) -> Verdict:
+    """Slow down outside the course. beyond: [m] outside the kerb, negative inside."""
+    if beyond <= limits.fence:
+        return Verdict()
+    return Verdict(limits.slow_speed, cause=Cause.FENCE)
+
+
+def watch_place(deviation: float, limits: Limits) -> Verdict:
+    """Slow down where the kart does not know where it is. deviation: [m] of its position."""
+    if deviation <= 2.0 * limits.half_width:
+        return Verdict()
+    return Verdict(limits.slow_speed, cause=Cause.LOST)
+
+
+@dataclass(frozen=True)
+class Command:
+    """What goes to the actuators, and why."""
+
+    steering: float = 0.0  # [-1, 1]
+    throttle: float = 0.0  # [-1, 1]
+    brake: float = 1.0  # [0, 1]
+    cause: Cause = Cause.NONE
+
+
+def combine(
+    driver: Control,
+    speed: float,
+    verdicts: Sequence[Verdict],
+    limits: Limits,
+    *,
+    game_speed: float = math.inf,
+    thrust: float = 1.0,
+) -> Command:
+    """Return the driver's command within what the game leaves of it and what the reflex allows.
+
+    game_speed, thrust: the game's cap [m/s] and its share of the motor. The least throttle and the
+    most brake count; steering stays the driver's.
+    """
+    allowed, brake, motor, cause = game_speed, driver.brake, min(thrust, 1.0), Cause.NONE
+    for verdict in verdicts:
+        allowed, motor = min(allowed, verdict.speed), min(motor, verdict.motor)
+        brake = max(brake, verdict.brake)
+        cause |= verdict.cause
+    over = abs(speed) - allowed
+    if over > 0.0:
+        brake = max(brake, min(OVER_RATE * over / limits.braking, OVER_BRAKE))
+    # Near the limit the motor fades out, so that it is met softly.
+    room = max(-over, 0.0) / max(0.05 * allowed, 0.05)
+    throttle = max(-1.0, min(driver.throttle, 1.0)) * motor
+    throttle = math.copysign(min(abs(throttle), room), throttle)
+    return Command(driver.steering, throttle, brake, cause)

@@ -1,0 +1,1 @@
+"""What drivers share: reading a scan, lines and lanes, other karts, delays."""

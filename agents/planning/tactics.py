@@ -1,0 +1,138 @@
+"""What every driver here does alike: when to use an item, and how to get free when stuck."""
+
+from race_server.core import codes
+from race_server.core.kernel_driver import (
+    ATTEMPTS,
+    DECISION,
+    ESCAPE,
+    PRESSED,
+    REVERSING,
+    STANDING,
+    URGE,
+    URGENT,
+)
+from race_server.core.kernels.jit import kernel
+from race_server.core.observation import NEARBY, PART_NUMBERS
+from race_server.core.state import Floats, Ints, Record
+
+SPEED = PART_NUMBERS["speed"]
+KARTS_X = PART_NUMBERS["karts_x"]
+ITEM = PART_NUMBERS["item"]
+LIGHTS = PART_NUMBERS["lights"]
+FLAG = PART_NUMBERS["flag"]
+RANK = PART_NUMBERS["rank"]
+WRONG_WAY = PART_NUMBERS["wrong_way"]
+RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
+FINISHED = PART_NUMBERS["finished"]
+
+# A kart that should drive and moves slower than this [m/s] is not getting anywhere.
+STANDSTILL = 0.15
+PATIENCE_S = 0.6
+
+
+@kernel
+def finish_decision(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    kinds: Ints,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Add buttons to what a driver wants to do, or replace it by the way out of a jam."""
+    control[3] = 0.0
+    if seen[at[LIGHTS]] > 0.0 or seen[at[FINISHED]] > 0.0:
+        _stand(control)
+        return
+    # A button acts when it goes down, so it is let go after each press.
+    pressed = memory[PRESSED] == 0.0 and _is_used(seen, at, vehicle, kinds, memory, control)
+    memory[PRESSED] = 1.0 if pressed else 0.0
+    buttons = codes.USE_ITEM if pressed else 0
+    if seen[at[RESCUE_OFFERED]] > 0.0:
+        buttons |= codes.ACCEPT_RESCUE
+    if seen[at[WRONG_WAY]] > 0.0:
+        # Turned round in a crowd: to stand still is the way to be put back on the line.
+        _stand(control)
+    else:
+        _escape(seen, at, gear, memory, control)
+    control[3] = buttons
+
+
+@kernel
+def _stand(control: Floats) -> None:
+    control[0] = 0.0
+    control[1] = 0.0
+    control[2] = 1.0
+
+
+@kernel
+def _is_used(
+    seen: Floats, at: Ints, vehicle: Record, kinds: Ints, memory: Floats, control: Floats
+) -> bool:
+    """Return whether to use the item held: as advised, or else as the driver sees it."""
+    if abs(memory[URGE]) > URGENT:
+        return bool(memory[URGE] > 0.0 and seen[at[ITEM]] > 0.5)
+    return wants_item(seen, at, vehicle, kinds, control)
+
+
+@kernel
+def wants_item(seen: Floats, at: Ints, vehicle: Record, kinds: Ints, control: Floats) -> bool:
+    """Return whether now is the time to use the item held."""
+    number = int(seen[at[ITEM]] + 0.5)
+    if number <= 0:
+        return False
+    kind = kinds[number] if number < len(kinds) else 0
+    if kind == codes.ON_SELF:
+        return abs(control[0]) < 0.35 and control[1] > 0.5
+    if kind == codes.ON_KART_AHEAD:
+        return seen[at[RANK]] > 1.5
+    if kind == codes.PLACED:
+        return seen[at[SPEED]] > 1.0 and _is_followed(seen, at, 8.0 * vehicle.length)
+    return True
+
+
+@kernel
+def _is_followed(seen: Floats, at: Ints, near: float) -> bool:
+    """Return whether a kart is close behind; who cannot know drops what it has."""
+    start = at[KARTS_X]
+    if start < 0:
+        return True
+    for index in range(NEARBY):
+        if -near < seen[start + index] < 0.0:
+            return True
+    return False
+
+
+@kernel
+def _escape(seen: Floats, at: Ints, gear: Floats, memory: Floats, control: Floats) -> None:
+    """Back out of a jam with the wheels turned the other way; longer each time it did not help."""
+    step, speed = gear[DECISION], seen[at[SPEED]]
+    if memory[REVERSING] > 0.0:
+        memory[REVERSING] -= step
+        control[0] = memory[ESCAPE]
+        control[1] = -1.0
+        control[2] = 0.0
+        return
+    held = seen[at[FLAG]] > 1.5
+    if abs(speed) > STANDSTILL or held:
+        memory[STANDING] = 0.0
+        if speed > 1.0:
+            memory[ATTEMPTS] = 0.0
+        return
+    memory[STANDING] += step
+    if memory[STANDING] > PATIENCE_S:
+        memory[ATTEMPTS] += 1.0
+        memory[STANDING] = 0.0
+        memory[REVERSING] = 0.4 + 0.2 * min(memory[ATTEMPTS], 4.0)
+        memory[ESCAPE] = -1.0 if control[0] >= 0.0 else 1.0
+        if memory[ATTEMPTS] % 3.0 == 0.0:
+            memory[ESCAPE] = 0.0
+
+
+@kernel
+def press_pedals(speed: float, target: float, gain: float, control: Floats) -> None:
+    """Set throttle and brake to bring `speed` to `target` [m/s]; gain per m/s."""
+    error = gain * (target - speed)
+    control[1] = min(max(error, 0.0), 1.0)
+    control[2] = min(max(-0.5 * error, 0.0), 1.0)

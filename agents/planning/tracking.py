@@ -1,0 +1,246 @@
+"""How to stay on the reference line and at its speeds; drivers decide where beside it.
+
+Steering: feed-forward from the line's curvature with the slip that both axles need for it, feedback
+on the offset and on the heading that the body ought to have in that bend (Kapania and Gerdes,
+Design of a feedback-feedforward steering controller for accurate path tracking and stability at the
+limits of handling, 2015). Slip follows from force by the inverse of Fiala's brush tyre.
+"""
+
+import math
+
+from race_agents.planning.tactics import SPEED
+from race_server.core.kernel_driver import DECISION
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.observation import AHEAD, PART_NUMBERS
+from race_server.core.state import Floats, Ints, Record
+from race_server.core.vehicles import GRAVITY
+
+LATERAL_SPEED = PART_NUMBERS["lateral_speed"]
+YAW_RATE = PART_NUMBERS["yaw_rate"]
+OFFSET = PART_NUMBERS["line_offset"]
+HEADING = PART_NUMBERS["line_heading"]
+STEP = PART_NUMBERS["line_step"]
+CURVATURE = PART_NUMBERS["line_curvature_ahead"]
+LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
+SPEED_CAP = PART_NUMBERS["speed_cap"]
+THRUST_SCALE = PART_NUMBERS["thrust_scale"]
+GRIP_SCALE = PART_NUMBERS["grip_scale"]
+
+# Shares of the line's speed: on the straight, and where it takes all the grip for the bend. A line
+# of minimum time knows what slip costs, but leaves no grip to correct an error with.
+STRAIGHT_SHARE = 0.99
+BEND_SHARE = 0.98
+# The same on tyres so stiff that the wheels turn through all their slip within one decision: they
+# slide at once, and without a warning.
+STIFF_BEND_SHARE = 0.95
+# Share of the line's braking that is planned with: it brakes into bends with all tyres at their
+# limit, and a kart that does so cannot be steered.
+BRAKE_SHARE = 0.8
+# Share of the grip that a dash beyond the line's speeds leaves to the brakes, for bends after it.
+DASH_BRAKE_SHARE = 0.55
+# Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
+# slides turns the kart round, a front axle only makes its bend wider.
+REAR_SHARE = 0.95
+# The wheels follow the line so far ahead [s], and as much more as the body takes to turn.
+LEAD_S = 0.04
+# Errors are taken so long from now [s]: half a decision, and this share of the time to turn.
+DELAY_S, DELAY_SHARE = 0.05, 0.1
+# Feedback: natural frequency [rad/s] and damping ratio of the offset; damping of the yaw rate.
+FREQUENCY, DAMPING, YAW_DAMPING = 6.5, 0.9, 0.6
+# An offset is never closed at a steeper angle [rad] than this.
+STEEPEST = 0.35
+# Share of the slip at which a tyre slides altogether that the front wheels may have.
+SLIP_SHARE = 0.9
+# No kart is thought to be slower than this [m/s]: where it stands, any steering will do.
+SLOWEST = 0.3
+# Gain [1/s] of the speed error.
+SPEED_GAIN = 20.0
+
+
+@kernel
+def at_distance(seen: Floats, start: int, place: float) -> float:
+    """Return a part that begins at `start`, at a place in steps of the line ahead."""
+    place = min(max(place, 0.0), AHEAD - 1.001)
+    index = int(place)
+    share = place - index
+    return seen[start + index] * (1.0 - share) + seen[start + index + 1] * share
+
+
+@kernel
+def tyre_slip(used: float, slide: float) -> float:
+    """Return the slip of a brush tyre at a share of its most lateral force.
+
+    slide: the slip at which the whole contact patch slides.
+    """
+    return slide * (1.0 - (1.0 - min(used, 0.97)) ** (1.0 / 3.0))
+
+
+@kernel
+def grip_of(seen: Floats, at: Ints, vehicle: Record) -> float:
+    """Return the most acceleration [m/s²] that the tyres give here."""
+    return vehicle.grip * GRAVITY * max(seen[at[GRIP_SCALE]], 0.05)
+
+
+@large_kernel
+def speed_on_line(
+    seen: Floats, at: Ints, vehicle: Record, shift: float, distance: float, dash: float
+) -> float:
+    """Return the speed [m/s] to have a distance [m] ahead, `shift` [m] to the left of the line.
+
+    Less grip means that all accelerations of the line, and so the squares of its speeds, shrink.
+    dash: share by which its speed is exceeded where no bend needs the grip, and the brakes can undo
+    it before the next one.
+    """
+    grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
+    if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
+        bend_share = STIFF_BEND_SHARE
+    place = distance / max(seen[at[STEP]], 0.01)
+    square = math.inf
+    brakes = 0.0
+    if dash > 0.0:
+        brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * seen[at[STEP]]
+    unused = 0.0
+    for back in range(AHEAD):
+        index = AHEAD - 1 - back
+        speed = seen[at[LINE_SPEED] + index]
+        bend = seen[at[CURVATURE] + index]
+        following = square
+        if back > 0:
+            later = seen[at[LINE_SPEED] + index + 1]
+            square += BRAKE_SHARE * max(speed * speed - later * later, brakes * unused)
+        used = min(speed * speed * abs(bend) / grip, 1.0)
+        unused = 1.0 - used
+        share = STRAIGHT_SHARE + (bend_share - STRAIGHT_SHARE) * used + dash * unused
+        # Nearer to the middle of a bend it is tighter.
+        tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
+        square = min(square, share * share * speed * speed * tighter)
+        if index <= place:
+            if back > 0:
+                square += (place - index) * (following - square)
+            break
+    return min(math.sqrt(square * min(seen[at[GRIP_SCALE]], 1.0)), seen[at[SPEED_CAP]])
+
+
+@kernel
+def acceleration_on_line(
+    seen: Floats,
+    at: Ints,
+    vehicle: Record,
+    gear: Floats,
+    shift: float,
+    faster: float,
+    dash: float,
+) -> float:
+    """Return the acceleration [m/s²] that brings the kart to the line's speeds.
+
+    faster: share by which they are exceeded, within what flags and effects allow; dash: the same
+    where no bend forbids it.
+    """
+    speed, step = max(seen[at[SPEED]], SLOWEST), gear[DECISION]
+    now = speed_on_line(seen, at, vehicle, shift, 0.0, dash)
+    soon = speed_on_line(seen, at, vehicle, shift, speed * step, dash)
+    now = min((1.0 + faster) * now, seen[at[SPEED_CAP]])
+    soon = min((1.0 + faster) * soon, seen[at[SPEED_CAP]])
+    # Whoever is off the line or across it has less room than the line thinks.
+    off = abs(seen[at[OFFSET]] - shift) / vehicle.width
+    across = abs(seen[at[HEADING]])
+    doubt = 1.0 - 0.25 * min(max(off - 0.6, 0.0), 1.0) - 0.5 * min(max(across - 0.5, 0.0), 1.0)
+    return (soon - now) / step + SPEED_GAIN * (doubt * now - seen[at[SPEED]])
+
+
+@large_kernel
+def press_for(
+    seen: Floats, at: Ints, vehicle: Record, acceleration: float, control: Floats
+) -> float:
+    """Set throttle and brake for an acceleration [m/s²]; return the force [N] they give."""
+    speed = max(seen[at[SPEED]], SLOWEST)
+    wanted = acceleration + GRAVITY * vehicle.rolling + vehicle.drag * speed * speed / vehicle.mass
+    if speed > vehicle.dynamic_above:
+        grip = grip_of(seen, at, vehicle)
+        bend = max(abs(seen[at[CURVATURE]]), abs(seen[at[CURVATURE] + 1]))
+        planned = speed * speed * bend / grip
+        turning = max(planned, abs(speed * seen[at[YAW_RATE]]) / grip)
+        wanted = min(wanted, rear_limit(vehicle, vehicle.front_drive, turning) * grip)
+        wanted = max(wanted, -rear_limit(vehicle, vehicle.front_brake, planned) * grip)
+    most = min(vehicle.motor_force, vehicle.motor_power / speed) * max(seen[at[THRUST_SCALE]], 0.05)
+    force = min(max(vehicle.mass * wanted, -vehicle.brake_force), most)
+    control[1] = max(force / most, 0.0)
+    control[2] = max(-force / vehicle.brake_force, 0.0)
+    return force
+
+
+@kernel
+def rear_limit(vehicle: Record, front_force: float, turning: float) -> float:
+    """Return the most acceleration along, as a share of the grip, that leaves the rear its hold.
+
+    front_force: share of the force on the front axle; turning: share of the grip in use across.
+    """
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    rear_load = vehicle.front_axle / wheelbase
+    if 1.0 - front_force < 1.02 * rear_load:
+        return math.inf  # the front slides first
+    room = math.sqrt(max(REAR_SHARE * REAR_SHARE - turning * turning, 0.01))
+    return room * rear_load / (1.0 - front_force)
+
+
+@large_kernel
+def steering_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, force: float) -> float:
+    """Return the steering, a share of full, that holds the kart `shift` [m] left of the line.
+
+    force: [N] of motor or brakes, which takes its part of the grip first.
+    """
+    speed = max(seen[at[SPEED]], SLOWEST)
+    front_axle, rear_axle = vehicle.front_axle, vehicle.rear_axle
+    wheelbase = front_axle + rear_axle
+    step = max(seen[at[STEP]], 0.01)
+    turn_s = turning_time(vehicle, speed)
+    delay = DELAY_S + DELAY_SHARE * turn_s
+    lead = speed * (LEAD_S + turn_s) / step
+    bend = at_distance(seen, at[CURVATURE], lead)
+    bend /= max(1.0 - shift * bend, 0.3)
+
+    # Slip of both axles in that bend.
+    grip = grip_of(seen, at, vehicle)
+    along = abs(force) / (vehicle.mass * grip)
+    front_share = vehicle.front_drive if force > 0.0 else vehicle.front_brake
+    front_left = axle_left(along * front_share * wheelbase / rear_axle)
+    rear_left = axle_left(along * (1.0 - front_share) * wheelbase / front_axle)
+    slide = 3.0 * grip / GRAVITY / vehicle.cornering
+    used = speed * speed * abs(bend) / grip
+    blend = (speed - vehicle.kinematic_below) / (vehicle.dynamic_above - vehicle.kinematic_below)
+    side = min(max(blend, 0.0), 1.0) * (1.0 if bend >= 0.0 else -1.0)
+    front_slip = side * tyre_slip(used / front_left, slide * front_left)
+    rear_slip = side * tyre_slip(used / rear_left, slide * rear_left)
+
+    # Errors once this decision acts. In a bend the body points inside by the rear axle's slip.
+    turning = seen[at[YAW_RATE]] - speed * at_distance(seen, at[CURVATURE], speed * delay / step)
+    heading = seen[at[HEADING]]
+    drift = math.sin(heading + math.atan2(seen[at[LATERAL_SPEED]], speed))
+    offset = seen[at[OFFSET]] - shift + speed * delay * drift
+    heading += delay * turning + rear_axle * bend - rear_slip
+    look = 2.0 * DAMPING * speed / FREQUENCY
+    gain = FREQUENCY * FREQUENCY * wheelbase / max(speed * speed, 4.0)
+    offset = min(max(offset, -STEEPEST * look), STEEPEST * look)
+    angle = math.atan(wheelbase * bend) + front_slip - rear_slip
+    angle -= gain * (offset + look * math.sin(heading))
+    angle -= YAW_DAMPING * wheelbase / speed * turning
+    if speed > vehicle.dynamic_above:
+        # Turned further than it slips at most, a front wheel only brakes. Stiff tyres hardly slip,
+        # but the kart follows them at once.
+        way = math.atan2(seen[at[LATERAL_SPEED]] + front_axle * seen[at[YAW_RATE]], speed)
+        most = max(SLIP_SHARE * slide, vehicle.steering_rate * DELAY_S)
+        angle = min(max(angle, way - most), way + most)
+    return min(max(angle / vehicle.steering_limit, -1.0), 1.0)
+
+
+@kernel
+def turning_time(vehicle: Record, speed: float) -> float:
+    """Return the time constant [s] of the yaw rate behind the steering, on tyres that hold."""
+    stiffness = vehicle.cornering * vehicle.mass * GRAVITY  # [N/rad]
+    return speed * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
+
+
+@kernel
+def axle_left(along: float) -> float:
+    """Return the share of an axle's grip that is left across, with a share in use along."""
+    return math.sqrt(max(1.0 - along * along, 0.05))

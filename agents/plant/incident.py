@@ -1,0 +1,246 @@
+"""What goes wrong on purpose while the plant races: somebody steps in front, the radio goes off.
+
+Each is watched and measured, so that a drill can show what the reflex did.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from race_agents.onboard.client import Onboard, is_home
+from race_agents.onboard.control_unit import ControlUnit
+from race_agents.onboard.safety import Cause
+from race_agents.plant.body import Body
+from race_agents.plant.kart import Plant
+from race_agents.plant.radar import Floats, Person, gap_to
+
+STANDS = 0.03  # [m/s] slower than this is standing
+# Somebody steps out where this share of the way that the kart needs to stop is left.
+ROOM = 1.3
+STAY_S = 2.0  # so long a person stays once the kart stands
+WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
+# What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].
+BRAKES_AT = 2.0
+# [rad] that the way to the person may turn, and by which the course may turn otherwise there.
+MOST_BEND, MOST_STRAY = 0.3, 0.12
+# A turn that takes so long shows that the machine had no time for the kart's program.
+PAUSE_S = 0.3
+VIEW_WIDTHS = 2.0  # kart widths beside the way in which no other kart may be
+RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
+# It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
+# the fastest that it has been.
+FAST, NEARLY_FASTEST = 0.45, 0.75
+
+
+@dataclass
+class Pace:
+    """Whether a kart is fast, as far as this course allows."""
+
+    fastest: float = 0.0  # [m/s] so far
+
+    def is_fast(self, body: Body) -> bool:
+        """Take note of a speed and return whether it is high."""
+        self.fastest = max(self.fastest, body.speed)
+        return body.speed > min(FAST * body.vehicle.top_speed, NEARLY_FASTEST * self.fastest)
+
+
+@dataclass
+class Passage:
+    """A person on the track, and how the kart met it."""
+
+    after_s: float  # of racing
+    person: Person | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+    is_over: bool = False
+    _pace: Pace = field(default_factory=Pace)
+    _stood_s: float = math.inf
+
+    def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
+        """Step out, be met, walk away."""
+        is_fast = self._pace.is_fast(plant.body)
+        if self.is_over or raced_s < self.after_s:
+            return
+        if self.person is None:
+            if is_fast:
+                self._step_out(plant, unit, raced_s)
+            return
+        body, figures = plant.body, self.figures
+        figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
+        if unit.command.cause & Cause.OBSTACLE and "braked_after_s" not in figures:
+            figures["braked_after_s"] = raced_s - figures["at_s"]
+        if self._stood_s == math.inf and _is_past(self.person, plant):
+            self._walk_away(plant)
+            self.person, self.after_s = None, raced_s + RETRY_S
+            return
+        if abs(body.speed) > STANDS:
+            return
+        if self._stood_s == math.inf:
+            self._stood_s = raced_s
+            figures["stood_after_s"] = raced_s - figures["at_s"]
+            figures["throttle_when_standing"] = plant.throttle
+            figures["motor_when_standing"] = unit.command.throttle
+        if raced_s - self._stood_s > STAY_S:
+            figures["gap_left_m"] = gap_to(self.person, body)
+            self._walk_away(plant)
+            self.is_over = True
+
+    def _walk_away(self, plant: Plant) -> None:
+        plant.around.people.clear()
+        plant.throttle = None
+
+    def _step_out(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
+        """Step out on the way of the kart, where it need not turn much before."""
+        body, limits = plant.body, unit.limits
+        way = body.speed * limits.reaction_s + body.speed**2 / (2.0 * limits.braking)
+        radius = 0.15 * body.vehicle.length
+        ahead = limits.nose - body.vehicle.rear_axle + ROOM * way + limits.stand_off + radius
+        curvature = math.tan(body.steering) / body.vehicle.wheelbase
+        middle = body.heading + 0.5 * curvature * ahead
+        x, y = body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle)
+        turned = curvature * ahead
+        stray = math.remainder(unit.fence.heading_at(x, y) - body.heading - turned, 2.0 * math.pi)
+        if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
+            return
+        person = Person(x, y, radius)
+        if not is_view_clear(person, body, plant.around.others):
+            return
+        self.person = person
+        plant.around.people.append(self.person)
+        plant.throttle = 1.0
+        self.figures = {
+            "at_s": raced_s,
+            "speed": body.speed,
+            "driver_throttle": plant.throttle,
+            "gap_m": gap_to(self.person, body),
+            "least_gap_m": math.inf,
+        }
+
+
+def is_view_clear(person: Person, body: Body, others: Floats) -> bool:
+    """Return whether no other kart is, or soon comes, between a kart and somebody on its way.
+
+    Whoever steps out behind a kart is seen once that kart has gone, which no reflex can help.
+    others: (N, 5) x, y [m] and more of each.
+    """
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
+    dx, dy = others[:, 0] - body.x, others[:, 1] - body.y
+    ahead, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
+    length, far = body.vehicle.length, math.hypot(person.x - body.x, person.y - body.y)
+    between = (ahead > -length) & (ahead < far + length)
+    return not bool((between & (aside < VIEW_WIDTHS * body.vehicle.width)).any())
+
+
+def _is_past(person: Person, plant: Plant) -> bool:
+    """Return whether a kart has driven past somebody without touching."""
+    body = plant.body
+    dx, dy = person.x - body.x, person.y - body.y
+    ahead = dx * math.cos(body.heading) + dy * math.sin(body.heading)
+    return ahead < 0.0 and gap_to(person, body) > 0.0
+
+
+@dataclass
+class Cut:
+    """The radio goes off and stays off."""
+
+    after_s: float  # of racing
+    figures: dict[str, Any] = field(default_factory=dict)
+    is_over: bool = False
+    _pace: Pace = field(default_factory=Pace)
+    _from: tuple[float, float] = (0.0, 0.0)
+    _stood_s: float = math.inf
+
+    def turn(self, plant: Plant, unit: ControlUnit, onboard: Onboard, raced_s: float) -> None:
+        """Switch off, and measure how the kart comes to a stop with the foot down."""
+        body = plant.body
+        if not onboard.is_cut:
+            if not self._pace.is_fast(body) or raced_s < self.after_s:
+                return
+            onboard.is_cut = True
+            plant.throttle = 1.0
+            self._from = body.x, body.y
+            self.figures = {"at_s": raced_s, "speed": body.speed, "driver_throttle": 1.0}
+            return
+        if abs(body.speed) > STANDS:
+            self._stood_s = math.inf
+            return
+        if self._stood_s == math.inf:
+            self._stood_s = raced_s
+            self.figures["stood_after_s"] = raced_s - self.figures["at_s"]
+            straight = math.hypot(body.x - self._from[0], body.y - self._from[1])
+            self.figures["stopped_within_m"] = straight
+            self.figures["cause"] = [flag.name for flag in Cause if flag & unit.command.cause]
+        self.is_over = raced_s - self._stood_s > WATCH_S
+
+
+@dataclass
+class Diary:
+    """Runs the incidents and keeps the figures of one race."""
+
+    plant: Plant
+    passage: Passage | None = None
+    cut: Cut | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+    _green_s: float = math.inf
+    _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
+    _cap: float = math.inf
+    _slow_s: float = math.inf  # from then on the kart should be as slow as it was told
+    _errors: list[float] = field(default_factory=list)
+    _turned_s: float = math.inf
+    _pauses: int = 0
+
+    def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+        """Note one decision; False once this kart has nothing more to do."""
+        self._pauses += now_s - self._turned_s > PAUSE_S
+        self._turned_s = now_s
+        hud = unit.hud
+        if hud is None:
+            return True
+        if hud.lights_s == 0.0 and hud.tick > 0 and self._green_s == math.inf:
+            self._green_s = now_s
+        raced_s = now_s - self._green_s
+        self._note_place(unit)
+        self._note_orders(unit, now_s)
+        if self.passage is not None and raced_s > 0.0:
+            self.passage.turn(self.plant, unit, raced_s)
+        if self.cut is not None and raced_s > 0.0:
+            self.cut.turn(self.plant, unit, onboard, raced_s)
+            if onboard.is_cut:
+                return not self.cut.is_over
+        return raced_s < 1.0 or not is_home(unit)
+
+    def _note_place(self, unit: ControlUnit) -> None:
+        if (pose := unit.pose()) is not None:
+            body = self.plant.body
+            self._errors.append(math.hypot(pose.x - body.x, pose.y - body.y))
+
+    def _note_orders(self, unit: ControlUnit, now_s: float) -> None:
+        """Note each time the game slows this kart, and whether the kart obeys in time."""
+        assert unit.hud is not None
+        cap, speed = unit.hud.speed_cap, abs(self.plant.body.speed)
+        slowed = cap < 0.99 * unit.vehicle.top_speed
+        if slowed and (self._cap != cap):
+            self._orders.append([cap, now_s, 0.0])
+            self._slow_s = now_s + 1.0 + max(speed - cap, 0.0) / BRAKES_AT
+        self._cap = cap
+        if slowed and now_s > self._slow_s:
+            self._orders[-1][2] = max(self._orders[-1][2], speed - cap)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of the race."""
+        errors = sorted(self._errors) or [math.nan]
+        kept = [order for order in self._orders if math.isfinite(order[0])]
+        return {
+            "pose_error_median_m": errors[len(errors) // 2],
+            "pose_error_p99_m": errors[int(0.99 * (len(errors) - 1))],
+            "slowdowns": len(kept),
+            "worst_excess_share": max(
+                (order[2] / max(order[0], 1.0) for order in kept), default=0.0
+            ),
+            "scrapes": self.plant.scrapes,
+            "pauses": self._pauses,
+            "pedestrian": self.passage.figures if self.passage else None,
+            "cut": self.cut.figures if self.cut else None,
+            **self.figures,
+        }

@@ -1,0 +1,184 @@
+"""The plant as a control unit's hardware: moves the body, reads its sensors, meets borders."""
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from race_agents.onboard.control_unit import STOP, Fix, Readings
+from race_agents.onboard.safety import Command, Echoes
+from race_agents.plant.body import Body, as_built
+from race_agents.plant.radar import Floats, Surroundings, scan
+from race_server.core.messages import Control, Source
+from race_server.core.vehicles import Vehicle
+
+# The body meets borders at least so often, and stands still beyond so long a pause.
+PART_S, MOST_S = 0.05, 2.0
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """How good the sensors are: periods [s] and standard deviations."""
+
+    fix_s: float = 0.1
+    fix_deviation: float = 0.02  # [m]; 0.3 to 1.5 for satellites without corrections
+    radar_s: float = 0.05
+    wheel_deviation: float = 0.03  # [m/s]
+    gyro_deviation: float = 0.01  # [rad/s]
+    gyro_bias: float = 0.02  # [rad/s]
+    accelerometer_deviation: float = 0.3  # [m/s²]
+
+
+@dataclass
+class Plant:
+    """A kart that exists, as far as its control unit can tell."""
+
+    body: Body
+    around: Surroundings
+    sensors: Sensors
+    seed: int
+    look: Callable[[], Floats | None] = lambda: None  # the other karts, if there is news of them
+    throttle: float | None = None  # the driver's foot, where a drill holds it down
+    scrapes: int = 0
+    command: Command = field(default_factory=Command)
+    _now_s: float = -math.inf
+    _fix_s: float = -math.inf
+    _radar_s: float = -math.inf
+    _control: Control = STOP
+    _is_scraping: bool = False
+    _velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east and north, at the last reading
+
+    def __post_init__(self) -> None:
+        """Begin the sensors' noise."""
+        self._noise = np.random.default_rng(self.seed)
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle,
+        around: Surroundings,
+        place: tuple[float, float, float],
+        sensors: Sensors,
+        seed: int,
+        look: Callable[[], Floats | None] = lambda: None,
+    ) -> "Plant":
+        """Return a kart of this kind on a place: x, y, heading."""
+        built = as_built(vehicle, random.Random(seed))
+        return cls(Body(built, *place), around, sensors, seed, look)
+
+    def read(self, now_s: float) -> Readings:
+        """Let the body move on to now and return what the sensors give."""
+        acceleration = None
+        if self._now_s > -math.inf:
+            self._move_on(min(now_s - self._now_s, MOST_S))
+            acceleration = self._acceleration(now_s - self._now_s)
+        self._now_s = now_s
+        body, sensors, normal = self.body, self.sensors, self._noise.normal
+        return Readings(
+            time_s=now_s,
+            wheel_speed=body.speed + normal(0.0, sensors.wheel_deviation),
+            yaw_rate=body.yaw_rate + sensors.gyro_bias + normal(0.0, sensors.gyro_deviation),
+            steering=body.steering,
+            acceleration=acceleration,
+            fix=self._fix(now_s),
+            echoes=self._scan() if self._is_due(now_s) else None,
+        )
+
+    def _move_on(self, seconds: float) -> None:
+        """Move the body; a process that was held up does not drive through walls meanwhile."""
+        command = self.command
+        while seconds > 0.0:
+            part = min(seconds, PART_S)
+            self.body.advance(part, command.steering, command.throttle, command.brake)
+            self._meet_borders()
+            seconds -= part
+
+    def _acceleration(self, seconds: float) -> tuple[float, float] | None:
+        """Return the mean acceleration since the last reading, ahead and to the left."""
+        body, (was_east, was_north) = self.body, self._velocity
+        cos, sin = math.cos(body.heading), math.sin(body.heading)
+        east = body.speed * cos - body.lateral_speed * sin
+        north = body.speed * sin + body.lateral_speed * cos
+        self._velocity = east, north
+        if seconds <= 0.0:
+            return None
+        x, y = (east - was_east) / seconds, (north - was_north) / seconds
+        ahead, left = self._noise.normal(
+            (x * cos + y * sin, y * cos - x * sin), self.sensors.accelerometer_deviation
+        )
+        return float(ahead), float(left)
+
+    def _scan(self) -> Echoes:
+        others = self.look()
+        if others is not None:
+            self.around.others = others
+        return scan(self.body, self.around, self._noise)
+
+    def _fix(self, now_s: float) -> Fix | None:
+        if now_s - self._fix_s < self.sensors.fix_s - 1e-6:
+            return None
+        self._fix_s = now_s
+        deviation = self.sensors.fix_deviation
+        x, y = self._noise.normal((self.body.x, self.body.y), deviation)
+        source = Source.CORRECTED_SATELLITES if deviation < 0.1 else Source.SATELLITES
+        return Fix(float(x), float(y), deviation, source)
+
+    def _is_due(self, now_s: float) -> bool:
+        if now_s - self._radar_s < self.sensors.radar_s - 1e-6:
+            return False
+        self._radar_s = now_s
+        return True
+
+    def act(self, command: Command) -> None:
+        """Move the actuators."""
+        self.command = command
+
+    def hands(self, control: Control | None, now_s: float) -> Control | None:
+        """Return the driver's input; in a drill the foot stays down whatever is seen."""
+        del now_s
+        if control is not None:
+            self._control = control
+        if self.throttle is None:
+            return control
+        return Control(self._control.steering, self.throttle, 0.0, self._control.buttons)
+
+    def _meet_borders(self) -> None:
+        """Keep the body inside the borders, as discs along its length."""
+        body, vehicle = self.body, self.body.vehicle
+        radius = 0.5 * vehicle.width
+        near = self.around.borders_near(body.x, body.y, vehicle.length)
+        touched = False
+        for place in (-0.5, 0.0, 0.5):
+            along = vehicle.box_offset + place * (vehicle.length - vehicle.width)
+            x = body.x + along * math.cos(body.heading)
+            y = body.y + along * math.sin(body.heading)
+            touched |= self._push_off(near, x, y, radius)
+        if touched and not self._is_scraping:
+            self.scrapes += 1
+        self._is_scraping = touched
+
+    def _push_off(self, near: np.ndarray, x: float, y: float, radius: float) -> bool:
+        """Move the body out of the nearest border and take away its speed into it."""
+        if len(near) == 0:
+            return False
+        start, edge = near[:, :2], near[:, 2:] - near[:, :2]
+        square = np.maximum((edge * edge).sum(axis=1), 1e-12)
+        share = np.clip((((x, y) - start) * edge).sum(axis=1) / square, 0.0, 1.0)
+        away = (x, y) - (start + share[:, None] * edge)
+        distances = np.hypot(away[:, 0], away[:, 1])
+        nearest = int(np.argmin(distances))
+        distance = float(distances[nearest])
+        if distance >= radius or distance == 0.0:
+            return False
+        body, (nx, ny) = self.body, away[nearest] / distance
+        body.x += (radius - distance) * nx
+        body.y += (radius - distance) * ny
+        cos, sin = math.cos(body.heading), math.sin(body.heading)
+        vx = body.speed * cos - body.lateral_speed * sin
+        vy = body.speed * sin + body.lateral_speed * cos
+        into = min(vx * nx + vy * ny, 0.0)
+        vx, vy = 0.98 * (vx - into * nx), 0.98 * (vy - into * ny)
+        body.speed, body.lateral_speed = vx * cos + vy * sin, vy * cos - vx * sin
+        return True

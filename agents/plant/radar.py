@@ -1,0 +1,112 @@
+"""What stands around a kart that exists, and what its radar sees of it."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_agents.onboard.safety import Echoes
+from race_agents.plant.body import Body
+from race_server.core import codes
+from race_server.core.vehicles import Vehicle
+from race_server.scenario.track.polyline import corners_of_box, segments_of
+from race_server.scenario.track.raycast import are_near, first_met
+
+Floats = NDArray[np.float64]
+
+# A beam every 3° from -60° to 60°. Nine thin rays would see past a person 3 m away.
+BEAMS = np.radians(np.linspace(-60.0, 60.0, 41))
+REACH_LENGTHS = 20.0  # kart lengths
+
+
+@dataclass
+class Person:
+    """Somebody, or something, that stands on the track."""
+
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass
+class Surroundings:
+    """Borders, other karts, people."""
+
+    borders: Floats  # (P, 4)
+    others: Floats = field(default_factory=lambda: np.zeros((0, 5)))  # x, y, heading, vx, vy
+    people: list[Person] = field(default_factory=list)
+
+    def borders_near(self, x: float, y: float, reach: float) -> Floats:
+        """Return the borders that may come within `reach` [m] of a point."""
+        return np.asarray(self.borders[are_near(self.borders, x, y, reach)])
+
+
+def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoes:
+    """Return what the radar in the nose sees now."""
+    vehicle = body.vehicle
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
+    nose = vehicle.box_offset + 0.5 * vehicle.length
+    x, y = body.x + nose * cos, body.y + nose * sin
+    reach = REACH_LENGTHS * vehicle.length
+    walls = around.borders_near(x, y, reach)
+    karts = np.concatenate([_outline(row, vehicle) for row in around.others] or [np.zeros((0, 4))])
+    segments = np.concatenate([walls, karts])
+    kinds = np.array([codes.BORDER] * len(walls) + [codes.KART_HIT] * len(karts), np.uint8)
+    drift = np.concatenate([np.zeros((len(walls), 2)), np.repeat(around.others[:, 3:], 4, axis=0)])
+    ranges, which = first_met(segments, x, y, BEAMS + body.heading, reach)
+    hit, bearings = which >= 0, BEAMS.copy()
+    seen_kinds = np.where(hit, kinds[which] if len(kinds) else 0, 0).astype(np.uint8)
+    moving = drift[which] if len(drift) else np.zeros((len(BEAMS), 2))
+    moving = np.where(hit[:, None], moving, 0.0)
+    for person in around.people:
+        _see_person(person, x, y, body.heading, ranges, bearings, seen_kinds, moving)
+    seen = seen_kinds > 0
+    ranges = ranges + chance.normal(0.0, 0.002 * vehicle.length, len(ranges))
+    ways = bearings + body.heading
+    own_x = body.speed * cos - body.lateral_speed * sin
+    own_y = body.speed * sin + body.lateral_speed * cos
+    closing = (own_x - moving[:, 0]) * np.cos(ways) + (own_y - moving[:, 1]) * np.sin(ways)
+    return Echoes(
+        x=(vehicle.rear_axle + nose + ranges * np.cos(bearings))[seen],
+        y=(ranges * np.sin(bearings))[seen],
+        closing=closing[seen],
+        kinds=seen_kinds[seen],
+    )
+
+
+def _outline(row: Floats, vehicle: Vehicle) -> Floats:
+    """Return the four sides of a kart's body."""
+    x, y, heading = row[:3]
+    x, y = x + vehicle.box_offset * math.cos(heading), y + vehicle.box_offset * math.sin(heading)
+    return segments_of(corners_of_box(x, y, heading, vehicle.length, vehicle.width))
+
+
+def _see_person(
+    person: Person,
+    x: float,
+    y: float,
+    heading: float,
+    ranges: Floats,
+    bearings: Floats,
+    kinds: NDArray[np.uint8],
+    moving: Floats,
+) -> None:
+    """Let the beam that points at a person see it."""
+    dx, dy = person.x - x, person.y - y
+    bearing = math.remainder(math.atan2(dy, dx) - heading, 2.0 * math.pi)
+    distance = max(math.hypot(dx, dy) - person.radius, 0.0)
+    beam = int(np.argmin(np.abs(BEAMS - bearing)))
+    if abs(bearing) <= BEAMS[-1] and distance < ranges[beam]:
+        ranges[beam], bearings[beam], kinds[beam] = distance, bearing, codes.OBSTACLE
+        moving[beam] = 0.0
+
+
+def gap_to(person: Person, body: Body) -> float:
+    """Return the distance [m] between a person and a kart's body."""
+    vehicle = body.vehicle
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
+    dx, dy = person.x - body.x, person.y - body.y
+    along = max(abs(dx * cos + dy * sin - vehicle.box_offset) - 0.5 * vehicle.length, 0.0)
+    across = max(abs(dy * cos - dx * sin) - 0.5 * vehicle.width, 0.0)
+    return math.hypot(along, across) - person.radius

@@ -1,0 +1,77 @@
+"""All policies that there are, each with where it comes from and how good it was."""
+
+import json
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from race_agents.policies.registry import CONFIG, EVALUATION, POLICY, SHIPPED, runs_folder
+from race_agents.policies.session import Policy
+from race_server.errors import DriverError
+
+UNKNOWN = "–"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One policy."""
+
+    name: str  # behind `learned:`
+    file: str
+    is_run: bool  # else it comes along with this program
+    preset: str = UNKNOWN  # its title
+    vehicle: str = UNKNOWN
+    algorithm: str = UNKNOWN
+    tracks: tuple[str, ...] = ()  # that it learned on
+    evaluation: dict[str, Any] = field(default_factory=dict)  # on unseen courses, all together
+    remark: str = ""  # why it cannot be driven
+
+
+def entries() -> list[Entry]:
+    """Return the policies that come along, and those of the user's runs."""
+    shipped = [
+        _entry(path.stem, path, path.with_suffix(".json"), path.stem, is_run=False)
+        for path in sorted(SHIPPED.glob("*.onnx"))
+    ]
+    runs = [
+        _entry(path.parent.name, path, path.with_name(EVALUATION), _title(path), is_run=True)
+        for path in sorted(runs_folder().glob(f"*/{POLICY}"))
+    ]
+    return [*shipped, *runs]
+
+
+def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool) -> Entry:
+    try:
+        nature = Policy(path).nature
+    except DriverError as error:
+        return Entry(name, str(path), is_run, preset, remark=str(error))
+    return Entry(
+        name=name,
+        file=str(path),
+        is_run=is_run,
+        preset=preset,
+        vehicle=nature.vehicle,
+        algorithm=nature.algorithm,
+        tracks=nature.tracks,
+        evaluation=_evaluation(evaluation),
+    )
+
+
+def _title(policy: Path) -> str:
+    """Return the title of the preset that a run was trained by."""
+    try:
+        words = tomllib.loads(policy.with_name(CONFIG).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return UNKNOWN
+    return str(words.get("title") or UNKNOWN)
+
+
+def _evaluation(path: Path) -> dict[str, Any]:
+    """Return the row of all courses together; nothing where a file tells none."""
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))["tracks"]
+        (row,) = [one for one in rows if one["track"] == "all"]
+        return {key: row[key] for key in ("speed", "crash_rate", "laps", "best_lap_s", "reward")}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}

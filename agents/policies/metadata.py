@@ -1,0 +1,138 @@
+"""What a policy's file says of itself: what it sees, what its answers mean, where it learned."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, get_args, get_origin
+
+from race_server.core.observation import PART_NUMBERS, PRESETS
+from race_server.envs.actions import ACTIONS, RESIDUAL
+from race_server.errors import DriverError
+
+# Raise it when a part of an observation or a kind of action comes to mean something else.
+VERSION = 1
+KEY = "race-server-policy"  # of the metadata of the ONNX file
+INPUT, OUTPUT = "observation", "action"
+MOST_BITS = 64  # of a whole number that stands for another
+
+
+@dataclass(frozen=True)
+class Nature:
+    """What a policy is, as its file tells it."""
+
+    parts: tuple[str, ...]  # of the observation, in order
+    sizes: tuple[int, ...]  # of the parts
+    action: str  # kind of action, see `race_server.envs.actions`
+    vehicle: str
+    lidar_rays: int  # 0: it needs no lidar
+    lidar_field: float  # [rad]
+    lidar_reach: float  # [m]
+    decision_s: float
+    algorithm: str
+    tracks: tuple[str, ...]  # on which it learned
+    seed: int
+    settings: str  # digest of all settings of the training
+    simulator: str  # version of this program
+    base: str = ""  # the driver that residual actions advise
+    version: int = VERSION
+
+    @property
+    def size(self) -> int:
+        """Numbers of an observation."""
+        return sum(self.sizes)
+
+    def as_text(self) -> str:
+        """Return everything as JSON."""
+        return json.dumps(asdict(self))
+
+
+def nature_of(metadata: Mapping[str, str], name: str) -> Nature:
+    """Return what the metadata of an ONNX file say.
+
+    Raises:
+        DriverError: the file is no policy of this program, of another version, or damaged.
+    """
+    if KEY not in metadata:
+        raise DriverError(
+            f"{name} is no policy of this program: its metadata lack {KEY!r}; "
+            "make one with `race train`"
+        )
+    try:
+        words = json.loads(metadata[KEY])
+        version = words["version"]
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise DriverError(f"{name}: the metadata {KEY!r} are damaged; export it again") from error
+    if version != VERSION:
+        raise DriverError(
+            f"{name} is a policy of version {version!r}, this program drives version {VERSION}; "
+            "train or export it again"
+        )
+    nature = _built(words, name)
+    _check(nature, name)
+    return nature
+
+
+def _built(words: dict[str, Any], name: str) -> Nature:
+    values: dict[str, Any] = {}
+    for field in fields(Nature):
+        value = words.get(field.name, "" if field.name == "base" else None)
+        if isinstance(value, list):
+            value = tuple(value)
+        elif field.type is float and isinstance(value, int):
+            value = float(value) if value.bit_length() < MOST_BITS else math.inf
+        if not _fits(value, field.type):
+            raise DriverError(
+                f"{name}: {field.name} = {value!r:.60} in its metadata makes no policy; "
+                "export it again"
+            )
+        values[field.name] = value
+    return Nature(**values)
+
+
+def _fits(value: Any, wanted: Any) -> bool:
+    """Return whether a value is of a type, with all members of a tuple, and no endless number."""
+    if get_origin(wanted) is tuple:
+        member = get_args(wanted)[0]
+        return isinstance(value, tuple) and all(isinstance(one, member) for one in value)
+    return isinstance(value, wanted) and (wanted is not float or math.isfinite(value))
+
+
+def _check(nature: Nature, name: str) -> None:
+    unknown = [part for part in nature.parts if part not in PART_NUMBERS]
+    if unknown or not nature.parts:
+        raise DriverError(
+            f"{name} wants to see {unknown or 'nothing'}, which this program does not know; "
+            "train it again"
+        )
+    if nature.action not in ACTIONS:
+        raise DriverError(
+            f"{name} answers with actions {nature.action!r}; known are {', '.join(ACTIONS)}"
+        )
+    if (ACTIONS[nature.action] == RESIDUAL) != bool(nature.base):
+        raise DriverError(
+            f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; "
+            "export it again"
+        )
+    if ":" in nature.base:  # such as a policy, which might advise itself
+        raise DriverError(f"{name}: base {nature.base!r} takes no advice; export it again")
+    if nature.decision_s <= 0.0:
+        raise DriverError(f"{name} decides every {nature.decision_s:g} s; export it again")
+    sizes_fit = len(nature.sizes) == len(nature.parts)
+    if not sizes_fit or not all(size > 0 for size in nature.sizes):
+        raise DriverError(f"{name}: {len(nature.parts)} parts of sizes {nature.sizes} do not fit")
+
+
+def preset_for(nature: Nature, name: str, more: tuple[str, ...] = ()) -> str:
+    """Return the smallest observation of a live race that holds all that a policy sees.
+
+    more: parts that the driver sees which it advises.
+
+    Raises:
+        DriverError: there is none.
+    """
+    wanted = {*nature.parts, *more}
+    fitting = [preset for preset, parts in PRESETS.items() if wanted <= set(parts)]
+    if not fitting:
+        raise DriverError(f"{name} sees {', '.join(nature.parts)}: no observation holds them all")
+    return min(fitting, key=lambda preset: len(PRESETS[preset]))

@@ -1,0 +1,115 @@
+"""A policy's file put to the proof: on what it sees on courses that no policy learns on.
+
+Nothing here needs PyTorch; `race_agents.training.parity` makes the comparison with the learner.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_agents.policies.metadata import Nature
+from race_agents.policies.session import Policy
+from race_server.core.clock import ticks_of
+from race_server.core.observation import wants_line
+from race_server.core.vehicles import vehicle_named
+from race_server.envs.batch import Batch, Task
+from race_server.envs.presets import LEARNING_RULES
+from race_server.scenario.race import Scenario
+from race_server.scenario.sensors import Lidar
+from race_server.scenario.track.sets import course_named, set_named
+
+UNSEEN = "unseen"  # the set of tracks
+WORLDS = 16
+EPISODE_S = 60.0
+SEED = 300_000  # far from those of training and evaluation
+# Whoever sees other karts is among these.
+OTHERS = ("follow_gap", "pure_pursuit", "avoider")
+# A policy's file answers like its learner, up to rounding.
+MOST_DIFFERENCE = 1e-5
+WARM_UP = 200  # decisions that are not timed
+
+Rows = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Times:
+    """How long decisions take, one observation at a time, on one thread [µs]."""
+
+    median: float
+    p99: float
+    mean: float
+
+
+def observations_of(policy: Policy, count: int) -> Rows:
+    """Return what a policy sees while it drives the unseen tracks, shape (count, size).
+
+    Raises:
+        RaceError: it cannot drive there.
+    """
+    batch = Batch(_task(policy.nature), worlds=WORLDS, seed=SEED)
+    rows = np.concatenate(list(islice(_seen(batch, policy), -(-count // WORLDS))))
+    batch.close()
+    return np.ascontiguousarray(rows[:count])
+
+
+def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
+    while True:
+        seen = batch.observations[:, 0].copy()
+        yield seen
+        batch.step(policy.decide(seen))
+
+
+def _task(nature: Nature) -> Task:
+    """Return a task in which a policy drives all unseen tracks, from anywhere, on and on."""
+    others = OTHERS if any(part.startswith("karts") for part in nature.parts) else ()
+    # A lidar that nobody looks at needs no fewer rays.
+    lidar = Lidar(rays=nature.lidar_rays) if nature.lidar_rays else Lidar()
+    scenarios = [
+        Scenario(
+            course_named(name),
+            karts=1 + len(others),
+            vehicles=(vehicle_named(nature.vehicle),),
+            rules=LEARNING_RULES,
+            lidar=lidar,
+        )
+        for name in _courses(nature)
+    ]
+    return Task(
+        tuple(scenarios),
+        opponents=others,
+        learners=1,
+        observation=nature.parts,
+        action=nature.action,
+        base=nature.base,
+        decision_ticks=ticks_of(nature.decision_s),
+        most_steps=round(EPISODE_S / nature.decision_s),
+        random_start=True,
+    )
+
+
+def _courses(nature: Nature) -> list[str]:
+    """Return the unseen courses; with a reference line only those whose line comes along."""
+    names = set_named(UNSEEN)
+    if nature.base or wants_line(nature.parts):
+        return [name for name in names if not name.startswith("generated:")]
+    return names
+
+
+def times_of(policy: Policy, seen: Rows) -> Times:
+    """Return how long a policy takes to decide, from observations (n, size)."""
+    rows = [np.ascontiguousarray(row[None]) for row in seen]
+    for row in rows[:WARM_UP]:
+        policy.decide(row)
+    times: list[int] = []
+    for row in rows:
+        begun = time.perf_counter_ns()
+        policy.decide(row)
+        times.append(time.perf_counter_ns() - begun)
+    spent: NDArray[Any] = np.array(times) / 1e3
+    median, p99 = np.percentile(spent, [50, 99]).tolist()
+    return Times(median=median, p99=p99, mean=float(spent.mean()))

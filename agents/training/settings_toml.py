@@ -1,0 +1,153 @@
+"""Settings of a training from TOML and back."""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from race_agents.training.settings import LEARNER, Settings
+from race_server.errors import ScenarioError
+
+PRESETS = Path(__file__).parent / "presets"
+
+Words = dict[str, Any]
+
+
+def preset_names() -> list[str]:
+    """Return the names of the presets that come with this program."""
+    return sorted(path.stem for path in PRESETS.glob("*.toml"))
+
+
+def read_settings(name: str, changes: Sequence[str] = ()) -> Settings:
+    """Return the settings of a preset or of a .toml file.
+
+    changes: such as ``algorithm.learning_rate=1e-3``; values are TOML, or else words;
+        ``none`` takes a key away.
+
+    Raises:
+        ScenarioError: names key, value and way out.
+    """
+    path = Path(name) if name.endswith(".toml") else PRESETS / f"{name}.toml"
+    if not path.is_file():
+        known = ", ".join(preset_names())
+        raise ScenarioError(f"preset {name!r} is unknown; choose one of {known}, or a .toml file")
+    try:
+        words = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ScenarioError(f"{path.name}: no TOML that can be read: {error}") from error
+    for change in changes:
+        _apply(words, change)
+    return settings_of(words, path.name)
+
+
+def settings_of(words: Words, source: str) -> Settings:
+    """Return checked settings.
+
+    Raises:
+        ScenarioError: names key, value and way out.
+    """
+    try:
+        settings = Settings.model_validate(words)
+    except ValidationError as error:
+        raise ScenarioError(_sentence(error, source)) from None
+    if (settings.minutes is None) == (settings.steps is None):
+        raise ScenarioError(
+            f"{source}: minutes = {settings.minutes}, steps = {settings.steps}: give one of the two"
+        )
+    _check_seats(settings, source)
+    is_discrete = settings.action == "discrete"
+    if (settings.algorithm.name == "dqn") != is_discrete and settings.algorithm.name != "ppo":
+        raise ScenarioError(
+            f"{source}: algorithm.name = {settings.algorithm.name!r} with action = "
+            f"{settings.action!r}: dqn needs discrete actions, sac and td3 others, ppo takes all"
+        )
+    return settings
+
+
+def _check_seats(settings: Settings, source: str) -> None:
+    seats, race = settings.self_play.seats, settings.race
+    learners = seats.count(LEARNER)
+    if seats and (len(seats), learners) != (race.karts, race.learners):
+        raise ScenarioError(
+            f"{source}: self_play.seats names {len(seats)} karts, {learners} of them learners; "
+            f"race.karts = {race.karts}, race.learners = {race.learners}: make them agree"
+        )
+
+
+def _sentence(error: ValidationError, source: str) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"] if not _is_branch(part))
+    value = repr(first.get("input"))[:60]
+    reason = first["msg"][:1].lower() + first["msg"][1:]
+    if first["type"] == "extra_forbidden":
+        known = ", ".join(_keys_beside(first["loc"]))
+        reason = f"no such key; known here are {known}"
+    return f"{source}: {key} = {value}: {reason}"
+
+
+def _is_branch(part: int | str) -> bool:
+    """Return whether a step of a location is a branch of a union rather than a key."""
+    return isinstance(part, str) and (part in {"str", "float"} or "[" in part)
+
+
+def _keys_beside(place: tuple[int | str, ...]) -> list[str]:
+    table: Any = Settings
+    for key in place[:-1]:
+        # A number stands for one of several tables, such as the stages of a curriculum.
+        table = table.model_fields[key].annotation if isinstance(key, str) else get_args(table)[0]
+    return sorted(table.model_fields) if hasattr(table, "model_fields") else []
+
+
+def _apply(words: Words, change: str) -> None:
+    key, equals, value = change.partition("=")
+    if not equals or not key.strip():
+        raise ScenarioError(f"--set {change!r}: write key=value, such as algorithm.name=sac")
+    *tables, last = key.strip().split(".")
+    table = words
+    for name in tables:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise ScenarioError(
+                f"--set {change!r}: {name} = {table!r} is no table here; give it whole, such as "
+                f"--set '{name}={{{last} = {value.strip()}}}'"
+            )
+    if value.strip() == "none":
+        table.pop(last, None)
+        return
+    try:
+        table[last] = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        table[last] = value.strip()
+
+
+def as_toml(settings: Settings, *, without: Sequence[str] = ()) -> str:
+    """Return all settings as TOML, defaults included, but for some keys."""
+    words = settings.model_dump(mode="json", exclude_none=True, exclude=set(without))
+    return "\n".join([*_lines(words, ()), ""])
+
+
+def _lines(words: Words, path: tuple[str, ...]) -> list[str]:
+    plain = {key: value for key, value in words.items() if not isinstance(value, dict)}
+    lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
+    for key, value in words.items():
+        if isinstance(value, dict):
+            inner = (*path, key)
+            lines += ["", f"[{'.'.join(inner)}]", *_lines(value, inner)]
+    return lines
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(part) for part in value) + "]"
+    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
+
+
+def digest_of(settings: Settings) -> str:
+    """Return a digest of all settings."""
+    return hashlib.sha256(as_toml(settings).encode()).hexdigest()[:16]

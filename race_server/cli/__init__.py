@@ -1,0 +1,1 @@
+"""The command line `race`: one file for each family of commands."""

@@ -1,0 +1,61 @@
+"""Who connects, and where to: what the words of several commands mean together."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from race_server.errors import KeysError
+from race_server.net.auth.keys import ClientKeys, read_client_keys
+from race_server.net.transport import DEFAULT_ADDRESS
+
+SESSION = "race"
+Connect = Annotated[
+    str,
+    typer.Option(
+        "--connect", help=f"Address of the server; that in the keys, or {DEFAULT_ADDRESS}."
+    ),
+]
+SessionName = Annotated[
+    str, typer.Option("--session", help=f"Name of the session; that in the keys, or {SESSION}.")
+]
+KeysFolder = Annotated[
+    Path | None, typer.Option("--keys", help="Folder of keys that the organiser handed out.")
+]
+
+
+@dataclass(frozen=True)
+class Access:
+    """Who connects, and where to."""
+
+    keys: ClientKeys | None
+    address: str
+    session: str
+
+    def seat(self, wanted: int) -> int:
+        """Return the seat to ask for.
+
+        Raises:
+            KeysError: the keys are another seat's, or no driver's.
+        """
+        if self.keys is None:
+            return wanted
+        if self.keys.seat < 0 or wanted not in {-1, self.keys.seat}:
+            raise KeysError(
+                f"the keys in {self.keys.folder} are those of {self.keys.role}: they cannot drive "
+                + (f"seat {wanted}" if wanted >= 0 else "a kart")
+            )
+        return self.keys.seat
+
+
+def access(folder: Path | None, connect: str, session: str) -> Access:
+    """Return who connects and where to, from the words of a command line.
+
+    Raises:
+        KeysError: the keys cannot be used, or are those of another session.
+    """
+    if folder is None:
+        return Access(None, connect or DEFAULT_ADDRESS, session or SESSION)
+    keys = read_client_keys(folder, session)
+    return Access(keys, connect or keys.address, keys.session)

@@ -1,0 +1,94 @@
+"""`race bench`: what this machine reaches."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+
+app = typer.Typer(help="Measure the speed of this program.", no_args_is_help=True)
+
+
+@app.command()
+def core(
+    track: Annotated[str, typer.Option(help="Course to measure on.")] = "covapsy-train-2023",
+    seconds: Annotated[float, typer.Option(help="CPU seconds for each figure.")] = 2.0,
+    as_json: AsJson = False,
+) -> None:
+    """How many karts one core simulates, with radar and lidar, and where the time goes."""
+    from race_server.scenario.track.load import load_course
+    from race_server.tools.bench.core import bench_core
+
+    _show(bench_core(load_course(track), seconds=seconds), as_json=as_json)
+
+
+@app.command()
+def wire(
+    seconds: Annotated[float, typer.Option(help="Seconds for each number of karts.")] = 10.0,
+    as_json: AsJson = False,
+) -> None:
+    """Writing and reading messages, and the way from a control to its effect over loopback."""
+    from race_server.tools.bench.wire import bench_wire
+
+    _show(bench_wire(seconds=seconds), as_json=as_json)
+
+
+@app.command()
+def env(
+    cores: Annotated[int, typer.Option(min=1, help="Cores for races in batches.")] = 1,
+    seconds: Annotated[float, typer.Option(help="Seconds for each figure.")] = 2.0,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Also measure against karts, races and cores, and draw that here."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Steps per second of the training world, through each interface, next to highway-env."""
+    from race_server.tools.bench.env import bench_env, bench_scaling, plot_scaling
+
+    figures = bench_env(cores=cores, seconds=seconds)
+    if figures["highway_lidar"] is None:
+        print(
+            "highway-env is not installed, so nothing is compared with it: "
+            "`pip install race-server[bench]` brings it.",
+            file=sys.stderr,
+        )
+    if plot is not None:
+        figures["scaling"] = bench_scaling(seconds=0.25 * seconds)
+        plot_scaling(figures["scaling"], plot)
+    _show(figures, as_json=as_json)
+
+
+@app.command()
+def learn(
+    rollouts: Annotated[int, typer.Option(min=1, help="Rollouts for each figure.")] = 8,
+    as_json: AsJson = False,
+) -> None:
+    """How fast PPO learns here, and how fast it would be if the world cost nothing."""
+    from race_server.tools.bench.learn import bench_learn
+
+    _show(bench_learn(rollouts=rollouts), as_json=as_json)
+
+
+def _show(figures: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        print_document(figures)
+        return
+    table = Table("figure", "value")
+    for name, value in _flat(figures):
+        table.add_row(name, f"{value:,}" if isinstance(value, int) else str(value))
+    Console().print(table)
+
+
+def _flat(figures: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    rows: list[tuple[str, Any]] = []
+    for name, value in figures.items():
+        if isinstance(value, dict):
+            rows += _flat(value, f"{prefix}{name}.")
+        else:
+            rows.append((prefix + name, value))
+    return rows

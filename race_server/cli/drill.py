@@ -1,0 +1,218 @@
+"""`race drill`: what may go wrong, done on purpose."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+
+app = typer.Typer(help="Drills: what may go wrong in a session, done on purpose.")
+
+Seed = Annotated[int, typer.Option(help="Of the moments that are chosen at random.")]
+
+
+@app.command()
+def crash(
+    times: Annotated[int, typer.Option(min=1, help="So often the server is killed.")] = 10,
+    real: Annotated[int, typer.Option(min=0, max=4, help="So many of the eight exist.")] = 0,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Kill the server of a live race of eight, and see that the race goes on and no lap is lost."""
+    from race_server.tools.drills.crash import drill_crash
+
+    with progress("killing the server", times) as tell:
+        document = drill_crash(times, real=real, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def deny(as_json: AsJson = False) -> None:
+    """Try everything that nobody may do to an open session, and everything that people may."""
+    from race_server.tools.drills.deny import drill_deny
+
+    with Console(stderr=True).status("knocking at every door", spinner="dots"):
+        document = drill_deny()
+    if not as_json:
+        _show_findings(document["matrix"])
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def hostile(
+    messages: Annotated[int, typer.Option(min=1000, help="So many are sent and decoded.")] = 20_000,
+    rate: Annotated[int, typer.Option(min=1, help="So many a second.")] = 5000,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Send damaged and crafted messages on every inbound topic while a race of eight runs."""
+    from race_server.tools.drills.hostile import drill_hostile
+
+    with progress("sending", messages) as tell:
+        document = drill_hostile(messages, rate=rate, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def network(
+    loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.2,
+    delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 100.0,
+    jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 50.0,
+    track: Annotated[str, typer.Option(help="Course.")] = "oval-report",
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3,
+    drivers: Annotated[
+        str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
+    ] = "pure_pursuit,follow_gap,avoider",
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Race over a network that loses, delays and shuffles packets both ways; needs root."""
+    from race_server.cli.options import known_drivers
+    from race_server.tools.drills.lossy_link import Weather
+    from race_server.tools.drills.network import DRIVERS, drill_network
+
+    names = known_drivers(drivers) or DRIVERS
+    weather = Weather(loss, delay / 1e3, jitter / 1e3)
+    with progress("racing", None) as tell:
+        document = drill_network(
+            weather, track=track, laps=laps, drivers=names, seed=seed, tell=tell
+        )
+    finish(document, as_json=as_json, rows="drivers")
+
+
+@app.command()
+def sites(
+    delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 20.0,
+    jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 5.0,
+    loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.0,
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 2,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Race four karts of two halls against each other, over a network between them; needs root."""
+    from race_server.tools.drills.lossy_link import Weather
+    from race_server.tools.drills.sites import drill_sites
+
+    weather = Weather(loss, delay / 1e3, jitter / 1e3)
+    with progress("racing", None) as tell:
+        document = drill_sites(weather, laps=laps, seed=seed, tell=tell)
+    finish(document, as_json=as_json, rows="karts")
+
+
+@app.command()
+def load(
+    karts: Annotated[int, typer.Option(min=1, max=64, help="Karts in the race.")] = 64,
+    spectators: Annotated[int, typer.Option(min=1, help="Who watch it.")] = 200,
+    minutes: Annotated[float, typer.Option(min=0.05, max=14.0, help="For each server.")] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race before a full hall; next to it the same over websockets and JSON."""
+    from race_server.tools.drills.load import drill_load
+
+    with progress("racing", round(2 * 60 * minutes)) as tell:
+        document = drill_load(karts, spectators, minutes, tell=tell)
+    finish(document, as_json=as_json, columns=("race_server", "websockets_orjson"))
+
+
+@app.command()
+def page(
+    clients: Annotated[int, typer.Option(min=1, max=250, help="Browsers that watch.")] = 100,
+    minutes: Annotated[float, typer.Option(min=0.1, max=14.0, help="So long.")] = 5.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race before browsers, of which some misbehave."""
+    from race_server.tools.drills.page import drill_page
+
+    with progress("racing", round(60 * minutes)) as tell:
+        document = drill_page(clients, minutes, tell=tell)
+    if not as_json:
+        _show_findings(document["matrix"])
+    finish(document, as_json=as_json, columns=("without", "with"))
+
+
+@app.command()
+def mixed(
+    track: Annotated[str, typer.Option(help="Course.")] = "hangar-400",
+    vehicle: Annotated[str, typer.Option(help="tt02, kart-30 or kart-60.")] = "kart-30",
+    karts: Annotated[int, typer.Option(min=2, max=64, help="Two of them exist.")] = 8,
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 2,
+    seed: Annotated[int, typer.Option(help="Seed of all chance in the race.")] = 1,
+    pedestrian: Annotated[
+        float, typer.Option(help="Somebody steps in front after so many s of racing.")
+    ] = 12.0,
+    cut_link: Annotated[
+        float, typer.Option(help="A radio goes off after so many s of racing.")
+    ] = 110.0,
+    delay_ms: Annotated[
+        float, typer.Option(help="Added to each message of a real kart, each way.")
+    ] = 0.0,
+    as_json: AsJson = False,
+) -> None:
+    """Race two real karts (plants) among simulated ones: a pedestrian, and a cut link."""
+    from race_server.tools.drills.mixed import Setting, drill_mixed
+
+    setting = Setting(track, vehicle, karts, laps, seed, pedestrian, cut_link, delay_ms)
+    document = drill_mixed(setting, Console(stderr=True))
+    if not as_json:
+        Console().print_json(json.dumps(document["figures"]))
+    finish(document, as_json=as_json)
+
+
+@contextmanager
+def progress(what: str, total: int | None) -> Iterator[Any]:
+    """Show how far a drill has come, on stderr; yields what is to be told."""
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _show_findings(rows: list[dict[str, Any]]) -> None:
+    table = Table("act", "expected", "seen")
+    for row in rows:
+        seen = row["seen"] if row["ok"] else f"[red]{row['seen']}[/]"
+        table.add_row(row["act"], row["expected"], seen)
+    Console().print(table)
+
+
+def finish(
+    document: dict[str, Any], *, as_json: bool, columns: tuple[str, ...] = (), rows: str = ""
+) -> None:
+    """Print what a drill found, and end with 1 where it is not well.
+
+    columns: parts of the document that hold the same figures, to be shown side by side; rows:
+    the part that is a list of such, shown in the same way.
+    """
+    if as_json:
+        print_document(document)
+    else:
+        console = Console()
+        table = Table("figure", "value")
+        for name, value in document.items():
+            if not isinstance(value, (list, dict)) and name not in {"ok", "why"}:
+                table.add_row(name.replace("_", " "), str(value))
+        console.print(table)
+        if columns:
+            console.print(_side_by_side({name: document[name] or {} for name in columns}))
+        if document.get(rows):
+            # Only numbers: words would need a wider terminal, and are in the document.
+            numbers = [
+                {name: value for name, value in row.items() if not isinstance(value, str)}
+                for row in document[rows]
+            ]
+            console.print(_side_by_side({f"{n}": row for n, row in enumerate(numbers)}))
+        console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
+    if not document["ok"]:
+        raise typer.Exit(1)
+
+
+def _side_by_side(parts: dict[str, dict[str, Any]]) -> Table:
+    table = Table("figure", *(name.replace("_", " ") for name in parts))
+    for name in next(iter(parts.values())):
+        table.add_row(name.replace("_", " "), *(str(part.get(name, "")) for part in parts.values()))
+    return table

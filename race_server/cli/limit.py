@@ -1,0 +1,60 @@
+"""`race limit`: how fast a vehicle can lap a course, and along which lines."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.options import Course
+
+
+def limit(
+    track: Course,
+    vehicle: Annotated[str, typer.Option(help="The vehicle that laps it.")] = "tt02",
+    speed_cap: Annotated[
+        float | None, typer.Option(help="Drive no faster than this, in m/s.")
+    ] = None,
+    margin: Annotated[
+        float | None,
+        typer.Option(help="Room between body and border, in m. By default 0.26 of the width."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the lines into this file: .png or .svg.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Lap times along the fastest, the least curved, the centre and the shortest line."""
+    from race_server.core.vehicles import vehicle_named
+    from race_server.scenario.raceline.reference import NAMES, reference_limit
+    from race_server.scenario.track.load import load_course
+
+    course = load_course(track)
+    found = reference_limit(course, vehicle_named(vehicle), speed_cap, margin)
+    capped = f", at most {speed_cap:g} m/s" if speed_cap is not None else ""
+    if plot is not None:
+        from race_server.scenario.raceline.draw import draw_limit
+
+        draw_limit(course, found, f"{course.title}: {vehicle}{capped}", plot)
+    lines = {name: getattr(found, name) for name in NAMES}
+    if as_json:
+        times = {f"{name}_s": round(line.time_s, 4) for name, line in lines.items()}
+        row = {"track": course.name, "vehicle": vehicle, "speed_cap": speed_cap, **times}
+        print_document({**row, "solve_s": round(found.solve_s, 3)})
+        return
+    table = Table("line", title=f"{course.name}, {vehicle}{capped}", title_justify="left")
+    for column in ("lap [s]", "length [m]", "slowest [m/s]", "fastest [m/s]", "braking zones"):
+        table.add_column(column, justify="right")
+    for name, line in lines.items():
+        table.add_row(
+            name.replace("_", " "),
+            f"{line.time_s:.3f}",
+            f"{line.length:.2f}",
+            f"{line.speed.min():.2f}",
+            f"{line.speed.max():.2f}",
+            str(sum(zone.what == "brake" for zone in line.zones)),
+        )
+    Console().print(table)
+    print(f"solved in {found.solve_s:.2f} s" if found.solve_s else "solved before, and shipped")

@@ -1,0 +1,208 @@
+"""`race replay` and `race recording`: what was recorded."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+from race_server.core.clock import TICKS_PER_SECOND, lap_text
+from race_server.errors import RecordingError
+
+app = typer.Typer(help="Recordings: what is in one, its messages, a part of it.")
+
+File = Annotated[Path, typer.Argument(help="A recording, .mcap.")]
+
+
+def replay(
+    file: File,
+    play: Annotated[bool, typer.Option("--play", help="Watch it instead of checking it.")] = False,
+    speed: Annotated[float, typer.Option(help="With --play: times real time.")] = 1.0,
+    seek: Annotated[float, typer.Option(help="With --play: begin so many seconds in.")] = 0.0,
+    as_json: AsJson = False,
+) -> None:
+    """Drive a recorded race again and compare it tick by tick; or watch it."""
+    from race_server.storage.recording.reader import read_recording
+
+    recording = read_recording(file)
+    if play:
+        from race_server.cli.recording_view import show
+
+        show(recording, Console(), speed=speed, seek_s=seek)
+        return
+    document = check(recording)
+    if as_json:
+        print_document(document)
+    else:
+        _print_check(document)
+    if not document["ok"]:
+        raise typer.Exit(1)
+
+
+def check(recording: Any) -> dict[str, Any]:
+    """Return whether a race driven again is the recorded one, with the first difference."""
+    from race_server.storage.recording.rerun import Rerun
+
+    rerun = Rerun(recording)
+    begun = time.perf_counter()
+    for _ in rerun.run():
+        pass
+    took = time.perf_counter() - begun
+    difference = rerun.difference
+    raced_s = rerun.session.tick / TICKS_PER_SECOND
+    return {
+        "ok": difference is None,
+        "why": "" if difference is None else _why(recording, difference.tick),
+        "file": str(recording.path),
+        "ticks": rerun.session.tick,
+        "digests": rerun.compared,
+        "digest": rerun.session.digest(),
+        "is_complete": recording.is_complete,
+        "is_torn": recording.is_torn,
+        "first_difference_tick": None if difference is None else difference.tick,
+        "seconds": round(took, 3),
+        "times_real_time": round(raced_s / took) if took > 0.0 else 0,
+    }
+
+
+def _why(recording: Any, tick: int) -> str:
+    from race_server.storage.recording.header import versions
+
+    recorded, now = json.loads(recording.start.versions), versions()
+    other = [
+        f"{name} {value} (here {now.get(name, 'none')})"
+        for name, value in recorded.items()
+        if now.get(name) != value
+    ]
+    told = f"; it was recorded with {', '.join(other)}" if other else ""
+    return f"the race driven again differs from tick {tick} on{told}"
+
+
+def _print_check(document: dict[str, Any]) -> None:
+    seconds = document["ticks"] / TICKS_PER_SECOND
+    state = "complete" if document["is_complete"] else "not finished"
+    if document["is_torn"]:
+        state += ", cut short: read up to its last whole chunk"
+    console = Console(soft_wrap=True)
+    if document["ok"]:
+        console.print(
+            f"the same race: {document['digests']} digests are equal, {seconds:.1f} s driven "
+            f"again in {document['seconds']:.2f} s ({state})"
+        )
+    else:
+        console.print(f"{document['why']} ({state})", style="red")
+
+
+@app.command()
+def info(file: File, as_json: AsJson = False) -> None:
+    """Who raced what, when, and which messages a recording holds."""
+    from race_server.storage.recording.reader import Line, read_lines, read_recording
+
+    recording = read_recording(file)
+    start, setting = recording.start, json.loads(recording.start.setting)
+    counts: dict[str, int] = {}
+    for line in read_lines(file):
+        if isinstance(line, Line):
+            counts[line.kind.key] = counts.get(line.kind.key, 0) + 1
+    laps = [
+        {"seat": seat, "number": number, "time_us": time_us, "tick": tick}
+        for seat, number, time_us, tick in recording.laps
+    ]
+    document = {
+        "file": str(file),
+        "bytes": file.stat().st_size,
+        "session": start.session,
+        "started_at": start.started_at,
+        "track": setting["course"]["name"],
+        "track_digest": setting["course"]["digest"],
+        "vehicles": [vehicle["name"] for vehicle in setting["vehicles"]],
+        "seed": setting["seed"],
+        "pace": start.pace,
+        "versions": json.loads(start.versions),
+        "drivers": {row.number: row.driver for row in start.seats},
+        "ticks": recording.last_tick,
+        "is_complete": recording.is_complete,
+        "is_torn": recording.is_torn,
+        "laps": laps,
+        "messages": counts,
+    }
+    if as_json:
+        print_document(document)
+    else:
+        _print_info(document)
+
+
+def _print_info(document: dict[str, Any]) -> None:
+    console = Console()
+    facts = Table("", "", show_header=False, box=None)
+    seconds = document["ticks"] / TICKS_PER_SECOND
+    state = "complete" if document["is_complete"] else "not finished"
+    rows = {
+        "session": f"{document['session']}, begun {document['started_at']}",
+        "track": f"{document['track']} ({document['track_digest'][:12]})",
+        "vehicle": ", ".join(dict.fromkeys(document["vehicles"])),
+        "pace, seed": f"{document['pace']}, {document['seed']}",
+        "length": f"{seconds:.1f} s, {state}{', cut short' if document['is_torn'] else ''}",
+        "versions": ", ".join(f"{name} {value}" for name, value in document["versions"].items()),
+        "size": f"{document['bytes'] / 1e6:.2f} MB",
+        "messages": ", ".join(f"{name} {count}" for name, count in document["messages"].items()),
+    }
+    for name, value in rows.items():
+        facts.add_row(name, value)
+    console.print(facts)
+    laps = Table("seat", "driver", "laps", "best lap")
+    for seat, driver in document["drivers"].items():
+        times = [lap["time_us"] for lap in document["laps"] if lap["seat"] == seat]
+        laps.add_row(str(seat), driver, str(len(times)), lap_text(min(times, default=0)))
+    console.print(laps)
+
+
+@app.command()
+def cat(
+    file: File,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document a line.")] = False,
+    channel: Annotated[str, typer.Option(help="Only this one, such as laps.")] = "",
+) -> None:
+    """Print the messages of a recording, one a line."""
+    from race_server.storage.recording.to_json import words_of
+
+    for at_s, key, words in _messages(file, channel, words_of):
+        if as_json:
+            print_document({"time_s": round(at_s, 6), "channel": key, **words})
+        else:
+            told = ", ".join(f"{name} {value}" for name, value in words.items())
+            print(f"{at_s:10.3f}  {key:16} {told}"[:240])
+
+
+def _messages(file: Path, channel: str, words_of: Any) -> Iterator[tuple[float, str, Any]]:
+    from race_server.storage.recording.channels import CHANNELS
+    from race_server.storage.recording.reader import Line, read_lines
+
+    known = [kind.key for kind in CHANNELS]
+    if channel and channel not in known:
+        raise RecordingError(f"channel {channel!r} is unknown; choose one of {', '.join(known)}")
+    first = None
+    for line in read_lines(file):
+        if not isinstance(line, Line):
+            continue
+        first = line.time_ns if first is None else first
+        if not channel or line.kind.key == channel:
+            yield (line.time_ns - first) / 1e9, line.kind.key, words_of(line)
+
+
+@app.command()
+def cut(
+    file: File,
+    target: Annotated[Path, typer.Argument(help="The new recording, .mcap.")],
+    until: Annotated[float, typer.Option(help="End so many seconds in.")],
+) -> None:
+    """Write the first part of a recording into another file; it replays like the whole."""
+    from race_server.storage.recording.excerpt import write_part
+
+    ticks = write_part(file, target, until)
+    print(f"{target}: {ticks / TICKS_PER_SECOND:.1f} s of {file}")

@@ -1,0 +1,142 @@
+"""`race results list | best | export | ratings`."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+from race_server.core.clock import lap_text
+from race_server.errors import ResultsError
+
+app = typer.Typer(help="What was driven: races, best laps, ratings.", no_args_is_help=True)
+
+Track = Annotated[str, typer.Option(help="Only on this course.")]
+Results = Annotated[
+    str,
+    typer.Option(
+        help="The results file; without it $RACE_SERVER_RESULTS, or "
+        "~/.local/share/race-server/results.sqlite."
+    ),
+]
+
+
+def _file(results: str) -> Path:
+    from race_server.storage.results.schema import path_of
+
+    path = path_of(results)
+    if path is None:
+        raise ResultsError("no results file: $RACE_SERVER_RESULTS or --results says none")
+    return path
+
+
+def _table(words: Sequence[str], figures: Sequence[str]) -> Table:
+    """Return an empty table in the style of the leaderboard."""
+    table = Table(header_style="dim underline", box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    for name in words:
+        table.add_column(name, no_wrap=True)
+    for name in figures:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _winner(race: dict[str, Any]) -> str:
+    """Return who won a race, or why nobody did."""
+    if race["ended"] != "finished":
+        return "(stopped)" if race["ended"] else "(not ended)"
+    first = race["entries"][0]
+    return first["driver"] if first["status"] == "finished" else "(nobody home)"
+
+
+@app.command("list")
+def list_races(
+    track: Track = "",
+    driver: Annotated[str, typer.Option(help="Only races that this driver took part in.")] = "",
+    limit: Annotated[int, typer.Option(min=1, help="So many of the newest races.")] = 20,
+    results: Results = "",
+    as_json: AsJson = False,
+) -> None:
+    """List the newest races, newest first."""
+    from race_server.storage.results.queries import races
+
+    rows = races(_file(results), track=track, driver=driver, limit=limit)
+    if as_json:
+        print_document(rows)
+        return
+    table = _table(("race", "started (UTC)", "track", "vehicle"), ("laps", "best lap"))
+    table.add_column("winner", no_wrap=True)
+    for row in rows:
+        table.add_row(
+            str(row["id"]),
+            row["started_at"][:16].replace("T", " "),
+            row["track"],
+            row["vehicle"],
+            str(row["laps_driven"]),
+            lap_text(row["best_lap_us"]),
+            _winner(row),
+        )
+    Console().print(table)
+
+
+@app.command()
+def best(track: Track = "", results: Results = "", as_json: AsJson = False) -> None:
+    """Show the best lap of each driver on each track with each vehicle."""
+    from race_server.storage.results.queries import best_laps
+
+    rows = best_laps(_file(results), track=track)
+    if as_json:
+        print_document(rows)
+        return
+    table = _table(("track", "vehicle", "driver"), ("best lap", "clean lap", "laps", "race"))
+    for row in rows:
+        table.add_row(
+            _edition(row, rows),
+            row["vehicle"],
+            row["driver"],
+            lap_text(row["best_lap_us"]),
+            lap_text(row["best_clean_lap_us"]),
+            str(row["laps"]),
+            str(row["race"]),
+        )
+    Console().print(table)
+
+
+def _edition(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+    """Return the name of a track, with its digest where the file knows several of that name."""
+    digests = {other["track_digest"] for other in rows if other["track"] == row["track"]}
+    return row["track"] if len(digests) == 1 else f"{row['track']} {row['track_digest'][:8]}"
+
+
+@app.command("export")
+def export_laps(
+    to: Annotated[Path, typer.Argument(help="The file to write: .csv or .parquet.")],
+    results: Results = "",
+) -> None:
+    """Write every lap with all that is known of it into a table."""
+    from race_server.storage.results.export import export
+    from race_server.storage.results.queries import all_laps
+
+    laps = all_laps(_file(results))
+    export(laps, to)
+    print(f"{to}: {len(laps)} laps")
+
+
+@app.command()
+def ratings(results: Results = "", as_json: AsJson = False) -> None:
+    """Rate the drivers by all races that ran to their end (Plackett-Luce)."""
+    from race_server.storage.results.queries import finished_races
+    from race_server.storage.results.ratings import ratings as rate
+
+    rows = rate(finished_races(_file(results)))
+    if as_json:
+        print_document([asdict(row) for row in rows])
+        return
+    table = _table(("driver",), ("mu", "sigma", "ordinal", "races"))
+    for row in rows:
+        figures = (f"{row.mu:.2f}", f"{row.sigma:.2f}", f"{row.ordinal:.2f}", str(row.races))
+        table.add_row(row.driver, *figures)
+    Console().print(table)

@@ -1,0 +1,164 @@
+"""Serving race after race, as `race serve` does it.
+
+Imports all that serving needs, so that a server that replaces a killed one has it.
+"""
+
+import json
+import signal
+import sys
+import time
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from race_server.cli.document import print_document
+from race_server.cli.outcome import show_result
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Event
+from race_server.errors import RaceError, RecordingError
+from race_server.live.server import REAL, RaceServer
+from race_server.live.server.resume import take_up
+from race_server.logs import Log
+from race_server.net.auth.keys import ServerKeys
+from race_server.net.auth.token import local_token
+from race_server.net.transport import ServerLink
+from race_server.scenario.race import Scenario
+from race_server.session import Session
+from race_server.storage.recording.logbook import Logbook, folder_of
+from race_server.storage.recording.reader import Recording
+from race_server.storage.results.keeper import Keeper
+from race_server.storage.results.writer import writer_for
+
+
+@dataclass(frozen=True)
+class Service:
+    """What is to be served."""
+
+    scenario: Scenario
+    session: str
+    pace: str
+    fillers: tuple[str, ...]
+    awaited: int  # drivers
+    listen: str
+    results: str
+    record: str
+    result: Path | None
+    once: bool
+    review: float  # [s]
+    metrics: int | None  # port
+    as_json: bool
+    keys: ServerKeys | None  # None: closed to other machines
+
+
+def serve_and_tell(service: Service, log: Log, *, fresh: bool) -> int:
+    """Serve, and return the exit status; what goes wrong is said as everywhere."""
+    try:
+        serve_races(service, log, fresh=fresh)
+    except RaceError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
+    """Serve race after race until it is enough. fresh: take up none that was left."""
+    with ExitStack() as stack:
+        stack.enter_context(log)
+        writer = stack.enter_context(writer_for(service.results, log.warn))
+        keeper = Keeper(writer) if writer else None
+        logbook = stack.enter_context(_logbook(service.record, service.session, log))
+        race, taken_up = _take_up(logbook, keeper, log, fresh=fresh) or (None, None)
+        race = race or Session(service.session, service.scenario)
+        karts, keys = len(race.seats), service.keys
+        address, name = service.listen, service.session
+        real_time = service.pace == REAL
+        link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
+        token = keys.token if keys else stack.enter_context(local_token(address, name))
+        server = RaceServer(
+            race,
+            link,
+            service.pace,
+            service.fillers,
+            keeper,
+            logbook,
+            token,
+            log,
+            amended=lambda result: _tell(result.as_json(), race, service),
+        )
+        stopped = _stop_on_signals(server)
+        title = race.scenario.course.title
+        log.say("listening", address=address, session=race.name, course=title, seats=karts)
+        if service.metrics is not None:
+            from race_server.live.server.metrics import LOOPBACK, exposed
+
+            port = stack.enter_context(exposed(server, service.metrics))
+            log.say("metrics", address=f"http://{LOOPBACK}:{port}/metrics")
+        while not stopped:
+            outcome = (
+                server.go_on(*taken_up) if taken_up else server.run(min(service.awaited, karts))
+            )
+            taken_up = None
+            if outcome is None:
+                return
+            _tell(outcome.as_json(), race, service)
+            if service.once:
+                server.see_off(service.review)
+                return
+            server.reopen()
+
+
+def _tell(document: dict[str, Any], race: Session, service: Service) -> None:
+    """Put the result of a race where it is wanted."""
+    if service.result is not None:
+        service.result.write_text(json.dumps(document))
+    if service.as_json:
+        print_document(document)
+    else:
+        show_result(document, race.scenario.course.name, race.scenario.rules.laps, race.name)
+
+
+def _logbook(words: str, session: str, log: Log) -> AbstractContextManager[Logbook | None]:
+    """Return where a session's recordings go, None for nowhere."""
+    if folder := folder_of(words):
+        return Logbook(folder, session, log.warn)
+    return nullcontext()
+
+
+def _take_up(
+    logbook: Logbook | None, keeper: Keeper | None, log: Log, *, fresh: bool
+) -> tuple[Session, tuple[Recording, list[Event]]] | None:
+    """Return the session of a race whose server was killed, with its recording and its events."""
+    recording = logbook.unfinished() if logbook else None
+    if logbook is None or recording is None:
+        return None
+    if fresh:
+        logbook.put_aside("a race whose server was killed is not taken up")
+        return None
+    begun = time.perf_counter()
+    try:
+        session, events = take_up(recording, keeper)
+    except RecordingError as error:
+        logbook.put_aside(str(error))
+        return None
+    log.warn(
+        "taking up a race whose server was killed",
+        begun_at=recording.start.started_at,
+        seconds=round(session.tick / TICKS_PER_SECOND, 1),
+        laps=len(recording.laps),
+        rebuilt_s=round(time.perf_counter() - begun, 2),
+    )
+    return session, (recording, events)
+
+
+def _stop_on_signals(server: RaceServer) -> list[int]:
+    """Let Ctrl-C and SIGTERM end the race at the next tick; the result is still written."""
+    received: list[int] = []
+
+    def stop(number: int, _frame: object) -> None:
+        received.append(number)
+        server.stop()
+
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    return received

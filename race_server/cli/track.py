@@ -1,0 +1,95 @@
+"""`race track list | show | check | import`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.options import Course
+from race_server.errors import TrackError
+
+app = typer.Typer(help="Courses: list, draw, check, import.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_tracks(as_json: AsJson = False) -> None:
+    """List all courses with their figures."""
+    from race_server.scenario.track.load import load_course, summary, track_names
+
+    rows = [summary(load_course(name)) for name in track_names()]
+    if as_json:
+        print_document(rows)
+        return
+    table = Table("name", "title")
+    for column in ("length [m]", "width [m]", "sectors", "grid places", "item boxes"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(
+            row["name"],
+            row["title"],
+            f"{row['length_m']:.1f}",
+            f"{row['width_min_m']:.2f} – {row['width_max_m']:.2f}",
+            str(row["sectors"]),
+            str(row["grid_places"]),
+            str(row["item_spots"]),
+        )
+    Console().print(table)
+
+
+@app.command()
+def show(
+    name: Course,
+    to: Annotated[Path | None, typer.Option("--to", help="File to write: .png or .svg.")] = None,
+) -> None:
+    """Draw a course into a PNG or SVG file."""
+    from race_server.scenario.track.draw import draw_course
+    from race_server.scenario.track.load import load_course
+
+    course = load_course(name)
+    path = to or Path(f"{course.name.replace(':', '-')}.png")
+    draw_course(course, path)
+    print(path)
+
+
+@app.command()
+def check(
+    name: Course,
+    vehicle: Annotated[str, typer.Option(help="The vehicle that is to lap it.")] = "tt02",
+    as_json: AsJson = False,
+) -> None:
+    """Say whether a vehicle can race on a course. Exit code 1 if it cannot."""
+    from race_server.core.vehicles import vehicle_named
+    from race_server.scenario.track.check import check_course
+    from race_server.scenario.track.load import load_course
+
+    course = load_course(name)
+    findings = check_course(course, vehicle_named(vehicle))
+    good = all(finding.level != "error" for finding in findings)
+    if as_json:
+        rows = [{"level": finding.level, "what": finding.what} for finding in findings]
+        print_document({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows})
+    else:
+        for finding in findings:
+            print(f"{finding.level}: {finding.what}")
+        print(f"{course.name} is {'good' if good else 'not fit'} for {vehicle}")
+    if not good:
+        raise typer.Exit(1)
+
+
+@app.command("import")
+def import_track(
+    source: Annotated[Path, typer.Argument(help="A TUM .csv, or the .yaml of a ROS map.")],
+    to: Annotated[Path, typer.Option("--to", help="The .toml file to write.")],
+    scale: Annotated[str, typer.Option(help="Size of the karts: 1/10 or kart.")] = "kart",
+    title: Annotated[str, typer.Option(help="Title of the course.")] = "",
+) -> None:
+    """Read a course of another format and write it in ours."""
+    from race_server.scenario.track.importers import import_course
+
+    if to.suffix != ".toml":
+        raise TrackError(f"{to}: write the course as .toml")
+    course = import_course(source, to, scale=scale, title=title or source.stem)
+    print(f"{to}: {course.length:.1f} m, {course.width_min:.2f} to {course.width_max:.2f} m wide")

@@ -1,1 +1,0 @@
-"""The words a person types, one file for each family of commands."""

@@ -1,0 +1,1 @@
+"""Whole events, against the clock and against each other."""

@@ -1,0 +1,291 @@
+"""A whole race in one command: a server process, a process for each driver, and the leaderboard."""
+
+import contextlib
+import json
+import random
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.kernels.jit import is_compiled
+from race_server.core.messages import Event, EventKind, Flag, Phase
+from race_server.errors import LinkError, RaceError
+from race_server.live.client.leaderboard import Headline, event_text, leaderboard
+from race_server.live.client.spectator import Watcher
+from race_server.logs import last_words
+from race_server.net.transport import ClientLink
+
+# Events that are worth a line under the leaderboard.
+_TOLD = 8
+# What spectators see is marked as old from this age on.
+OLD_S = 0.5
+START_S = 120.0
+# Where the page is, if nobody else is there.
+PAGE_PORT = 8080
+
+
+@dataclass
+class Team:
+    """The processes of a race: all are ended when the race is left, however it ends."""
+
+    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    aside: list[subprocess.Popen[bytes]] = field(default_factory=list)  # the race needs none
+
+    def start(
+        self, arguments: Sequence[str], log: Any, *, aside: bool = False
+    ) -> subprocess.Popen[bytes]:
+        """Start ``race`` with these arguments. aside: whether it fails is nobody's matter."""
+        command = [sys.executable, "-m", "race_server", *arguments]
+        # A session of its own, so that Ctrl-C reaches this process first.
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+        )
+        (self.aside if aside else self.processes).append(process)
+        return process
+
+    def fallen(self) -> bool:
+        """Return whether a process has ended in error."""
+        return any(process.poll() not in {None, 0} for process in self.processes)
+
+    def end(self) -> None:
+        """End what still runs: first politely, then for good."""
+        processes = [*self.processes, *self.aside]
+        for process in processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+        deadline = time.monotonic() + 5.0
+        for process in processes:
+            try:
+                process.wait(max(deadline - time.monotonic(), 0.1))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def team() -> Iterator[Team]:
+    """Return a team whose processes end with the block."""
+    group = Team()
+    try:
+        yield group
+    finally:
+        group.end()
+
+
+def free_address() -> str:
+    """Return an address of this machine that nobody listens on."""
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
+    # Below the ports that systems give to outgoing connections: one of those may be taken again
+    # before the server listens.
+    chance = random.SystemRandom()
+    while True:
+        port = chance.randrange(10_240, 32_000)
+        if _is_free(port):
+            return port
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+@dataclass(frozen=True)
+class Real:
+    """A seat whose kart exists, and arguments of `race plant`."""
+
+    seat: int
+    options: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be raced, in words of the command line."""
+
+    serve: tuple[str, ...]  # arguments of `race serve`
+    drivers: tuple[str, ...]  # one for each seat
+    address: str
+    session: str
+    in_process: bool = False
+    real: tuple[Real, ...] = ()  # karts that exist, played by plants
+    page: bool = False  # let browsers watch
+    record: str = ""  # where the server records to, in words of the command line
+
+
+def run_race(plan: Plan, console: Console) -> dict[str, Any]:
+    """Run a race to its end and return the document that the server leaves.
+
+    Raises:
+        RaceError: the server cannot start, or ends without a result.
+    """
+    with tempfile.TemporaryDirectory(prefix="race-") as folder, team() as group:
+        result, log_path = Path(folder, "result.json"), Path(folder, "server.log")
+        with log_path.open("wb") as log:
+            arguments = ["serve", *plan.serve, "--listen", plan.address, "--session", plan.session]
+            arguments += ["--once", "--result", str(result)]
+            if plan.in_process:
+                arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0"]
+            group.start(arguments, log)
+            if not plan.in_process:
+                _start_drivers(plan, group, log)
+            page = _start_page(plan, group, log) if plan.page else ""
+            _follow(plan, group, console, log_path, page)
+        if not result.exists():
+            raise RaceError(f"the race ended without a result: {last_words(log_path)}")
+        document: dict[str, Any] = json.loads(result.read_text())
+        return document
+
+
+def _start_drivers(plan: Plan, group: Team, log: Any) -> None:
+    """Start a process for each seat: a driver, or a plant with a driver at its wheel."""
+    plants = {real.seat: real.options for real in plan.real}
+    for seat, name in enumerate(plan.drivers):
+        ask = ["--connect", plan.address, "--session", plan.session, "--seat", str(seat)]
+        ask += ["--patience", str(START_S)]
+        if seat in plants:
+            options = ["--driver", name, "--seed", str(seat + 1), *plants[seat]]
+            group.start(["plant", *options, *ask], log)
+        else:
+            group.start(["drive", name, *ask], log)
+
+
+def _start_page(plan: Plan, group: Team, log: Any) -> str:
+    """Start a gateway for browsers and return the address of its page."""
+    place = f"127.0.0.1:{PAGE_PORT if _is_free(PAGE_PORT) else free_port()}"
+    words = ["gateway", "--connect", plan.address, "--session", plan.session, "--listen", place]
+    words += ["--once", *(["--recordings", plan.record] if plan.record else [])]
+    group.start(words, log, aside=True)
+    return f"http://{place}/"
+
+
+def spread(real: int, karts: int) -> tuple[int, ...]:
+    """Return `real` of `karts` seats, evenly spread."""
+    return tuple((2 * number + 1) * karts // (2 * real) for number in range(real))
+
+
+def _follow(plan: Plan, group: Team, console: Console, log_path: Path, page: str) -> None:
+    """Show the leaderboard until the server ends. page: where browsers watch, "" for nowhere."""
+    server = group.processes[0]
+    waiting = "getting ready"
+    if not is_compiled():
+        waiting = "compiling the simulation for this machine, once: about half a minute"
+    try:
+        with console.status(waiting, spinner="dots"):
+            seen = _watch(plan, group, log_path)
+        if page and all(process.poll() is None for process in group.aside):
+            console.print(f"watch it in a browser: {page}", markup=False, soft_wrap=True)
+        if seen is not None:
+            with seen.link:
+                _show(seen, group, console, plan, log_path)
+        server.wait()
+    except KeyboardInterrupt:
+        # The server writes what has been driven so far.
+        console.print("[yellow]stopping: results so far[/]")
+        server.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            server.wait(10.0)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A race that answers."""
+
+    watcher: Watcher
+    items: Sequence[str]
+    link: ClientLink
+
+
+def _watch(plan: Plan, group: Team, log_path: Path) -> _Seen | None:
+    """Return the race once it answers; None where it was over before: a short one is, in lockstep.
+
+    Raises:
+        RaceError: the server did not start.
+        LinkError: it does not answer for long.
+    """
+    server, deadline = group.processes[0], time.monotonic() + START_S
+    while server.poll() != 0:
+        try:
+            link = ClientLink(plan.address, plan.session, timeout_s=1.0)
+        except LinkError as error:
+            if group.fallen():
+                raise RaceError(f"the server did not start: {last_words(log_path)}") from error
+            if time.monotonic() > deadline:
+                raise
+            continue
+        try:
+            watcher = Watcher(link)
+            return _Seen(watcher, watcher.rules()[1], link)
+        except LinkError:
+            link.close()
+            if time.monotonic() > deadline:
+                raise
+    return None
+
+
+def _show(seen: _Seen, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
+    """Draw the leaderboard a few times a second.
+
+    Raises:
+        RaceError: a driver fell out before the race; later the race goes on without it.
+    """
+    server, watcher = group.processes[0], seen.watcher
+    with Live(console=console, refresh_per_second=8, transient=True) as live:
+        while server.poll() is None:
+            live.update(board_of(watcher, plan.session, seen.items))
+            frame = watcher.standings
+            if group.fallen() and (frame is None or frame.phase is Phase.LOBBY):
+                raise RaceError(f"a driver could not take part: {last_words(log_path)}")
+            time.sleep(0.12)
+
+
+def board_of(watcher: Watcher, session: str, items: Sequence[str]) -> Group:
+    """Return the leaderboard with the newest events below it."""
+    frame = watcher.standings
+    if frame is None:
+        return Group(Text("waiting for the server"))
+    snapshot = watcher.snapshot()
+    tick = snapshot.tick if snapshot else frame.tick
+    headline = Headline(
+        session,
+        frame.course,
+        frame.laps,
+        snapshot.phase if snapshot else frame.phase,
+        Flag(snapshot.flag if snapshot else frame.flag),
+        (tick - frame.start_tick) / TICKS_PER_SECOND,
+    )
+    names = [""] * 64
+    for row in frame.rows:
+        names[row.seat] = f"{row.driver} {row.seat}"
+    told = [text for event in list(watcher.events) if (text := _line(event, names, items))]
+    lines = [Text(text, style="dim") for text in told[-_TOLD:]]
+    age = watcher.age_s()
+    if age is not None:
+        style = "dim" if age < OLD_S else "bold red"
+        lines.append(Text(f"as it was {1e3 * age:.0f} ms ago", style=style))
+    return Group(leaderboard(headline, frame.rows), *lines)
+
+
+def _line(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
+    if event.kind in {EventKind.SECTOR, EventKind.EFFECT_END, EventKind.PHASE}:
+        return ""
+    text = event_text(event, names, items)
+    return f"{event.tick / TICKS_PER_SECOND:7.2f}  {text}" if text else ""

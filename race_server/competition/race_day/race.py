@@ -1,0 +1,189 @@
+"""One race with all its drivers in this process, in lock-step: the world waits for every one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+from race_server.competition.race_day.incidents import Remarks
+from race_server.competition.race_day.time_limit import OutOfTime, time_limit
+from race_server.core.driver import driver_named
+from race_server.core.messages import Phase, Status
+from race_server.errors import RaceError
+from race_server.live.local_drivers import Paddock
+from race_server.net.wire.drive import ControlFrame, decode_control
+from race_server.scenario.race import Scenario
+from race_server.session import Session
+from race_server.storage.results.keeper import Keeper
+
+Answer = TypeVar("Answer")
+
+# A driver that takes longer is out of the race.
+DECISION_S = 2.0
+# … and this is how long it may take to get ready: it may have a model to load.
+READY_S = 30.0
+
+
+@dataclass(frozen=True)
+class Team:
+    """Who takes part: a name of its own and an installed driver."""
+
+    name: str
+    driver: str
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What became of one team in one race."""
+
+    team: str
+    place: int  # in the race, from 1; 0: not classified
+    laps: int
+    time_us: int  # penalties included; 0: not finished
+    best_lap_us: int  # 0: no lap
+    lap_times_us: tuple[int, ...]
+    penalty_us: int
+    wall_contacts: int
+    kart_contacts: int
+    warnings: int
+    remark: str
+
+
+@dataclass(frozen=True)
+class RaceRecord:
+    """A race that was run: its drives, best first, and the digest of its last tick."""
+
+    digest: str
+    drives: tuple[Drive, ...]
+
+
+class LocalRace:
+    """A session whose seats are filled again and again from inside this process."""
+
+    def __init__(self, name: str, scenario: Scenario, keeper: Keeper | None) -> None:
+        """Prepare the world; `keeper` writes what is driven into the results file."""
+        self._session = Session(name, scenario)
+        self._keeper = keeper
+
+    def run(self, teams: Sequence[Team], seed: int) -> RaceRecord:
+        """Let the teams race from the grid, the first on pole, and return how it went."""
+        session = self._session
+        session.scenario = replace(session.scenario, seed=seed)
+        paddock, remarks = Paddock(session), Remarks()
+        for seat, team in enumerate(teams):
+            self._admit(paddock, seat, team, remarks)
+        session.start()
+        if self._keeper:
+            self._keeper.begin(session, "lockstep")
+        try:
+            for seat in remarks.absent:
+                session.leave(seat)
+            while session.is_on:
+                self._decide(paddock, remarks)
+                self._advance(remarks)
+        finally:
+            self._close_book()
+        record = self._record(teams, remarks)
+        session.reopen()
+        for taken in [seat for seat in session.seats if seat.is_taken]:
+            session.leave(taken.number)
+        return record
+
+    def _admit(self, paddock: Paddock, seat: int, team: Team, remarks: Remarks) -> None:
+        """Seat a driver; one that cannot be made or made ready is out before the start."""
+
+        def get_ready() -> bool:
+            paddock.admit(team.driver, driver_named(team.driver), seat)
+            return True
+
+        if not _answer(get_ready, READY_S, seat, remarks):
+            remarks.absent.add(seat)
+            if not self._session.seats[seat].is_taken:
+                self._session.join(team.driver, "track", wanted=seat)
+
+    def _decide(self, paddock: Paddock, remarks: Remarks) -> None:
+        """Ask every driver that still races for its control."""
+        session = self._session
+        session.look()
+        for seat in session.waits_for():
+            think = partial(_control, paddock, seat)
+            if (frame := _answer(think, DECISION_S, seat, remarks)) is None:
+                session.leave(seat)
+                continue
+            session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
+
+    def _advance(self, remarks: Remarks) -> None:
+        if self._keeper:
+            self._keeper.look(self._session)
+        events = self._session.advance(self._session.decision_ticks)
+        remarks.hear(events)
+        if self._keeper:
+            self._keeper.keep(events)
+
+    def _close_book(self) -> None:
+        if self._keeper:
+            self._keeper.end(self._session)
+
+    def _record(self, teams: Sequence[Team], remarks: Remarks) -> RaceRecord:
+        session = self._session
+        karts = session.world.karts[0]
+        drives = []
+        for row in session.standings():
+            kart = karts[row.seat]
+            has_finished = row.status is Status.FINISHED
+            drives.append(
+                Drive(
+                    team=teams[row.seat].name,
+                    place=row.rank if has_finished else 0,
+                    laps=row.laps,
+                    time_us=row.race_time_us,
+                    best_lap_us=row.best_lap_us,
+                    lap_times_us=row.lap_times_us,
+                    penalty_us=row.penalty_us,
+                    wall_contacts=int(kart.wall_contacts),
+                    kart_contacts=int(kart.contacts),
+                    warnings=int(kart.warnings),
+                    remark=remarks.of(row, session.scenario.rules),
+                )
+            )
+        return RaceRecord(session.digest(), tuple(drives))
+
+
+def _control(paddock: Paddock, seat: int) -> ControlFrame:
+    return decode_control(paddock.answer(seat))
+
+
+def _answer(
+    ask: Callable[[], Answer], limit_s: float, seat: int, remarks: Remarks
+) -> Answer | None:
+    """Return what a driver answers; if it raises, or takes too long, note why it is out."""
+    try:
+        with time_limit(limit_s):
+            return ask()
+    except OutOfTime:
+        remarks.note(seat, f"no answer within {limit_s:g} s")
+    except RaceError as error:
+        cause = error.__cause__
+        remarks.note(seat, f"raised {type(cause).__name__}: {cause}" if cause else str(error))
+    return None
+
+
+def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
+    """Let each driver decide once, however long it takes: its kernels may have to be compiled.
+
+    What goes wrong here will go wrong in its race, and is told there.
+    """
+    session = Session("rehearsal", replace(scenario, karts=1))
+    for name in dict.fromkeys(drivers):
+        paddock = Paddock(session)
+        try:
+            paddock.admit(name, driver_named(name), 0)
+            session.start()
+            session.look()
+            with time_limit(10.0 * READY_S):
+                paddock.answer(0)
+            session.advance(session.decision_ticks)
+        except (RaceError, OutOfTime):
+            pass
+        session.phase = Phase.LOBBY
+        session.seats.free(0)

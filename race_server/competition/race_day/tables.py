@@ -1,0 +1,153 @@
+"""The tables of a race day's sheet as words, whoever draws them."""
+
+from dataclasses import dataclass
+
+from race_server.competition.race_day.day import Plan
+from race_server.competition.race_day.ledger import Heat, Ledger, RacesResult, TrialResult
+from race_server.core.clock import lap_text
+
+NONE = "–"
+NOT_CLASSIFIED = "n. c."
+# With more races for each team a stage is shown as one table with a column for each of them.
+MOST_APART = 2
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One table: a title, columns and rows of words."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: frozenset[str] = frozenset({"team", "driver", "remarks"})  # columns set left
+
+
+def tables_of(plan: Plan, ledger: Ledger) -> list[Sheet]:
+    """Return all tables in order: each stage, then the final classification."""
+    tables = []
+    for stage in ledger.stages:
+        if isinstance(stage, TrialResult):
+            tables.append(trial_table(stage))
+        elif stage.stage.rounds * len(stage.stage.tracks) > MOST_APART:
+            tables.append(_points_table(stage))
+        else:
+            tables += [
+                heat_table(heat, has_points=bool(stage.stage.points)) for heat in stage.heats
+            ]
+    return [*tables, final_table(ledger)]
+
+
+def trial_table(trial: TrialResult) -> Sheet:
+    """Return a time trial: attempts, the time that counts, and what went wrong."""
+    stage = trial.stage
+    attempts = [f"attempt {n}" for n in range(1, stage.attempts + 1)]
+    has_points = stage.best_points > 0
+    columns = ["", "team", *attempts, "counts", "touches"]
+    columns += [*(["points"] if has_points else []), "remarks"]
+    rows = []
+    for place, row in enumerate(trial.rows, start=1):
+        times = [
+            lap_text(time) if drive.place else "failed"
+            for time, drive in zip(row.times_us, row.attempts, strict=True)
+        ]
+        points = [str(row.points)] if has_points else []
+        touches = "/".join(str(drive.wall_contacts) for drive in row.attempts)
+        remarks = " / ".join(dict.fromkeys(d.remark for d in row.attempts if d.remark))
+        rows.append(
+            (str(place), row.team, *times, lap_text(row.time_us), touches, *points, remarks)
+        )
+    boxes = len(trial.course.obstacles)
+    where = f"{trial.course.title}, {stage.laps} laps, " + (
+        f"{boxes} obstacles" if boxes else "empty"
+    )
+    return Sheet(f"{stage.name} · {where}", tuple(columns), tuple(rows))
+
+
+def heat_table(heat: Heat, *, has_points: bool) -> Sheet:
+    """Return one race: places, times, contacts and remarks."""
+    columns = ["", "team", "grid", "laps", "time", "best lap", "touches", "warnings"]
+    rows = []
+    for drive in heat.record.drives:
+        points = [str(heat.points[drive.team])] if has_points else []
+        figures = (
+            str(heat.grid.index(drive.team) + 1),
+            str(drive.laps),
+            lap_text(drive.time_us),
+            lap_text(drive.best_lap_us),
+            str(drive.wall_contacts + drive.kart_contacts),
+            str(drive.warnings) if drive.warnings else NONE,
+        )
+        rows.append((_place(drive.place), drive.team, *figures, *points, drive.remark))
+    columns += [*(["points"] if has_points else []), "remarks"]
+    return Sheet(f"{heat.label.title} · {heat.course.title}", tuple(columns), tuple(rows))
+
+
+def _points_table(stage: RacesResult) -> Sheet:
+    """Return a stage of many races: place and points of each team in each race."""
+    columns = [f"{heat.label.turn}{heat.letter}" for heat in stage.heats]
+    columns = list(dict.fromkeys(columns))
+    cells: dict[str, dict[str, str]] = {}
+    total: dict[str, int] = {}
+    outs: dict[str, int] = {}
+    for heat in stage.heats:
+        column = f"{heat.label.turn}{heat.letter}"
+        for drive in heat.record.drives:
+            points = heat.points[drive.team]
+            total[drive.team] = total.get(drive.team, 0) + points
+            outs[drive.team] = outs.get(drive.team, 0) + (drive.place == 0)
+            text = f"{drive.place} ({points})" if drive.place else "out"
+            cells.setdefault(drive.team, {})[column] = text
+    order = sorted(total, key=lambda name: -total[name])
+    rows = tuple(
+        (
+            str(place),
+            name,
+            *(cells[name].get(column, NONE) for column in columns),
+            str(total[name]),
+            _last_remark(stage, name),
+        )
+        for place, name in enumerate(order, start=1)
+    )
+    title = f"{stage.stage.name} · {stage.stage.laps} laps each, place (points) by round and track"
+    return Sheet(title, ("", "team", *columns, "points", "remarks"), rows)
+
+
+def _last_remark(stage: RacesResult, team: str) -> str:
+    said = [
+        f"{heat.label.turn}{heat.letter}: {drive.remark}"
+        for heat in stage.heats
+        for drive in heat.record.drives
+        if drive.team == team and drive.remark
+    ]
+    more = f" (+{len(said) - 1})" if len(said) > 1 else ""
+    return said[0] + more if said else ""
+
+
+def final_table(ledger: Ledger) -> Sheet:
+    """Return the final classification."""
+    has_points = ledger.format.has_points
+    decides = "points" if has_points else "qualifying"
+    rows = []
+    for row in ledger.classification():
+        figure = str(row.points) if has_points else lap_text(row.qualifying_us)
+        best = [
+            d.best_lap_us for h in ledger.heats() for d in h.record.drives if d.team == row.team
+        ]
+        laps = [time for time in best if time > 0]
+        rows.append(
+            (_place(row.place), row.team, row.driver, figure, lap_text(min(laps, default=0)))
+        )
+    return Sheet(
+        "Final classification", ("", "team", "driver", decides, "best race lap"), tuple(rows)
+    )
+
+
+def _place(place: int) -> str:
+    return str(place) if place > 0 else NOT_CLASSIFIED
+
+
+def subtitle(plan: Plan) -> str:
+    """Return what, where and with which seed, in one line."""
+    tracks = ", ".join(f"{letter} {course.name}" for letter, course in plan.courses.items())
+    teams = f"{len(plan.teams)} team" + ("s" if len(plan.teams) != 1 else "")
+    return f"{teams} · {plan.vehicle.name} · tracks {tracks} · seed {plan.seed}"

@@ -1,0 +1,259 @@
+"""One run of a trial: a driver, one kart in one world, and the clock."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+import numpy as np
+
+from race_server.competition.time_trial.gaps import DECISION_S
+from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
+from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, Cell, task_of
+from race_server.competition.time_trial.time_limit import Stalled, patience
+from race_server.core import codes
+from race_server.core.clock import TICK_S
+from race_server.core.driver import Briefing, Driver, driver_named
+from race_server.core.messages import Control, Event, EventKind, Retirement, Standing, Status
+from race_server.core.observation import Observation
+from race_server.core.rules.items import items
+from race_server.core.state import Float32s, Record
+from race_server.core.vehicles import vehicle_named
+from race_server.envs.batch import Batch
+from race_server.envs.buffers import STAY
+from race_server.errors import RaceError
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.load import load_course
+from race_server.storage.results.keeper import DIRTY
+
+# To be made and to decide for the first time: a network is loaded, a kernel compiled.
+START_LIMIT_S = 120.0
+# The pool hears from a run so often, so that it knows that the run is alive.
+HEARTBEAT_S = 0.2
+
+Tell = Callable[[int], None]  # called with the number of laps driven so far
+Make = Callable[[str], Driver]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What came of a cell."""
+
+    cell: Cell
+    started_at: str = ""  # UTC, ISO 8601
+    laps: tuple[TrialLap, ...] = ()
+    crashes: int = 0  # wall contacts, those of laps that do not count included
+    rescues: int = 0
+    draws: dict[str, float] = field(default_factory=dict)  # what the reality gap drew
+    remark: str = ""  # why it ended early
+    failed: bool = False  # the driver's fault as a program: it raised or stalled
+    digest: str = ""  # of the world at the end
+    standing: Standing | None = None  # None: nothing was driven
+
+
+def now() -> str:
+    """Return the time as results files keep it."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def drive_cell(cell: Cell, tell: Tell = lambda _: None, make: Make = driver_named) -> Run:
+    """Drive one cell to its end, whatever the driver does.
+
+    Raises:
+        RaceError: the course or the vehicle does not exist.
+    """
+    started_at = now()
+    course = load_course(cell.track)
+    try:
+        with patience(START_LIMIT_S):
+            driver = make(cell.driver)
+            attempt = Attempt(cell, course, driver)
+    except Stalled:
+        return Run(cell, started_at, remark=f"not ready after {START_LIMIT_S:g} s", failed=True)
+    except RaceError as error:
+        return Run(cell, started_at, remark=str(error), failed=True)
+    except (Exception, SystemExit) as error:
+        return Run(cell, started_at, remark=f"raised {_in_words(error)}", failed=True)
+    try:
+        remark, failed = attempt.drive(tell), False
+    except Stalled:
+        remark, failed = f"stalled for {cell.decision_limit_s:g} s", True
+    except (Exception, SystemExit) as error:
+        remark, failed = f"raised {_in_words(error)}", True
+    return attempt.outcome(started_at, remark, failed=failed)
+
+
+def _in_words(error: BaseException) -> str:
+    lines = str(error).splitlines()
+    return f"{type(error).__name__}: {lines[0][:200]}" if lines else type(error).__name__
+
+
+class Attempt:
+    """A driver in its world, decision by decision."""
+
+    def __init__(self, cell: Cell, course: Course, driver: Driver) -> None:
+        """Put the kart on its mark and brief the driver.
+
+        Raises:
+            ScenarioError: the driver wants an observation that does not exist.
+        """
+        self.cell = cell
+        self.course = course
+        self.driver = driver
+        task = task_of(cell, course, driver.preset)
+        self.batch = Batch(task, seed=cell.seed, after=STAY)
+        self.notes: list[tuple[float, ...]] = []
+        self.marks: list[Mark] = []
+        self.crashes = self.rescues = 0
+        self._begin_lap()
+        lidar = cell.gap.lidar()
+        driver.reset(
+            Briefing(
+                seat=0,
+                vehicle=vehicle_named(cell.vehicle),
+                laps=cell.laps_driven,
+                preset=driver.preset,
+                decision_s=DECISION_S,
+                items=tuple(item.name for item in items()),
+                lidar_field=lidar.field,
+                lidar_reach=lidar.reach,
+            )
+        )
+
+    @property
+    def _kart(self) -> Record:
+        return self.batch.world.karts[0, 0]
+
+    @property
+    def laps_done(self) -> int:
+        """Laps that count, so far."""
+        return max(len(self.marks) - (1 if self.cell.start == FLYING else 0), 0)
+
+    def drive(self, tell: Tell) -> str:
+        """Drive until the race is over for the kart; return why it ended early, or nothing."""
+        limit_s, told = START_LIMIT_S, -HEARTBEAT_S
+        self._note()
+        while self._kart.status == codes.RACING:
+            if time.monotonic() - told > HEARTBEAT_S:
+                tell(self.laps_done)
+                told = time.monotonic()
+            with patience(limit_s):
+                control = self.driver.act(self._look())
+                numbers = numbers_of(control)
+            self._move(numbers)
+            if limit_s == START_LIMIT_S:
+                # From now on the pool, too, is to lose its patience earlier.
+                limit_s, told = self.cell.decision_limit_s, -HEARTBEAT_S
+        tell(self.laps_done)
+        return self._reason()
+
+    def _look(self) -> Observation:
+        batch = self.batch
+        tick = int(batch.world.races[0].tick)
+        # A copy: what a driver does to it stays with the driver.
+        return Observation(tick, batch.layout, batch.observations[0, 0].copy())
+
+    def _move(self, numbers: Float32s) -> None:
+        dirty = not self._kart.lap_clean
+        self.batch.rig.actions[0, 0] = numbers
+        self.batch.step()
+        self._note()
+        count = int(self.batch.world.event_counts[0])
+        for row in self.batch.world.events[0][:count]:
+            kind = EventKind(int(row.kind))
+            dirty = dirty or kind in DIRTY
+            dirty = self._count(
+                Event(0, int(row.tick), kind, 0, int(row.other), int(row.value)), dirty
+            )
+
+    def _count(self, event: Event, dirty: bool) -> bool:
+        """Take note of an event; return whether the lap that is being driven is not clean."""
+        if event.kind is EventKind.CONTACT_WALL:
+            self.crashes += 1
+            self._contacts += 1
+        elif event.kind is EventKind.RESCUED:
+            self.rescues += 1
+            self._rescues += 1
+        elif event.kind is EventKind.SECTOR:
+            self._sectors.append(event.value)
+        elif event.kind is EventKind.LAP:
+            end_us = int(self._kart.lap_start_us)
+            sectors, contacts, rescues = tuple(self._sectors), self._contacts, self._rescues
+            self.marks.append(Mark(end_us, event.value, sectors, not dirty, contacts, rescues))
+            self._begin_lap()
+            return False
+        return dirty
+
+    def _begin_lap(self) -> None:
+        self._sectors: list[int] = []
+        self._contacts = self._rescues = 0
+
+    def _note(self) -> None:
+        kart, race = self._kart, self.batch.world.races[0]
+        seconds = (int(race.tick) - int(race.start_tick)) * TICK_S
+        self.notes.append(
+            (seconds, kart.progress, kart.x, kart.y, kart.speed, kart.steering, kart.off_track)
+        )
+
+    def _reason(self) -> str:
+        """Return in words why a run ended before its last lap."""
+        kart = self._kart
+        if kart.status != codes.RETIRED:
+            return ""
+        words = {
+            Retirement.STOPPED: f"stood still for {STOPPED_S:g} s",
+            Retirement.TIME_OUT: "out of time",
+        }
+        reason = Retirement(int(kart.retired_for))
+        where = f"in lap {self.laps_done + 1} at {kart.progress:.1f} m"
+        if self.cell.start == FLYING and not self.marks:
+            where = f"before the first lap at {kart.progress:.1f} m"
+        return f"{words.get(reason, reason.name.lower().replace('_', ' '))} {where}"
+
+    def outcome(self, started_at: str, remark: str, *, failed: bool) -> Run:
+        """Return what has come of the run so far."""
+        flying = self.cell.start == FLYING
+        laps = laps_of(self.notes, self.marks, self.course.length, flying=flying)
+        return Run(
+            cell=self.cell,
+            started_at=started_at,
+            laps=laps,
+            crashes=self.crashes,
+            rescues=self.rescues,
+            draws=self.batch.draws(0, 0),
+            remark=remark,
+            failed=failed,
+            digest=self.batch.digest(),
+            standing=self._standing(laps),
+        )
+
+    def _standing(self, laps: tuple[TrialLap, ...]) -> Standing:
+        kart = self._kart
+        times = tuple(lap.time_us for lap in laps)
+        finished = kart.status == codes.FINISHED
+        penalty_us = int(kart.penalty_us)
+        return Standing(
+            seat=0,
+            driver=self.cell.driver,
+            rank=1,
+            laps=len(laps),
+            status=Status(int(kart.status)),
+            last_lap_us=times[-1] if times else 0,
+            best_lap_us=min(times, default=0),
+            race_time_us=sum(times) + penalty_us if finished else 0,
+            gap_us=0,
+            penalties=int(kart.penalties),
+            penalty_us=penalty_us,
+            items_used=0,
+            lap_times_us=times,
+        )
+
+
+def numbers_of(control: Control) -> Float32s:
+    """Return what the world is told of a control: within its limits, in single precision.
+
+    That is what a live server gets over the network; what is not a number counts as zero.
+    """
+    wanted = (float(control.steering), float(control.throttle), float(control.brake))
+    shares = np.clip(np.nan_to_num(wanted), (-1.0, -1.0, 0.0), 1.0)
+    return np.append(shares, int(control.buttons)).astype(np.float32)

@@ -1,0 +1,119 @@
+"""One cell of a trial: who drives what, where, under which faults; and the scenario it makes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from race_server.competition.time_trial.gaps import NONE, Gap
+from race_server.core.state import Floats
+from race_server.core.vehicles import Vehicle, vehicle_named
+from race_server.envs.batch import Task
+from race_server.errors import ScenarioError
+from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.track.course import Course
+
+FLYING, STANDING = "flying", "standing"
+STARTS = (FLYING, STANDING)
+
+# A kart that stands for longer is out: the rule of the 1/10 race.
+STOPPED_S = 10.0
+# No lap takes longer than at this share of the top speed: 0.25 m/s for the 1/10 car.
+CRAWL_SHARE = 1.0 / 40.0
+# A car is put on its mark by hand: so far off, as a share of its width, and so crooked.
+MARK_SHARE = 0.25
+MARK_ANGLE = np.radians(2.0)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One run: a driver alone on a course, from the start to the last lap."""
+
+    driver: str
+    track: str
+    vehicle: str = "tt02"
+    gap: Gap = NONE
+    seed: int = 1
+    laps: int = 5  # that count
+    start: str = FLYING
+    decision_limit_s: float = 2.0  # a driver that thinks longer has stalled
+
+    @property
+    def laps_driven(self) -> int:
+        """Laps to the finish: before a flying start comes a lap that does not count."""
+        return self.laps + (1 if self.start == FLYING else 0)
+
+
+def cells_of(
+    drivers: Sequence[str],
+    tracks: Sequence[str],
+    vehicles: Sequence[str],
+    gaps: Sequence[Gap],
+    seeds: Sequence[int],
+    like: Cell,
+) -> list[Cell]:
+    """Return one cell for each combination, with the laps and the start of `like`.
+
+    Raises:
+        ScenarioError: the start is unknown, there is no lap, or a seed is negative.
+    """
+    if like.start not in STARTS:
+        raise ScenarioError(f"start {like.start!r} is unknown; choose {' or '.join(STARTS)}")
+    if like.laps < 1 or not seeds or min(seeds) < 0:
+        raise ScenarioError(
+            f"{like.laps} laps with seeds {list(seeds)}: give one lap or more, and one seed or "
+            "more, none below zero"
+        )
+    return [
+        replace(like, track=track, vehicle=vehicle, gap=gap, driver=driver, seed=seed)
+        for track, vehicle, gap, driver, seed in product(tracks, vehicles, gaps, drivers, seeds)
+    ]
+
+
+def rules_of(cell: Cell, course: Course, vehicle: Vehicle) -> Rules:
+    """Return the rules of a trial: alone, no items, walls push back, who stands is out."""
+    longest_s = course.length / (CRAWL_SHARE * vehicle.top_speed)
+    return Rules(
+        laps=cell.laps_driven,
+        standing_start=cell.start == STANDING,
+        countdown_s=0.0,
+        items=False,
+        stopped_limit_s=STOPPED_S,
+        limit_s=cell.laps_driven * longest_s,
+    )
+
+
+def scenario_of(cell: Cell, course: Course) -> Scenario:
+    """Return the scenario of a cell. The seed decides the sensors' noise and the start's pose."""
+    vehicle = vehicle_named(cell.vehicle)
+    return Scenario(
+        course=replace(course, grid=on_the_mark(course, vehicle, cell.seed)),
+        karts=1,
+        vehicles=(vehicle,),
+        rules=rules_of(cell, course, vehicle),
+        lidar=cell.gap.lidar(),
+        seed=cell.seed,
+    )
+
+
+def task_of(cell: Cell, course: Course, preset: str) -> Task:
+    """Return the same as a task of the training world, for a driver that wants `preset`."""
+    return Task(
+        (scenario_of(cell, course),),
+        learners=1,
+        observation=preset,
+        action="control",
+        gap=cell.gap.reality(),
+    )
+
+
+def on_the_mark(course: Course, vehicle: Vehicle, seed: int) -> Floats:
+    """Return the start grid with pole position as a hand would hit it, shape (S, 3)."""
+    chance = np.random.default_rng(seed)
+    aside = MARK_SHARE * vehicle.width * chance.uniform(-1.0, 1.0)
+    grid = course.grid.copy()
+    heading = grid[0, 2]
+    grid[0] += (-aside * np.sin(heading), aside * np.cos(heading), 0.0)
+    grid[0, 2] += MARK_ANGLE * chance.uniform(-1.0, 1.0)
+    return grid

@@ -1,0 +1,127 @@
+"""What a trial leaves: every run is a race of one in the results file, every lap with its trace."""
+
+import contextlib
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from race_server import __version__
+from race_server.competition.time_trial.gaps import GAPS, NONE
+from race_server.competition.time_trial.lap import COLUMNS
+from race_server.competition.time_trial.run import Run
+from race_server.competition.time_trial.run_spec import rules_of
+from race_server.core.vehicles import vehicle_named
+from race_server.errors import ResultsError
+from race_server.scenario.track.load import load_course
+from race_server.storage.results.keeper import driver_version, rules_version
+from race_server.storage.results.store import (
+    FINISHED,
+    STOPPED,
+    Change,
+    Entry,
+    Lap,
+    Outcome,
+    Race,
+    Store,
+    Trace,
+)
+
+PACE = "trial"
+
+
+class Ledger:
+    """Writes runs as they come in; what a file does not take now is tried again, never dropped."""
+
+    def __init__(self, path: Path | None) -> None:
+        """Open the results file; None keeps nothing.
+
+        Raises:
+            ResultsError: it is locked, damaged, newer, or cannot be written.
+        """
+        self._store = Store(path) if path is not None else None
+        self._waiting: list[Change] = []
+        self.path = path
+        self.problem = ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._store is not None:
+            self._store.close()
+
+    def add(self, run: Run) -> None:
+        """Write a run, and those that wait."""
+        if self._store is None or run.standing is None:
+            return
+        self._waiting += changes_of(run)
+        with contextlib.suppress(ResultsError):
+            self._write()
+
+    def _write(self) -> None:
+        assert self._store is not None
+        if self._waiting:
+            self._store.write(self._waiting)
+            self._waiting.clear()
+
+    def finish(self) -> Path | None:
+        """Write what still waits; return the other file that it went to, if it had to.
+
+        Raises:
+            ResultsError: it went nowhere.
+        """
+        if self._store is None or self.path is None:
+            return None
+        try:
+            self._write()
+        except ResultsError as error:
+            self.problem = str(error)
+            beside = _free_name(self.path)
+            with Store(beside) as other:
+                other.write(self._waiting)
+            self._waiting.clear()
+            return beside
+        return None
+
+
+def _free_name(path: Path) -> Path:
+    number = 1
+    while (beside := path.with_name(f"{path.stem}-trial-{number}{path.suffix}")).exists():
+        number += 1
+    return beside
+
+
+def vehicle_words(run: Run) -> str:
+    """Return the vehicle's name; with a reality gap it is another car, and says which."""
+    gap = run.cell.gap
+    if gap == NONE:
+        return run.cell.vehicle
+    return f"{run.cell.vehicle} ({gap.name if gap.name in GAPS else gap.words()})"
+
+
+def changes_of(run: Run) -> list[Change]:
+    """Return a run as the results file takes it."""
+    cell, course = run.cell, load_course(run.cell.track)
+    assert run.standing is not None
+    vehicle = vehicle_words(run)
+    race = Race(
+        started_at=run.started_at,
+        session=f"{cell.start} start",
+        track=course.name,
+        track_digest=course.digest,
+        vehicle=vehicle,
+        laps=cell.laps,
+        pace=PACE,
+        seed=cell.seed,
+        rules_version=rules_version(rules_of(cell, course, vehicle_named(cell.vehicle))),
+        server_version=__version__,
+        entries=(Entry(0, cell.driver, driver_version(cell.driver), vehicle),),
+    )
+    changes: list[Change] = [race]
+    for lap in run.laps:
+        changes.append(Lap(0, lap.number, lap.time_us, lap.sectors_us, lap.is_clean))
+        changes.append(Trace(0, lap.number, COLUMNS, lap.trace.astype(np.float32)))
+    ended = STOPPED if run.failed else FINISHED
+    changes.append(Outcome(run.digest, ended, (run.standing,)))
+    return changes

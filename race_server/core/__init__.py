@@ -1,0 +1,1 @@
+"""The simulated world: numbers in, numbers out; no file, network, wall clock or person."""

@@ -1,0 +1,108 @@
+"""The seam at which drivers plug in: what they are told, what they see, what they answer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from inspect import getdoc, signature
+from typing import Protocol, cast
+
+from race_server.core.messages import Control
+from race_server.core.observation import Observation
+from race_server.core.vehicles import Vehicle
+from race_server.errors import DriverError
+
+ENTRY_POINTS = "race_server.drivers"
+
+
+@dataclass(frozen=True)
+class Briefing:
+    """What a driver knows before the start. It holds no map."""
+
+    seat: int
+    vehicle: Vehicle
+    laps: int
+    preset: str
+    decision_s: float  # time between two observations [s]
+    items: tuple[str, ...] = ()  # names of the items; item number 1 is the first
+    lidar_field: float = 0.0  # [rad] between the outermost rays
+    lidar_reach: float = 8.0  # [m]
+
+
+class Driver(Protocol):
+    """Answers each observation with a control.
+
+    `preset` names the observation that the driver wants, see `race_server.core.observation`.
+    """
+
+    preset: str
+
+    def reset(self, briefing: Briefing) -> None:
+        """Get ready for a new race."""
+
+    def act(self, observation: Observation) -> Control:
+        """Return what to do until the next observation."""
+
+
+# Called with what stands behind the colon of a name, or with nothing.
+DriverFactory = Callable[..., Driver]
+
+
+def driver_names() -> list[str]:
+    """Return the names of all installed drivers."""
+    return sorted({point.name for point in entry_points(group=ENTRY_POINTS)})
+
+
+def description_of(name: str) -> str:
+    """Return the first sentence of a driver's own description; empty where there is none."""
+    for point in entry_points(group=ENTRY_POINTS):
+        if point.name == name:
+            try:
+                text = getdoc(point.load()) or ""
+            except Exception:  # a driver that cannot be loaded says so when it is to drive
+                return ""
+            return text.split("\n\n")[0].split(". ")[0].replace("\n", " ").rstrip(".")
+    return ""
+
+
+def installed_name(name: str) -> str:
+    """Return the name under which a driver is installed: what stands before a colon."""
+    return name.partition(":")[0]
+
+
+def driver_named(name: str) -> Driver:
+    """Return a new driver of the class that an installed package offers under `name`.
+
+    ``NAME:ARGUMENT`` hands the class an argument, for instance ``unstuck:follow_gap``.
+
+    Raises:
+        DriverError: there is none, it takes no argument or needs one, or it cannot be imported
+            or made.
+    """
+    installed, colon, argument = name.partition(":")
+    points = [point for point in entry_points(group=ENTRY_POINTS) if point.name == installed]
+    if not points:
+        known = ", ".join(driver_names())
+        raise DriverError(f"driver {installed!r} is unknown; installed drivers are {known}")
+    arguments = (argument,) if colon else ()
+    try:
+        factory = cast("DriverFactory", points[0].load())
+        _check_arguments(factory, installed, arguments)
+        return factory(*arguments)
+    except DriverError:
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise DriverError(
+            f"driver {name!r} from {points[0].value} cannot start: {reason}"
+        ) from error
+
+
+def _check_arguments(factory: DriverFactory, installed: str, arguments: tuple[str, ...]) -> None:
+    try:
+        signature(factory).bind(*arguments)
+    except TypeError as error:
+        raise DriverError(
+            f"driver {installed!r} takes no argument; leave out {':' + arguments[0]!r}"
+            if arguments
+            else f"driver {installed!r} needs an argument; write {installed}:ARGUMENT"
+        ) from error

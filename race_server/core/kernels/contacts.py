@@ -1,0 +1,141 @@
+"""Contacts of oriented boxes with walls and with each other, and the impulses that follow."""
+
+import math
+
+from race_server.core.kernels.geometry import clip
+from race_server.core.kernels.jit import kernel
+
+# How square a box must stand to a surface before a corner alone takes the blow. Softens the step
+# between a corner and a whole side, so that a kart flat against a wall is not spun.
+SIDE_BLEND = 12.0
+
+
+@kernel
+def box_on_segment(
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    half_length: float,
+    half_width: float,
+    x0: float,
+    y0: float,
+    x1: float,
+    y1: float,
+) -> tuple[float, float, float]:
+    """Return depth [m] and unit normal (towards the box) of a box on a segment.
+
+    The box is centred on (x, y) and points along (cos, sin). Depth is 0 where they do not
+    touch. Separating axes: the segment's normal and the two axes of the box; the one with the
+    least overlap is the way out.
+    """
+    # Ends of the segment in the frame of the box.
+    ax, ay = (x0 - x) * cos + (y0 - y) * sin, (y0 - y) * cos - (x0 - x) * sin
+    bx, by = (x1 - x) * cos + (y1 - y) * sin, (y1 - y) * cos - (x1 - x) * sin
+    ahead, behind = half_length - min(ax, bx), half_length + max(ax, bx)
+    if ahead <= 0.0 or behind <= 0.0:
+        return 0.0, 0.0, 0.0
+    left, right = half_width - min(ay, by), half_width + max(ay, by)
+    if left <= 0.0 or right <= 0.0:
+        return 0.0, 0.0, 0.0
+    ex, ey = bx - ax, by - ay
+    length = math.sqrt(ex * ex + ey * ey)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    nx, ny = -ey / length, ex / length
+    side = -(ax * nx + ay * ny)  # from the line to the middle of the box
+    if side < 0.0:
+        nx, ny, side = -nx, -ny, -side
+    depth = half_length * abs(nx) + half_width * abs(ny) - side
+    if depth <= 0.0:
+        return 0.0, 0.0, 0.0
+    # A wall's end that pokes into the box is left along an axis of the box.
+    if ahead < depth:
+        depth, nx, ny = ahead, -1.0, 0.0
+    if behind < depth:
+        depth, nx, ny = behind, 1.0, 0.0
+    if left < depth:
+        depth, nx, ny = left, 0.0, -1.0
+    if right < depth:
+        depth, nx, ny = right, 0.0, 1.0
+    return depth, nx * cos - ny * sin, nx * sin + ny * cos
+
+
+@kernel
+def box_on_box(
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    half_length: float,
+    half_width: float,
+    other_x: float,
+    other_y: float,
+    other_cos: float,
+    other_sin: float,
+    other_half_length: float,
+    other_half_width: float,
+) -> tuple[float, float, float]:
+    """Return depth [m] and unit normal (towards the first box) of two boxes; depth 0 if apart."""
+    dx, dy = x - other_x, y - other_y
+    c, s = cos * other_cos + sin * other_sin, sin * other_cos - cos * other_sin
+    ac, as_ = abs(c), abs(s)
+    # Overlaps along the axes of the first and of the second box.
+    u, v = dx * cos + dy * sin, dy * cos - dx * sin
+    depth = half_length + other_half_length * ac + other_half_width * as_ - abs(u)
+    if depth <= 0.0:
+        return 0.0, 0.0, 0.0
+    way = 1.0 if u >= 0.0 else -1.0
+    nx, ny = way * cos, way * sin
+    overlap = half_width + other_half_length * as_ + other_half_width * ac - abs(v)
+    if overlap <= 0.0:
+        return 0.0, 0.0, 0.0
+    if overlap < depth:
+        way = 1.0 if v >= 0.0 else -1.0
+        depth, nx, ny = overlap, -way * sin, way * cos
+    u, v = dx * other_cos + dy * other_sin, dy * other_cos - dx * other_sin
+    overlap = other_half_length + half_length * ac + half_width * as_ - abs(u)
+    if overlap <= 0.0:
+        return 0.0, 0.0, 0.0
+    if overlap < depth:
+        way = 1.0 if u >= 0.0 else -1.0
+        depth, nx, ny = overlap, way * other_cos, way * other_sin
+    overlap = other_half_width + half_length * as_ + half_width * ac - abs(v)
+    if overlap <= 0.0:
+        return 0.0, 0.0, 0.0
+    if overlap < depth:
+        way = 1.0 if v >= 0.0 else -1.0
+        depth, nx, ny = overlap, -way * other_sin, way * other_cos
+    return depth, nx, ny
+
+
+@kernel
+def touching_point(
+    cos: float, sin: float, half_length: float, half_width: float, nx: float, ny: float
+) -> tuple[float, float]:
+    """Return the point of a box, from its middle [m], that lies deepest against the normal."""
+    along, across = nx * cos + ny * sin, ny * cos - nx * sin
+    u = -half_length * clip(SIDE_BLEND * along, -1.0, 1.0)
+    v = -half_width * clip(SIDE_BLEND * across, -1.0, 1.0)
+    return u * cos - v * sin, u * sin + v * cos
+
+
+@kernel
+def impulse(
+    closing: float,
+    sliding: float,
+    normal_mass: float,
+    tangent_mass: float,
+    restitution: float,
+    friction: float,
+) -> tuple[float, float]:
+    """Return impulses [N s] along normal and tangent of a blow.
+
+    closing, sliding: relative velocity along normal (negative: approaching) and tangent [m/s];
+    masses: effective masses at the point of contact [kg]. Coulomb's law bounds the tangent part.
+    """
+    if closing >= 0.0:
+        return 0.0, 0.0
+    normal = -(1.0 + restitution) * closing * normal_mass
+    tangent = clip(-sliding * tangent_mass, -friction * normal, friction * normal)
+    return normal, tangent

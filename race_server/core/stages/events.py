@@ -1,0 +1,43 @@
+"""Events: how a stage tells what happened."""
+
+from race_server.core import codes
+from race_server.core.kernels.jit import kernel
+from race_server.core.state import EVENTS, Record, World
+
+
+@kernel
+def report(world: World, w: int, kind: int, kart: int, other: int, value: int) -> None:
+    """Add an event of this tick; `kart` is -1 where it concerns the whole race."""
+    race = world.races[w]
+    race.sequence += 1
+    count = world.event_counts[w]
+    if count < EVENTS:
+        event = world.events[w, count]
+        event.sequence = race.sequence
+        event.tick = race.tick
+        event.kind = kind
+        event.kart = kart
+        event.other = other
+        event.value = value
+        world.event_counts[w] = count + 1
+
+
+@kernel
+def penalise(world: World, w: int, k: int, penalty_us: int, cause: int) -> None:
+    """Add `penalty_us` to the race time of a kart; nothing for a penalty of zero."""
+    if penalty_us > 0:
+        kart: Record = world.karts[w, k]
+        kart.penalties += 1
+        kart.penalty_us += penalty_us
+        report(world, w, codes.EVENT_PENALTY, k, cause, penalty_us)
+
+
+@kernel
+def retire(world: World, w: int, k: int, reason: int) -> None:
+    """Take a kart out of the race."""
+    kart: Record = world.karts[w, k]
+    if kart.status == codes.RACING:
+        kart.status = codes.RETIRED
+        kart.retired_for = reason
+        kart.speed = kart.lateral_speed = kart.yaw_rate = 0.0
+        report(world, w, codes.EVENT_RETIRED, k, reason, 0)

@@ -1,0 +1,45 @@
+"""The start: every kart finds its place on the course and sees for the first time."""
+
+from race_server.core import codes
+from race_server.core.kernels.course import nearest_sample_anywhere, progress_of
+from race_server.core.kernels.geometry import wrap_angle
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.stages.sensing import look
+from race_server.core.stages.standings import rank
+from race_server.core.state import World
+
+
+@large_kernel
+def line_up(world: World, w: int) -> None:
+    """Make every kart of one world that is not absent race from the pose it has."""
+    for k in range(world.karts.shape[1]):
+        if world.karts[w, k].status != codes.ABSENT:
+            place_kart(world, w, k)
+    rank(world, w)
+    # The scan now and the scan before are the same at the start.
+    look(world, w)
+    look(world, w)
+
+
+@kernel
+def place_kart(world: World, w: int, k: int) -> None:
+    """Let a kart race from the pose it has, before its first lap."""
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    kart.status = codes.RACING
+    kart.start_x, kart.start_y = kart.x, kart.y
+    kart.line_index = nearest_sample_anywhere(world.atlas, course, kart.x, kart.y)
+    progress, offset = progress_of(world.atlas, course, kart.x, kart.y, kart.line_index)
+    kart.progress, kart.lateral_offset = progress, offset
+    line = world.atlas.line[course.line_start + kart.line_index]
+    kart.heading_error = wrap_angle(kart.heading - line.heading)
+    kart.distance = progress - course.length
+    kart.zone = course.gate_count - 1
+    for gate in range(course.gate_count - 1):
+        first = world.atlas.gates[course.gate_start + gate].progress
+        following = world.atlas.gates[course.gate_start + gate + 1].progress
+        if first <= progress < following:
+            kart.zone = gate
+    kart.speed_cap = world.vehicles[w, k].top_speed
+    kart.thrust_scale = 1.0
+    kart.grip_scale = 1.0

@@ -1,0 +1,324 @@
+"""What one seat sees, as the vector that `race_server.core.observation` describes.
+
+The numbers of the parts are their places in `observe.PARTS`; a test holds the two together.
+"""
+
+import math
+
+from race_server.core import codes
+from race_server.core.clock import TICK_S
+from race_server.core.kernels.course import place_on_reference
+from race_server.core.kernels.geometry import wrap_angle
+from race_server.core.kernels.jit import kernel
+from race_server.core.state import HAZARDS, RADAR_RAYS, Float32s, Ints, Record, World
+
+AHEAD = 16
+NEARBY = 4
+THINGS = 4
+USES = 4
+FAR = 1000.0  # stands for "there is none"
+
+# Distance between two look-ahead samples: a time at top speed, but never less than a length.
+LOOK_AHEAD_S = 0.1
+
+
+@kernel
+def observe(world: World, w: int, k: int, parts: Ints, out: Float32s) -> None:
+    """Fill `out` with the parts of the given numbers, one behind the other."""
+    place = 0
+    for index in range(len(parts)):
+        if parts[index] < 0:
+            return
+        place = _fill(world, w, k, parts[index], out, place)
+
+
+@kernel
+def observe_karts(world: World, parts: Ints, presets: Ints, out: Float32s) -> None:
+    """Fill `out`, shape (W, K, size), for every kart of every world in one call.
+
+    parts: (P, n) part numbers of each preset, filled up with -1; presets: (K,) the row of
+    `parts` that each kart gets, -1 for none.
+    """
+    for w in range(world.karts.shape[0]):
+        for k in range(world.karts.shape[1]):
+            if presets[k] >= 0:
+                observe(world, w, k, parts[presets[k]], out[w, k])
+
+
+@kernel
+def look_ahead_of(vehicle: Record) -> float:
+    """Return the distance [m] between two look-ahead samples."""
+    return max(vehicle.length, LOOK_AHEAD_S * vehicle.top_speed)
+
+
+@kernel
+def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) -> int:
+    sight = world.sight
+    if number <= 1:
+        rays = sight.lidar.shape[3]
+        for ray in range(rays):
+            out[place + ray] = sight.lidar[w, k, number, ray]
+        return place + rays
+    if number == 2:
+        for ray in range(RADAR_RAYS):
+            out[place + ray] = sight.radar[w, k, ray]
+        return place + RADAR_RAYS
+    if number == 3:
+        for ray in range(RADAR_RAYS):
+            out[place + ray] = sight.radar_kinds[w, k, ray]
+        return place + RADAR_RAYS
+    if 11 <= number <= 15:
+        _course_ahead(world, w, k, number - 11, out, place)
+        return place + AHEAD
+    if 17 <= number <= 20:
+        _karts_near(world, w, k, number - 17, out, place)
+        return place + NEARBY
+    if 21 <= number <= 24:
+        _things_ahead(world, w, k, number - 21, out, place)
+        return place + THINGS
+    if 38 <= number <= 40:
+        out[place] = _place_on_line(world, w, k, number - 38)
+        return place + 1
+    if 41 <= number <= 46:
+        _line_ahead(world, w, k, number - 41, out, place)
+        return place + AHEAD
+    if 47 <= number <= 48:
+        _karts_near(world, w, k, number - 43, out, place)
+        return place + NEARBY
+    if number == 49:
+        use = world.items[world.karts[w, k].held].use
+        for index in range(USES):
+            out[place + index] = 1.0 if use == index + 1 else 0.0
+        return place + USES
+    out[place] = _scalar(world, w, k, number)
+    return place + 1
+
+
+@kernel
+def _scalar(world: World, w: int, k: int, number: int) -> float:
+    kart, race = world.karts[w, k], world.races[w]
+    if number == 4:
+        return kart.speed
+    if number == 5:
+        return kart.lateral_speed
+    if number == 6:
+        return kart.yaw_rate
+    if number == 7:
+        return kart.steering
+    if number == 8:
+        return kart.progress
+    if number == 9:
+        return kart.lateral_offset
+    if number == 10:
+        return kart.heading_error
+    if number == 16:
+        return look_ahead_of(world.vehicles[w, k])
+    if number == 25:
+        return float(kart.held)
+    if number == 26:
+        return kart.speed_cap
+    if number == 27:
+        return kart.thrust_scale
+    if number == 28:
+        return kart.grip_scale
+    if number == 29:
+        return max(max(race.start_tick, race.hold_until) - race.tick, 0) * TICK_S
+    if number == 30:
+        return float(max(race.flag, kart.yellow))
+    if number == 31:
+        return float(kart.laps)
+    if number == 32:
+        return float(kart.rank)
+    if number == 33 or number == 34:
+        return _gap(world, w, k, -1 if number == 33 else 1)
+    if number == 35:
+        return float(kart.wrong_way)
+    if number == 36:
+        return float(kart.rescue_offered)
+    return 1.0 if kart.status != codes.RACING else 0.0
+
+
+@kernel
+def _gap(world: World, w: int, k: int, places: int) -> float:
+    kart = world.karts[w, k]
+    for other in range(world.karts.shape[1]):
+        rival = world.karts[w, other]
+        if rival.status != codes.ABSENT and rival.rank == kart.rank + places:
+            return abs(rival.ranked - kart.ranked)
+    return 0.0
+
+
+@kernel
+def _course_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    step = look_ahead_of(world.vehicles[w, k]) / course.spacing
+    here = kart.progress / course.spacing
+    for index in range(AHEAD):
+        sample = int(here + (index + 1) * step + 0.5) % course.line_count
+        line = world.atlas.line[course.line_start + sample]
+        if what == 0:
+            out[place + index] = line.curvature
+        elif what == 1:
+            out[place + index] = (line.x - kart.x) * cos + (line.y - kart.y) * sin
+        elif what == 2:
+            out[place + index] = (line.y - kart.y) * cos - (line.x - kart.x) * sin
+        elif what == 3:
+            out[place + index] = line.left
+        else:
+            out[place + index] = line.right
+
+
+@kernel
+def line_step_of(vehicle: Record) -> float:
+    """Return the distance [m] between two samples of the reference line ahead."""
+    return 0.5 * vehicle.length
+
+
+@kernel
+def _place_on_line(world: World, w: int, k: int, what: int) -> float:
+    """Return offset (what 0) or heading error (1) against the reference line, or its step (2)."""
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0:
+        return 0.0
+    if what == 2:
+        return line_step_of(world.vehicles[w, k])
+    place = place_on_reference(world.atlas, course, kart.x, kart.y, kart.line_index)
+    sample = int(place + 0.5) % course.line_count
+    if what == 0:
+        return _offset_from(world, course, sample, kart)
+    point = world.atlas.reference[course.line_start + sample]
+    along = (kart.x - point.x) * point.cos + (kart.y - point.y) * point.sin
+    return wrap_angle(kart.heading - point.heading - along * point.curvature)
+
+
+@kernel
+def _offset_from(world: World, course: Record, sample: int, kart: Record) -> float:
+    """Return how far [m] a kart is left of the reference line, abreast of a sample of it."""
+    point = world.atlas.reference[course.line_start + sample]
+    dx, dy = kart.x - point.x, kart.y - point.y
+    along = dx * point.cos + dy * point.sin
+    return dy * point.cos - dx * point.sin - 0.5 * point.curvature * along * along
+
+
+@kernel
+def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float:
+    """Return the way [m] to a rival along the reference line (what 0), or its offset (1)."""
+    kart, rival, atlas = world.karts[w, k], world.karts[w, other], world.atlas
+    course = atlas.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0:
+        return 0.0
+    there = place_on_reference(atlas, course, rival.x, rival.y, rival.line_index)
+    if what == 1:
+        return _offset_from(world, course, int(there + 0.5) % course.line_count, rival)
+    here = place_on_reference(atlas, course, kart.x, kart.y, kart.line_index)
+    way, half = there - here, 0.5 * course.line_count
+    if way >= half:
+        way -= course.line_count
+    elif way < -half:
+        way += course.line_count
+    return way * course.reference_spacing
+
+
+@kernel
+def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    """Tell of the reference line from abreast of the kart on, at equal steps along it."""
+    kart, atlas = world.karts[w, k], world.atlas
+    course = atlas.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0:
+        for index in range(AHEAD):
+            out[place + index] = 0.0
+        return
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
+    here = place_on_reference(atlas, course, kart.x, kart.y, kart.line_index)
+    for index in range(AHEAD):
+        at = here + index * step
+        sample = int(at)
+        share = at - sample
+        sample %= course.line_count
+        following = sample + 1 if sample + 1 < course.line_count else 0
+        one = atlas.reference[course.line_start + sample]
+        two = atlas.reference[course.line_start + following]
+        if what <= 1:
+            dx = one.x + share * (two.x - one.x) - kart.x
+            dy = one.y + share * (two.y - one.y) - kart.y
+            out[place + index] = dx * cos + dy * sin if what == 0 else dy * cos - dx * sin
+        elif what == 2:
+            out[place + index] = one.curvature + share * (two.curvature - one.curvature)
+        elif what == 3:
+            out[place + index] = one.speed + share * (two.speed - one.speed)
+        elif what == 4:
+            out[place + index] = one.left + share * (two.left - one.left)
+        else:
+            out[place + index] = one.right + share * (two.right - one.right)
+
+
+@kernel
+def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    """Tell of the nearest karts: x, y, velocity x, y in the kart frame, along, across the line."""
+    kart = world.karts[w, k]
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    last = -1.0
+    chosen = -1
+    for index in range(NEARBY):
+        best, following = math.inf, -1
+        for other in range(world.karts.shape[1]):
+            rival = world.karts[w, other]
+            if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
+                continue
+            dx, dy = rival.x - kart.x, rival.y - kart.y
+            square = dx * dx + dy * dy
+            # Next further away than the last one told of; equals in order of their numbers.
+            later = square > last or (square == last and other > chosen)
+            if later and square < best:
+                best, following = square, other
+        if following < 0:
+            out[place + index] = FAR if what <= 1 or what == 4 else 0.0
+            continue
+        last, chosen = best, following
+        if what >= 4:
+            out[place + index] = _rival_on_line(world, w, k, following, what - 4)
+            continue
+        rival = world.karts[w, following]
+        dx, dy = rival.x - kart.x, rival.y - kart.y
+        if what >= 2:
+            c, s = math.cos(rival.heading), math.sin(rival.heading)
+            dx = rival.speed * c - rival.lateral_speed * s
+            dy = rival.speed * s + rival.lateral_speed * c
+        out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin
+
+
+@kernel
+def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
+    """Tell of boxes (what 0, 1) or hazards (2, 3): x or y in the kart frame, nearest first."""
+    kart, tick = world.karts[w, k], world.races[w].tick
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    boxes = what <= 1
+    count = world.boxes.shape[1] if boxes else HAZARDS
+    last = -1.0
+    chosen = -1
+    for index in range(THINGS):
+        best, following = math.inf, -1
+        for thing in range(count):
+            if boxes:
+                seen = tick >= world.boxes[w, thing].ready_tick
+                dx, dy = world.boxes[w, thing].x - kart.x, world.boxes[w, thing].y - kart.y
+            else:
+                seen = tick < world.hazards[w, thing].until_tick
+                dx, dy = world.hazards[w, thing].x - kart.x, world.hazards[w, thing].y - kart.y
+            square = dx * dx + dy * dy
+            later = square > last or (square == last and thing > chosen)
+            if seen and later and square < best and dx * cos + dy * sin > 0.0:
+                best, following = square, thing
+        if following < 0:
+            out[place + index] = FAR
+            continue
+        last, chosen = best, following
+        if boxes:
+            dx, dy = world.boxes[w, following].x - kart.x, world.boxes[w, following].y - kart.y
+        else:
+            dx, dy = world.hazards[w, following].x - kart.x, world.hazards[w, following].y - kart.y
+        out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin

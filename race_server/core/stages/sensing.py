@@ -1,0 +1,168 @@
+"""After the tick: what the sensors of each kart give, at their own rates."""
+
+from race_server.core import codes
+from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
+from race_server.core.kernels.sensors import cast_fan, disturb, see_body, see_disc
+from race_server.core.kernels.wall_scan import FEW_RAYS, sweep_body
+from race_server.core.state import HAZARDS, Bytes, Float32s, Floats, World
+
+
+@large_kernel
+def look(world: World, w: int) -> None:
+    """Take the scans that are due at this tick."""
+    sensors, tick = world.sensors[0], world.races[w].tick
+    lidar_due = tick % sensors.lidar_period_ticks == 0
+    radar_due = tick % sensors.radar_period_ticks == 0
+    if not lidar_due and not radar_due:
+        return
+    for k in range(world.karts.shape[1]):
+        kart = world.karts[w, k]
+        if kart.status == codes.ABSENT:
+            continue
+        if lidar_due and kart.sensors & codes.LIDAR:
+            for ray in range(len(world.sight.lidar_rays)):
+                world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
+            scan_lidar(world, w, k)
+        if radar_due and kart.sensors & codes.RADAR:
+            scan_radar(world, w, k)
+
+
+@large_kernel
+def look_for_the_first_time(world: World, w: int, k: int) -> None:
+    """Give one kart its first scans; the scan before is the same."""
+    if world.karts[w, k].sensors & codes.LIDAR:
+        scan_lidar(world, w, k)
+        for ray in range(world.sight.lidar.shape[3]):
+            world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
+    if world.karts[w, k].sensors & codes.RADAR:
+        scan_radar(world, w, k)
+
+
+@kernel
+def scan_lidar(world: World, w: int, k: int) -> None:
+    """Take one lidar scan of one kart."""
+    sensors, race = world.sensors[0], world.races[w]
+    ranges = world.sight.lidar[w, k, 0]
+    _scan(
+        world,
+        w,
+        k,
+        sensors.lidar_ahead,
+        world.sight.lidar_rays,
+        sensors.lidar_field,
+        sensors.lidar_reach,
+        ranges,
+        world.sight.radar_kinds[w, k, :0],  # nobody asks a lidar for kinds
+    )
+    disturb(
+        ranges,
+        sensors.lidar_reach,
+        sensors.lidar_noise,
+        sensors.lidar_dropout,
+        race.seed,
+        LIDAR_STREAM,
+        race.tick,
+        k,
+    )
+
+
+@kernel
+def scan_radar(world: World, w: int, k: int) -> None:
+    """Take one radar reading of one kart."""
+    sensors, race = world.sensors[0], world.races[w]
+    ranges = world.sight.radar[w, k]
+    _scan(
+        world,
+        w,
+        k,
+        sensors.radar_ahead,
+        world.sight.radar_rays,
+        sensors.radar_field,
+        sensors.radar_reach,
+        ranges,
+        world.sight.radar_kinds[w, k],
+    )
+    disturb(
+        ranges, sensors.radar_reach, sensors.radar_noise, 0.0, race.seed, RADAR_STREAM, race.tick, k
+    )
+
+
+@kernel
+def _scan(
+    world: World,
+    w: int,
+    k: int,
+    mount: float,
+    rays: Floats,
+    field: float,
+    reach: float,
+    ranges: Float32s,
+    kinds: Bytes,
+) -> None:
+    """Fill ranges and kinds of a fan mounted `mount` [m] ahead of the centre of gravity."""
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    cos, sin = cos_sin(kart.heading)
+    x, y = kart.x + mount * cos, kart.y + mount * sin
+    cast_fan(world.atlas, course, x, y, cos, sin, rays, field, reach, ranges, kinds)
+    for other in range(world.karts.shape[1]):
+        rival = world.karts[w, other]
+        if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
+            continue
+        vehicle = world.vehicles[w, other]
+        half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
+        if len(rays) > FEW_RAYS and len(kinds) == 0:
+            sweep_body(
+                x,
+                y,
+                cos,
+                sin,
+                rays,
+                field,
+                reach,
+                rival.x,
+                rival.y,
+                rival.heading,
+                vehicle.box_offset,
+                half_length,
+                half_width,
+                ranges,
+            )
+            continue
+        see_body(
+            x,
+            y,
+            cos,
+            sin,
+            rays,
+            reach,
+            rival.x,
+            rival.y,
+            rival.heading,
+            vehicle.box_offset,
+            half_length,
+            half_width,
+            codes.KART_HIT,
+            ranges,
+            kinds,
+        )
+    tick = world.races[w].tick
+    for index in range(HAZARDS):
+        hazard = world.hazards[w, index]
+        if tick < hazard.until_tick:
+            see_disc(
+                x,
+                y,
+                cos,
+                sin,
+                rays,
+                reach,
+                hazard.x,
+                hazard.y,
+                hazard.radius,
+                codes.HAZARD_HIT,
+                ranges,
+                kinds,
+            )

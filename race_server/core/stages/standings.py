@@ -1,0 +1,63 @@
+"""Ranks, and the end of the race."""
+
+from race_server.core import codes
+from race_server.core.kernels.jit import kernel
+from race_server.core.rules.laps import race_distance
+from race_server.core.rules.ranking import is_ahead
+from race_server.core.stages.events import report, retire
+from race_server.core.state import World
+
+
+@kernel
+def rank(world: World, w: int) -> None:
+    """Give every kart its place, from 1; absent karts have none."""
+    karts = world.karts.shape[1]
+    for k in range(karts):
+        kart = world.karts[w, k]
+        if kart.status == codes.ABSENT:
+            continue
+        kart.ranked = ranked_distance(world, w, k)
+    for k in range(karts):
+        kart = world.karts[w, k]
+        if kart.status == codes.ABSENT:
+            continue
+        place = 1
+        for other in range(karts):
+            rival = world.karts[w, other]
+            if other != k and rival.status != codes.ABSENT and is_ahead(rival, kart):
+                place += 1
+        kart.rank = place
+
+
+@kernel
+def ranked_distance(world: World, w: int, k: int) -> float:
+    """Return the distance [m] since the timing line by which a kart is ranked."""
+    kart = world.karts[w, k]
+    course = world.atlas.courses[world.rules[w].course]
+    limit = course.length
+    if kart.next_gate > 0:
+        limit = world.atlas.gates[course.gate_start + kart.next_gate].progress
+    elif kart.started == 0:
+        limit = 0.0
+    return race_distance(kart.distance, kart.laps, limit, course.length)
+
+
+@kernel
+def close_race(world: World, w: int) -> None:
+    """End the race once nobody is racing or the time is up."""
+    race, rules = world.races[w], world.rules[w]
+    if race.over != 0:
+        return
+    late = rules.limit_ticks > 0 and race.tick - race.start_tick >= rules.limit_ticks
+    if race.winner_tick > 0 and rules.finish_limit_ticks > 0:
+        late = late or race.tick - race.winner_tick >= rules.finish_limit_ticks
+    racing = 0
+    for k in range(world.karts.shape[1]):
+        if late:
+            retire(world, w, k, codes.TIME_OUT)
+        if world.karts[w, k].status == codes.RACING:
+            racing += 1
+    if racing == 0:
+        race.over = 1
+        rank(world, w)
+        report(world, w, codes.EVENT_RACE_OVER, -1, -1, 0)

@@ -1,0 +1,171 @@
+"""What the stewards watch: false starts, wrong way, leaving the track, standing still."""
+
+import math
+
+from race_server.core import codes
+from race_server.core.kernels.geometry import wrap_angle
+from race_server.core.kernels.jit import kernel
+from race_server.core.rules.conduct import is_in_the_way
+from race_server.core.stages.events import penalise, report, retire
+from race_server.core.state import Record, World
+
+# A kart that has moved further than this share of its length before the lights started early.
+FALSE_START_SHARE = 0.25
+# … and a real kart, whose place is known less well, further than this.
+REAL_START_SHARE = 1.0
+# After a rescue other karts drive through for so long.
+GHOST_TICKS = 120
+# Places looked at for a rescue, each one length and a half further back.
+RESCUE_TRIES = 16
+
+
+@kernel
+def watch(world: World, w: int) -> None:
+    """Judge every racing kart."""
+    race = world.races[w]
+    for k in range(world.karts.shape[1]):
+        kart = world.karts[w, k]
+        if kart.status != codes.RACING or kart.trust >= codes.DOUBTFUL:
+            continue
+        if race.tick < race.start_tick:
+            _watch_start(world, w, k)
+        else:
+            _watch_direction(world, w, k)
+            _watch_limits(world, w, k)
+            _watch_standstill(world, w, k)
+            _watch_stop(world, w, k)
+
+
+@kernel
+def _watch_start(world: World, w: int, k: int) -> None:
+    kart = world.karts[w, k]
+    dx, dy = kart.x - kart.start_x, kart.y - kart.start_y
+    share = FALSE_START_SHARE if kart.trust == codes.SIMULATED else REAL_START_SHARE
+    allowed = share * world.vehicles[w, k].length
+    if kart.false_started == 0 and dx * dx + dy * dy > allowed * allowed:
+        kart.false_started = 1
+        report(world, w, codes.EVENT_FALSE_START, k, -1, 0)
+        penalise(world, w, k, world.rules[w].false_start_us, codes.EVENT_FALSE_START)
+
+
+@kernel
+def _watch_direction(world: World, w: int, k: int) -> None:
+    kart = world.karts[w, k]
+    wrong = 1 if kart.backward > world.rules[w].wrong_way_limit else 0
+    if wrong != kart.wrong_way:
+        kart.wrong_way = wrong
+        report(world, w, codes.EVENT_WRONG_WAY, k, -1, wrong)
+    if 0.0 < world.rules[w].wrong_way_removal < kart.backward:
+        retire(world, w, k, codes.WENT_WRONG_WAY)
+
+
+@kernel
+def _watch_limits(world: World, w: int, k: int) -> None:
+    kart = world.karts[w, k]
+    off = 1 if kart.surface == codes.GRASS else 0
+    if off != kart.off_track:
+        kart.off_track = off
+        kart.lap_clean = 0
+        report(world, w, codes.EVENT_OFF_TRACK, k, -1, off)
+
+
+@kernel
+def _watch_standstill(world: World, w: int, k: int) -> None:
+    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    if kart.trust != codes.SIMULATED:
+        return  # nobody puts a real kart back on the line
+    held = race.flag == codes.RED or race.tick < race.hold_until
+    if held or abs(kart.speed) > rules.stuck_speed:
+        # A kart that only rocks on the spot stays stuck; real progress takes the offer back.
+        kart.still_ticks = max(kart.still_ticks - 3, 0)
+        if kart.still_ticks == 0:
+            kart.rescue_offered = 0
+        return
+    kart.still_ticks += 1
+    if rules.stuck_ticks > 0 and kart.still_ticks > rules.stuck_ticks and not kart.rescue_offered:
+        kart.rescue_offered = 1
+        report(world, w, codes.EVENT_STUCK, k, -1, 0)
+    if kart.rescue_offered and kart.buttons & codes.ACCEPT_RESCUE:
+        rescue(world, w, k)
+
+
+@kernel
+def _watch_stop(world: World, w: int, k: int) -> None:
+    """Remove a kart that stands too long. While another blocks it, its clock waits."""
+    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    if rules.stopped_limit_ticks <= 0 or race.flag == codes.RED or race.tick < race.hold_until:
+        return
+    if abs(kart.speed) > rules.stuck_speed:
+        kart.stopped_ticks = max(kart.stopped_ticks - 3, 0)
+    elif not _is_blocked(world, w, k):
+        kart.stopped_ticks += 1
+        if kart.stopped_ticks > rules.stopped_limit_ticks:
+            retire(world, w, k, codes.STOPPED)
+
+
+@kernel
+def _is_blocked(world: World, w: int, k: int) -> bool:
+    """Return whether another racing kart stands in the way of one that faces the right way.
+
+    Of two that stand nose to nose the one that faces the wrong way has no excuse.
+    """
+    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+    if abs(kart.heading_error) > 0.5 * math.pi:
+        return False
+    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    for o in range(world.karts.shape[1]):
+        other, body = world.karts[w, o], world.vehicles[w, o]
+        if o == k or other.status != codes.RACING:
+            continue
+        turn = wrap_angle(other.heading - kart.heading)
+        dx, dy = other.x - kart.x, other.y - kart.y
+        along = dx * cos + dy * sin + body.box_offset * math.cos(turn) - vehicle.box_offset
+        across = dy * cos - dx * sin + body.box_offset * math.sin(turn)
+        if is_in_the_way(
+            along, across, turn, vehicle.length, vehicle.width, body.length, body.width
+        ):
+            return True
+    return False
+
+
+@kernel
+def rescue(world: World, w: int, k: int) -> None:
+    """Put a kart on the centre line, at rest, where no other kart stands, for a penalty."""
+    atlas, race, kart = world.atlas, world.races[w], world.karts[w, k]
+    course = atlas.courses[world.rules[w].course]
+    stride = int(1.5 * world.vehicles[w, k].length / course.spacing) + 1
+    sample = kart.line_index
+    for _ in range(RESCUE_TRIES):
+        line = atlas.line[course.line_start + sample]
+        if _is_free(world, w, k, line):
+            break
+        sample = (sample - stride) % course.line_count
+    line = atlas.line[course.line_start + sample]
+    kart.x, kart.y, kart.heading = line.x, line.y, line.heading
+    kart.speed = kart.lateral_speed = kart.yaw_rate = kart.steering = 0.0
+    # The way back counts as driven back, but not as driving the wrong way.
+    back = kart.progress - sample * course.spacing
+    kart.distance -= back if back > -0.5 * course.length else back + course.length
+    kart.progress = sample * course.spacing
+    kart.line_index = sample
+    kart.backward = 0.0
+    kart.wrong_way = 0
+    kart.still_ticks = 0
+    kart.stopped_ticks = 0
+    kart.rescue_offered = 0
+    kart.lap_clean = 0
+    kart.ghost_until = race.tick + GHOST_TICKS
+    report(world, w, codes.EVENT_RESCUED, k, -1, 0)
+    penalise(world, w, k, world.rules[w].rescue_us, codes.EVENT_RESCUED)
+
+
+@kernel
+def _is_free(world: World, w: int, k: int, line: Record) -> bool:
+    near = 1.5 * world.vehicles[w, k].length
+    for other in range(world.karts.shape[1]):
+        kart = world.karts[w, other]
+        if other != k and kart.status == codes.RACING:
+            dx, dy = kart.x - line.x, kart.y - line.y
+            if dx * dx + dy * dy < near * near:
+                return False
+    return True

@@ -1,0 +1,233 @@
+"""The world as arrays: one record per world, kart, box and hazard, with a leading world axis.
+
+Records keep all numbers of one kart side by side in memory, and a kernel is handed ten arrays
+instead of a hundred. Every field is eight bytes wide, so that nothing is padded and the bytes
+of a world are its digest. Axis letters: W worlds, K karts, I item boxes, H hazards, R rays.
+"""
+
+import hashlib
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core.vehicles import VEHICLE
+
+# Arrays of records: kernels read fields as attributes, other code as `karts["x"]`.
+Records = NDArray[Any]
+Record = Any  # one record: its fields are attributes
+Floats = NDArray[np.float64]
+Float32s = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+EFFECTS = 4  # effects at a time on one kart
+HAZARDS = 32  # hazards at a time on one track
+EVENTS = 512  # events that one call of `advance` can report per world
+RADAR_RAYS = 9
+
+
+def _fields(floats: str, ints: str) -> list[tuple[str, Any]]:
+    return [
+        *((name, np.float64) for name in floats.split()),
+        *((name, np.int64) for name in ints.split()),
+    ]
+
+
+def _record(fields: list[Any]) -> np.dtype[Any]:
+    return np.dtype((np.record, fields))
+
+
+EFFECT = _record(_fields("speed_scale thrust_scale grip_scale", "source until_tick"))
+
+# One kart. Angles [rad], lengths [m], speeds [m/s]; fields ending in _us are microseconds since
+# tick 0, fields ending in _tick or _until are ticks.
+KART = _record(
+    [
+        *_fields(
+            # Motion: position of the centre of gravity; speeds along and across the body.
+            "x y heading speed lateral_speed yaw_rate steering "
+            # What the driver asked for last: shares of the limits.
+            "steering_command throttle brake "
+            # Where it is on the course; `distance` counts on over the laps, from a
+            # negative start; `ranked` is the part of it that counts.
+            "progress lateral_offset heading_error distance ranked "
+            "start_x start_y backward "
+            # What flags, effects and surface leave of speed [m/s], motor force and grip.
+            "speed_cap thrust_scale grip_scale",
+            "status buttons buttons_before "
+            # Place on the centre line; gates and laps.
+            "line_index zone next_gate started cutting laps "
+            "lap_start_us sector_start_us last_lap_us best_lap_us finish_us "
+            "rank grid_place surface "
+            # What the stewards watch.
+            "wrong_way off_track still_ticks stopped_ticks rescue_offered lap_clean false_started "
+            "company contact_kart_tick contact_wall_tick contacts wall_contacts warnings hits "
+            # The game.
+            "held items_used immune_until shield_until ghost_until "
+            "penalties penalty_us retired_for "
+            # Which sensors it carries, bits of Sensor.
+            "sensors "
+            # Real karts: how far the pose is believed, see Trust; 1 where a yellow flag is near.
+            "trust yellow",
+        ),
+        ("effects", EFFECT, (EFFECTS,)),
+    ]
+)
+
+RACE = _record(
+    _fields("", "seed tick start_tick hold_until flag over finishers winner_tick sequence")
+)
+
+BOX = _record(_fields("x y", "ready_tick"))
+HAZARD = _record(_fields("x y radius", "source owner until_tick owner_safe_tick"))
+# Where a real kart is, as it is put into the world before a tick: columns of an array (n, 10).
+PLACEMENT = (
+    *("kart", "trust", "doubt", "x", "y", "heading"),
+    *("speed", "lateral_speed", "yaw_rate", "steering"),
+)
+
+EVENT = _record(_fields("", "sequence tick kind kart other value"))
+
+# What is fixed for one race. Zero switches a limit off.
+RULES = _record(
+    _fields(
+        "yellow_speed restitution wall_friction pick_up_radius stuck_speed wrong_way_limit "
+        "wrong_way_removal ram_speed",
+        "laps course wall_contact kart_contact items catch_up standing_start ram_warnings "
+        "box_respawn_ticks stuck_ticks stopped_limit_ticks finish_limit_ticks limit_ticks "
+        "false_start_us short_cut_us rescue_us",
+    )
+)
+
+# One item, as the rules read it; see `core/rules/items`.
+ITEM = _record(
+    _fields(
+        "leader_weight last_weight speed_scale thrust_scale grip_scale radius",
+        "use effect_ticks immunity_ticks life_ticks owner_grace_ticks",
+    )
+)
+
+# The sensors of a race. Angles in the kart frame, ray 0 is the rightmost.
+SENSORS = _record(
+    _fields(
+        "lidar_reach lidar_ahead lidar_field lidar_noise lidar_dropout "
+        "radar_reach radar_ahead radar_field radar_noise",
+        "lidar_period_ticks radar_period_ticks",
+    )
+)
+
+# The packed course: see `scenario/track/atlas.py`.
+COURSE = _record(
+    _fields(
+        "spacing length kerb verge cell x0 y0 reference_spacing",
+        "line_start line_count wall_start wall_count cell_start columns rows "
+        "gate_start gate_count group_start group_count grid_start grid_count spot_start spot_count",
+    )
+)
+LINE = _record(_fields("x y heading cos sin curvature left right", ""))
+# A line to drive along, at equal steps of its own, with as many samples as the centre line;
+# `beside` is its sample abreast of the centre line's. Without one `reference_spacing` is zero.
+REFERENCE = _record(_fields("x y heading cos sin curvature speed left right", "beside"))
+GROUP = _record(_fields("x y radius", "first last"))
+GATE = _record(_fields("progress", "sector"))
+
+
+class Atlas(NamedTuple):
+    """All courses of a batch, one behind the other; `courses[c]` says where each begins."""
+
+    courses: Records  # (C,) COURSE
+    line: Records  # (N,) LINE
+    reference: Records  # (N,) REFERENCE, zeros where a course has none
+    walls: Floats  # (P, 4) x0, y0, x1, y1 [m], the drivable side on the left
+    wall_kinds: Bytes  # (P,) Hit
+    groups: Records  # (Q,) GROUP: circles around runs of walls
+    cell_first: NDArray[np.int32]  # (cells + 1,) first entry of each cell in `cell_walls`
+    cell_walls: NDArray[np.int32]  # walls that touch each cell
+    cell_clear: Float32s  # (cells,) [m] between a cell and the nearest wall, at least
+    cell_free: Bytes  # (cells, 8, 2) free cells along x and y for each octant of directions
+    gates: Records  # (G,) GATE
+    grid: Floats  # (S, 3) x, y, heading
+    spots: Floats  # (I, 2) x, y
+
+
+class Sight(NamedTuple):
+    """What the sensors of all karts gave last. Derived from the world: not part of its digest."""
+
+    lidar: Float32s  # (W, K, 2, R) [m] newest scan, scan before
+    radar: Float32s  # (W, K, 9) [m]
+    radar_kinds: Bytes  # (W, K, 9) Hit
+    lidar_rays: Floats  # (R, 2) cosine and sine of each ray in the kart frame
+    radar_rays: Floats  # (9, 2)
+
+
+class World(NamedTuple):
+    """W races of K karts: all that `advance` reads and writes."""
+
+    races: Records  # (W,) RACE
+    rules: Records  # (W,) RULES
+    karts: Records  # (W, K) KART
+    vehicles: Records  # (W, K) VEHICLE
+    boxes: Records  # (W, I) BOX
+    hazards: Records  # (W, H) HAZARD
+    events: Records  # (W, E) EVENT
+    event_counts: Ints  # (W,) events since they were last taken
+    items: Records  # (N,) ITEM; number 0 is no item
+    sensors: Records  # (1,) SENSORS
+    sight: Sight
+    atlas: Atlas
+
+
+def empty_world(
+    worlds: int,
+    karts: int,
+    boxes: int,
+    items: Records,
+    sensors: Records,
+    sight: Sight,
+    atlas: Atlas,
+) -> World:
+    """Return a world in which nothing is placed yet."""
+    return World(
+        races=np.zeros(worlds, RACE),
+        rules=np.zeros(worlds, RULES),
+        karts=np.zeros((worlds, karts), KART),
+        vehicles=np.zeros((worlds, karts), VEHICLE),
+        boxes=np.zeros((worlds, boxes), BOX),
+        hazards=np.zeros((worlds, HAZARDS), HAZARD),
+        events=np.zeros((worlds, EVENTS), EVENT),
+        event_counts=np.zeros(worlds, np.int64),
+        items=items,
+        sensors=sensors,
+        sight=sight,
+        atlas=atlas,
+    )
+
+
+def part_of(world: World, first: int, last: int) -> World:
+    """Return worlds `first` to `last` (not included) as a view that shares their memory."""
+    cut = slice(first, last)
+    sight = world.sight._replace(
+        lidar=world.sight.lidar[cut],
+        radar=world.sight.radar[cut],
+        radar_kinds=world.sight.radar_kinds[cut],
+    )
+    return world._replace(
+        races=world.races[cut],
+        rules=world.rules[cut],
+        karts=world.karts[cut],
+        vehicles=world.vehicles[cut],
+        boxes=world.boxes[cut],
+        hazards=world.hazards[cut],
+        events=world.events[cut],
+        event_counts=world.event_counts[cut],
+        sight=sight,
+    )
+
+
+def digest(world: World, index: int = 0) -> str:
+    """Return a digest of one world: equal for equal seeds and inputs, wherever it ran."""
+    result = hashlib.blake2b(digest_size=16)
+    for records in (world.races, world.karts, world.boxes, world.hazards):
+        result.update(np.ascontiguousarray(records[index]).tobytes())
+    return result.hexdigest()

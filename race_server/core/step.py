@@ -1,0 +1,81 @@
+"""One tick of the world, in order.
+
+`advance` is the only way time passes: the environment, the live server, the time trial and the
+replay all call it. It is one compiled call for any number of worlds and ticks.
+"""
+
+from race_server.core import codes
+from race_server.core.clock import SUBSTEPS
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.stages.contacts import move_karts, note_company, touch_karts, touch_walls
+from race_server.core.stages.controls import apply_effects, take_controls, use_items
+from race_server.core.stages.events import report, retire
+from race_server.core.stages.pick_ups import play
+from race_server.core.stages.placement import place
+from race_server.core.stages.progress import follow_course
+from race_server.core.stages.sensing import look
+from race_server.core.stages.standings import close_race, rank
+from race_server.core.stages.stewarding import watch
+from race_server.core.state import Floats, World
+
+# After a red flag the karts are held for so long before they race on.
+RESTART_TICKS = 180
+
+
+@kernel
+def advance(world: World, controls: Floats, ticks: int) -> None:
+    """Move every world on by `ticks` ticks under the same controls.
+
+    controls: (W, K, 4) steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons.
+    """
+    for w in range(world.karts.shape[0]):
+        take_controls(world, w, controls[w])
+        for _ in range(ticks):
+            step(world, w)
+
+
+@large_kernel
+def step(world: World, w: int) -> None:
+    """Move one world on by one tick."""
+    race = world.races[w]
+    if race.tick == race.start_tick:
+        report(world, w, codes.EVENT_GREEN, -1, -1, 0)
+    apply_effects(world, w)
+    use_items(world, w)
+    note_company(world, w)
+    for _ in range(SUBSTEPS):
+        move_karts(world, w)
+        touch_karts(world, w)
+        touch_walls(world, w)
+    follow_course(world, w)
+    watch(world, w)
+    play(world, w)
+    rank(world, w)
+    close_race(world, w)
+    race.tick += 1
+    look(world, w)
+
+
+@kernel
+def show_flag(world: World, w: int, flag: int) -> None:
+    """Show a flag to all karts of one world. After red they stand for three more seconds."""
+    race = world.races[w]
+    if race.flag == flag:
+        return
+    if race.flag == codes.RED:
+        race.hold_until = race.tick + RESTART_TICKS
+    race.flag = flag
+    report(world, w, codes.EVENT_FLAG, -1, flag, 0)
+
+
+@kernel
+def withdraw(world: World, w: int, kart: int) -> None:
+    """Take a kart out of its race because nobody drives it any more."""
+    retire(world, w, kart, codes.WITHDREW)
+
+
+@kernel
+def place_karts(world: World, w: int, placements: Floats) -> None:
+    """Put real karts where they are, before a tick. placements: (n, 10), see state.PLACEMENT."""
+    for row in range(placements.shape[0]):
+        place(world, w, placements[row])

@@ -1,6 +1,0 @@
-"""The training world: batch, PettingZoo, Gymnasium. Importing it registers the ids of both."""
-
-from race_server.gym_ids import register_gymnasium, register_pettingzoo
-
-register_gymnasium()
-register_pettingzoo()

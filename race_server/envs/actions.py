@@ -1,0 +1,144 @@
+"""Actions: what a policy's numbers mean for pedals, wheel and button."""
+
+import math
+
+import numpy as np
+
+from race_server.core import codes
+from race_server.core.kernels.jit import kernel
+from race_server.core.state import Float32s, Floats, Record
+from race_server.errors import ScenarioError
+
+CONTINUOUS, RISING, DISCRETE, CONTROL, RESIDUAL, INCREMENTS = range(6)
+ACTIONS = {
+    "continuous": CONTINUOUS,
+    "report_b": RISING,
+    "increments": INCREMENTS,
+    "discrete": DISCRETE,
+    "control": CONTROL,
+    "residual": RESIDUAL,
+}
+# Numbers of an action, by kind.
+WIDTHS = {CONTINUOUS: 3, RISING: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 6, INCREMENTS: 2}
+
+# Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
+# speed that is set is at least 0.1 m/s, so that a policy cannot stall. It prints 0 to 1 for the
+# speed, which then only rises; but its cars slow down, so that `increments` go down to -1.
+SPEED_STEP = 0.5
+STEERING_STEP = math.radians(9.0)
+SLOWEST = 0.1
+
+# A residual action of 1 advises a scripted driver to be so many widths further left, or so much
+# faster as a share. The driver itself goes aside to pass, and to a box: with four widths a policy
+# touched three times as many walls on covapsy-base as with none at all. Where no bend
+# forbids it a boost carries a kart much further beyond the speeds of the line.
+ASIDE_WIDTHS = 1.0
+FASTER_SHARE = 0.12
+DASH_SHARE = 0.5
+
+# Slower than this [m/s] a kart that brakes goes into reverse.
+REVERSE_BELOW = 0.1
+
+# Places in the memory that an action has from one decision to the next.
+SET_SPEED, SET_STEERING, LAG_DRIVE, LAG_STEERING, PLAYED, MEMORY = range(6)
+
+
+def action_kind(name: str) -> int:
+    """Return the number of a kind of action.
+
+    Raises:
+        ScenarioError: there is none of that name.
+    """
+    if name not in ACTIONS:
+        raise ScenarioError(f"action {name!r} is unknown; choose one of {', '.join(ACTIONS)}")
+    return ACTIONS[name]
+
+
+def discrete_table() -> Floats:
+    """Return what each discrete action does, shape (15, 3): drive, steering, item.
+
+    Three pedals (brake, roll, drive) by five angles; while a kart drives straight ahead it also
+    uses its item.
+    """
+    rows = [
+        (drive, steering, 1.0 if drive > 0.0 and steering == 0.0 else 0.0)
+        for drive in (-1.0, 0.0, 1.0)
+        for steering in (-1.0, -0.5, 0.0, 0.5, 1.0)
+    ]
+    return np.array(rows)
+
+
+def advice_of(actions: Float32s, width: float) -> Floats:
+    """Return what residual actions (..., 6) advise, see ASIDE in `race_server.core.kernel_driver`.
+
+    width: of the vehicle [m]. Of the last three numbers only what is above zero counts.
+    """
+    scales = np.array([ASIDE_WIDTHS * width, FASTER_SHARE, 1.0, DASH_SHARE, 1.0, 1.0])
+    lows = np.array([-1.0, -1.0, -1.0, 0.0, 0.0, 0.0])
+    return np.clip(actions.astype(np.float64), lows, 1.0) * scales
+
+
+@kernel
+def read_action(
+    kind: int,
+    action: Float32s,
+    table: Floats,
+    kart: Record,
+    vehicle: Record,
+    memory: Floats,
+    control: Floats,
+) -> None:
+    """Fill `control` (4,) steering, throttle, brake, buttons from one kart's action.
+
+    A residual one has been advice to a scripted driver, whose answer lies in `control` already.
+    """
+    if kind == RESIDUAL:
+        return
+    if kind in (RISING, INCREMENTS):
+        _add_increments(action, 0.0 if kind == RISING else -1.0, kart, vehicle, memory, control)
+        return
+    if kind == CONTROL:
+        for index in range(4):
+            control[index] = float(action[index])
+        return
+    drive, steering, item = 0.0, 0.0, 0.0
+    if kind == CONTINUOUS:
+        drive, steering, item = float(action[0]), float(action[1]), float(action[2])
+    else:
+        row = min(max(int(action[0]), 0), len(table) - 1)
+        drive, steering, item = table[row, 0], table[row, 1], table[row, 2]
+    control[0] = steering
+    _press(drive, kart, control)
+    # The button acts when it goes down; to hold it is to press it again and again.
+    held = kart.buttons_before & codes.USE_ITEM
+    buttons = codes.USE_ITEM if item > 0.5 and held == 0 else 0
+    # No number says so; a kart that is stuck wants to be put back on the line.
+    if kart.rescue_offered:
+        buttons |= codes.ACCEPT_RESCUE
+    control[3] = buttons
+
+
+@kernel
+def _press(drive: float, kart: Record, control: Floats) -> None:
+    if drive < 0.0 and kart.speed > REVERSE_BELOW:
+        control[1] = 0.0
+        control[2] = -drive
+    else:
+        control[1] = drive
+        control[2] = 0.0
+
+
+@kernel
+def _add_increments(
+    action: Float32s, least: float, kart: Record, vehicle: Record, memory: Floats, control: Floats
+) -> None:
+    speed = memory[SET_SPEED] + SPEED_STEP * min(max(float(action[0]), least), 1.0)
+    memory[SET_SPEED] = min(max(speed, SLOWEST), vehicle.top_speed)
+    limit = vehicle.steering_limit
+    steering = memory[SET_STEERING] + STEERING_STEP * min(max(float(action[1]), -1.0), 1.0)
+    memory[SET_STEERING] = min(max(steering, -limit), limit)
+    control[0] = memory[SET_STEERING] / limit
+    error = 2.0 * (memory[SET_SPEED] - kart.speed)
+    control[1] = min(max(error, 0.0), 1.0)
+    control[2] = min(max(-0.5 * error, 0.0), 1.0)
+    control[3] = 0.0

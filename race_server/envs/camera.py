@@ -1,0 +1,45 @@
+"""Rendering for the environments that show one race."""
+
+from typing import Any
+
+from race_server.envs.batch import Batch
+from race_server.envs.render.picture import Picture
+from race_server.envs.render.window import Window
+from race_server.errors import ScenarioError
+
+RENDER_MODES = ("human", "rgb_array")
+
+
+class Camera:
+    """Shows the first race of a batch, in a window or as arrays."""
+
+    def __init__(self, batch: Batch, mode: str | None) -> None:
+        if mode is not None and mode not in RENDER_MODES:
+            raise ScenarioError(
+                f"render mode {mode!r} is unknown; choose one of {', '.join(RENDER_MODES)}"
+            )
+        self.mode = mode
+        self._batch = batch
+        self._pictures: dict[int, Picture] = {}
+        self._window: Window | None = None
+
+    def shoot(self) -> Any:
+        """Return the race as (height, width, 3) bytes; None where it is shown in a window."""
+        if self.mode is None:
+            return None
+        scenario = int(self._batch.rig.rounds["scenario"][0])
+        if scenario not in self._pictures:
+            self._pictures[scenario] = Picture(self._batch.scenarios[scenario].course)
+        frame = self._pictures[scenario].draw(self._batch.world)
+        if self.mode == "rgb_array":
+            return frame
+        if self._window is None:
+            self._window = Window()
+        self._window.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None

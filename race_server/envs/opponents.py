@@ -1,0 +1,108 @@
+"""Karts that do not learn among those that do: their drivers, each called once a decision.
+
+A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
+instead: told seats, views, layout, vehicles, gear, memory and controls it returns a call that
+fills the controls. What it keeps lies in `memory`, which is zero when a race begins.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from race_server.core.driver import driver_named
+from race_server.core.kernel_driver import item_kinds, starts_of
+from race_server.core.kernels.jit import bind
+from race_server.core.observation import Layout, layout_of
+from race_server.core.state import Floats, Ints, Records
+from race_server.errors import ScenarioError
+
+
+@dataclass(frozen=True)
+class Opponents:
+    """All karts that one driver drives in a batch."""
+
+    name: str
+    karts: tuple[int, ...]
+    layout: Layout
+    driver: Any
+    at: Ints
+    gear: Floats
+    kinds: Ints
+
+    def seats(self, worlds: int) -> Ints:
+        """Return world and kart of each kart, shape (n, 2)."""
+        pairs = [(w, k) for w in range(worlds) for k in self.karts]
+        return np.array(pairs, np.int64).reshape(-1, 2)
+
+    def driving(
+        self, worlds: int, views: Floats, vehicles: Records, memory: Floats, controls: Floats
+    ) -> Callable[[], None]:
+        """Return what fills the controls of these karts from what they see."""
+        seats, driver = self.seats(worlds), self.driver
+        if hasattr(driver, "driving"):
+            drive: Callable[[], None] = driver.driving(
+                seats, views, self.layout, vehicles, self.gear, memory, controls
+            )
+            return drive
+        told = (self.at, vehicles, self.gear, self.kinds)
+        return bind(type(driver).decide_all, seats, views, *told, memory, controls)
+
+
+def opponents_of(
+    names: Sequence[str],
+    first: int,
+    karts: int,
+    rays: int,
+    gear: Floats,
+    item_names: tuple[str, ...],
+) -> list[Opponents]:
+    """Return the drivers of karts `first` to `karts`, whose names are repeated in turn.
+
+    gear: lidar field [rad], lidar reach [m], time between decisions [s].
+
+    Raises:
+        DriverError: a driver is unknown.
+        ScenarioError: a driver is no kernel and can only drive in a process of its own.
+    """
+    seats: dict[str, list[int]] = {}
+    for place, kart in enumerate(range(first, karts)):
+        seats.setdefault(names[place % len(names)], []).append(kart)
+    found = []
+    for name, numbers in seats.items():
+        driver = driver_named(name)
+        if not (hasattr(type(driver), "decide_all") or hasattr(driver, "driving")):
+            raise ScenarioError(
+                f"driver {name!r} cannot race in a batch: it has no `decide_all`, see "
+                "race_server/core/kernel_driver.py; let it join a live server instead"
+            )
+        layout = layout_of(driver.preset, rays)
+        kinds = item_kinds(item_names)
+        found.append(
+            Opponents(name, tuple(numbers), layout, driver, starts_of(layout), gear, kinds)
+        )
+    return found
+
+
+def takes_advice(driver: object) -> bool:
+    """Return whether a driver does what is written into its memory, see `Autopilot`."""
+    return bool(getattr(driver, "takes_advice", False))
+
+
+def advised(name: str) -> str:
+    """Return the name of the driver that residual actions advise, if it takes advice.
+
+    Raises:
+        DriverError: it is unknown.
+        ScenarioError: none is named, or it takes none.
+    """
+    if not name:
+        raise ScenarioError(
+            "action 'residual' needs a driver to advise; name one, such as base = 'raceline'"
+        )
+    if not takes_advice(driver_named(name)):
+        raise ScenarioError(
+            f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
+        )
+    return name

@@ -1,0 +1,147 @@
+"""The training world as a PettingZoo parallel environment: one race, an agent for each kart."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+from pettingzoo.utils.conversions import parallel_to_aec
+from pettingzoo.utils.env import AECEnv
+
+from race_server.envs.batch import Batch, Task
+from race_server.envs.buffers import STAY
+from race_server.envs.camera import RENDER_MODES, Camera
+from race_server.envs.presets import race_task
+from race_server.envs.rewards import TERMS
+from race_server.envs.spaces import action_space, observation_space
+
+Vector = NDArray[np.float32]
+_TERMS = tuple(TERMS)
+
+
+class KartRace(ParallelEnv[str, Vector, Any]):
+    """One race. Agents are `kart_0` to `kart_{L-1}`; who finishes or retires leaves `agents`."""
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "kart_race_v0",
+        "render_modes": list(RENDER_MODES),
+        "is_parallelizable": True,
+        "render_fps": 20,
+    }
+
+    def __init__(
+        self, task: Task | None = None, *, max_cycles: int = 0, render_mode: str | None = None
+    ) -> None:
+        """Build the race of `task`; by default eight karts with radar on a shipped track.
+
+        max_cycles: decisions until everybody still racing is cut off; 0 leaves that to the task.
+
+        Raises:
+            ScenarioError, DriverError: the task makes no race.
+        """
+        self.max_cycles = max_cycles
+        self.render_mode = render_mode
+        self.batch = Batch(task or race_task(), after=STAY)
+        self.possible_agents = [f"kart_{k}" for k in range(self.batch.learners)]
+        self.agents: list[str] = []
+        self._numbers = {agent: k for k, agent in enumerate(self.possible_agents)}
+        self.observation_spaces: dict[str, spaces.Space[Any]] = {
+            agent: observation_space(self.batch.layout) for agent in self.possible_agents
+        }
+        self.action_spaces: dict[str, spaces.Space[Any]] = {
+            agent: action_space(self.batch.task.action) for agent in self.possible_agents
+        }
+        self._steps = 0
+        self._camera = Camera(self.batch, render_mode)
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what `agent` may see: always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what `agent` may do: always the same object."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
+        """Begin a new race; with a seed the same one again. Options are not used."""
+        self.batch.reset(seed)
+        self._steps = 0
+        idle = self.batch.rig.idle[0]
+        self.agents = [agent for agent, k in self._numbers.items() if not idle[k]]
+        seen = self.batch.observations[0].copy()
+        infos = {
+            agent: {"reality_gap": self.batch.draws(0, self._numbers[agent])}
+            for agent in self.agents
+        }
+        return {agent: seen[self._numbers[agent]] for agent in self.agents}, infos
+
+    def step(
+        self, actions: dict[str, Any]
+    ) -> tuple[
+        dict[str, Vector],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Move the race on by one decision.
+
+        An agent without an action rolls on with its pedals and wheel at rest.
+        """
+        batch, agents = self.batch, self.agents
+        numbers = [self._numbers[agent] for agent in agents]
+        given = batch.rig.actions[0]
+        given[:] = 0.0
+        for agent, k in zip(agents, numbers, strict=True):
+            if agent in actions:
+                given[k] = actions[agent]
+        batch.step()
+        self._steps += 1
+        late = 0 < self.max_cycles <= self._steps
+        seen, terms = batch.observations[0].copy(), batch.rig.terms[0].tolist()
+        rewards, ended = batch.rewards[0].tolist(), batch.terminated[0].tolist()
+        cut = batch.truncated[0].tolist()
+        observations = {}
+        gained = {}
+        terminations = {}
+        truncations = {}
+        infos: dict[str, dict[str, Any]] = {}
+        left = []
+        for agent, k in zip(agents, numbers, strict=True):
+            observations[agent] = seen[k]
+            gained[agent] = rewards[k]
+            terminations[agent] = is_over = bool(ended[k])
+            truncations[agent] = is_cut = not is_over and (late or bool(cut[k]))
+            infos[agent] = {"reward_terms": dict(zip(_TERMS, terms[k], strict=True))}
+            if is_over or is_cut:
+                infos[agent]["episode"] = batch.episode_of(0, k)
+            else:
+                left.append(agent)
+        self.agents = left
+        return observations, gained, terminations, truncations, infos
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the race as a picture (`rgb_array`), or show it in a window (`human`)."""
+        return self._camera.shoot()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._camera.close()
+        self.batch.close()
+
+    def state(self) -> Vector:
+        """Return the observations of all karts, one behind the other."""
+        return self.batch.observations[0].ravel().copy()
+
+
+def parallel_env(**options: Any) -> KartRace:
+    """Return a race as a PettingZoo parallel environment; options as for `KartRace`."""
+    return KartRace(**options)
+
+
+def env(**options: Any) -> AECEnv[str, Vector, Any]:
+    """Return a race as a PettingZoo environment in which agents take turns."""
+    return parallel_to_aec(parallel_env(**options))

@@ -1,0 +1,100 @@
+"""Tasks to begin with: a race among all, a race among scripted karts, a time trial."""
+
+from dataclasses import replace
+from typing import Any
+
+from race_server.core.vehicles import vehicle_named
+from race_server.envs.batch import Task
+from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.sensors import Lidar, Radar
+from race_server.scenario.track.load import load_course
+
+TRACK = "covapsy-train-2023"
+# For learning there is no countdown, and who stands or drives backwards is out after a while.
+LEARNING_RULES = Rules(
+    laps=3,
+    standing_start=True,
+    countdown_s=0.0,
+    stuck_s=0.0,
+    stopped_limit_s=5.0,
+    limit_s=300.0,
+)
+
+
+def scenario_on(
+    track: str = TRACK,
+    *,
+    karts: int = 8,
+    vehicle: str = "tt02",
+    rules: Rules = LEARNING_RULES,
+    lidar: Lidar | None = None,
+    radar: Radar | None = None,
+) -> Scenario:
+    """Return a scenario for learning, with the sensors of a live race unless others are given.
+
+    They give ten scans a second, so every other decision sees the scan of the decision before:
+    what is learned on them meets the same in a race.
+
+    Raises:
+        TrackError, VehicleError: one of them does not exist.
+    """
+    return Scenario(
+        load_course(track),
+        karts=karts,
+        vehicles=(vehicle_named(vehicle),),
+        rules=rules,
+        lidar=lidar or Lidar(),
+        radar=radar or Radar(),
+    )
+
+
+def race_task(
+    track: str = TRACK,
+    *,
+    karts: int = 8,
+    vehicle: str = "tt02",
+    lidar: Lidar | None = None,
+    radar: Radar | None = None,
+    **options: Any,
+) -> Task:
+    """Return a race of three laps in which all karts learn; options as for `Task`."""
+    scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar, radar=radar)
+    return Task((scenario,), **{"reward": "race", **options})
+
+
+def mixed_task(
+    track: str = TRACK,
+    *,
+    karts: int = 8,
+    learners: int = 1,
+    vehicle: str = "tt02",
+    lidar: Lidar | None = None,
+    **options: Any,
+) -> Task:
+    """Return a race of `learners` among scripted karts; options as for `Task`."""
+    defaults: dict[str, Any] = {
+        "reward": "race",
+        "learners": learners,
+        "opponents": ("avoider", "pure_pursuit", "follow_gap"),
+    }
+    scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar)
+    return Task((scenario,), **{**defaults, **options})
+
+
+def time_trial_task(
+    track: str = TRACK, *, vehicle: str = "tt02", lidar: Lidar | None = None, **options: Any
+) -> Task:
+    """Return one kart alone against the clock, from a random place; options as for `Task`.
+
+    A touch of a wall is a crash and ends the episode; so do 60 s.
+    """
+    rules = replace(
+        LEARNING_RULES, laps=0, standing_start=False, items=False, wall_contact="retire"
+    )
+    defaults: dict[str, Any] = {
+        "observation": ("lidar", "lidar_before", "speed", "steering"),
+        "random_start": True,
+        "most_steps": 1200,
+    }
+    scenario = scenario_on(track, karts=1, vehicle=vehicle, rules=rules, lidar=lidar)
+    return Task((scenario,), **{**defaults, **options})

@@ -1,0 +1,156 @@
+"""Stable-Baselines3's vector environment on a batch; needs the extra `train`."""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from race_server.envs.batch import Batch, Curriculum, Task
+from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.vector import after_an_episode
+
+Array = NDArray[Any]
+
+
+class KartVecEnv(VecEnv):
+    """W races of L learning karts as W · L environments.
+
+    Each kart gets its `done` at its own step, with `terminal_observation`,
+    `TimeLimit.truncated`, and an `episode` in the manner of SB3's Monitor that also tells lap
+    times. Alone in its race a kart begins a new one then; among others it comes back into it.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        *,
+        worlds: int = 1,
+        seed: int = 0,
+        threads: int = 1,
+        curriculum: Curriculum | None = None,
+    ) -> None:
+        """Build the batch.
+
+        curriculum: asked before races begin and whenever episodes have ended, with the number of
+        decisions so far and what is told of those episodes, for the weights of the task's
+        scenarios; None keeps them.
+
+        Raises:
+            ScenarioError, DriverError: the task makes no race.
+        """
+        learners = Batch.count_learners(task)
+        self.batch = Batch(
+            task, worlds=worlds, seed=seed, after=after_an_episode(learners), threads=threads
+        )
+        super().__init__(
+            worlds * learners, observation_space(self.batch.layout), action_space(task.action)
+        )
+        self.curriculum = curriculum
+        self._decisions = 0
+        self._begun = time.monotonic()
+        self._actions: Array = np.zeros(0)
+
+    def reset(self) -> Array:
+        """Begin new races and return what all karts see, shape (n, size)."""
+        self._ask([])
+        self.batch.reset(self._seeds[0])
+        self._reset_seeds()
+        return self._seen()
+
+    def change(self, task: Task, seed: int) -> None:
+        """Race another task with as many learning karts from now on; `reset` comes next.
+
+        How often each scenario is drawn stays as it was, where there are as many.
+        """
+        before = self.batch
+        self.batch = Batch(
+            task,
+            worlds=before.worlds,
+            seed=seed,
+            after=after_an_episode(before.learners),
+            threads=before.threads,
+        )
+        if self.batch.rig.odds.shape == before.rig.odds.shape:
+            self.batch.rig.odds[:] = before.rig.odds
+        before.close()
+
+    def step_async(self, actions: Array) -> None:
+        """Take the actions of all karts, shape (n, A)."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
+        """Move every race on by one decision."""
+        batch = self.batch
+        batch.step(self._actions)
+        self._decisions += self.num_envs
+        cut = batch.truncated.ravel()
+        dones = (batch.terminated.ravel() | cut).astype(np.bool_)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        ended = np.flatnonzero(dones)
+        for number in ended:
+            infos[number] = self._last_words(int(number), truncated=bool(cut[number]))
+        if len(ended):
+            self._ask([infos[number]["episode"] for number in ended])
+        return self._seen(), batch.rewards.ravel().copy(), dones, infos
+
+    def _ask(self, episodes: Sequence[dict[str, Any]]) -> None:
+        """Let the curriculum say how often each scenario is drawn from now on."""
+        if self.curriculum is None:
+            return
+        weights = self.curriculum(self._decisions, episodes)
+        if weights is not None:
+            self.batch.set_odds(weights)
+
+    def _seen(self) -> Array:
+        # SB3 stores the observation before the step after the step: it needs its own copy.
+        return self.batch.observations.reshape(self.num_envs, -1).copy()
+
+    def _last_words(self, number: int, *, truncated: bool) -> dict[str, Any]:
+        w, k = divmod(number, self.batch.learners)
+        episode = self.batch.episode_of(w, k)
+        episode["t"] = round(time.monotonic() - self._begun, 6)
+        return {
+            "terminal_observation": self.batch.terminal[w, k].copy(),
+            "TimeLimit.truncated": truncated,
+            "episode": episode,
+        }
+
+    def close(self) -> None:
+        """Let the batch's threads go."""
+        self.batch.close()
+
+    # What SB3 asks of the environments behind a vector environment
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of this object, once for each environment asked for."""
+        return [getattr(self, attr_name)] * len(self._numbers(indices))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of this object."""
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of this object, once for each environment asked for."""
+        method = getattr(self, method_name)
+        return [method(*method_args, **method_kwargs) for _ in self._numbers(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Return False for each: nothing is wrapped; episodes are monitored all the same."""
+        return [False] * len(self._numbers(indices))
+
+    def _numbers(self, indices: Any) -> Sequence[int]:
+        return list(self._get_indices(indices))
+
+    @property
+    def render_mode(self) -> None:
+        """There is no picture of hundreds of races."""
+        return None
+
+    @render_mode.setter
+    def render_mode(self, value: Any) -> None:
+        pass

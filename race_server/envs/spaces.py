@@ -1,0 +1,46 @@
+"""Spaces: what a learning kart may see and do, in the terms of Gymnasium."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from race_server.core.observation import Layout
+from race_server.envs.actions import (
+    CONTINUOUS,
+    CONTROL,
+    INCREMENTS,
+    RESIDUAL,
+    RISING,
+    action_kind,
+    discrete_table,
+)
+
+
+def observation_space(layout: Layout) -> spaces.Box:
+    """Return the space of an observation: its parts in SI units, one behind the other."""
+    return spaces.Box(layout.lows(), layout.highs(), dtype=np.float32)
+
+
+def action_space(action: str) -> spaces.Space[Any]:
+    """Return the space of a kind of action, see `envs/actions.py`.
+
+    continuous: drive [-1, 1] (brake below zero), steering [-1, 1] (left positive), item above
+    0.5. report_b: increments of speed [0, 1] and steering [-1, 1]. increments: the same, of speed
+    [-1, 1] too. discrete: 3 pedals by 5 angles.
+    control: what a driver sends, steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons 0 to 3.
+    residual: advice to a scripted driver, each [-1, 1]: aside (left positive), faster, item, and,
+    above zero alone, faster where no bend forbids it, closer to the kart ahead, fetch a box.
+    """
+    kind = action_kind(action)
+    if kind == RESIDUAL:
+        return spaces.Box(-np.ones(6, np.float32), np.ones(6, np.float32))
+    if kind == CONTINUOUS:
+        return spaces.Box(np.array([-1, -1, 0], np.float32), np.ones(3, np.float32))
+    if kind in (RISING, INCREMENTS):
+        lows = np.array([0 if kind == RISING else -1, -1], np.float32)
+        return spaces.Box(lows, np.ones(2, np.float32))
+    if kind == CONTROL:
+        highs = np.array([1, 1, 1, 3], np.float32)
+        return spaces.Box(np.array([-1, -1, 0, 0], np.float32), highs)
+    return spaces.Discrete(len(discrete_table()))

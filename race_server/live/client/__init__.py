@@ -1,0 +1,1 @@
+"""Everything that connects to a running server: drivers, spectators, stewards, bridges."""

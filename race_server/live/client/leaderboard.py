@@ -1,0 +1,144 @@
+"""The leaderboard and the table of results, as people read them in a terminal."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.table import Table
+from rich.text import Text
+
+from race_server.core.clock import lap_text, seconds_of
+from race_server.core.messages import (
+    Doubt,
+    Event,
+    EventKind,
+    Flag,
+    Phase,
+    Retirement,
+    Standing,
+    Status,
+    Trust,
+)
+
+_STATUS = {
+    Status.ABSENT: "absent",
+    Status.RACING: "racing",
+    Status.FINISHED: "home",
+    Status.RETIRED: "out",
+}
+_FLAG_STYLE = {Flag.GREEN: "green", Flag.YELLOW: "yellow", Flag.RED: "red"}
+_MEDALS = {1: "bold yellow", 2: "bold white", 3: "bold dark_orange3"}
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What stands above the table."""
+
+    session: str
+    course: str
+    laps: int
+    phase: Phase = Phase.LOBBY
+    flag: Flag = Flag.GREEN
+    race_s: float = 0.0
+
+    def text(self) -> Text:
+        """Return the headline as one line."""
+        line = Text.assemble((self.session, "bold"), "  ", self.course, f"  {self.laps} laps  ")
+        line.append(self.phase.name.lower(), style="bold cyan")
+        if self.phase in {Phase.COUNTDOWN, Phase.RUNNING}:
+            line.append(f"  {self.race_s:7.1f} s")
+        line.append("  ●", style=_FLAG_STYLE[self.flag])
+        return line
+
+
+def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
+    """Return the standings of a race that is going on, or is over."""
+    table = Table(
+        title=headline.text(),
+        title_justify="left",
+        header_style="dim underline",
+        box=None,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    for name in ("", "driver"):
+        table.add_column(name, no_wrap=True)
+    for name in ("laps", "last", "best", "time", "gap", "pen.", "items"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("status", no_wrap=True)
+    best = min((row.best_lap_us for row in standings if row.best_lap_us), default=0)
+    for row in standings:
+        fastest = "bold magenta" if row.best_lap_us and row.best_lap_us == best else ""
+        table.add_row(
+            Text(str(row.rank), style=_MEDALS.get(row.rank, "")),
+            f"{row.driver} {row.seat}",
+            str(row.laps),
+            lap_text(row.last_lap_us),
+            Text(lap_text(row.best_lap_us), style=fastest),
+            lap_text(row.race_time_us),
+            _gap(row),
+            _penalties(row),
+            str(row.items_used),
+            _STATUS[row.status],
+        )
+    return table
+
+
+def _gap(row: Standing) -> str:
+    return f"+{seconds_of(row.gap_us):.3f}" if row.gap_us > 0 else ""
+
+
+def _penalties(row: Standing) -> str:
+    return f"+{seconds_of(row.penalty_us):g} s" if row.penalties else "–"
+
+
+def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
+    """Return an event as a short sentence; an empty string for what is not worth telling.
+
+    names: of the drivers by seat; items: names of the items by number - 1.
+    """
+    who = _name(event.kart, names)
+    other = _name(event.other, names)
+    sentences = {
+        EventKind.GREEN: "lights out",
+        EventKind.LAP: f"{who}: lap {event.other} in {lap_text(event.value)}",
+        EventKind.FINISH: f"{who} finishes",
+        EventKind.RETIRED: f"{who} is out ({_reason(event.other)})",
+        EventKind.PICK_UP: f"{who} picks up {_item(event.other, items)}",
+        EventKind.USE: f"{who} uses {_item(event.other, items)}",
+        EventKind.HIT: f"{who} is hit by {_item(event.value, items)} of {other}",
+        EventKind.BLOCKED_HIT: f"{who} takes {_item(event.value, items)} of {other} unharmed",
+        EventKind.CONTACT_KART: f"{who} and {other} touch",
+        EventKind.FALSE_START: f"{who} starts before the lights",
+        EventKind.SHORT_CUT: f"{who} misses gate {event.other}",
+        EventKind.WRONG_WAY: f"{who} drives the wrong way" if event.value else "",
+        EventKind.OFF_TRACK: f"{who} leaves the track" if event.value else "",
+        EventKind.STUCK: f"{who} is stuck",
+        EventKind.RESCUED: f"{who} is put back on the line",
+        EventKind.PENALTY: f"{who}: {seconds_of(event.value):g} s penalty",
+        EventKind.RACE_OVER: "the race is over",
+        EventKind.WARNING: f"{who} is warned for driving into {other}",
+    }
+    if event.kind is EventKind.FLAG:
+        around = f" around {who}" if event.kart >= 0 else ""
+        return f"{Flag(event.other).name.lower()} flag{around}"
+    if event.kind is EventKind.POSE:
+        return f"{who} is {_pose(event)}"
+    return sentences.get(event.kind, "")
+
+
+def _name(kart: int, names: Sequence[str]) -> str:
+    return names[kart] if 0 <= kart < len(names) else "nobody"
+
+
+def _item(number: int, items: Sequence[str]) -> str:
+    return items[number - 1] if 1 <= number <= len(items) else f"item {number}"
+
+
+def _pose(event: Event) -> str:
+    why = f" ({Doubt(event.value).name.lower().replace('_', ' ')})" if event.value else ""
+    return f"{Trust(event.other).name.lower()}{why}"
+
+
+def _reason(reason: int) -> str:
+    known = {int(value): value.name.lower().replace("_", " ") for value in Retirement}
+    return known.get(reason, "unknown")

@@ -1,0 +1,291 @@
+"""A race on a live server as a PettingZoo parallel environment: some of its karts are ours."""
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property, partial
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from race_server.core.messages import EventKind
+from race_server.core.observation import PRESETS, layout_of
+from race_server.core.state import Floats
+from race_server.envs.actions import RESIDUAL, action_kind
+from race_server.envs.rewards import TERMS, reward_weights
+from race_server.envs.spaces import action_space, observation_space
+from race_server.errors import LinkError, ScenarioError, SeatError
+from race_server.live.client.remote_kart import News, RemoteKart
+from race_server.live.client.seat import SILENCE_S, Seat, insist, take_seat
+from race_server.net.transport import ClientLink
+from race_server.net.wire import topics
+from race_server.net.wire.lobby import Join, decode_course
+
+Vector = NDArray[np.float32]
+_TERMS = tuple(TERMS)
+# Parts that a term is worked out from, where not every preset has them.
+_NEEDS = {"progress": "progress", "range": "lidar", "report_b": "lidar", "lead": "all karts"}
+# Seats are listened to in turn, each for so long.
+POLL_S = 0.05
+# A lobby is told again that we are ready as often as this: it forgets with every race.
+READY_S = 0.25
+
+
+class RemoteRace(ParallelEnv[str, Vector, Any]):
+    """The race of a server in lock-step; agents are `kart_0` … of those that are driven here.
+
+    Who is through leaves `agents`: terminated when its race is over, truncated when time ran out
+    or the server no longer knows its seat. Observations, actions and reward terms mean what they
+    mean in `KartRace`. The seats are held from the first `reset` until `close`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "remote_race_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
+    render_mode = None
+
+    def __init__(
+        self,
+        address: str,
+        session: str = "race",
+        *,
+        karts: int = 1,
+        seats: Sequence[int] = (),
+        observation: str = "track",
+        reward: str | Mapping[str, float] = "progress",
+        action: str = "continuous",
+        timeout_s: float = 20.0,
+    ) -> None:
+        """Prepare to join; nobody is called before the first `reset`.
+
+        seats: the seats wanted, one for each kart; without them the server chooses.
+
+        Raises:
+            ScenarioError: an observation, a reward or an action that a live race cannot give.
+        """
+        if observation not in PRESETS:
+            known = ", ".join(PRESETS)
+            raise ScenarioError(f"observation {observation!r}: a server gives one of {known}")
+        if karts < 1 or (seats and len(seats) != karts):
+            raise ScenarioError(f"{len(seats)} seats for {karts} karts: name one for each, or none")
+        self.address, self.session, self.timeout_s = address, session, timeout_s
+        self.possible_agents = [f"kart_{k}" for k in range(karts)]
+        self.agents: list[str] = []
+        self.action_spaces: dict[str, spaces.Space[Any]] = {
+            agent: action_space(action) for agent in self.possible_agents
+        }
+        self._wanted = tuple(seats) or (-1,) * karts
+        self._preset = observation
+        self._weights = reward_weights(reward)
+        self._terms = _known_terms(observation, self._weights)
+        self._action = action_kind(action)
+        if self._action == RESIDUAL:
+            raise ScenarioError(
+                "action 'residual' advises a driver inside the world, and a live race has none "
+                "there: choose another, or drive `learned:NAME`"
+            )
+        self._link: ClientLink | None = None
+        self._karts: dict[str, RemoteKart] = {}
+
+    @cached_property
+    def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
+        """What each agent may see. How many rays a lidar has is asked of the server."""
+        rays = 0
+        if "lidar" in PRESETS[self._preset]:
+            self._take_seats()
+            rays = self._karts[self.possible_agents[0]].seat.welcome.lidar_rays
+        layout = layout_of(self._preset, rays)
+        return {agent: observation_space(layout) for agent in self.possible_agents}
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what `agent` may see: always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what `agent` may do: always the same object."""
+        return self.action_spaces[agent]
+
+    # The race
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
+        """Wait for the next race of the server and return what is seen at its start.
+
+        The seed is ignored: the server owns it. Options are not used. Karts that still race
+        withdraw. A lobby may wait for other drivers, so this waits as long as the server answers.
+
+        Raises:
+            LinkError: no server, or it does not answer for `timeout_s`.
+            SeatError: no seat.
+        """
+        self._take_seats()
+        for agent in self.agents:
+            with suppress(LinkError, SeatError):
+                self._karts[agent].seat.act(topics.LEAVE)
+        self.agents = []
+        self._wait_for_start()
+        self.agents = list(self.possible_agents)
+        karts = self._karts
+        self._news.begin(max(kart.epoch for kart in karts.values()))
+        seen = {agent: kart.seen.values.copy() for agent, kart in karts.items()}
+        return seen, {agent: kart.info() for agent, kart in karts.items()}
+
+    def step(
+        self, actions: dict[str, Any]
+    ) -> tuple[
+        dict[str, Vector],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Send every agent's control and wait until all see what came of it.
+
+        An agent without an action rolls on with its pedals and wheel at rest.
+
+        Raises:
+            LinkError: no agent hears from the server for `timeout_s`.
+        """
+        karts = {agent: self._karts[agent] for agent in self.agents}
+        for agent, kart in karts.items():
+            kart.answer(self._action, actions.get(agent, 0.0))
+        lost = self._hear_all()
+        self._catch_up(lost)
+        rewards, infos = {}, {}
+        for agent, kart in karts.items():
+            terms = kart.measure(self._length)
+            rewards[agent] = float(self._weights @ terms)
+            named = {name: float(terms[place]) for name, place in self._terms.items()}
+            infos[agent] = {**kart.info(), "reward_terms": named}
+        seen = {agent: kart.seen.values.copy() for agent, kart in karts.items()}
+        cut = {agent: agent in lost or kart.is_late for agent, kart in karts.items()}
+        over = {agent: kart.is_through and not cut[agent] for agent, kart in karts.items()}
+        self.agents = [agent for agent in karts if not over[agent] and not cut[agent]]
+        return seen, rewards, over, cut, infos
+
+    def close(self) -> None:
+        """Leave the seats and hang up; a race that runs goes on without these karts."""
+        link, self._link = self._link, None
+        karts, self._karts = self._karts, {}
+        self.agents = []
+        if link is None:
+            return
+        with link, suppress(LinkError):
+            for kart in karts.values():
+                with suppress(SeatError):
+                    kart.seat.act(topics.LEAVE)
+
+    # The server
+
+    def _take_seats(self) -> None:
+        """Take all seats, unless they are held."""
+        if self._link is not None:
+            return
+        deadline = time.monotonic() + self.timeout_s
+        self._link = link = ClientLink(self.address, self.session, timeout_s=self.timeout_s)
+        try:
+            for agent, wanted in zip(self.possible_agents, self._wanted, strict=True):
+                join = Join(f"remote {agent}", self._preset, wanted)
+                self._karts[agent] = RemoteKart(insist(partial(take_seat, link, join), deadline))
+            sheet = decode_course(insist(partial(link.ask, topics.COURSE), deadline))
+        except Exception:
+            self.close()
+            raise
+        self._length = sheet.spacing * len(sheet.line)
+        self._news = News(link)
+
+    def _wait_for_start(self) -> None:
+        waiting = dict(self._karts)
+        again = 0.0
+        while waiting:
+            if time.monotonic() > again:
+                self._get_ready()
+                again = time.monotonic() + READY_S
+            for agent, kart in tuple(waiting.items()):
+                if kart.begin(POLL_S):
+                    del waiting[agent]
+
+    def _get_ready(self) -> None:
+        """Ask for all seats, then say that all are ready: a race needs all who sit there."""
+        deadline = time.monotonic() + self.timeout_s
+        for kart in self._karts.values():
+            # A server that was started anew counts its races anew.
+            kart.epoch = min(kart.epoch, insist(kart.seat.come_back, deadline).epoch)
+        for kart in self._karts.values():
+            insist(partial(kart.seat.act, topics.READY), deadline)
+
+    def _hear_all(self) -> set[str]:
+        """Wait until every agent sees a later tick; return those whose seat is lost."""
+        waiting = {agent: self._karts[agent] for agent in self.agents}
+        lost: set[str] = set()
+        last = asked = time.monotonic()
+        while waiting:
+            for agent, kart in tuple(waiting.items()):
+                if kart.hear(POLL_S):
+                    del waiting[agent]
+                    last = asked = time.monotonic()
+            now = time.monotonic()
+            if waiting and now - last > self.timeout_s:
+                if len(waiting) == len(self.agents):
+                    raise LinkError(
+                        f"no observation for {self.timeout_s:g} s: the server at {self.address} "
+                        "has gone, or waits for another driver"
+                    )
+                return lost | set(waiting)
+            if now - asked > SILENCE_S:
+                refused = {agent for agent, kart in waiting.items() if _is_refused(kart.seat)}
+                waiting = {agent: waiting[agent] for agent in waiting if agent not in refused}
+                lost |= refused
+                asked = time.monotonic()
+        return lost
+
+    def _catch_up(self, lost: set[str]) -> None:
+        """Hear all that has happened so far: no reward may depend on which message came first."""
+        karts = [self._karts[agent] for agent in self.agents if agent not in lost]
+        through = {kart.seat.number for kart in karts if kart.is_through}
+        if len(through) < len(karts):
+            with suppress(LinkError):  # the next step will tell
+                self._news.put(karts[0].seat.link.ask(topics.RECENT))
+        # A race that is over answers no more, but everybody is told how it ended.
+        for event in self._news.take(through):
+            met = {event.kart, event.other if event.kind is EventKind.CONTACT_KART else -1}
+            for kart in self._karts.values():
+                if kart.seat.number in met:
+                    kart.events.append(event)
+
+
+def _known_terms(preset: str, weights: Floats) -> dict[str, int]:
+    """Return the terms that an observation lets us know, with their places.
+
+    Raises:
+        ScenarioError: another one has a weight.
+    """
+    known = {}
+    for place, name in enumerate(_TERMS):
+        part = _NEEDS.get(name)
+        if part is None or part in PRESETS[preset]:
+            known[name] = place
+        elif weights[place] != 0.0:
+            able = ", ".join(other for other, parts in PRESETS.items() if part in parts)
+            choice = f"choose one of {able}, or another reward" if able else "choose another reward"
+            raise ScenarioError(
+                f"reward term {name!r} cannot be known from observation {preset!r}: {choice}"
+            )
+    return known
+
+
+def _is_refused(seat: Seat) -> bool:
+    """Ask for a silent seat again; True if the server no longer knows it as ours."""
+    try:
+        seat.come_back()
+    except SeatError:
+        return True
+    except LinkError:
+        return False  # still away: zenoh goes on trying to connect
+    return False

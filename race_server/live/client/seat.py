@@ -1,0 +1,139 @@
+"""A seat as its driver holds it: taken, made ready, heard, answered, asked for again, left."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+from race_server.core.messages import Control
+from race_server.core.observation import Layout, layout_of
+from race_server.credentials import badge_of
+from race_server.errors import LinkError, WireError
+from race_server.net.transport import ClientLink, Mailbox
+from race_server.net.wire import topics
+from race_server.net.wire.drive import (
+    ControlFrame,
+    ObservationFrame,
+    decode_observation,
+    encode_control,
+)
+from race_server.net.wire.lobby import (
+    Join,
+    SeatAct,
+    Welcome,
+    check_reply,
+    decode_welcome,
+    encode_join,
+    encode_seat_act,
+    new_serial,
+)
+
+Answer = TypeVar("Answer")
+
+# Without an observation for so long the server is asked whether it is still there.
+SILENCE_S = 3.0
+
+
+@dataclass
+class Seat:
+    """What a driver holds while it takes part."""
+
+    welcome: Welcome
+    mailbox: Mailbox
+    link: ClientLink
+    request: Join  # asks for this very seat again
+    send: Callable[[bytes], None]  # a control, as a message; of a real kart a pose
+
+    @property
+    def number(self) -> int:
+        """The seat's number."""
+        return self.welcome.briefing.seat
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where each part of this seat's observation lies."""
+        return layout_of(self.welcome.briefing.preset, self.welcome.lidar_rays)
+
+    def hear(self, timeout_s: float) -> ObservationFrame | None:
+        """Return the newest observation, or None if no whole one comes within `timeout_s`.
+
+        Raises:
+            WireError: it is of another size than was agreed on.
+        """
+        data = self.mailbox.take(timeout_s)
+        try:
+            frame = decode_observation(data) if data is not None else None
+        except WireError:
+            return None  # the next one comes in 50 ms
+        if frame is not None and len(frame.values) != self.layout.size:
+            raise WireError(
+                f"observation of {len(frame.values)} numbers, expected {self.layout.size}: "
+                "server and client are of different versions"
+            )
+        return frame
+
+    def answer(self, epoch: int, sequence: int, tick: int, control: Control) -> None:
+        """Send a control that answers the observation of a tick."""
+        self.send(encode_control(ControlFrame(epoch, sequence, tick, _within(control))))
+
+    def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
+        """Tell the server that this seat is ready, or leaves."""
+        request = SeatAct(self.number, self.welcome.secret, ready)
+        check_reply(self.link.ask(topic, encode_seat_act(request), self.number))
+
+    def come_back(self) -> Welcome:
+        """Ask for the seat again and return the welcome as it is now.
+
+        Raises:
+            SeatError: it is no longer this driver's.
+            LinkError: no answer; zenoh goes on trying to connect.
+        """
+        request = replace(self.request, serial=new_serial())
+        return decode_welcome(self.link.ask(topics.JOIN, encode_join(request), self.number))
+
+
+def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> Seat:
+    """Return a seat in the session; the same request again gives the same seat.
+
+    mailbox: of a seat that the driver has on another link, to go on listening there.
+
+    Raises:
+        SeatError: the server refuses, with its reason.
+        LinkError: no answer.
+    """
+    join = replace(join, serial=new_serial())
+    welcome = decode_welcome(link.ask(topics.JOIN, encode_join(join), join.wanted))
+    number = welcome.briefing.seat
+    request = replace(join, wanted=number, secret=welcome.secret)
+    badge = badge_of(welcome.secret)
+    topic = topics.POSE if join.tracked else topics.CONTROL
+    seat = Seat(welcome, mailbox or Mailbox(), link, request, link.sender(number, badge, topic))
+    link.listen(topics.OBSERVATION, seat.mailbox.put, number)
+    link.announce(number, badge)
+    return seat
+
+
+def insist(ask: Callable[[], Answer], deadline: float) -> Answer:
+    """Ask until there is an answer; a server that is still getting ready may take its time.
+
+    Raises:
+        LinkError: none until the deadline, a time of `time.monotonic`.
+    """
+    while True:
+        try:
+            return ask()
+        except LinkError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+
+
+def _within(control: Control) -> Control:
+    """Return a control within its limits, so that the server takes it."""
+    return Control(
+        min(max(float(control.steering), -1.0), 1.0),
+        min(max(float(control.throttle), -1.0), 1.0),
+        min(max(float(control.brake), 0.0), 1.0),
+        control.buttons,
+    )

@@ -1,0 +1,139 @@
+"""The recordings that browsers may open: those in one folder, by name, and no other file."""
+
+import json
+import threading
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Event
+from race_server.errors import GatewayError, RecordingError, WireError
+from race_server.net.wire.spectate import decode_events
+from race_server.storage.recording.seekable import Tape
+
+ENDING = ".mcap"
+# A race that is being driven, and one that is taken up: not yet a recording.
+_NOT_YET = (".journal.mcap", ".part.mcap")
+# The newest so many are listed, and of so many all events are kept.
+MOST_LISTED, MOST_KEPT = 100, 4
+
+Stamp = tuple[str, int, int]  # name, time of the last change [ns], size
+
+
+@dataclass(frozen=True)
+class Title:
+    """One line of the list of recordings."""
+
+    name: str
+    course: str
+    started: str  # UTC, ISO 8601
+    seconds: float
+    karts: int
+    finished: bool
+
+
+class Library:
+    """The recordings of a folder. Its methods read files: call them from the pool."""
+
+    def __init__(self, folder: Path | None) -> None:
+        """Look at a folder, or at none."""
+        self._folder = folder
+        self._titles: dict[Stamp, Title | None] = {}
+        self._events: dict[Stamp, list[Event]] = {}
+        self._lock = threading.Lock()
+
+    def titles(self) -> list[dict[str, Any]]:
+        """Return the newest recordings, newest first."""
+        files = sorted(self._files().items(), key=lambda file: file[1][1], reverse=True)
+        with self._lock:
+            found = [self._title(path, stamp) for path, stamp in files[:MOST_LISTED]]
+        return [asdict(title) for title in found if title is not None]
+
+    def open(self, name: str) -> tuple[Tape, list[Event]]:
+        """Return a recording and all events of its race.
+
+        Raises:
+            GatewayError: no recording has that name, or it cannot be read.
+        """
+        # A name is looked for among those that are there, never put into a path.
+        for path, stamp in self._files().items():
+            if path.name.removesuffix(ENDING) == name:
+                try:
+                    tape = Tape(path)
+                except RecordingError as error:
+                    raise GatewayError("no-recording", str(error)) from error
+                return tape, self._events_of(stamp, tape)
+        raise GatewayError(
+            "no-recording", f"no recording is called {name[:80]!r}; choose one from the list"
+        )
+
+    def _files(self) -> dict[Path, Stamp]:
+        if self._folder is None:
+            return {}
+        try:
+            paths = list(self._folder.iterdir())
+        except OSError:
+            return {}
+        stamps = {path: _stamp(path) for path in paths if _is_recording(path)}
+        return {path: stamp for path, stamp in stamps.items() if stamp is not None}
+
+    def _title(self, path: Path, stamp: Stamp) -> Title | None:
+        if stamp not in self._titles:
+            self._titles[stamp] = _title_of(path)
+        return self._titles[stamp]
+
+    def _events_of(self, stamp: Stamp, tape: Tape) -> list[Event]:
+        with self._lock:
+            if stamp not in self._events:
+                while len(self._events) >= MOST_KEPT:
+                    del self._events[next(iter(self._events))]
+                self._events[stamp] = _all_events(tape)
+            return self._events[stamp]
+
+
+def _is_recording(path: Path) -> bool:
+    has_name = path.name.endswith(ENDING) and not path.name.endswith(_NOT_YET)
+    return has_name and not path.is_symlink() and path.is_file()
+
+
+def _stamp(path: Path) -> Stamp | None:
+    """Return what tells a file from an earlier one of its name, None where it has just gone."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return path.name, about.st_mtime_ns, about.st_size
+
+
+def _title_of(path: Path) -> Title | None:
+    """Return the line of a recording, None for a file that is none."""
+    try:
+        tape = Tape(path)
+    except RecordingError:
+        return None
+    try:
+        return Title(
+            name=path.name.removesuffix(ENDING),
+            course=str(json.loads(tape.start.setting)["course"]["name"]),
+            started=tape.start.started_at,
+            seconds=round(tape.last_tick / TICKS_PER_SECOND, 1),
+            karts=len(tape.start.seats),
+            finished=tape.is_finished(),
+        )
+    except (ValueError, KeyError, TypeError, WireError):
+        return None
+    finally:
+        tape.close()
+
+
+def _all_events(tape: Tape) -> list[Event]:
+    """Return all events of a recording, each once; damaged messages are left out."""
+    events: dict[int, Event] = {}
+    for moment in tape.all_events():
+        try:
+            _, told = decode_events(moment.data)
+        except WireError:
+            continue
+        events.update((event.sequence, event) for event in told)
+    return sorted(events.values(), key=lambda event: event.sequence)

@@ -1,0 +1,120 @@
+"""The rays of a kart's sensors as they would be without noise, for who watches.
+
+Spectators are not told what karts see: it is worked out here, from where everything is, in plain
+numpy, so that no compiler has to be loaded. A test holds it to what the sensors of the race give.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core import codes
+from race_server.core.state import RADAR_RAYS
+from race_server.net.wire.lobby import CourseSheet
+from race_server.net.wire.rays import RaysFrame
+from race_server.net.wire.spectate import SnapshotFrame
+from race_server.scenario.sensors import Lidar, Radar
+from race_server.scenario.track.polyline import corners_of_box, segments_of
+from race_server.scenario.track.raycast import are_near, first_met
+
+Floats = NDArray[np.float64]
+# Bit of a kart's flags in a snapshot: parked out of the race, so nobody sees it.
+PARKED = 1 << 6
+
+
+@dataclass(frozen=True)
+class Things:
+    """All that rays may hit: P segments and D discs."""
+
+    segments: Floats  # (P, 4) [m]
+    kinds: NDArray[np.uint8]  # (P,) see `race_server.core.codes`
+    discs: Floats  # (D, 3) x, y, radius [m]
+
+
+class Caster:
+    """Casts the rays of karts on one course."""
+
+    def __init__(self, course: CourseSheet, lidar: Lidar | None = None, radar: Radar | None = None):
+        """Keep what never moves."""
+        self._course, self._lidar, self._radar = course, lidar or Lidar(), radar or Radar()
+        boxes = course.obstacles
+        outlines = [segments_of(corners_of_box(*box)) for box in boxes]
+        self._walls = np.concatenate([course.borders, *outlines])
+        count = len(self._walls) - len(course.borders)
+        self._kinds = np.repeat(
+            np.array([codes.BORDER, codes.OBSTACLE], np.uint8), [len(course.borders), count]
+        )
+
+    def cast(self, frame: SnapshotFrame, seat: int) -> RaysFrame | None:
+        """Return what the kart of a seat would see, None where it is not on the track."""
+        own = frame.karts[frame.karts["seat"] == seat]
+        if not len(own):
+            return None
+        x, y, heading = (float(own[name][0]) for name in ("x", "y", "heading"))
+        things, lidar, radar = self._things(frame, seat), self._lidar, self._radar
+        scan = np.linspace(-0.5 * lidar.field, 0.5 * lidar.field, lidar.rays)
+        angles = np.linspace(-0.5 * radar.field, 0.5 * radar.field, RADAR_RAYS)
+        ranges, _ = _cast(things, x, y, heading, lidar.ahead, scan, lidar.reach)
+        distances, kinds = _cast(things, x, y, heading, radar.ahead, angles, radar.reach)
+        return RaysFrame(
+            *(frame.tick, seat, x, y, heading, lidar.ahead, lidar.field, lidar.reach),
+            *(ranges.astype("f4"), radar.ahead, radar.reach, angles.astype("f4")),
+            *(distances.astype("f4"), kinds),
+        )
+
+    def _things(self, frame: SnapshotFrame, seat: int) -> Things:
+        karts, course = frame.karts, self._course
+        is_seen = (karts["status"] == codes.RACING) & (karts["flags"] & PARKED == 0)
+        outlines = [np.zeros((0, 4))]
+        for kart in karts[is_seen & (karts["seat"] != seat)]:
+            turn = float(kart["heading"])
+            x = float(kart["x"]) + course.kart_ahead * math.cos(turn)
+            y = float(kart["y"]) + course.kart_ahead * math.sin(turn)
+            corners = corners_of_box(x, y, turn, course.kart_length, course.kart_width)
+            outlines.append(segments_of(corners))
+        bodies = np.concatenate(outlines)
+        kinds = np.full(len(bodies), codes.KART_HIT, np.uint8)
+        discs = [frame.hazards[name].astype(float) for name in ("x", "y", "radius")]
+        return Things(
+            np.concatenate([self._walls, bodies]),
+            np.concatenate([self._kinds, kinds]),
+            np.stack(discs, axis=1),
+        )
+
+
+def _cast(
+    things: Things,
+    x: float,
+    y: float,
+    heading: float,
+    ahead: float,
+    angles: Floats,
+    reach: float,
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Return range [m] and kind of what each ray of a fan hits first.
+
+    ahead: where the sensor is, of (x, y) along the heading [m]; angles: (R,) [rad] of its rays.
+    """
+    x, y = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
+    near = are_near(things.segments, x, y, reach)
+    ranges, which = first_met(things.segments[near], x, y, heading + angles, reach)
+    # The last one is for rays that meet nothing: their number is -1.
+    kinds = np.append(things.kinds[near], np.uint8(codes.NOTHING))[which]
+    ways = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
+    for disc in things.discs:
+        found = _to_disc(disc, x, y, ways)
+        hits = found < ranges
+        ranges[hits], kinds[hits] = found[hits], codes.HAZARD_HIT
+    return ranges, kinds
+
+
+def _to_disc(disc: Floats, x: float, y: float, ways: Floats) -> Floats:
+    """Return the distance [m] of each ray to a disc; infinity where none, or from inside."""
+    dx, dy = disc[0] - x, disc[1] - y
+    square, radius = dx * dx + dy * dy, disc[2]
+    ahead = ways @ np.array([dx, dy])
+    root = radius * radius - (square - ahead * ahead)
+    met = (root >= 0.0) & (ahead > 0.0) & (square > radius * radius)
+    return np.where(met, ahead - np.sqrt(np.maximum(root, 0.0)), np.inf)

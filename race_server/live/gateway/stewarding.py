@@ -1,0 +1,73 @@
+"""What a steward decides in a browser, taken to the race."""
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
+from typing import TypeVar
+
+from race_server.errors import RaceError, SeatError
+from race_server.live.client.steward import Marshal
+from race_server.net.transport import ClientLink
+
+Answer = TypeVar("Answer")
+
+# What a steward may do; see `race_server.live.server.steward`.
+ACTS = ("flag", "pause", "resume", "penalty", "kick", "close", "open", "restart")
+
+
+class Stewarding:
+    """Asks the race for what the steward of a browser wants, one thing after the other."""
+
+    def __init__(
+        self, connect: Callable[[], ClientLink], token: Callable[[], str], pool: Executor
+    ) -> None:
+        """Get ready. connect: returns a link; token: the race's own, which a new server changes."""
+        self._connect, self._token, self._pool = connect, token, pool
+        self._turn = asyncio.Lock()
+        self._link: ClientLink | None = None
+
+    async def decide(self, act: str, seat: int, value: float, who: str) -> str:
+        """Have a decision carried out and return why not, nothing where it was."""
+        if act not in ACTS:
+            return f"a steward cannot {act!r}; choose one of {', '.join(ACTS)}"
+        try:
+            await self._ask(lambda marshal: marshal.decide(act, seat=seat, value=value), who)
+        except RaceError as error:
+            return str(error)
+        return ""
+
+    async def log(self, who: str) -> list[str]:
+        """Return what was decided, oldest first.
+
+        Raises:
+            RaceError: the race does not tell.
+        """
+        return await self._ask(Marshal.log, who)
+
+    async def close(self) -> None:
+        """End the link."""
+        async with self._turn:
+            self._drop()
+
+    async def _ask(self, ask: Callable[[Marshal], Answer], who: str) -> Answer:
+        async with self._turn:
+            work = partial(self._ask_over_link, ask, who or "steward")
+            return await asyncio.get_running_loop().run_in_executor(self._pool, work)
+
+    def _ask_over_link(self, ask: Callable[[Marshal], Answer], who: str) -> Answer:
+        """Ask; runs in the pool, one at a time."""
+        if self._link is None:
+            self._link = self._connect()
+        try:
+            return ask(Marshal(self._link, self._token(), who))
+        except SeatError:
+            raise  # the race has answered
+        except RaceError:
+            self._drop()
+            raise
+
+    def _drop(self) -> None:
+        if self._link is not None:
+            self._link.close()
+            self._link = None

@@ -1,0 +1,102 @@
+"""Drivers that drive from inside this process: seats of a session that no network fills."""
+
+from dataclasses import dataclass
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.driver import Briefing, Driver
+from race_server.core.observation import Observation
+from race_server.core.rules.items import items
+from race_server.errors import DriverError
+from race_server.net.wire.drive import ControlFrame, encode_control
+from race_server.session import Session
+from race_server.session.seats import Seat
+
+
+def briefing_for(session: Session, seat: Seat) -> Briefing:
+    """Return what the driver of a seat is told before the start."""
+    scenario = session.scenario
+    return Briefing(
+        seat=seat.number,
+        vehicle=scenario.vehicle_of(seat.number),
+        laps=scenario.rules.laps,
+        preset=seat.preset,
+        decision_s=session.decision_ticks / TICKS_PER_SECOND,
+        items=tuple(item.name for item in items()),
+        lidar_field=scenario.lidar.field,
+        lidar_reach=scenario.lidar.reach,
+    )
+
+
+@dataclass
+class _Local:
+    driver: Driver
+    sequence: int = 0
+
+
+class Paddock:
+    """The local drivers of a session, by seat."""
+
+    def __init__(self, session: Session) -> None:
+        """Begin with none."""
+        self._session = session
+        self._locals: dict[int, _Local] = {}
+
+    def __contains__(self, seat: object) -> bool:
+        return seat in self._locals
+
+    def admit(self, name: str, driver: Driver, seat: int) -> None:
+        """Give a driver a seat in the lobby, ready to race.
+
+        Raises:
+            SeatError: the seat is taken, or the driver wants an unknown observation.
+            DriverError: the driver raised.
+        """
+        taken = self._session.join(name, driver.preset, wanted=seat)
+        taken.is_ready = True
+        self._get_ready(name, driver, taken)
+
+    def _get_ready(self, name: str, driver: Driver, taken: Seat) -> None:
+        self._locals[taken.number] = _Local(driver)
+        try:
+            driver.reset(briefing_for(self._session, taken))
+        except (Exception, SystemExit) as error:
+            raise _failed(name, error) from error
+
+    def readmit(self, name: str, driver: Driver, seat: int) -> None:
+        """Give a driver a seat of its name in a race that is taken up.
+
+        Raises:
+            DriverError: the driver raised.
+        """
+        taken = self._session.seats[seat]
+        self._session.come_back(seat)
+        self._get_ready(name, driver, taken)
+
+    def answer(self, seat: int) -> bytes:
+        """Return a driver's control for what it sees now: the same bytes as over the network.
+
+        Raises:
+            DriverError: the driver raised, or what it returned is no control.
+        """
+        session, local = self._session, self._locals[seat]
+        taken = session.seats[seat]
+        layout = session.layout(taken.preset)
+        seen = Observation(session.tick, layout, session.view(seat).copy())
+        local.sequence = max(local.sequence, taken.sequence) + 1
+        try:
+            control = local.driver.act(seen)
+            frame = ControlFrame(session.epoch, local.sequence, session.tick, control)
+            return encode_control(frame)
+        except (Exception, SystemExit) as error:
+            raise _failed(taken.driver, error) from error
+
+    def clear(self) -> None:
+        """Send all local drivers away; their seats are free again."""
+        for seat in self._locals:
+            if self._session.seats[seat].is_taken:
+                self._session.leave(seat)
+        self._locals.clear()
+
+
+def _failed(name: str, error: BaseException) -> DriverError:
+    return DriverError(f"driver {name!r} raised {type(error).__name__}: {error}")

@@ -1,0 +1,217 @@
+"""What the server tells: each seat what it sees, everybody how the race stands."""
+
+import time
+from collections.abc import Container, Iterable
+
+import numpy as np
+
+from race_server.core import codes
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Doubt, Event, Flag, Trust
+from race_server.core.state import EFFECTS
+from race_server.live.server.journal import Journal
+from race_server.net.transport import ServerLink
+from race_server.net.wire import topics
+from race_server.net.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
+from race_server.net.wire.links import LINK, LinksFrame, encode_links
+from race_server.net.wire.spectate import (
+    HAZARD,
+    KART,
+    SnapshotFrame,
+    SnapshotWriter,
+    StandingsFrame,
+    encode_events,
+    encode_standings,
+)
+from race_server.session import Session
+from race_server.session.seats import Seat
+
+# What a kart must obey holds for so long; without news it then stops by itself.
+VALID_S = 0.5
+
+
+class Herald:
+    """Puts the race into messages and sends them."""
+
+    def __init__(self, session: Session, link: ServerLink) -> None:
+        """Prepare the writers."""
+        self._session = session
+        self._link = link
+        self.journal: Journal | None = None  # of the race that is on
+        self._snapshots = SnapshotWriter()
+        self._observations: dict[int, ObservationWriter] = {}
+
+    def tell_seats(self, *, but: Container[int]) -> None:
+        """Send every seat whose driver is there what it sees, and what acts on its kart."""
+        for seat in self._session.seats.taken():
+            if seat.is_present and seat.number not in but:
+                self._tell_observation(seat)
+                self._tell_hud(seat)
+
+    def repeat(self, seats: Iterable[Seat], *, but: Container[int]) -> None:
+        """Send seats whose driver is there again what they see."""
+        for seat in seats:
+            if seat.is_present and seat.number not in but:
+                self._tell_observation(seat)
+
+    def repeat_orders(self) -> None:
+        """Tell real karts again what they have not acknowledged yet."""
+        for number, tracker in self._session.fleet.trackers.items():
+            seat = self._session.seats[number]
+            if tracker.orders.is_open and seat.is_present:
+                self._tell_hud(seat)
+
+    def _tell_hud(self, seat: Seat) -> None:
+        """Send a seat what acts on its kart."""
+        self._link.publish(topics.HUD, encode_hud(hud_of(self._session, seat)), seat.number)
+
+    def _tell_observation(self, seat: Seat) -> None:
+        """Send a seat what it sees."""
+        session = self._session
+        values = session.view(seat.number)
+        writer = self._observations.get(len(values))
+        if writer is None:
+            writer = self._observations[len(values)] = ObservationWriter(len(values))
+        data = writer.write(session.epoch, session.tick, seat.sequence, seat.number, values)
+        self._link.publish(topics.OBSERVATION, data, seat.number)
+
+    def tell_watchers(self) -> None:
+        """Send the race as spectators see it now."""
+        frame = snapshot_of(self._session)
+        data = self._snapshots.write(frame)
+        self._link.publish(topics.SNAPSHOT, data)
+        if self.journal:
+            self.journal.note_snapshot(frame, data)
+
+    def tell_standings(self) -> None:
+        """Send the table, and while a race is on how its drivers are heard."""
+        data = encode_standings(standings_of(self._session))
+        self._link.publish(topics.STANDINGS, data)
+        if self.journal:
+            self.journal.note_standings(data)
+        if self._session.is_on:
+            self._link.publish(topics.LINKS, encode_links(links_of(self._session)))
+
+    def tell_events(self, events: list[Event]) -> None:
+        """Send what happened."""
+        self._link.publish(topics.EVENTS, encode_events(self._session.epoch, events))
+
+
+def hud_of(session: Session, seat: Seat) -> HudFrame:
+    """Return what acts on a seat's kart now."""
+    tick, kart = session.tick, session.world.karts[0, seat.number]
+    acting = [effect for effect in kart.effects if effect["source"] > 0]
+    effects = np.zeros(len(acting), EFFECT)
+    for row, effect in zip(effects, acting, strict=True):
+        row["item"] = effect["source"]
+        row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
+    immune = max(int(kart.immune_until), int(kart.shield_until)) - tick
+    race, tracker = session.world.races[0], session.fleet.trackers.get(seat.number)
+    return HudFrame(
+        epoch=session.epoch,
+        tick=tick,
+        # Who is home or out is to stop, from the tick on in which that happened.
+        speed_cap=float(kart.speed_cap) if kart.status == codes.RACING else 0.0,
+        thrust_scale=float(kart.thrust_scale),
+        grip_scale=float(kart.grip_scale),
+        item=int(kart.held),
+        immune_s=max(immune, 0) / TICKS_PER_SECOND,
+        effects=effects,
+        sequence=tracker.orders.sequence if tracker else 0,
+        valid_s=VALID_S,
+        monotonic_us=time.monotonic_ns() // 1000,
+        lights_s=lights_s(session),
+        flag=Flag(max(int(race.flag), int(kart.yellow))),
+        trust=tracker.trust if tracker else Trust.SIMULATED,
+        doubt=tracker.doubt if tracker else Doubt.NONE,
+    )
+
+
+def lights_s(session: Session) -> float:
+    """Return the time until the karts may drive [s], 0 once the race runs."""
+    race = session.world.races[0]
+    lights = max(int(race.start_tick), int(race.hold_until)) - session.tick
+    return max(lights, 0) / TICKS_PER_SECOND
+
+
+def snapshot_of(session: Session) -> SnapshotFrame:
+    """Return the race as spectators see it now."""
+    world, tick = session.world, session.tick
+    race = world.races[0]
+    rows = world.karts[0]
+    karts = np.zeros(len(rows), KART)
+    for name in _SAME_NAMES:
+        karts[name] = rows[name]
+    karts["item"] = rows["held"]
+    karts["seat"] = np.arange(len(rows))
+    karts["acknowledged"] = [seat.sequence for seat in session.seats]
+    karts["effects"] = (rows["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
+    safe = np.maximum(rows["immune_until"], rows["shield_until"]) > tick
+    trust = rows["trust"]
+    bits = (
+        *(rows["wrong_way"], rows["off_track"], rows["rescue_offered"], safe),
+        *(trust != codes.SIMULATED, trust == codes.DOUBTFUL, trust >= codes.PARKED),
+    )
+    karts["flags"] = sum(bit.astype(np.uint8) << place for place, bit in enumerate(bits))
+    placed = world.hazards[0][world.hazards["until_tick"][0] > tick]
+    hazards = np.zeros(len(placed), HAZARD)
+    for name in ("x", "y", "radius", "owner"):
+        hazards[name] = placed[name]
+    hazards["item"] = placed["source"]
+    return SnapshotFrame(
+        monotonic_us=time.monotonic_ns() // 1000,
+        epoch=session.epoch,
+        tick=tick,
+        lights_s=lights_s(session),
+        phase=session.phase,
+        flag=Flag(int(race.flag)),
+        karts=karts[rows["status"] != codes.ABSENT],
+        boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
+        hazards=hazards,
+    )
+
+
+def standings_of(session: Session) -> StandingsFrame:
+    """Return the table as it is now."""
+    race = session.world.races[0]
+    return StandingsFrame(
+        epoch=session.epoch,
+        tick=session.tick,
+        start_tick=int(race.start_tick),
+        phase=session.phase,
+        flag=Flag(int(race.flag)),
+        laps=session.scenario.rules.laps,
+        course=session.scenario.course.name,
+        rows=tuple(session.standings()),
+    )
+
+
+def links_of(session: Session) -> LinksFrame:
+    """Return how the driver of each seat is heard now."""
+    taken, tick, trackers = session.seats.taken(), session.tick, session.fleet.trackers
+    statuses = session.world.karts["status"][0]
+    rows = np.zeros(len(taken), LINK)
+    for row, seat in zip(rows, taken, strict=True):
+        is_heard = seat.control_tick >= 0 and statuses[seat.number] == codes.RACING
+        tracker = trackers.get(seat.number)
+        row["seat"], row["silence"] = seat.number, seat.silence
+        row["age"] = (tick - seat.control_tick) * 1000 // TICKS_PER_SECOND if is_heard else -1
+        row["trust"] = tracker.trust if tracker else Trust.SIMULATED
+        row["doubt"] = tracker.doubt if tracker else Doubt.NONE
+    return LinksFrame(session.epoch, tick, rows)
+
+
+_SAME_NAMES = (
+    "x",
+    "y",
+    "heading",
+    "speed",
+    "lateral_speed",
+    "yaw_rate",
+    "steering",
+    "progress",
+    "speed_cap",
+    "laps",
+    "rank",
+    "status",
+)

@@ -1,0 +1,176 @@
+"""The lobby's desk: answers requests, and keeps account of whose link is there."""
+
+import re
+import time
+from collections.abc import Callable, Iterable
+
+from race_server.core.messages import Event, Phase
+from race_server.core.rules.items import items
+from race_server.credentials import key_of
+from race_server.errors import SeatError, WireError
+from race_server.live.local_drivers import briefing_for
+from race_server.live.server.publisher import standings_of
+from race_server.live.server.refusals import Refusals
+from race_server.live.server.steward import Steward
+from race_server.net.transport import Request, ServerLink
+from race_server.net.wire import topics
+from race_server.net.wire.admin import decode_decision, encode_log
+from race_server.net.wire.line import encode_line
+from race_server.net.wire.lobby import (
+    PROTOCOL,
+    Welcome,
+    decode_join,
+    decode_seat_act,
+    encode_course,
+    encode_reply,
+    encode_rules,
+    encode_welcome,
+)
+from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
+from race_server.net.wire.spectate import encode_events, encode_standings
+from race_server.session import Session
+from race_server.session.seats import Seat
+
+# A seat is given away again if its driver's link does not show up in the lobby for so long.
+SHOW_UP_S = 10.0
+_QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
+
+
+class Desk:
+    """Answers the requests of drivers and spectators."""
+
+    def __init__(
+        self,
+        session: Session,
+        link: ServerLink,
+        steward: Steward,
+        refused: Refusals,
+        told: Callable[[Iterable[Event]], list[Event]],
+    ) -> None:
+        """Serve a session.
+
+        told: returns those events that everybody may know of.
+        """
+        self._session = session
+        self._link = link
+        self._steward = steward
+        self._refused = refused
+        self._told = told
+        self._linked: set[int] = set()  # seats whose driver's link is there
+        self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
+
+    def answer(self, request: Request) -> None:
+        """Answer one request; what cannot be granted is answered with the reason."""
+        try:
+            request.answer(self._answer_to(request))
+        except (WireError, SeatError) as error:
+            self._refused.note(reason_of(error), request.seat)
+            request.answer(encode_reply(str(error)))
+
+    def take_presence(self, seat: int, *, is_there: bool) -> None:
+        """Take note that the link of a seat's driver has come or gone."""
+        if is_there:
+            self._linked.add(seat)
+            self._expected.pop(seat, None)
+            if self._session.phase is not Phase.LOBBY and self._session.seats[seat].is_taken:
+                self._session.come_back(seat)
+        else:
+            self._linked.discard(seat)
+            self._session.drop(seat)
+
+    def free_deserted_seats(self) -> None:
+        """Give seats away again that were taken by somebody who never showed up."""
+        now = time.monotonic()
+        for seat, joined in list(self._expected.items()):
+            if now - joined > SHOW_UP_S:
+                del self._expected[seat]
+                self._session.drop(seat)
+
+    def _answer_to(self, request: Request) -> bytes:
+        session = self._session
+        if request.topic is topics.JOIN:
+            return self._seat_driver(request)
+        if request.topic in {topics.READY, topics.LEAVE}:
+            return self._act_on_seat(request)
+        if request.topic is topics.ACT:
+            return self._decide(request.payload)
+        if request.topic is topics.ACTS:
+            self._steward.check(decode_decision(request.payload))
+            return encode_log(self._steward.challenge, list(self._steward.lines))
+        if request.topic is topics.COURSE:
+            return encode_course(course_sheet(session.scenario))
+        if request.topic is topics.RULES:
+            return encode_rules(rules_sheet(session.scenario), [item.name for item in items()])
+        if request.topic is topics.LINE:
+            return encode_line(line_sheet(session.scenario))
+        if request.topic is topics.RECENT:
+            return encode_events(session.epoch, self._told(session.chronicle.recent))
+        return encode_standings(standings_of(session))
+
+    def _seat_driver(self, request: Request) -> bytes:
+        join, session = decode_join(request.payload), self._session
+        if join.version != PROTOCOL:
+            raise SeatError(
+                f"the server speaks protocol {PROTOCOL}, the driver {join.version}: "
+                "install the same version of race-server on both sides"
+            )
+        wanted = _agreed(request.seat, join.wanted)
+        session.serials.check(key_of(join.secret), join.serial)
+        seat = session.join(
+            join.driver,
+            join.preset,
+            wanted=wanted,
+            secret=join.secret,
+            owns=self._link.is_open and request.seat >= 0,
+            tracked=join.tracked,
+        )
+        session.grant(join.secret, join.serial)
+        self._link.holders.admit(seat.number, seat.key)
+        if session.phase is Phase.LOBBY and seat.number not in self._linked:
+            self._expected[seat.number] = time.monotonic()
+        return encode_welcome(self._welcome(seat, join.secret))
+
+    def _act_on_seat(self, request: Request) -> bytes:
+        act = decode_seat_act(request.payload)
+        seat = self._session.seat(_agreed(request.seat, act.seat))
+        if not seat.fits(act.secret):
+            raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
+        self._session.serials.check(key_of(act.secret), act.serial)
+        self._session.grant(act.secret, act.serial)
+        if request.topic is topics.LEAVE:
+            self._session.leave(act.seat)
+        else:
+            seat.is_ready = act.ready
+        return encode_reply("")
+
+    def _decide(self, payload: bytes) -> bytes:
+        decision = decode_decision(payload)
+        self._steward.decide(decision)
+        if 0 <= decision.seat < len(self._session.seats):
+            self._link.holders.admit(decision.seat, self._session.seats[decision.seat].key)
+        return encode_reply("")
+
+    def _welcome(self, seat: Seat, secret: int) -> Welcome:
+        session = self._session
+        briefing = briefing_for(session, seat)
+        return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays)
+
+
+def _agreed(named: int, claimed: int) -> int:
+    """Return the seat that a request is for: that in its key, where that names one.
+
+    Raises:
+        SeatError: the message claims another.
+    """
+    if named >= 0 and claimed not in {-1, named}:
+        raise SeatError(f"the request claims seat {claimed}, but came on the key of seat {named}")
+    return named if named >= 0 else claimed
+
+
+def reason_of(error: Exception) -> str:
+    """Return what kind of refusal an error is, without what differs each time.
+
+    Nothing that a sender makes up may get into it: each kind is counted on its own.
+    """
+    words = _QUOTED.sub("", str(error)).split(":", 1)[0]
+    return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]

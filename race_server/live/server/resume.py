@@ -1,0 +1,50 @@
+"""Taking up a race whose server was killed."""
+
+from race_server.core.messages import Event
+from race_server.errors import RecordingError
+from race_server.net.wire.spectate import decode_snapshot
+from race_server.session import Session
+from race_server.storage.recording.reader import Recording
+from race_server.storage.recording.rerun import Rerun
+from race_server.storage.results.keeper import Keeper
+
+
+def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
+    """Return the session as its server left it, and all events so far.
+
+    The race is driven again from its recording; laps that are not yet in the results file are
+    put there. Drivers count as away until their links are back.
+
+    Raises:
+        RecordingError: the recording makes no race, or another one than was recorded.
+    """
+    rerun = Rerun(recording)
+    session = rerun.session
+    events = list(session.chronicle.recent)
+    if keeper:
+        keeper.take_up(session, recording.start.pace, recording.start.started_at)
+        keeper.look(session)
+    for happened in rerun.run():
+        events += happened
+        if keeper:
+            keeper.keep(happened)
+            keeper.look(session)
+    if rerun.difference is not None:
+        tick = rerun.difference.tick
+        raise RecordingError(
+            f"the race of recording {recording.path} cannot be taken up: driven again it differs "
+            f"from tick {tick} on. Was it recorded with other versions of race-server or numba?"
+        )
+    _count_on(session, recording)
+    for seat in session.seats:
+        seat.away_since = session.tick if seat.is_taken else -1
+    return session, events
+
+
+def _count_on(session: Session, recording: Recording) -> None:
+    """Let each driver's messages be counted on from the newest that spectators knew was taken."""
+    if not recording.snapshot:
+        return
+    for kart in decode_snapshot(recording.snapshot).karts:
+        seat = session.seats[kart["seat"]]
+        seat.sequence = max(seat.sequence, int(kart["acknowledged"]))

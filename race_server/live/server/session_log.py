@@ -1,0 +1,99 @@
+"""What becomes of a session, for the log: who comes and goes, how races start and end.
+
+The diary looks at the session a few times a second and says what has changed, so nothing that is
+said costs a tick anything. What is refused tells `refusals`.
+"""
+
+import time
+from dataclasses import dataclass
+
+from race_server.core import codes
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Phase
+from race_server.live.server.counters import Meters
+from race_server.live.server.result import RaceResult
+from race_server.logs import Log
+from race_server.session import Session
+from race_server.session.failsafe import Silence
+
+LOOK_S = 0.1
+# Ticks that were missed are summed up so often.
+SUM_UP_S = 60.0
+
+
+@dataclass
+class _Known:
+    """What was last seen of a seat."""
+
+    driver: str = ""
+    is_present: bool = False
+    stands: bool = False
+
+
+class Diary:
+    """Says what happens in a session."""
+
+    def __init__(self, session: Session, meters: Meters, log: Log | None) -> None:
+        """Look at nothing yet."""
+        self._session, self._meters, self._log = session, meters, log
+        self._known = [_Known() for _ in session.seats]
+        self._phase = session.phase
+        self._missed = 0
+        self._next_look = self._next_sum = 0.0
+
+    def look(self, now: float) -> None:
+        """Say what has changed since the last look. now: of `time.monotonic`."""
+        if self._log is None or now < self._next_look:
+            return
+        self._next_look = now + LOOK_S
+        self._look_at_seats(self._log)
+        self._look_at_phase(self._log)
+        if now > self._next_sum:
+            self._next_sum = now + SUM_UP_S
+            self._sum_up(self._log)
+
+    def _look_at_seats(self, log: Log) -> None:
+        races = self._session.is_on
+        statuses = self._session.world.karts["status"][0]
+        for seat, known in zip(self._session.seats, self._known, strict=True):
+            driver = seat.driver if seat.is_taken else ""
+            who = driver or known.driver
+            if driver != known.driver:
+                log.say("joined" if driver else "left", seat=seat.number, driver=who)
+            elif driver and seat.is_present != known.is_present:
+                if seat.is_present:
+                    log.say("came back", seat=seat.number, driver=who)
+                elif statuses[seat.number] == codes.RACING:
+                    log.warn("dropped: its link is gone", seat=seat.number, driver=who)
+                else:
+                    log.say("gone after its race", seat=seat.number, driver=who)
+            stands = bool(driver) and races and seat.silence is Silence.STOPPED
+            if stands and not known.stands and seat.is_present and seat.control_tick >= 0:
+                log.warn("silent: its kart stands", seat=seat.number, driver=who)
+            known.driver, known.is_present, known.stands = driver, seat.is_present, stands
+
+    def _look_at_phase(self, log: Log) -> None:
+        phase = self._session.phase
+        if phase is not self._phase and phase is Phase.COUNTDOWN:
+            taken = sum(seat.is_taken for seat in self._session.seats)
+            log.say("race started", epoch=self._session.epoch, karts=taken)
+        self._phase = phase
+
+    def _sum_up(self, log: Log) -> None:
+        if new := self._meters.missed - self._missed:
+            self._missed = self._meters.missed
+            log.warn("missed ticks", new=new, all=self._missed)
+
+    def close(self, result: RaceResult) -> None:
+        """Say how a race has ended."""
+        self._next_look = 0.0
+        self.look(time.monotonic())
+        if self._log is not None:
+            self._log.say(
+                "race ended",
+                epoch=self._session.epoch,
+                seconds=round(result.ticks / TICKS_PER_SECOND, 1),
+                winner=result.standings[0].driver if result.standings else "nobody",
+                missed_ticks=result.missed_ticks,
+                refused=sum(result.refused.values()),
+            )

@@ -1,0 +1,140 @@
+"""The steward: shows flags, gives penalties, shuts seats, stops the clock, starts the race anew."""
+
+import secrets
+from collections import deque
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from race_server.core.messages import Flag
+from race_server.errors import SeatError
+from race_server.net.wire.admin import Decision
+from race_server.session import Session
+
+# So many decisions are remembered.
+MOST_LINES = 500
+# A penalty beyond this is a slip of the finger.
+MOST_PENALTY_S = 600.0
+
+
+def _refuse_late(_seat: int, _seconds: float) -> str:
+    raise SeatError("no race is on")
+
+
+class Steward:
+    """Carries out what the steward decides, and keeps a log of it."""
+
+    def __init__(
+        self,
+        session: Session,
+        token: str,
+        penalise_late: Callable[[int, float], str] = _refuse_late,
+    ) -> None:
+        """Obey whoever knows the token.
+
+        token: "" for nobody. penalise_late: changes the result of a race that is over, and
+        returns the driver's name.
+        """
+        self._session = session
+        self._penalise_late = penalise_late
+        self._token = token
+        self.challenge = secrets.randbits(63) | 1
+        self.lines: deque[str] = deque(maxlen=MOST_LINES)
+        self.wants_restart = False
+
+    def check(self, decision: Decision) -> None:
+        """Do nothing for a request that shows the steward's token.
+
+        Raises:
+            SeatError: it does not.
+        """
+        fits = secrets.compare_digest(decision.token.encode(), self._token.encode())
+        if not self._token or not fits:
+            raise SeatError("only the steward may do that: the token does not fit")
+
+    def decide(self, decision: Decision) -> None:
+        """Carry out a decision.
+
+        Raises:
+            SeatError: not the steward's, a copy of an earlier one, or not possible now.
+        """
+        self.check(decision)
+        if decision.challenge != self.challenge:
+            raise SeatError("that decision was taken already, or another one came first: ask again")
+        act = _ACTS.get(decision.act)
+        if act is None:
+            known = ", ".join(_ACTS)
+            raise SeatError(f"a steward cannot {decision.act!r}; choose one of {known}")
+        self.challenge = secrets.randbits(63) | 1
+        sentence = act(self, decision)
+        when = datetime.now(UTC).isoformat(timespec="milliseconds")
+        who = decision.who or "steward"
+        self.lines.append(f"{when} tick {self._session.tick} {who}: {sentence}")
+
+    def _flag(self, decision: Decision) -> str:
+        self._need_race()
+        try:
+            flag = Flag(int(decision.value))
+        except ValueError as error:
+            raise SeatError(
+                f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red"
+            ) from error
+        self._session.show_flag(flag)
+        return f"{flag.name.lower()} flag"
+
+    def _pause(self, _: Decision) -> str:
+        self._need_race()
+        self._session.stand_still(stands=True)
+        return "the clock stands"
+
+    def _resume(self, _: Decision) -> str:
+        self._session.stand_still(stands=False)
+        return "the clock goes on"
+
+    def _penalty(self, decision: Decision) -> str:
+        if not 0.0 < decision.value <= MOST_PENALTY_S:
+            raise SeatError(
+                f"a penalty of {decision.value:g} s: give more than 0 and at most "
+                f"{MOST_PENALTY_S:g} s"
+            )
+        sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
+        if not self._session.is_on:
+            driver = self._penalise_late(decision.seat, decision.value)
+            return f"{sentence}, {driver}, after the race"
+        driver = self._session.seat(decision.seat).driver
+        self._session.penalise(decision.seat, decision.value)
+        return f"{sentence}, {driver}"
+
+    def _kick(self, decision: Decision) -> str:
+        driver = self._session.seat(decision.seat).driver
+        self._session.kick(decision.seat)
+        return f"seat {decision.seat}, {driver}, sent away"
+
+    def _close(self, decision: Decision) -> str:
+        self._session.close(decision.seat)
+        return f"seat {decision.seat} closed"
+
+    def _open(self, decision: Decision) -> str:
+        self._session.unclose(decision.seat)
+        return f"seat {decision.seat} open"
+
+    def _restart(self, _: Decision) -> str:
+        self._need_race()
+        self.wants_restart = True
+        return "the race starts anew"
+
+    def _need_race(self) -> None:
+        if not self._session.is_on:
+            phase = self._session.phase.name.lower()
+            raise SeatError(f"no race is on: the session is in phase {phase}")
+
+
+_ACTS: dict[str, Callable[[Steward, Decision], str]] = {
+    "flag": Steward._flag,
+    "pause": Steward._pause,
+    "resume": Steward._resume,
+    "penalty": Steward._penalty,
+    "kick": Steward._kick,
+    "close": Steward._close,
+    "open": Steward._open,
+    "restart": Steward._restart,
+}

@@ -1,0 +1,1 @@
+"""Bytes, sockets and who may use them."""

@@ -1,0 +1,111 @@
+"""Access rules, made from the table of topics. What no rule allows is denied.
+
+Rules are zenoh's: messages of a kind, on keys, into the server (ingress) or out of it (egress).
+The server is the only router, so nothing passes from client to client unless two rules let it.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from race_server.net.wire.topics import EVERY, TOPICS, Topic, key_of
+
+SPECTATOR, STEWARD = "spectator", "steward"
+# A rule of each kind: where it acts, what it lets pass. A client hears of queryables and
+# subscribers of the server only so that it knows what to send.
+_KINDS = {
+    "send": (["ingress"], ["put"]),
+    "live": (["ingress"], ["liveliness_token"]),
+    "listen": (["ingress"], ["declare_subscriber"]),
+    "hear": (["egress"], ["put"]),
+    "ask": (["ingress"], ["query"]),
+    "be answered": (["egress"], ["reply", "declare_queryable"]),
+    "be wanted": (["egress"], ["declare_subscriber"]),
+}
+
+
+@dataclass(frozen=True)
+class Role:
+    """Somebody who may connect.
+
+    seat: a seat's number, `EVERY` for all of them, "" for none.
+    """
+
+    name: str
+    seat: int | str = ""
+    is_steward: bool = False
+
+
+def roles_of(seats: int) -> tuple[Role, ...]:
+    """Return the roles of an open session."""
+    drivers = tuple(Role(seat_name(seat), seat) for seat in range(seats))
+    return (*drivers, Role(SPECTATOR), Role(STEWARD, is_steward=True))
+
+
+# On loopback without keys: any seat and, for who knows the token, the steward's requests too.
+ANYONE = Role("anyone", EVERY, is_steward=True)
+
+
+def seat_name(seat: int) -> str:
+    """Return the role's name of a seat."""
+    return f"seat-{seat}"
+
+
+def common_name(session: str, role: str) -> str:
+    """Return the name in a role's certificate, and its user name."""
+    return f"{session}-{role}"
+
+
+def keys_allowed(session: str, role: Role) -> dict[str, list[str]]:
+    """Return the keys on which a role may do each kind of thing."""
+    allowed: dict[str, list[str]] = {kind: [] for kind in _KINDS}
+    for topic in TOPICS:
+        for kind in _kinds_of(topic, role):
+            allowed[kind].append(key_of(topic, session, role.seat if topic.is_seats else -1))
+    return {kind: keys for kind, keys in allowed.items() if keys}
+
+
+def _kinds_of(topic: Topic, role: Role) -> tuple[str, ...]:
+    if topic.is_seats and role.seat == "":
+        return ()
+    if topic.direction == "up":
+        return ("live",) if topic.is_token else ("send", "be wanted")
+    if topic.direction in {"down", "out"}:
+        return ("listen", "hear")
+    if topic.direction == "admin" and not role.is_steward:
+        return ()
+    return ("ask", "be answered")
+
+
+def access_control(
+    session: str, roles: tuple[Role, ...], *, passwords: bool, certificates: bool
+) -> dict[str, Any]:
+    """Return zenoh's access control for roles told apart by user name, certificate or both."""
+    rules, subjects, policies = [], [], []
+    for role in roles:
+        own = []
+        for kind, keys in keys_allowed(session, role).items():
+            flows, messages = _KINDS[kind]
+            own.append(f"{role.name} may {kind}")
+            rules.append(
+                {
+                    "id": own[-1],
+                    "permission": "allow",
+                    "flows": flows,
+                    "messages": messages,
+                    "key_exprs": keys,
+                }
+            )
+        subject: dict[str, Any] = {"id": role.name}
+        name = [common_name(session, role.name)]
+        # Where both are given, both must fit: a stolen certificate needs its password too.
+        subject |= {"usernames": name} if passwords else {}
+        subject |= {"cert_common_names": name} if certificates else {}
+        subjects.append(subject)
+        policies.append({"rules": own, "subjects": [role.name]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }

@@ -1,0 +1,65 @@
+"""Why a server does not let somebody in. zenoh itself cannot say: a refusal looks like silence."""
+
+import socket
+import ssl
+
+from race_server.net.auth.keys import CA, CERTIFICATE, KEY, ClientKeys
+from race_server.net.auth.settings import host_of, is_encrypted
+
+# A server that refuses a certificate says so at once.
+LISTEN_S = 1.0
+
+
+def reason_out(address: str, keys: ClientKeys | None) -> str:
+    """Return in a sentence what a plain attempt to connect finds."""
+    protocol, _, place = address.partition("/")
+    if protocol not in {"tcp", "tls"}:
+        return "Is `race serve` running there? A refused login looks the same."
+    try:
+        link = socket.create_connection((host_of(place), _port_of(place)), timeout=LISTEN_S)
+    except (OSError, ValueError) as error:
+        return (
+            f"Nothing listens there ({error}): is `race serve` running, and is the address right?"
+        )
+    with link:
+        if is_encrypted(address) and keys is not None:
+            refusal = _refusal(link, host_of(place), keys)
+            if refusal:
+                return refusal
+    if keys is None:
+        return (
+            "Something listens there but does not let us in: it asks for keys (--keys), is full, "
+            "or is no race server."
+        )
+    return (
+        f"Something listens there but does not let {keys.user!r} in: the password is not (or no "
+        "longer) the right one, the keys are of an older session of the same name, or the server "
+        "is full."
+    )
+
+
+def _refusal(link: socket.socket, host: str, keys: ClientKeys) -> str:
+    """Return what goes wrong when both ends show their certificates, "" for nothing."""
+    context = ssl.create_default_context(cafile=str(keys.folder / CA))
+    context.load_cert_chain(keys.folder / CERTIFICATE, keys.folder / KEY)
+    try:
+        with context.wrap_socket(link, server_hostname=host) as encrypted:
+            # With TLS 1.3 a refusal of our certificate comes after our side is done.
+            encrypted.settimeout(LISTEN_S)
+            encrypted.recv(1)
+    except TimeoutError:
+        return ""
+    except ssl.SSLCertVerificationError as error:
+        return (
+            f"The server there shows a certificate that these keys do not trust "
+            f"({error.verify_message}): it serves with other keys, or is somebody else's."
+        )
+    except ssl.SSLError as error:
+        return f"The server there refuses our certificate ({error.reason}): it has other keys."
+    except OSError:
+        return ""
+    return ""
+
+
+def _port_of(place: str) -> int:
+    return int(place.split("#")[0].split("?")[0].rpartition(":")[2])

@@ -1,0 +1,54 @@
+"""How large and how often a client's messages may be, made from the table of topics."""
+
+from typing import Any
+
+from race_server.net.wire.topics import EVERY, TOPICS, Topic, key_of
+
+# zenoh drops messages of twice a topic's size before Python sees them. What lies between is
+# dropped by the server itself, so that it can be counted. A badge needs no more than the margin.
+SIZE_MARGIN = 64
+
+
+def size_filter(session: str) -> list[dict[str, Any]]:
+    """Return zenoh's size filter for what clients send."""
+    return [
+        {
+            "id": f"size of {topic.key}",
+            "messages": [_message(topic)],
+            "flows": ["ingress"],
+            "key_exprs": [key_of(topic, session, EVERY)],
+            "size_limit": 2 * topic.most_bytes + SIZE_MARGIN,
+        }
+        for topic in _sent()
+    ]
+
+
+def rate_limit(session: str, seats: int, *, real_time: bool) -> list[dict[str, Any]]:
+    """Return zenoh's limit on how often a client may send.
+
+    zenoh counts for each rule and client, so that two keys under one rule would starve each
+    other: each key has a rule of its own.
+
+    real_time: controls are limited too; in lock-step they come as fast as the world goes.
+    """
+    return [
+        {
+            "id": f"rate of {topic.key}",
+            "messages": [_message(topic)],
+            "flows": ["ingress"],
+            "rules": [
+                {"key_expr": key_of(topic, session, place), "freq": topic.limit_hz}
+                for place in (range(-1, seats) if topic.is_seats else [-1])
+            ],
+        }
+        for topic in _sent()
+        if topic.limit_hz and (real_time or topic.direction != "up")
+    ]
+
+
+def _sent() -> list[Topic]:
+    return [t for t in TOPICS if t.direction in {"up", "query", "admin"} and not t.is_token]
+
+
+def _message(topic: Topic) -> str:
+    return "put" if topic.direction == "up" else "query"

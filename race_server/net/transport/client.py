@@ -1,0 +1,98 @@
+"""A driver's or spectator's end."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import zenoh
+
+from race_server.errors import LinkError
+from race_server.net.auth.diagnosis import reason_out
+from race_server.net.auth.keys import ClientKeys
+from race_server.net.auth.settings import client_settings
+from race_server.net.transport.link import Link, open_session
+from race_server.net.wire import topics
+from race_server.net.wire.topics import Topic, key_of
+
+QUERY_TIMEOUT_S = 2.0
+# A client asks on one key half as often as the server takes it.
+ASK_S = 2.0 / topics.QUERY_HZ
+
+
+class ClientLink(Link):
+    """Asks, listens and sends."""
+
+    def __init__(
+        self,
+        address: str,
+        session_name: str,
+        *,
+        keys: ClientKeys | None = None,
+        timeout_s: float = 5.0,
+    ) -> None:
+        """Connect to a server.
+
+        Raises:
+            LinkError: nobody answers there, or we are not let in.
+            KeysError: the address asks for a certificate.
+            WireError: the session's name is none.
+        """
+        key_of(topics.SNAPSHOT, session_name)
+        settings = client_settings(address, keys, timeout_s)
+        try:
+            super().__init__(open_session(settings))
+        except zenoh.ZError as error:
+            raise LinkError(
+                f"no server answers at {address} within {timeout_s:g} s. "
+                + reason_out(address, keys)
+            ) from error
+        self._name = session_name
+        self._kept: list[Any] = []
+        self._asked: dict[str, float] = {}
+
+    def ask(self, topic: Topic, payload: bytes = b"", seat: int = -1) -> bytes:
+        """Return the server's answer to a request.
+
+        Raises:
+            LinkError: no answer within two seconds.
+        """
+        key = key_of(topic, self._name, seat)
+        now = time.monotonic()
+        time.sleep(max(self._asked.get(key, 0.0) + ASK_S - now, 0.0))
+        self._asked[key] = time.monotonic()
+        for reply in self._session.get(key, payload=payload, timeout=QUERY_TIMEOUT_S):
+            if reply.ok is not None:
+                return bytes(reply.ok.payload.to_bytes())
+        raise LinkError(
+            f"no answer on {key}: the server has gone, no session is called {self._name!r}, or "
+            "it does not let us ask that"
+        )
+
+    def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:
+        """Call `store` with each message of a topic; it runs in a thread of zenoh."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            if len(sample.payload) <= topic.most_bytes:
+                store(sample.payload.to_bytes())
+
+        key = key_of(topic, self._name, seat)
+        self._kept.append(self._session.declare_subscriber(key, receive))
+
+    def announce(self, seat: int, badge: str) -> None:
+        """Show the server that this seat's driver is there, for as long as the link is."""
+        key = key_of(topics.ALIVE, self._name, seat, badge)
+        self._kept.append(self._session.liveliness().declare_token(key))
+
+    def sender(
+        self, seat: int, badge: str, topic: Topic = topics.CONTROL
+    ) -> Callable[[bytes], None]:
+        """Return what sends the controls, or another topic's messages, of a seat."""
+        publisher = self._session.declare_publisher(
+            key_of(topic, self._name, seat),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+        self._kept.append(publisher)
+        return partial(publisher.put, attachment=badge.encode())

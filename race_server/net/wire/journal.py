@@ -1,0 +1,272 @@
+"""What a recording holds besides what everybody hears: written and read.
+
+`schemas/journal.fbs` says what each message means. Recordings may come from anywhere, so they are
+read as strictly as what comes over the network.
+"""
+
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import flatbuffers
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.errors import WireError
+from race_server.net.wire.generated.journal import Act as ActStruct
+from race_server.net.wire.generated.journal import (
+    Acts,
+    Digest,
+    Granted,
+    Inputs,
+    Lap,
+    RaceStart,
+    Seat,
+)
+from race_server.net.wire.generated.journal import Input as InputStruct
+from race_server.net.wire.rows import build_rows
+from race_server.net.wire.strict import U16, U32, root_of
+
+START, INPUTS, ACTS, DIGEST, LAP = b"RSTA", b"RINP", b"RACT", b"RDIG", b"RLAP"
+GRANTED = b"RGRA"
+
+INPUT = np.dtype(
+    [
+        *((name, "<f4") for name in ("steering", "throttle", "brake")),
+        ("buttons", "<u4"),
+        ("sequence", "<u4"),
+        ("seat", "<u2"),
+        ("", "V2"),  # up to the next multiple of four
+    ]
+)
+ACT = np.dtype([("value", "<f8"), ("tick", "<u4"), ("kind", "<u2"), ("kart", "<i2")])
+I64 = struct.Struct("<q")
+MOST_SEATS, MOST_ACTS = 64, 4096
+MOST_START, MOST_MESSAGE = 1 << 24, 1 << 17
+MOST_KEY = 64
+
+Rows = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class SeatRow:
+    """Who holds a seat when the race starts."""
+
+    number: int
+    driver: str
+    preset: str
+    key: bytes  # digest of the secret
+    is_local: bool
+    is_tracked: bool = False  # a real kart
+
+
+@dataclass(frozen=True, slots=True)
+class StartFrame:
+    """The race as it begins."""
+
+    session: str
+    epoch: int
+    pace: str
+    decision_ticks: int
+    started_at: str
+    versions: str  # JSON
+    setting: str  # JSON
+    arrays: bytes  # .npz
+    seats: tuple[SeatRow, ...]
+
+
+def encode_start(frame: StartFrame) -> bytes:
+    """Return the beginning of a race as a message."""
+    builder = flatbuffers.Builder(len(frame.arrays) + 8192)
+    rows = [_build_seat(builder, seat) for seat in frame.seats]
+    RaceStart.StartSeatsVector(builder, len(rows))
+    for row in reversed(rows):
+        builder.PrependUOffsetTRelative(row)
+    seats = builder.EndVector()
+    arrays = builder.CreateByteVector(frame.arrays)
+    names = ("Session", "Pace", "StartedAt", "Versions", "Setting")
+    texts = (frame.session, frame.pace, frame.started_at, frame.versions, frame.setting)
+    offsets = [builder.CreateString(text) for text in texts]
+    RaceStart.Start(builder)
+    for name, offset in zip(names, offsets, strict=True):
+        getattr(RaceStart, f"Add{name}")(builder, offset)
+    RaceStart.AddArrays(builder, arrays)
+    RaceStart.AddSeats(builder, seats)
+    RaceStart.AddEpoch(builder, frame.epoch)
+    RaceStart.AddDecisionTicks(builder, frame.decision_ticks)
+    builder.Finish(RaceStart.End(builder), START)
+    return bytes(builder.Output())
+
+
+def _build_seat(builder: Any, seat: SeatRow) -> int:
+    driver, preset = builder.CreateString(seat.driver), builder.CreateString(seat.preset)
+    key = builder.CreateByteVector(seat.key)
+    Seat.Start(builder)
+    Seat.AddDriver(builder, driver)
+    Seat.AddPreset(builder, preset)
+    Seat.AddKey(builder, key)
+    Seat.AddNumber(builder, seat.number)
+    Seat.AddIsLocal(builder, seat.is_local)
+    Seat.AddIsTracked(builder, seat.is_tracked)
+    return int(Seat.End(builder))
+
+
+def decode_start(data: bytes) -> StartFrame:
+    """Return the beginning of a race in a message.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, START, MOST_START)
+    _, count = table.vector(6, 4, MOST_SEATS)
+    first, size = table.vector(5, 1, MOST_START)
+    try:
+        root = RaceStart.RaceStart.GetRootAs(data)
+        seats = tuple(_read_seat(root.Seats(index)) for index in range(count))
+    # The generated code raises whatever the damage makes it trip over.
+    except (struct.error, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise WireError(f"seats are damaged: {error}") from error
+    return StartFrame(
+        session=table.text(0, 64),
+        pace=table.text(1, 16),
+        started_at=table.text(2, 64),
+        versions=table.text(3, 4096),
+        setting=table.text(4, 1 << 20),
+        arrays=data[first : first + size],
+        seats=seats,
+        epoch=table.scalar(7, U32),
+        decision_ticks=table.scalar(8, U32),
+    )
+
+
+def _read_seat(row: Any) -> SeatRow:
+    key = bytes(row.Key(index) for index in range(min(row.KeyLength(), MOST_KEY)))
+    driver, preset = row.Driver().decode()[:32], row.Preset().decode()[:32]
+    is_local, is_tracked = bool(row.IsLocal()), bool(row.IsTracked())
+    return SeatRow(row.Number(), driver, preset, key, is_local, is_tracked)
+
+
+def encode_inputs(tick: int, rows: Rows) -> bytes:
+    """Return the controls (INPUT) that act from a tick on as a message."""
+    builder = flatbuffers.Builder(64 + INPUT.itemsize * len(rows))
+    Inputs.StartInputsVector(builder, len(rows))
+    for row in rows[::-1]:
+        InputStruct.CreateInput(builder, *row.item()[:6])
+    inputs = builder.EndVector()
+    Inputs.Start(builder)
+    Inputs.AddTick(builder, tick)
+    Inputs.AddInputs(builder, inputs)
+    builder.Finish(Inputs.End(builder), INPUTS)
+    return bytes(builder.Output())
+
+
+def decode_inputs(data: bytes) -> tuple[int, Rows]:
+    """Return tick and controls (INPUT) of a message.
+
+    Raises:
+        WireError: damaged, foreign, or no controls.
+    """
+    table = root_of(data, INPUTS, MOST_MESSAGE)
+    first, count = table.vector(1, INPUT.itemsize, MOST_SEATS)
+    rows = np.frombuffer(data, INPUT, count, first)
+    for name in ("steering", "throttle", "brake"):
+        if not (np.abs(rows[name]) <= 1.0).all():
+            raise WireError(f"{name} outside [-1, 1]")
+    return table.scalar(0, U32), rows
+
+
+def encode_acts(rows: Rows) -> bytes:
+    """Return acts (ACT) as a message."""
+    builder = flatbuffers.Builder(64 + ACT.itemsize * len(rows))
+    acts = build_rows(builder, Acts.StartActsVector, ActStruct.CreateAct, rows)
+    Acts.Start(builder)
+    Acts.AddActs(builder, acts)
+    builder.Finish(Acts.End(builder), ACTS)
+    return bytes(builder.Output())
+
+
+def decode_acts(data: bytes) -> Rows:
+    """Return the acts (ACT) of a message.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, ACTS, MOST_MESSAGE)
+    first, count = table.vector(0, ACT.itemsize, MOST_ACTS)
+    rows = np.frombuffer(data, ACT, count, first)
+    if not np.isfinite(rows["value"]).all():
+        raise WireError("an act's value is not finite")
+    return rows
+
+
+def encode_granted(tick: int, key: bytes, serial: int) -> bytes:
+    """Return a request that was granted before a tick as a message."""
+    builder = flatbuffers.Builder(128)
+    sender = builder.CreateByteVector(key)
+    Granted.Start(builder)
+    Granted.AddKey(builder, sender)
+    Granted.AddSerial(builder, serial)
+    Granted.AddTick(builder, tick)
+    builder.Finish(Granted.End(builder), GRANTED)
+    return bytes(builder.Output())
+
+
+def decode_granted(data: bytes) -> tuple[int, bytes, int]:
+    """Return tick, key and serial of a request that was granted.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, GRANTED, 256)
+    first, count = table.vector(0, 1, MOST_KEY)
+    return table.scalar(2, U32), data[first : first + count], table.scalar(1, U32)
+
+
+def encode_digest(tick: int, digest: str, *, is_last: bool) -> bytes:
+    """Return the digest of the world before a tick as a message."""
+    builder = flatbuffers.Builder(128)
+    text = builder.CreateString(digest)
+    Digest.Start(builder)
+    Digest.AddDigest(builder, text)
+    Digest.AddTick(builder, tick)
+    Digest.AddIsLast(builder, is_last)
+    builder.Finish(Digest.End(builder), DIGEST)
+    return bytes(builder.Output())
+
+
+def decode_digest(data: bytes) -> tuple[int, str, bool]:
+    """Return tick, digest and whether it is the last of a race.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, DIGEST, 256)
+    place = table.field(2, 1)
+    return table.scalar(1, U32), table.text(0, 64), bool(place and data[place])
+
+
+def encode_lap(seat: int, number: int, time_us: int, tick: int) -> bytes:
+    """Return a lap as a message."""
+    builder = flatbuffers.Builder(64)
+    Lap.Start(builder)
+    Lap.AddTimeUs(builder, time_us)
+    Lap.AddTick(builder, tick)
+    Lap.AddNumber(builder, number)
+    Lap.AddSeat(builder, seat)
+    builder.Finish(Lap.End(builder), LAP)
+    return bytes(builder.Output())
+
+
+def decode_lap(data: bytes) -> tuple[int, int, int, int]:
+    """Return seat, number, time [µs] and tick of a lap.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, LAP, 256)
+    return (
+        table.scalar(3, U16),
+        table.scalar(2, U32),
+        table.scalar(0, I64),
+        table.scalar(1, U32),
+    )

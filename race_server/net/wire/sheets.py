@@ -1,0 +1,57 @@
+"""A scenario as clients are told of it: its course, its rules, its reference line."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from race_server.net.wire.line import LineSheet
+from race_server.net.wire.lobby import CourseSheet
+
+if TYPE_CHECKING:
+    # Scenarios import kernels, and so a compiler; whoever reads a sheet needs none.
+    from race_server.scenario.race import Scenario
+
+
+def course_sheet(scenario: "Scenario") -> CourseSheet:
+    """Return the course as it is drawn, and the size of its karts."""
+    course, vehicle = scenario.course, scenario.vehicle_of(0)
+    boxes = [(o.x, o.y, o.heading, o.length, o.width) for o in course.obstacles]
+    return CourseSheet(
+        name=course.name,
+        title=course.title,
+        digest=course.digest,
+        spacing=course.spacing,
+        line=course.line,
+        half_widths=course.half_widths,
+        kerb=course.kerb,
+        borders=course.borders,
+        gates=course.gates,
+        grid=course.grid,
+        boxes=course.spots,
+        grass=course.grass,
+        obstacles=np.array(boxes).reshape(-1, 5),
+        sectors=course.sectors,
+        kart_length=vehicle.length,
+        kart_width=vehicle.width,
+        kart_ahead=vehicle.box_offset,
+    )
+
+
+def rules_sheet(scenario: "Scenario") -> dict[str, str]:
+    """Return the rule book and the size of a kart [m] as names and values."""
+    rules, vehicle = asdict(scenario.rules), scenario.vehicle_of(0)
+    size = {"kart_length": vehicle.length, "kart_width": vehicle.width}
+    return {name: str(value) for name, value in (rules | size).items()}
+
+
+def line_sheet(scenario: "Scenario") -> LineSheet:
+    """Return the reference line with the time that it takes, an empty one where there is none."""
+    line = scenario.line
+    if line is None:
+        return LineSheet()
+    # From one sample to the next at the mean of their speeds.
+    steps = 2.0 * line.spacing / (line.speed + np.roll(line.speed, -1))
+    ends = np.cumsum(steps)
+    time = np.append(0.0, ends[:-1])
+    return LineSheet(line.spacing, line.x, line.y, line.speed, time, float(ends[-1]), line.note)

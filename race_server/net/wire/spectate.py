@@ -1,0 +1,301 @@
+"""Snapshots, events and standings: written and read."""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import flatbuffers
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core.messages import Event, EventKind, Flag, Phase, Standing, Status
+from race_server.errors import WireError
+from race_server.net.wire import topics
+from race_server.net.wire.generated.spectate import Event as EventStruct
+from race_server.net.wire.generated.spectate import Events, Hazard, Kart, Snapshot, Standings
+from race_server.net.wire.generated.spectate import Standing as StandingTable
+from race_server.net.wire.rows import build_rows
+from race_server.net.wire.strict import root_of
+
+U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
+F32 = struct.Struct("<f")
+
+KART = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "heading", "speed", "lateral_speed", "yaw_rate")),
+        *((name, "<f4") for name in ("steering", "progress", "speed_cap")),
+        *((name, "<u4") for name in ("acknowledged", "laps")),
+        *((name, "<u2") for name in ("seat", "rank")),
+        *((name, "u1") for name in ("status", "item", "effects", "flags")),
+    ]
+)
+HAZARD = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("radius", "<f4"), ("item", "<u2"), ("owner", "<u2")]
+)
+EVENT = np.dtype(
+    [
+        ("value", "<i8"),
+        ("sequence", "<u4"),
+        ("tick", "<u4"),
+        ("other", "<i4"),
+        ("kart", "<i2"),
+        ("kind", "<u2"),
+    ]
+)
+MOST_KARTS, MOST_BOXES, MOST_HAZARDS, MOST_EVENTS = 64, 1024, 64, 1024
+_KINDS = {int(kind) for kind in EventKind}
+
+Rows = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotFrame:
+    """The race at one tick, as spectators see it."""
+
+    monotonic_us: int
+    epoch: int
+    tick: int
+    lights_s: float
+    phase: Phase
+    flag: Flag
+    karts: Rows  # KART
+    boxes: NDArray[np.uint8]
+    hazards: Rows  # HAZARD
+
+
+class SnapshotWriter:
+    """Writes snapshots into messages that were laid out once for each count of things."""
+
+    def __init__(self) -> None:
+        self._templates: dict[tuple[int, int, int], _Template] = {}
+
+    def write(self, frame: SnapshotFrame) -> bytes:
+        """Return a snapshot as a message."""
+        counts = (len(frame.karts), len(frame.boxes), len(frame.hazards))
+        template = self._templates.get(counts)
+        if template is None:
+            template = self._templates[counts] = _Template(frame)
+        return template.fill(frame)
+
+
+class _Template:
+    def __init__(self, frame: SnapshotFrame) -> None:
+        self.data = bytearray(build_snapshot(frame))
+        table = root_of(bytes(self.data), topics.SNAPSHOT.identifier, 1 << 20)
+        self.places = [table.field(slot, 1) for slot in range(6)]
+        karts, count = table.vector(6, KART.itemsize, MOST_KARTS)
+        self.karts = np.frombuffer(self.data, KART, count, karts)
+        boxes, count = table.vector(7, 1, MOST_BOXES)
+        self.boxes = np.frombuffer(self.data, np.uint8, count, boxes)
+        hazards, count = table.vector(8, HAZARD.itemsize, MOST_HAZARDS)
+        self.hazards = np.frombuffer(self.data, HAZARD, count, hazards)
+
+    def fill(self, frame: SnapshotFrame) -> bytes:
+        data, places = self.data, self.places
+        U64.pack_into(data, places[0], frame.monotonic_us)
+        U32.pack_into(data, places[1], frame.epoch)
+        U32.pack_into(data, places[2], frame.tick)
+        F32.pack_into(data, places[3], frame.lights_s)
+        data[places[4]] = int(frame.phase)
+        data[places[5]] = int(frame.flag)
+        self.karts[:] = frame.karts
+        self.boxes[:] = frame.boxes
+        self.hazards[:] = frame.hazards
+        return bytes(data)
+
+
+def build_snapshot(frame: SnapshotFrame) -> bytes:
+    """Return a snapshot as the generated code writes it: the reference for SnapshotWriter."""
+    builder = flatbuffers.Builder(1024)
+    builder.ForceDefaults(True)
+    karts = build_rows(builder, Snapshot.StartKartsVector, Kart.CreateKart, frame.karts)
+    boxes = builder.CreateByteVector(frame.boxes.tobytes())
+    hazards = build_rows(builder, Snapshot.StartHazardsVector, Hazard.CreateHazard, frame.hazards)
+    Snapshot.Start(builder)
+    Snapshot.AddMonotonicUs(builder, frame.monotonic_us)
+    Snapshot.AddEpoch(builder, frame.epoch)
+    Snapshot.AddTick(builder, frame.tick)
+    Snapshot.AddLights(builder, frame.lights_s)
+    Snapshot.AddPhase(builder, int(frame.phase))
+    Snapshot.AddFlag(builder, int(frame.flag))
+    Snapshot.AddKarts(builder, karts)
+    Snapshot.AddBoxes(builder, boxes)
+    Snapshot.AddHazards(builder, hazards)
+    builder.Finish(Snapshot.End(builder), topics.SNAPSHOT.identifier)
+    return bytes(builder.Output())
+
+
+def decode_snapshot(data: bytes) -> SnapshotFrame:
+    """Return the snapshot in a message.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, topics.SNAPSHOT.identifier, topics.SNAPSHOT.most_bytes)
+    first, count = table.vector(6, KART.itemsize, MOST_KARTS)
+    karts = np.frombuffer(data, KART, count, first)
+    first, count = table.vector(7, 1, MOST_BOXES)
+    boxes = np.frombuffer(data, np.uint8, count, first)
+    first, count = table.vector(8, HAZARD.itemsize, MOST_HAZARDS)
+    hazards = np.frombuffer(data, HAZARD, count, first)
+    numbers = np.frombuffer(data, np.uint8)  # keeps `data` alive for the views above
+    if len(numbers) == 0 or not np.isfinite(karts["x"] + karts["y"] + karts["heading"]).all():
+        raise WireError("snapshot holds a pose that is not finite")
+    phase, flag = table.scalar(4, U8), table.scalar(5, U8)
+    if phase > max(Phase) or flag > max(Flag):
+        raise WireError(f"snapshot of phase {phase} and flag {flag}")
+    return SnapshotFrame(
+        monotonic_us=table.scalar(0, U64),
+        epoch=table.scalar(1, U32),
+        tick=table.scalar(2, U32),
+        lights_s=table.number(3, F32),
+        phase=Phase(phase),
+        flag=Flag(flag),
+        karts=karts,
+        boxes=boxes,
+        hazards=hazards,
+    )
+
+
+def encode_events(epoch: int, events: Sequence[Event]) -> bytes:
+    """Return events as a message."""
+    builder = flatbuffers.Builder(64 + EVENT.itemsize * len(events))
+    Events.StartEventsVector(builder, len(events))
+    for event in reversed(events):
+        EventStruct.CreateEvent(
+            builder,
+            event.value,
+            event.sequence,
+            event.tick,
+            event.other,
+            event.kart,
+            int(event.kind),
+        )
+    rows = builder.EndVector()
+    Events.Start(builder)
+    Events.AddEpoch(builder, epoch)
+    Events.AddEvents(builder, rows)
+    builder.Finish(Events.End(builder), topics.EVENTS.identifier)
+    return bytes(builder.Output())
+
+
+def decode_events(data: bytes) -> tuple[int, list[Event]]:
+    """Return epoch and events of a message; kinds that are not known are left out.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, topics.EVENTS.identifier, topics.EVENTS.most_bytes)
+    first, count = table.vector(1, EVENT.itemsize, MOST_EVENTS)
+    rows = np.frombuffer(data, EVENT, count, first).tolist()
+    return table.scalar(0, U32), [
+        Event(sequence, tick, EventKind(kind), kart, other, value)
+        for value, sequence, tick, other, kart, kind in rows
+        if kind in _KINDS
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class StandingsFrame:
+    """The standings with what stands above them."""
+
+    epoch: int
+    tick: int
+    start_tick: int
+    phase: Phase
+    flag: Flag
+    laps: int
+    course: str
+    rows: tuple[Standing, ...]
+
+
+_NUMBERS = (
+    "seat",
+    "rank",
+    "laps",
+    "status",
+    "last_lap_us",
+    "best_lap_us",
+    "race_time_us",
+    "gap_us",
+    "penalties",
+    "penalty_us",
+    "items_used",
+)
+
+
+def _camel(name: str) -> str:
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def encode_standings(frame: StandingsFrame) -> bytes:
+    """Return standings as a message."""
+    builder = flatbuffers.Builder(1024)
+    offsets = []
+    for row in frame.rows:
+        driver = builder.CreateString(row.driver)
+        StandingTable.StartLapTimesUsVector(builder, len(row.lap_times_us))
+        for lap_us in reversed(row.lap_times_us):
+            builder.PrependInt64(lap_us)
+        laps = builder.EndVector()
+        StandingTable.Start(builder)
+        StandingTable.AddDriver(builder, driver)
+        for name in _NUMBERS:
+            getattr(StandingTable, f"Add{_camel(name)}")(builder, int(getattr(row, name)))
+        StandingTable.AddLapTimesUs(builder, laps)
+        offsets.append(StandingTable.End(builder))
+    Standings.StartRowsVector(builder, len(offsets))
+    for offset in reversed(offsets):
+        builder.PrependUOffsetTRelative(offset)
+    rows = builder.EndVector()
+    course = builder.CreateString(frame.course)
+    Standings.Start(builder)
+    Standings.AddEpoch(builder, frame.epoch)
+    Standings.AddTick(builder, frame.tick)
+    Standings.AddStartTick(builder, frame.start_tick)
+    Standings.AddPhase(builder, int(frame.phase))
+    Standings.AddFlag(builder, int(frame.flag))
+    Standings.AddLaps(builder, frame.laps)
+    Standings.AddCourse(builder, course)
+    Standings.AddRows(builder, rows)
+    builder.Finish(Standings.End(builder), topics.STANDINGS.identifier)
+    return bytes(builder.Output())
+
+
+def decode_standings(data: bytes) -> StandingsFrame:
+    """Return the standings in a message.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, topics.STANDINGS.identifier, topics.STANDINGS.most_bytes)
+    _, count = table.vector(7, 4, MOST_KARTS)
+    try:
+        root = Standings.Standings.GetRootAs(data)
+        rows = tuple(_standing(root.Rows(index)) for index in range(count))
+        return StandingsFrame(
+            epoch=root.Epoch(),
+            tick=root.Tick(),
+            start_tick=root.StartTick(),
+            phase=Phase(root.Phase()),
+            flag=Flag(root.Flag()),
+            laps=root.Laps(),
+            course=table.text(6, 64),
+            rows=rows,
+        )
+    # The generated code raises whatever the damage makes it trip over.
+    except (struct.error, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise WireError(f"standings are damaged: {error}") from error
+
+
+def _standing(row: Any) -> Standing:
+    numbers = {name: int(getattr(row, _camel(name))()) for name in _NUMBERS}
+    laps = row.LapTimesUsAsNumpy() if row.LapTimesUsLength() else ()
+    status = Status(numbers.pop("status"))
+    return Standing(
+        **numbers,
+        status=status,
+        driver=row.Driver().decode()[:32],
+        lap_times_us=tuple(int(lap) for lap in laps),
+    )

@@ -1,0 +1,133 @@
+"""The whole protocol on one screen.
+
+Keys are ``race/<session>/…``. The seat in a key *is* the identity of who sends: access rules
+(`net/auth/access.py`) are made from this table, and nothing in a message can claim another seat.
+
+A *badge* says which connection of a seat it is: only who joined knows it. It is the last part of a
+liveliness token's key, and goes beside each control as its attachment.
+"""
+
+import re
+from dataclasses import dataclass
+
+from race_server.errors import WireError
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One row of the protocol."""
+
+    key: str  # below race/<session>/, with {seat} where each seat has its own
+    message: str  # table in schemas/
+    identifier: bytes  # of the FlatBuffer
+    # up: driver to server; down: server to seat; out: server to everybody; query; admin: a query
+    # of the steward's
+    direction: str
+    rate: str
+    most_bytes: int  # larger messages are dropped unread
+    newest_wins: bool  # an older message that nobody has read yet is forgotten
+    recorded: bool
+    limit_hz: float = 0.0  # more from one client are dropped: twice what is of use; 0: no limit
+
+    @property
+    def is_seats(self) -> bool:
+        """Whether each seat has its own."""
+        return "{seat}" in self.key
+
+    @property
+    def is_token(self) -> bool:
+        """Whether it is no message but a liveliness token."""
+        return not self.identifier
+
+
+# Twice the ticks: a driver that decides at every tick is honest, and senders are not exact.
+CONTROL_HZ = 120.0
+# Twice the most that a real kart should send.
+POSE_HZ = 200.0
+# Twice what `ClientLink` sends at most.
+QUERY_HZ = 200.0
+
+
+CONTROL = Topic("in/{seat}", "ControlMessage", b"RCTL", "up", "20 Hz", 256, True, True, CONTROL_HZ)
+POSE = Topic("pose/{seat}", "PoseMessage", b"RPOS", "up", "10–100 Hz", 256, True, True, POSE_HZ)
+OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
+HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
+SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, True, True)
+EVENTS = Topic("out/events", "Events", b"REVT", "out", "as they happen", 65536, False, True)
+STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, True, True)
+LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
+
+# The seat is in the key, so that access rules tell seats apart; `any` where a free one will do.
+JOIN = Topic(
+    "q/join/{seat}",
+    "JoinRequest → Briefing or Reply",
+    b"RJRQ",
+    "query",
+    "",
+    512,
+    False,
+    True,
+    QUERY_HZ,
+)
+READY = Topic(
+    "q/ready/{seat}", "SeatRequest → Reply", b"RSRQ", "query", "", 128, False, True, QUERY_HZ
+)
+LEAVE = Topic(
+    "q/leave/{seat}", "SeatRequest → Reply", b"RSRQ", "query", "", 128, False, True, QUERY_HZ
+)
+COURSE = Topic("q/course", "→ Course", b"RCRS", "query", "", 0, False, True, QUERY_HZ)
+RULES = Topic("q/rules", "→ Rules", b"RRUL", "query", "", 0, False, True, QUERY_HZ)
+LINE = Topic("q/line", "→ Line", b"RLIN", "query", "", 0, False, False, QUERY_HZ)
+RECENT = Topic("q/events", "→ Events", b"REVT", "query", "", 0, False, False, QUERY_HZ)
+TABLE = Topic("q/standings", "→ Standings", b"RSTD", "query", "", 0, False, False, QUERY_HZ)
+
+ACT = Topic("admin/act", "AdminRequest → Reply", b"RADM", "admin", "", 512, False, True, QUERY_HZ)
+ACTS = Topic(
+    "admin/log", "AdminRequest → AdminLog", b"RADM", "admin", "", 512, False, False, QUERY_HZ
+)
+
+# A liveliness token: present as long as the driver's link is.
+ALIVE = Topic("alive/{seat}/{badge}", "liveliness token", b"", "up", "", 0, False, True)
+
+TOPICS = (
+    CONTROL,
+    POSE,
+    OBSERVATION,
+    HUD,
+    SNAPSHOT,
+    EVENTS,
+    STANDINGS,
+    LINKS,
+    JOIN,
+    READY,
+    LEAVE,
+    COURSE,
+    RULES,
+    LINE,
+    RECENT,
+    TABLE,
+    ACT,
+    ACTS,
+    ALIVE,
+)
+QUERIES = tuple(topic for topic in TOPICS if topic.direction in {"query", "admin"})
+
+# In the place of a seat's number in a key: no certain one, and all of them.
+ANY, EVERY = "any", "*"
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
+
+
+def key_of(topic: Topic, session: str, seat: int | str = -1, badge: str = EVERY) -> str:
+    """Return the full key of a topic; a seat of -1 is any.
+
+    Raises:
+        WireError: the session's name is none.
+    """
+    if not _NAME.fullmatch(session):
+        raise WireError(
+            f"session name {session!r}: use up to 32 letters, digits, '-', '_' or '.', "
+            "beginning with a letter or digit"
+        )
+    place = ANY if seat == -1 else seat
+    return f"race/{session}/{topic.key.format(seat=place, badge=badge)}"

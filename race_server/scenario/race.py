@@ -1,0 +1,210 @@
+"""A scenario: everything that is fixed before the first tick, and the world it makes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from race_server.core import codes
+from race_server.core.clock import ticks_of
+from race_server.core.rules.items import item_table
+from race_server.core.stages.grid import line_up
+from race_server.core.state import RADAR_RAYS, Record, Sight, World, empty_world
+from race_server.core.vehicles import TT02, Vehicle, vehicle_record
+from race_server.errors import ScenarioError
+from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
+from race_server.scenario.track.atlas import pack
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.line import ReferenceLine
+
+MOST_KARTS = 64
+# In place of the sensors of a kart: nobody drives it.
+ABSENT = -1
+# A tick that never comes.
+NEVER = 2**62
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The rule book of one race. Times in seconds; zero switches a limit off."""
+
+    laps: int = 3
+    standing_start: bool = True
+    countdown_s: float = 3.0
+    wall_contact: str = "bump"  # bump or retire
+    kart_contact: str = "bump"  # bump, retire or ghost
+    restitution: float = 0.3
+    wall_friction: float = 0.3
+    items: bool = True
+    catch_up: bool = True
+    box_respawn_s: float = 5.0
+    yellow_share: float = 0.4  # of the top speed under a yellow flag
+    stuck_s: float = 3.0
+    stuck_speed: float = 0.1  # [m/s]
+    stopped_limit_s: float = 0.0  # a kart that stands longer without being blocked is removed
+    wrong_way_lengths: float = 4.5  # kart lengths driven backwards before it is called so
+    wrong_way_removal: float = 0.0  # [m] driven backwards after which a kart is removed
+    ram_speed: float = 0.0  # [m/s] a harder blow from behind brings a warning
+    ram_warnings: int = 3  # so many, and the kart is removed
+    false_start_penalty_s: float = 5.0
+    short_cut_penalty_s: float = 5.0
+    rescue_penalty_s: float = 5.0
+    finish_limit_s: float = 100.0  # after the winner
+    limit_s: float = 900.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One race: where, who, and by which rules.
+
+    line: along which drivers may race; see `race_server.scenario.raceline.attach`.
+    """
+
+    course: Course
+    karts: int = 8
+    vehicles: tuple[Vehicle, ...] = (TT02,)  # one for all, or one for each kart
+    rules: Rules = Rules()
+    lidar: Lidar = field(default_factory=Lidar)
+    radar: Radar = field(default_factory=Radar)
+    fitted: tuple[int, ...] = (codes.LIDAR | codes.RADAR,)  # sensors; one for all, or one each
+    seed: int = 0
+    grid_order: tuple[int, ...] = field(default=())  # grid place of each kart; empty: in order
+    line: ReferenceLine | None = None
+
+    def vehicle_of(self, kart: int) -> Vehicle:
+        """Return the vehicle of a kart."""
+        return self.vehicles[kart % len(self.vehicles)]
+
+
+def make_world(scenario: Scenario, seeds: Sequence[int] = ()) -> World:
+    """Return the world of a scenario, every kart on its grid place.
+
+    seeds: one world for each; without them a single world of the scenario's own seed.
+
+    Raises:
+        ScenarioError: the course has too few places, or a setting makes no race.
+    """
+    seeds = seeds or (scenario.seed,)
+    return make_worlds([scenario] * len(seeds), seeds)
+
+
+def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
+    """Return one batch with a world for each scenario and seed.
+
+    The scenarios may differ in all but the number of karts and their sensors; a kart that one of
+    them does not want is fitted with ABSENT.
+
+    Raises:
+        ScenarioError: a course has too few places, a setting makes no race, or the scenarios
+            do not fit into one batch.
+    """
+    first = scenarios[0]
+    for scenario in scenarios:
+        _check(scenario)
+        if (scenario.karts, scenario.lidar, scenario.radar) != (
+            first.karts,
+            first.lidar,
+            first.radar,
+        ):
+            raise ScenarioError("scenarios of one batch need the same number of karts and sensors")
+    # A course is packed once for each reference line that is driven on it.
+    lanes = list(dict.fromkeys((scenario.course, scenario.line) for scenario in scenarios))
+    worlds = len(scenarios)
+    sight = Sight(
+        lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
+        radar=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
+        radar_kinds=np.zeros((worlds, first.karts, RADAR_RAYS), np.uint8),
+        lidar_rays=fan(first.lidar.rays, first.lidar.field),
+        radar_rays=radar_fan(first.radar),
+    )
+    world = empty_world(
+        worlds,
+        first.karts,
+        max(len(course.spots) for course, _ in lanes),
+        item_table(),
+        sensor_records(first.lidar, first.radar),
+        sight,
+        pack([course for course, _ in lanes], [line for _, line in lanes]),
+    )
+    for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
+        for k in range(scenario.karts):
+            world.vehicles[w, k] = vehicle_record(scenario.vehicle_of(k))[0]
+        _set_rules(world.rules[w], scenario, lanes.index((scenario.course, scenario.line)))
+        line_up_race(world, w, scenario, seed)
+    return world
+
+
+def _check(scenario: Scenario) -> None:
+    karts, course, rules = scenario.karts, scenario.course, scenario.rules
+    if not 1 <= karts <= MOST_KARTS:
+        raise ScenarioError(f"{karts} karts: choose 1 to {MOST_KARTS}")
+    if karts > len(course.grid):
+        raise ScenarioError(
+            f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
+        )
+    if rules.laps < 0:
+        raise ScenarioError(f"{rules.laps} laps: choose 1 or more, or 0 for no limit")
+    for policy in (rules.wall_contact, rules.kart_contact):
+        if policy not in codes.CONTACT_POLICIES:
+            known = ", ".join(codes.CONTACT_POLICIES)
+            raise ScenarioError(f"contact policy {policy!r} is unknown; choose one of {known}")
+
+
+def _set_rules(record: Record, scenario: Scenario, course: int) -> None:
+    rules = scenario.rules
+    vehicle = scenario.vehicle_of(0)
+    record.laps = rules.laps
+    record.course = course
+    record.wall_contact = codes.CONTACT_POLICIES[rules.wall_contact]
+    record.kart_contact = codes.CONTACT_POLICIES[rules.kart_contact]
+    record.restitution, record.wall_friction = rules.restitution, rules.wall_friction
+    record.items, record.catch_up = int(rules.items), int(rules.catch_up)
+    record.standing_start = int(rules.standing_start)
+    record.pick_up_radius = 0.5 * vehicle.width
+    record.yellow_speed = rules.yellow_share * vehicle.top_speed
+    record.stuck_speed = rules.stuck_speed
+    record.wrong_way_limit = rules.wrong_way_lengths * vehicle.length
+    record.wrong_way_removal = rules.wrong_way_removal
+    record.ram_speed, record.ram_warnings = rules.ram_speed, rules.ram_warnings
+    record.box_respawn_ticks = ticks_of(rules.box_respawn_s)
+    record.stuck_ticks = ticks_of(rules.stuck_s)
+    record.stopped_limit_ticks = ticks_of(rules.stopped_limit_s)
+    record.finish_limit_ticks = ticks_of(rules.finish_limit_s)
+    record.limit_ticks = ticks_of(rules.limit_s)
+    record.false_start_us = round(rules.false_start_penalty_s * 1e6)
+    record.short_cut_us = round(rules.short_cut_penalty_s * 1e6)
+    record.rescue_us = round(rules.rescue_penalty_s * 1e6)
+
+
+def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
+    """Put one world back to the start of its race, under a seed."""
+    race = world.races[w]
+    world.races[w] = np.zeros((), world.races.dtype)
+    race.seed = seed
+    race.start_tick = ticks_of(scenario.rules.countdown_s)
+    world.event_counts[w] = 0
+    world.hazards[w] = np.zeros((), world.hazards.dtype)
+    world.boxes[w] = np.zeros((), world.boxes.dtype)
+    spots = scenario.course.spots
+    world.boxes["x"][w, : len(spots)] = spots[:, 0]
+    world.boxes["y"][w, : len(spots)] = spots[:, 1]
+    world.boxes["ready_tick"][w, len(spots) :] = NEVER
+    for seen in (world.sight.lidar, world.sight.radar, world.sight.radar_kinds):
+        seen[w] = 0
+    for k in range(scenario.karts):
+        place = scenario.grid_order[k] if scenario.grid_order else k
+        fitted = scenario.fitted[k % len(scenario.fitted)]
+        _put_on_grid(world, w, k, place, fitted)
+    line_up(world, w)
+
+
+def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
+    world.karts[w, k] = np.zeros((), world.karts.dtype)
+    kart = world.karts[w, k]
+    if fitted == ABSENT:
+        return
+    kart.status = codes.RACING
+    kart.grid_place = place
+    kart.sensors = fitted
+    course = world.atlas.courses[world.rules[w].course]
+    kart.x, kart.y, kart.heading = world.atlas.grid[course.grid_start + place]

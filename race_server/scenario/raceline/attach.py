@@ -1,0 +1,137 @@
+"""The reference line that a race drives along: everybody who makes a scenario attaches it here."""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from race_server.core.vehicles import Vehicle
+from race_server.errors import RaceError
+from race_server.scenario.raceline.bounds import Bounds, bounds_of
+from race_server.scenario.raceline.detour import around
+from race_server.scenario.raceline.frame import frame_of
+from race_server.scenario.raceline.profile import speeds_on
+from race_server.scenario.raceline.reference import known_limit, reference_limit
+from race_server.scenario.raceline.result import Reference
+from race_server.scenario.track.course import Course, Floats
+from race_server.scenario.track.line import ReferenceLine
+
+if TYPE_CHECKING:
+    # Scenarios import kernels, and so a compiler; who only asks for a line needs neither.
+    from race_server.scenario.race import Scenario
+
+
+def with_line(scenario: "Scenario", *, solve: bool = False) -> "Scenario":
+    """Return the scenario with the reference line of its course and its first vehicle."""
+    line = scenario.line
+    if line is not None and not (solve and line.note):
+        return scenario
+    line = reference_line(scenario.course, scenario.vehicle_of(0), solve=solve)
+    return replace(scenario, line=line)
+
+
+def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> ReferenceLine:
+    """Return the reference line of a vehicle on a course.
+
+    That is the lap of minimum time where it is known: shipped, or in the user's cache. solve: look
+    for it, once, where it is not; that takes seconds and needs CasADi, so ask for it when somebody
+    wants the line. Otherwise the centre line stands in, with the speeds that it allows, and the
+    line's `note` says so in one sentence for whoever drives by it. Either is led around the
+    course's fixed obstacles.
+    """
+    return _line_on(course, vehicle, solve)
+
+
+@lru_cache(maxsize=64)
+def _line_on(course: Course, vehicle: Vehicle, solve: bool) -> ReferenceLine:
+    bounds = bounds_of(vehicle)
+    return around(course, _free_line(course, vehicle, bounds, solve), bounds, vehicle)
+
+
+def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) -> ReferenceLine:
+    """Return the line of a course as if nothing stood on it."""
+    try:
+        limit = reference_limit(course, vehicle) if solve else known_limit(course, bounds)
+    except RaceError as error:
+        return stand_in(course, bounds, f"{error}; the centre line stands in as reference line")
+    if limit is None:
+        note = (
+            f"{course.name}: no reference limit is known for {vehicle.name}, so the centre line "
+            f"stands in as reference line; `race limit {course.name} --vehicle {vehicle.name}` "
+            "finds it"
+        )
+        return stand_in(course, bounds, note)
+    return line_of(course, bounds, limit.minimum_time)
+
+
+def line_of(course: Course, bounds: Bounds, reference: Reference) -> ReferenceLine:
+    """Return a line of the reference limit at equal steps."""
+    frame = frame_of(course, bounds)
+    count = len(course.line)
+    at = np.append(reference.distance, reference.length)
+    wanted = np.linspace(0.0, at[-1], count, endpoint=False)
+    x, y = _curve(at, reference, wanted)
+    offset = (reference.y - frame.y) * np.cos(frame.heading)
+    offset -= (reference.x - frame.x) * np.sin(frame.heading)
+    spacing = float(at[-1]) / count
+    samples = np.interp(
+        np.arange(count) * course.spacing, np.append(reference.progress, course.length), at
+    )
+    return ReferenceLine(
+        spacing=spacing,
+        x=x,
+        y=y,
+        heading=_between(at, np.unwrap(_closed(reference.heading)), wanted),
+        curvature=_between(at, _closed(reference.curvature), wanted),
+        speed=np.sqrt(_between(at, _closed(reference.speed**2), wanted)),
+        left=_between(at, _closed(frame.high + bounds.reach - offset), wanted),
+        right=_between(at, _closed(offset - frame.low + bounds.reach), wanted),
+        beside=np.round(samples / spacing).astype(np.int64) % count,
+    )
+
+
+def stand_in(course: Course, bounds: Bounds, note: str) -> ReferenceLine:
+    """Return the centre line with the fastest speeds that its bends allow."""
+    count = len(course.line)
+    x, y, heading, curvature = course.line.T
+    left, right = course.half_widths.T
+    return ReferenceLine(
+        spacing=course.spacing,
+        x=x,
+        y=y,
+        heading=heading,
+        curvature=curvature,
+        speed=speeds_on(np.full(count, course.spacing), curvature, bounds),
+        left=left,
+        right=right,
+        beside=np.arange(count),
+        note=note,
+    )
+
+
+def _closed(values: Floats) -> Floats:
+    return np.append(values, values[0])
+
+
+def _between(at: Floats, values: Floats, wanted: Floats) -> Floats:
+    return np.asarray(np.interp(wanted, at, values))
+
+
+def _curve(at: Floats, reference: Reference, wanted: Floats) -> tuple[Floats, Floats]:
+    """Return x and y at distances along a line: cubics that keep its points and headings."""
+    index = np.clip(np.searchsorted(at, wanted, side="right") - 1, 0, len(reference.x) - 1)
+    following = (index + 1) % len(reference.x)
+    step = at[index + 1] - at[index]
+    share = (wanted - at[index]) / step
+    start = (1.0 + 2.0 * share) * (1.0 - share) ** 2
+    leaving = step * share * (1.0 - share) ** 2
+    arriving = step * share**2 * (share - 1.0)
+    curves = []
+    for values, ways in (
+        (reference.x, np.cos(reference.heading)),
+        (reference.y, np.sin(reference.heading)),
+    ):
+        ends = start * values[index] + (1.0 - start) * values[following]
+        curves.append(ends + leaving * ways[index] + arriving * ways[following])
+    return curves[0], curves[1]

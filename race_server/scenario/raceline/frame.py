@@ -1,0 +1,100 @@
+"""A course in track coordinates: stations along its centre line."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from race_server.errors import TrackError
+from race_server.scenario.raceline.bounds import Bounds
+from race_server.scenario.track.course import Course, Floats
+from race_server.scenario.track.polyline import derivatives, lengths_of, ranges_to, resample, smooth
+
+# Track coordinates fold over at the centre of a bend: one tighter than the free width on its
+# inside forbids lines that exist. Where offset · curvature comes so near to one, the centre line is
+# smoothed, by a standard deviation in samples of the course: 0.25 m at 1/10, 2.5 m for karts.
+FOLDING = 0.8
+SMOOTHING = 5.0
+# An alcove is cut off this many samples from the centre line: 1.2 m at 1/10, 12 m for karts.
+DEEPEST = 24.0
+# A lap of several kilometres has wide bends and gets longer steps: it is solved in seconds.
+MOST_STATIONS = 1200
+
+
+@dataclass(frozen=True)
+class Frame:
+    """N stations at equal steps along the closed centre line, smoothed if need be."""
+
+    name: str  # of the course
+    step: float  # [m]
+    progress: Floats  # (N,) [m] of each station along the course's own centre line
+    x: Floats  # (N,) [m]
+    y: Floats  # (N,) [m]
+    heading: Floats  # (N,) [rad]
+    curvature: Floats  # (N,) [1/m] mean over a step about the station, left positive
+    low: Floats  # (N,) [m] offset of a vehicle's middle at the right border, left positive
+    high: Floats  # (N,) [m] the same at the left border
+
+
+def frame_of(course: Course, bounds: Bounds) -> Frame:
+    """Return the stations of a course and the room that a vehicle has there.
+
+    They lie two samples of the course apart, 0.1 m at 1/10 and 1 m for karts, unless the course is
+    very long; half of that moves a lap time by less than one percent.
+
+    Raises:
+        TrackError: the course is somewhere too narrow for the vehicle.
+    """
+    line = course.line[:, :2]
+    bend, (left, right) = course.line[:, 3], course.half_widths.T
+    if max(float((left * bend).max()), float((-right * bend).max())) > FOLDING:
+        line = smooth(line, min(SMOOTHING, 0.05 * len(line)))
+    at = np.concatenate([[0.0], np.cumsum(lengths_of(line))])
+    stations = min(max(round(at[-1] / (2.0 * course.spacing)), 16), MOST_STATIONS)
+    # Every second point is a station; the headings at those between give its mean curvature.
+    points = resample(line, 2 * stations)
+    heading, _ = derivatives(points)
+    step = float(lengths_of(points).sum()) / stations
+    turn = heading[1::2] - np.roll(heading[1::2], 1)
+    own = np.interp(
+        np.linspace(0.0, at[-1], stations, endpoint=False), at, np.arange(len(line) + 1)
+    )
+    left, right = _room(course, points[::2], heading[::2], own)
+    frame = Frame(
+        name=course.name,
+        step=step,
+        progress=own * course.spacing,
+        x=points[::2, 0],
+        y=points[::2, 1],
+        heading=heading[::2],
+        curvature=((turn + np.pi) % (2.0 * np.pi) - np.pi) / step,
+        low=bounds.reach - right,
+        high=left - bounds.reach,
+    )
+    tight = int(np.argmin(left + right))
+    if left[tight] + right[tight] <= 2.0 * bounds.reach:
+        raise TrackError(
+            f"{course.name}: {left[tight] + right[tight]:.2f} m wide at "
+            f"({frame.x[tight]:.2f}, {frame.y[tight]:.2f}); no line fits a vehicle that needs "
+            f"{2.0 * bounds.reach:.2f} m with its margin"
+        )
+    return frame
+
+
+def _room(course: Course, points: Floats, heading: Floats, own: Floats) -> tuple[Floats, Floats]:
+    """Return the free width to the left and right of points (N, 2), straight across.
+
+    own: (N,) fractional sample of the course's line at each point. Between bare borders it is
+    what a ray meets. Beside kerbs and grass it is the asphalt: the course's half-widths, less
+    what the smoothing moved the line.
+    """
+    deepest = DEEPEST * course.spacing
+    across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    if course.kerb + course.grass == 0.0:
+        left, right = (ranges_to(course.borders, points, way) for way in (across, -across))
+        return np.minimum(left, deepest), np.minimum(right, deepest)
+    closed = np.vstack([course.line[:, :2], course.line[:1, :2]])
+    sides = np.vstack([course.half_widths, course.half_widths[:1]])
+    samples = np.arange(len(closed))
+    x, y, left, right = (np.interp(own, samples, values) for values in (*closed.T, *sides.T))
+    moved = np.sum((points - np.stack([x, y], axis=1)) * across, axis=1)
+    return left - moved, right + moved

@@ -1,0 +1,116 @@
+"""What a reference limit is: four closed lines with their speeds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from race_server.scenario.raceline.baselines import Line, centre_line
+from race_server.scenario.raceline.bounds import Bounds
+from race_server.scenario.raceline.frame import Frame
+from race_server.scenario.raceline.minimum_time import Lap
+from race_server.scenario.raceline.profile import lap_time, speeds_on
+from race_server.scenario.track.course import Floats
+
+NAMES = ("minimum_time", "minimum_curvature", "centre_line", "shortest")
+# Accelerations [m/s²] smaller than this neither drive nor brake.
+COASTING = 0.25
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A stretch of a line with one thing to do."""
+
+    what: str  # accelerate, brake or hold
+    start: float  # [m] progress along the course's centre line
+    end: float  # [m] the same; before `start` where the zone runs across the timing line
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A closed line with the speed at each of its N points, for one vehicle."""
+
+    time_s: float  # of the flying lap
+    progress: Floats  # (N,) [m] along the course's centre line
+    distance: Floats  # (N,) [m] along this line
+    x: Floats  # (N,) [m]
+    y: Floats  # (N,) [m]
+    heading: Floats  # (N,) [rad] in [-pi, pi)
+    curvature: Floats  # (N,) [1/m] left positive
+    speed: Floats  # (N,) [m/s]
+    acceleration: Floats  # (N,) [m/s²] from each point to the next
+
+    @property
+    def length(self) -> float:
+        """Length of the line [m]."""
+        last = np.hypot(self.x[0] - self.x[-1], self.y[0] - self.y[-1])
+        return float(self.distance[-1] + last)
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """The stretches of accelerating, braking and holding the speed, in order."""
+        kinds = np.where(np.abs(self.acceleration) < COASTING, 0.0, np.sign(self.acceleration))
+        starts = np.flatnonzero(kinds != np.roll(kinds, 1))
+        if not len(starts):
+            starts = np.array([0])
+        words = {-1.0: "brake", 0.0: "hold", 1.0: "accelerate"}
+        at = self.progress[starts]
+        return tuple(
+            Zone(words[float(kinds[first])], float(start), float(end))
+            for first, start, end in zip(starts, at, np.roll(at, -1), strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a vehicle can reach on a course, along four lines."""
+
+    solve_s: float  # that it took to find them, when they were found; zero if they were shipped
+    minimum_time: Reference
+    minimum_curvature: Reference
+    centre_line: Reference
+    shortest: Reference
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver finds; all else of a limit follows from it without a solver."""
+
+    best: Lap
+    calm: Line  # the least curved
+    near: Line  # the shortest
+
+
+def limit_of(frame: Frame, bounds: Bounds, solution: Solution, solve_s: float) -> Limit:
+    """Return the four lines of a solution with the speeds that each allows."""
+    others = []
+    for line in (solution.calm, centre_line(frame), solution.near):
+        steps, speeds = profile_of(frame, line, bounds)
+        others.append(_reference(frame, line, speeds, lap_time(steps, speeds)))
+    best = solution.best
+    return Limit(solve_s, _reference(frame, best.line, best.speed, best.time_s), *others)
+
+
+def profile_of(frame: Frame, line: Line, bounds: Bounds) -> tuple[Floats, Floats]:
+    """Return the lengths (N,) [m] between a line's points and the speeds (N,) [m/s] there."""
+    steps = _steps(frame, line)
+    return steps, speeds_on(steps, line.curvature, bounds)
+
+
+def _steps(frame: Frame, line: Line) -> Floats:
+    stretch = line.stretch(frame)
+    return np.asarray(0.5 * frame.step * (stretch + np.roll(stretch, -1)))
+
+
+def _reference(frame: Frame, line: Line, speed: Floats, time_s: float) -> Reference:
+    steps = _steps(frame, line)
+    return Reference(
+        time_s=time_s,
+        progress=frame.progress,
+        distance=np.cumsum(steps) - steps,
+        x=frame.x - line.offset * np.sin(frame.heading),
+        y=frame.y + line.offset * np.cos(frame.heading),
+        heading=(frame.heading + line.bearing + np.pi) % (2.0 * np.pi) - np.pi,
+        curvature=line.curvature,
+        speed=speed,
+        acceleration=(np.roll(speed, -1) ** 2 - speed**2) / (2.0 * steps),
+    )

@@ -1,0 +1,272 @@
+"""Courses packed into flat arrays for the kernels, with a grid over their walls."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core import codes
+from race_server.core.state import COURSE, GATE, GROUP, LINE, REFERENCE, Atlas, Records
+from race_server.scenario.track.course import Course, Floats, Obstacle
+from race_server.scenario.track.line import ReferenceLine
+from race_server.scenario.track.polyline import (
+    area_of,
+    corners_of_box,
+    is_inside,
+    loops_of,
+    segments_of,
+)
+
+# A cell is about this share of the free width: small enough that few walls share one.
+CELL_SHARE = 0.18
+# A wall is listed in every cell that comes this close to it [m]; see `core/kernels/rays.py`.
+MARGIN = 1e-6
+# Longest side of a free box, in cells, that is worth knowing.
+MOST_FREE = 60
+# Clearance from walls, in cells, beyond which it does not matter how large it is.
+CLEAR_CELLS = 6
+# Walls in one circle that a sensor looks at as a whole.
+GROUP_WALLS = 12
+
+
+def pack(courses: Sequence[Course], references: Sequence[ReferenceLine | None] = ()) -> Atlas:
+    """Return the courses as one atlas; course c of a race's rules is `courses[c]`.
+
+    references: the line to drive along on each course, or none at all.
+    """
+    references = references or [None] * len(courses)
+    headers = np.zeros(len(courses), COURSE)
+    lines, paths, walls, kinds, groups = [], [], [], [], []
+    firsts, entries, clears, frees, gates = [], [], [], [], []
+    starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0, "group": 0}
+    listed = 0
+    for header, course, reference in zip(headers, courses, references, strict=True):
+        segments, kind = _walls_of(course)
+        origin, cell, columns, rows = _grid_over(course, segments)
+        first, members = _list_walls(segments, origin, cell, columns, rows)
+        header.spacing, header.length, header.kerb = course.spacing, course.length, course.kerb
+        header.verge = course.kerb + course.grass
+        header.reference_spacing = reference.spacing if reference else 0.0
+        header.cell, header.columns, header.rows = cell, columns, rows
+        header.x0, header.y0 = origin
+        circles = _groups_of(segments, starts["wall"])
+        counts = {
+            "group": len(circles),
+            "line": len(course.line),
+            "wall": len(segments),
+            "gate": len(course.gates),
+            "grid": len(course.grid),
+            "spot": len(course.spots),
+        }
+        for name, start in starts.items():
+            header[f"{name}_start"] = start
+            if name in counts:
+                header[f"{name}_count"] = counts[name]
+        lines.append(_line_of(course))
+        paths.append(_reference_of(course, reference))
+        walls.append(segments)
+        kinds.append(kind)
+        groups.append(circles)
+        firsts.append(first[:-1] + listed)
+        entries.append(members)
+        clears.append(_clearances(segments, origin, cell, columns, rows))
+        frees.append(_free_boxes(first, columns, rows))
+        gates.append(_gates_of(course))
+        listed += len(members)
+        for name, count in counts.items():
+            starts[name] += count
+        starts["cell"] += columns * rows
+    return Atlas(
+        courses=headers,
+        line=np.concatenate(lines),
+        reference=np.concatenate(paths),
+        # One order of memory for all courses, or kernels are compiled for each anew.
+        walls=np.ascontiguousarray(np.concatenate(walls)),
+        wall_kinds=np.concatenate(kinds),
+        groups=np.concatenate(groups),
+        cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
+        cell_walls=np.concatenate(entries).astype(np.int32),
+        cell_clear=np.concatenate(clears),
+        cell_free=np.concatenate(frees),
+        gates=np.concatenate(gates),
+        grid=np.concatenate([course.grid for course in courses]),
+        spots=np.concatenate([course.spots.reshape(-1, 2) for course in courses]),
+    )
+
+
+def _walls_of(course: Course) -> tuple[Floats, NDArray[np.uint8]]:
+    boxes = [_sides(obstacle) for obstacle in course.obstacles]
+    segments = np.concatenate([_facing_the_track(course), *boxes])
+    kinds = np.full(len(segments), codes.BORDER, np.uint8)
+    kinds[len(course.borders) :] = codes.OBSTACLE
+    return segments, kinds
+
+
+def _facing_the_track(course: Course) -> Floats:
+    """Return the borders, turned so that the drivable side is on the left of each segment."""
+    inner = course.line[:1, :2]
+    turned = []
+    for loop in loops_of(course.borders):
+        is_around = bool(is_inside(inner, loop)[0])
+        counter_clockwise = area_of(loop[:, :2]) > 0.0
+        # Inside a loop driven around, the left of a counter-clockwise walk is the track.
+        turned.append(loop if is_around == counter_clockwise else loop[::-1][:, [2, 3, 0, 1]])
+    return np.concatenate(turned)
+
+
+def _groups_of(segments: Floats, first_wall: int) -> Records:
+    """Return circles around runs of walls; a sensor too far from a circle skips its walls."""
+    groups = np.zeros(-(-len(segments) // GROUP_WALLS), GROUP)
+    for number, group in enumerate(groups):
+        first = number * GROUP_WALLS
+        points = segments[first : first + GROUP_WALLS].reshape(-1, 2)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        group.x, group.y = middle
+        group.radius = float(np.hypot(*(points - middle).T).max())
+        group.first = first_wall + first
+        group.last = first_wall + min(first + GROUP_WALLS, len(segments))
+    return groups
+
+
+def _sides(obstacle: Obstacle) -> Floats:
+    corners = corners_of_box(
+        obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width
+    )
+    # Clockwise, so that the outside lies on the left of each side.
+    return segments_of(corners[::-1])
+
+
+def _grid_over(course: Course, segments: Floats) -> tuple[tuple[float, float], float, int, int]:
+    cell = CELL_SHARE * course.width_mean
+    points = segments.reshape(-1, 2)
+    low, high = points.min(axis=0) - cell, points.max(axis=0) + cell
+    columns, rows = (int(n) for n in np.ceil((high - low) / cell))
+    return (float(low[0]), float(low[1])), cell, columns, rows
+
+
+def _list_walls(
+    segments: Floats, origin: tuple[float, float], cell: float, columns: int, rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first entry of each cell, shape (cells + 1,), and the walls listed in them."""
+    found = []
+    for number, (x0, y0, x1, y1) in enumerate(segments - np.array([*origin, *origin])):
+        low_c, high_c = _span(x0, x1, cell, columns)
+        low_r, high_r = _span(y0, y1, cell, rows)
+        column, row = np.meshgrid(np.arange(low_c, high_c + 1), np.arange(low_r, high_r + 1))
+        # A cell touches the wall's line if its middle is no further than its half-diagonal's
+        # projection on the normal; the spans above take care of the ends.
+        ex, ey = x1 - x0, y1 - y0
+        across = ex * ((row + 0.5) * cell - y0) - ey * ((column + 0.5) * cell - x0)
+        reach = 0.5 * cell * (abs(ex) + abs(ey)) + MARGIN * math.hypot(ex, ey)
+        near = np.abs(across) <= reach
+        cells = (row * columns + column)[near]
+        found.append(np.stack([cells, np.full(len(cells), number)]))
+    cells, walls = np.concatenate(found, axis=1)
+    order = np.argsort(cells, kind="stable")
+    first = np.zeros(columns * rows + 1, np.int64)
+    first[1:] = np.cumsum(np.bincount(cells, minlength=columns * rows))
+    return first, walls[order]
+
+
+def _span(a: float, b: float, cell: float, count: int, margin: float = MARGIN) -> tuple[int, int]:
+    low, high = min(a, b) - margin, max(a, b) + margin
+    return max(int(low // cell), 0), min(int(high // cell), count - 1)
+
+
+def _clearances(
+    segments: Floats, origin: tuple[float, float], cell: float, columns: int, rows: int
+) -> NDArray[np.float32]:
+    """Return for each cell how far [m] every point of it is from any wall, at least."""
+    most = CLEAR_CELLS * cell
+    clear = np.full((rows, columns), most)
+    x, y = (np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell
+    for x0, y0, x1, y1 in segments - np.array([*origin, *origin]):
+        low_c, high_c = _span(x0, x1, cell, columns, most)
+        low_r, high_r = _span(y0, y1, cell, rows, most)
+        part = (slice(low_r, high_r + 1), slice(low_c, high_c + 1))
+        dx, dy = x[part[1]][None] - x0, y[part[0]][:, None] - y0
+        ex, ey = x1 - x0, y1 - y0
+        share = np.clip((dx * ex + dy * ey) / max(ex * ex + ey * ey, 1e-12), 0.0, 1.0)
+        clear[part] = np.minimum(clear[part], np.hypot(dx - share * ex, dy - share * ey))
+    # From the middle of a cell to its corners.
+    clear -= math.sqrt(0.5) * cell + MARGIN
+    return np.maximum(clear, 0.0).astype(np.float32).ravel()
+
+
+def _free_boxes(first: NDArray[np.int64], columns: int, rows: int) -> NDArray[np.uint8]:
+    """Return the free box that rays of each octant may skip, shape (cells, 8, 2).
+
+    The box has the cell in its corner; its sides [cells] along x and y are 0 where the cell
+    holds walls. Octant: bit 0 towards -x, bit 1 towards -y, bit 2 steeper than 45°.
+    """
+    holds = (np.diff(first) > 0).reshape(rows, columns)
+    boxes = np.zeros((rows, columns, 8, 2), np.uint8)
+    for octant in range(8):
+        flip = (
+            slice(None, None, -1 if octant & 2 else 1),
+            slice(None, None, -1 if octant & 1 else 1),
+        )
+        turned = holds[flip].T if octant & 4 else holds[flip]
+        long, short = _longest_boxes(turned)
+        sides = (short.T, long.T) if octant & 4 else (long, short)
+        for axis, side in enumerate(sides):
+            boxes[:, :, octant, axis] = side[flip]
+    return boxes.reshape(-1, 8, 2)
+
+
+def _longest_boxes(holds: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return width and height of the best free box towards +x +y for rays flatter than 45°.
+
+    The best is the one that such a ray leaves latest on average over its slopes s from 0 to 1:
+    after min(width, height / s).
+    """
+    runs = np.zeros(holds.shape, np.int64)
+    ahead = np.full(len(holds), MOST_FREE)
+    for column in range(holds.shape[1] - 1, -1, -1):
+        ahead = np.where(holds[:, column], 0, np.minimum(ahead + 1, MOST_FREE))
+        runs[:, column] = ahead
+    width, best = runs.copy(), np.zeros(holds.shape)
+    long, short = np.zeros_like(runs), np.zeros_like(runs)
+    for height in range(1, MOST_FREE + 1):
+        if height > 1:
+            # One row more; beyond the grid there is nothing.
+            above = np.full(runs.shape, MOST_FREE)
+            above[: max(len(runs) - height + 1, 0)] = runs[height - 1 :]
+            width = np.minimum(width, above)
+        if not width.any():
+            break
+        bend = np.minimum(height / np.maximum(width, 1), 1.0)
+        score = width * bend - height * np.log(bend)
+        better = (score > best) & (width > 0)
+        best = np.where(better, score, best)
+        long, short = np.where(better, width, long), np.where(better, height, short)
+    return long, short
+
+
+def _line_of(course: Course) -> Records:
+    line = np.zeros(len(course.line), LINE)
+    for column, name in enumerate(("x", "y", "heading", "curvature")):
+        line[name] = course.line[:, column]
+    line["cos"], line["sin"] = np.cos(line["heading"]), np.sin(line["heading"])
+    line["left"], line["right"] = course.half_widths.T
+    return line
+
+
+def _reference_of(course: Course, reference: ReferenceLine | None) -> Records:
+    path = np.zeros(len(course.line), REFERENCE)
+    if reference is not None:
+        for name in ("x", "y", "heading", "curvature", "speed", "left", "right", "beside"):
+            path[name] = getattr(reference, name)
+        path["cos"], path["sin"] = np.cos(path["heading"]), np.sin(path["heading"])
+    return path
+
+
+def _gates_of(course: Course) -> Records:
+    gates = np.zeros(len(course.gates), GATE)
+    gates["progress"] = course.gates
+    # A gate that ends a sector carries the sector's number; the timing line ends the last.
+    ends = [gate for gate in course.sectors if gate != 0]
+    for sector, gate in enumerate([*ends, 0], start=1):
+        gates[gate]["sector"] = sector
+    return gates

@@ -1,0 +1,39 @@
+"""Built courses, kept beside the user's other caches: the medial line of blocks takes a second."""
+
+import contextlib
+import hashlib
+import pickle
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from race_server.core.kernels.jit import cache_root
+from race_server.scenario.track.course import Course
+
+
+@cache
+def _sources() -> str:
+    """Return a digest of the code that builds courses: another code, another shelf."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def remembered(digest: str, build: Callable[[], Course]) -> Course:
+    """Return the course of a file's digest from the shelf, or build it and put it there."""
+    path = cache_root() / "courses" / f"{digest}-{_sources()}.pickle"
+    # The shelf is our own and in the user's folder; what cannot be read is built again.
+    with contextlib.suppress(OSError, pickle.UnpicklingError, EOFError, AttributeError, TypeError):
+        course = pickle.loads(path.read_bytes())
+        if isinstance(course, Course):
+            return course
+    course = build()
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Written aside and moved, so that nobody ever reads half a course.
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            pickle.dump(course, file)
+        Path(file.name).replace(path)
+    return course

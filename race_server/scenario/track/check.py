@@ -1,0 +1,111 @@
+"""Is a course one that a vehicle can race on?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from race_server.core.vehicles import Vehicle
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.polyline import crossings, nearest_on
+
+# Free width that a vehicle needs beside its own, as a share of it.
+ROOM = 0.3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is wrong with a course, or may be."""
+
+    level: str  # error or warning
+    what: str
+
+
+def check_course(course: Course, vehicle: Vehicle) -> list[Finding]:
+    """Return what a vehicle would trip over; nothing for a good course."""
+    return [
+        *_open_borders(course),
+        *_crossing_borders(course),
+        *_narrow_places(course, vehicle),
+        *_tight_bends(course, vehicle),
+        *_start_grid(course, vehicle),
+    ]
+
+
+def _open_borders(course: Course) -> list[Finding]:
+    """Every end of a wall must be the beginning of another."""
+    starts, ends = course.borders[:, :2], course.borders[:, 2:]
+    found = []
+    for end in ends:
+        gap = float(np.hypot(*(starts - end).T).min())
+        if gap > 1e-6:
+            x, y = end
+            found.append(
+                Finding("error", f"the border is open at ({x:.2f}, {y:.2f}): a gap of {gap:.2f} m")
+            )
+    return found
+
+
+def _crossing_borders(course: Course) -> list[Finding]:
+    pairs = crossings(course.borders)
+    if not len(pairs):
+        return []
+    x, y = course.borders[pairs[0, 0], :2]
+    return [Finding("error", f"the borders cross near ({x:.2f}, {y:.2f})")]
+
+
+def _narrow_places(course: Course, vehicle: Vehicle) -> list[Finding]:
+    needed = (1.0 + ROOM) * vehicle.width
+    if course.width_min < needed:
+        return [
+            Finding(
+                "error",
+                f"{course.width_min:.2f} m wide at the narrowest; {vehicle.name} needs "
+                f"{needed:.2f} m",
+            )
+        ]
+    if course.width_min < 2.0 * needed:
+        return [Finding("warning", f"two {vehicle.name} cannot pass where it is narrowest")]
+    return []
+
+
+def _tight_bends(course: Course, vehicle: Vehicle) -> list[Finding]:
+    """Compare each bend with the turning radius.
+
+    A bend over an angle may be taken wider than its centre line: on a line that uses the free
+    width w the radius grows by up to w/2 beside the centre, and by cutting a bend of angle a by
+    another (w/2) / (1/cos(a/2) - 1). The angle is that of the line's turn over the vehicle's own
+    turning circle.
+    """
+    samples = max(round(2.0 * vehicle.turning_radius / course.spacing), 1)
+    turn = np.unwrap(course.line[:, 2])
+    lap = turn[-1] + course.line[-1, 3] * course.spacing - turn[0]
+    ahead = np.concatenate([turn, turn + lap])[samples : samples + len(turn)]
+    angle = np.clip(np.abs(ahead - turn), 1e-3, np.pi - 1e-3)
+    room = 0.5 * np.maximum(course.half_widths.sum(axis=1) - vehicle.width, 0.0)
+    tightest = 1.0 / np.maximum(np.abs(course.line[:, 3]), 1e-9)
+    possible = tightest + room + room / (1.0 / np.cos(0.5 * angle) - 1.0)
+    worst = int(np.argmin(possible))
+    if possible[worst] < vehicle.turning_radius:
+        x, y = course.line[worst, :2]
+        return [
+            Finding(
+                "error",
+                f"the bend at ({x:.2f}, {y:.2f}) allows {possible[worst]:.2f} m; {vehicle.name} "
+                f"turns in {vehicle.turning_radius:.2f} m: it cannot be lapped",
+            )
+        ]
+    return []
+
+
+def _start_grid(course: Course, vehicle: Vehicle) -> list[Finding]:
+    if not len(course.grid):
+        return [Finding("error", "no place for a start grid")]
+    clear, _ = nearest_on(course.borders, course.grid[:, :2])
+    tight = int(np.sum(clear < 0.5 * vehicle.width))
+    found = []
+    if tight:
+        found.append(Finding("error", f"{tight} grid places are too near to a border"))
+    steps = np.hypot(*(course.grid[1:, :2] - course.grid[:-1, :2]).T)
+    if len(steps) and steps.min() < vehicle.width:
+        found.append(Finding("error", "two grid places overlap"))
+    return found

@@ -1,0 +1,254 @@
+"""Track files: found by name, read word by word, built once and remembered."""
+
+import hashlib
+import math
+import os
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from race_server.errors import TrackError
+from race_server.scenario.track.blocks import Loop
+from race_server.scenario.track.build import GATES, MOST_PLACES, SCALES, SECTORS, Plan, build
+from race_server.scenario.track.cache import remembered
+from race_server.scenario.track.course import Course, Floats, Obstacle
+from race_server.scenario.track.generated import FORMS as DRAWN
+from race_server.scenario.track.generated import PREFIX, generated_file
+
+FORMS = ("blocks", "line", "spline")
+LARGEST = 4_000_000  # bytes of a track file
+FARTHEST = 1e5  # [m] of any coordinate
+
+
+def track_folders() -> list[Path]:
+    """Return the folders that hold tracks: those of RACE_TRACKS first, then our own."""
+    chosen = os.environ.get("RACE_TRACKS", "")
+    folders = [Path(name) for name in chosen.split(os.pathsep) if name]
+    return [*folders, own_tracks()]
+
+
+def own_tracks() -> Path:
+    """Return the folder of the tracks that come with this program."""
+    package = Path(__file__).parents[2] / "tracks"
+    return package if package.is_dir() else Path(__file__).parents[3] / "tracks"
+
+
+def track_names() -> list[str]:
+    """Return the names of all tracks that can be found."""
+    files = (path for folder in track_folders() for path in folder.glob("*.toml"))
+    return sorted({path.stem for path in files})
+
+
+def load_course(name: str) -> Course:
+    """Return the course of a name, or of a path that ends in ``.toml``.
+
+    ``generated:block:17`` is drawn by lot, see `race_server.scenario.track.generated`.
+
+    Raises:
+        TrackError: there is none, or its file describes none.
+    """
+    if name.endswith(".toml"):
+        return read_course(Path(name))
+    if name.startswith(PREFIX):
+        return _course_of(name, name, generated_file(name))
+    for folder in track_folders():
+        path = folder / f"{name}.toml"
+        if path.is_file():
+            return read_course(path)
+    known = ", ".join(track_names())
+    raise TrackError(
+        f"track {name!r} is unknown; choose one of {known}, give a .toml file, "
+        f"or have one drawn: {', '.join(DRAWN)}"
+    )
+
+
+def read_course(path: Path) -> Course:
+    """Return the course that a file describes.
+
+    Raises:
+        TrackError: it cannot be read or describes no course.
+    """
+    try:
+        if path.stat().st_size > LARGEST:
+            raise TrackError(f"{path}: larger than {LARGEST} bytes")
+        data = path.read_bytes()
+    except OSError as error:
+        raise TrackError(f"{path}: cannot be read: {error.strerror}") from error
+    return _course_of(path.stem, path.name, data)
+
+
+@cache
+def _course_of(name: str, file: str, data: bytes) -> Course:
+    plan = plan_of(name, file, data)
+    try:
+        return remembered(plan.digest, lambda: build(plan))
+    except TrackError as error:
+        raise TrackError(f"{file}: {error}") from error
+
+
+def plan_of(name: str, file: str, data: bytes) -> Plan:
+    """Return what a track file says.
+
+    Raises:
+        TrackError: names file, key and value of what is wrong.
+    """
+    try:
+        words = tomllib.loads(data.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise TrackError(f"{file}: no TOML: {error}") from error
+    sheet = _Sheet(file, words)
+    form = sheet.choice("form", FORMS, "")
+    plan = Plan(
+        name=name,
+        title=sheet.text("title", name),
+        form=form,
+        scale=sheet.choice("scale", tuple(SCALES), "1/10"),
+        digest=hashlib.sha256(name.encode() + data).hexdigest()[:16],
+        outer=sheet.loop("outer") if form == "blocks" else None,
+        inner=sheet.loop("inner") if form == "blocks" else None,
+        points=sheet.points() if form != "blocks" else np.zeros((0, 4)),
+        reverse=sheet.yes("reverse"),
+        kerb=sheet.number("kerb", 0.0, 0.0, 10.0),
+        grass=sheet.number("grass", 0.0, 0.0, 100.0),
+        gates=round(sheet.number("gates", GATES, 3, 200)),
+        sectors=round(sheet.number("sectors", SECTORS, 1, 20)),
+        line_at=sheet.pair("line_at"),
+        places=round(sheet.number("grid_places", MOST_PLACES, 1, MOST_PLACES)),
+        items=sheet.items(),
+        obstacles=tuple(sheet.obstacles()),
+        starts=sheet.rows("starts", 6, np.zeros((0, 6))),
+    )
+    sheet.no_more()
+    if plan.gates < plan.sectors:
+        raise TrackError(f"{file}: gates = {plan.gates} is less than sectors = {plan.sectors}")
+    return plan
+
+
+@dataclass
+class _Sheet:
+    """The words of a track file, taken out one by one."""
+
+    file: str
+    words: dict[str, Any]
+
+    def _wrong(self, key: str, value: object, way_out: str) -> TrackError:
+        return TrackError(f"{self.file}: {key} = {str(value)[:60]!r}: {way_out}")
+
+    def _take(self, key: str, default: Any) -> Any:
+        return self.words.pop(key, default)
+
+    def text(self, key: str, default: str) -> str:
+        value = self._take(key, default)
+        if not isinstance(value, str) or not 0 < len(value) <= 64:
+            raise self._wrong(key, value, "give a text of up to 64 characters")
+        return value
+
+    def choice(self, key: str, choices: Iterable[str], default: str) -> str:
+        value = self._take(key, default)
+        if value not in tuple(choices):
+            raise self._wrong(key, value, f"choose one of {', '.join(choices)}")
+        return str(value)
+
+    def yes(self, key: str) -> bool:
+        value = self._take(key, False)
+        if not isinstance(value, bool):
+            raise self._wrong(key, value, "say true or false")
+        return value
+
+    def number(self, key: str, default: float, low: float, high: float) -> float:
+        value = self._take(key, default)
+        if not _is_number(value) or not low <= value <= high:
+            raise self._wrong(key, value, f"give a number from {low:g} to {high:g}")
+        return float(value)
+
+    def pair(self, key: str) -> tuple[float, float] | None:
+        value = self._take(key, None)
+        if value is None:
+            return None
+        row = self._row(key, value, 2)
+        return row[0], row[1]
+
+    def _row(self, key: str, value: object, columns: int) -> list[float]:
+        fits = isinstance(value, list) and len(value) == columns and all(map(_is_number, value))
+        if not isinstance(value, list) or not fits or max(map(abs, value)) > FARTHEST:
+            raise self._wrong(key, value, f"give {columns} numbers, each up to {FARTHEST:g}")
+        return [float(number) for number in value]
+
+    def rows(self, key: str, columns: int, default: Floats) -> Floats:
+        value = self._take(key, None)
+        if value is None:
+            return default
+        if not isinstance(value, list):
+            raise self._wrong(key, value, f"give a list of rows of {columns} numbers")
+        rows = [self._row(f"{key}[{n}]", row, columns) for n, row in enumerate(value, start=1)]
+        return np.array(rows).reshape(-1, columns)
+
+    def points(self) -> Floats:
+        half_width = self._take("half_width", None)
+        if half_width is None:
+            points = self.rows("points", 4, np.zeros((0, 4)))
+        else:
+            if not _is_number(half_width):
+                raise self._wrong("half_width", half_width, "give a number in metres")
+            places = self.rows("points", 2, np.zeros((0, 2)))
+            points = np.hstack([places, np.full((len(places), 2), float(half_width))])
+        if len(points) and points[:, 2:].min() <= 0.0:
+            row = int(np.argmin(points[:, 2:].min(axis=1))) + 1
+            raise self._wrong(
+                f"points[{row}]", points[row - 1].tolist(), "half-widths are positive"
+            )
+        return points
+
+    def loop(self, key: str) -> Loop:
+        value = self._take(key, None)
+        if not isinstance(value, dict):
+            raise self._wrong(key, value, "give a table with start, heading and blocks")
+        row = self._row(f"{key}.start", value.get("start"), 2)
+        heading, blocks = value.get("heading", ""), value.get("blocks")
+        if not _is_number(heading):
+            raise self._wrong(f"{key}.heading", heading, "give a number in degrees")
+        if not isinstance(blocks, str) or not blocks.strip():
+            raise self._wrong(f"{key}.blocks", blocks, "give a list such as 'S L 2xS R'")
+        return Loop(key, row[0], row[1], math.radians(float(heading)), blocks)
+
+    def items(self) -> tuple[tuple[float, float], ...] | None:
+        if "items" not in self.words:
+            return None
+        return tuple((row[0], row[1]) for row in self.rows("items", 2, np.zeros((0, 2))))
+
+    def obstacles(self) -> Iterable[Obstacle]:
+        for x, y, degrees, length, width in self.rows("obstacles", 5, np.zeros((0, 5))):
+            if min(length, width) <= 0.0:
+                raise self._wrong("obstacles", (length, width), "length and width are positive")
+            yield Obstacle(x, y, math.radians(degrees), length, width)
+
+    def no_more(self) -> None:
+        if self.words:
+            key = next(iter(self.words))
+            raise self._wrong(key, self.words[key], "no such key; see tracks/README.md")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def summary(course: Course) -> dict[str, Any]:
+    """Return the figures of a course as plain data."""
+    return {
+        "name": course.name,
+        "title": course.title,
+        "length_m": round(course.length, 3),
+        "width_min_m": round(course.width_min, 3),
+        "width_mean_m": round(course.width_mean, 3),
+        "width_max_m": round(course.width_max, 3),
+        "gates": len(course.gates),
+        "sectors": len(course.sectors),
+        "grid_places": len(course.grid),
+        "item_spots": len(course.spots),
+        "obstacles": len(course.obstacles),
+    }

@@ -1,0 +1,70 @@
+"""What is done to a race from outside other than by a driver's control.
+
+An act is a number and takes effect between two ticks, so a recording can hold it and a replay can
+do it again. A new kind is a new row of the table at the end.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from race_server.core import codes
+from race_server.core.stages.events import penalise
+from race_server.core.state import World
+from race_server.core.step import show_flag, withdraw
+
+
+class ActKind(IntEnum):
+    """What is done; the numbers stand in recordings, so they keep their meaning."""
+
+    WITHDRAW = 1  # a kart is out of the race
+    FLAG = 2  # value: Flag
+    PENALTY = 3  # value: [s] that the stewards add to a kart's race time
+    CLOSE = 4  # nobody may take a kart's seat; value: 1 where its driver was sent away
+    OPEN = 5  # somebody may again
+    CLOCK = 6  # value: 1 the clock stands, 0 it goes on
+
+
+# Those that concern one kart.
+ON_KARTS = (ActKind.WITHDRAW, ActKind.PENALTY, ActKind.CLOSE, ActKind.OPEN)
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """Something done before a tick."""
+
+    tick: int
+    kind: ActKind
+    kart: int = -1
+    value: float = 0.0
+
+
+def carry_out(world: World, act: Act) -> None:
+    """Do to the only race of a world what an act does to it."""
+    _ACTS[act.kind](world, act.kart, act.value)
+
+
+def _withdraw(world: World, kart: int, _: float) -> None:
+    withdraw(world, 0, kart)
+
+
+def _show_flag(world: World, _: int, flag: float) -> None:
+    show_flag(world, 0, int(flag))
+
+
+def _penalise(world: World, kart: int, seconds: float) -> None:
+    penalise(world, 0, kart, round(seconds * 1e6), codes.EVENT_PENALTY)
+
+
+def _leave(_world: World, _kart: int, _value: float) -> None:
+    """Do nothing: such an act concerns the session, and karts drive no differently."""
+
+
+_ACTS: dict[ActKind, Callable[[World, int, float], None]] = {
+    ActKind.WITHDRAW: _withdraw,
+    ActKind.FLAG: _show_flag,
+    ActKind.PENALTY: _penalise,
+    ActKind.CLOSE: _leave,
+    ActKind.OPEN: _leave,
+    ActKind.CLOCK: _leave,
+}

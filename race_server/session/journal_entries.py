@@ -1,0 +1,22 @@
+"""What acts on a race, as a recording holds it."""
+
+from dataclasses import dataclass
+
+from race_server.core.state import Float32s, Ints
+from race_server.session.interventions import Act
+from race_server.session.replay_guard import Granted
+from race_server.session.tracked.karts import Placements
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """The controls that act from a tick on, of those seats whose control changed."""
+
+    tick: int
+    seats: Ints  # (n,)
+    controls: Float32s  # (n, 4) steering, throttle, brake, buttons
+    sequences: Ints  # (n,) of the drivers' messages
+
+
+# What acts on a race, in the order in which it does.
+Entry = Inputs | Placements | Act | Granted

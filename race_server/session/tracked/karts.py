@@ -1,0 +1,157 @@
+"""The real karts of a session: what they tell goes into the world, and what they must obey back."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from race_server.core import codes
+from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
+from race_server.core.messages import Doubt, Pose, Trust
+from race_server.core.state import PLACEMENT, Floats, Ints, World
+from race_server.core.vehicles import Vehicle
+from race_server.scenario.track.course import Course
+from race_server.session.tracked.orders import Orders
+from race_server.session.tracked.plausibility import Gates
+from race_server.session.tracked.tracker import Tracker
+
+# A point this many kart lengths beyond the borders is not on the course.
+BEYOND_LENGTHS = 1.0
+# The centre line is looked at about every so many metres.
+LOOK_M = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Where real karts were put before a tick, and how far they knew what to obey."""
+
+    tick: int
+    rows: Floats  # (n, 10), see state.PLACEMENT
+    orders: Ints  # (n, 2) numbers of the newest orders given, and of the newest acknowledged
+
+
+class Fleet:
+    """The trackers of all real karts, by seat."""
+
+    def __init__(self, course: Course) -> None:
+        """Begin with none."""
+        step = max(round(LOOK_M / course.spacing), 1)
+        self._line: Floats = course.line[::step, :2]
+        width = course.half_widths[::step].max(axis=1) + course.kerb + course.grass
+        self._widths: Floats = width + 0.5 * step * course.spacing
+        self.trackers: dict[int, Tracker] = {}
+        self._lengths: dict[int, float] = {}
+
+    def __contains__(self, seat: int) -> bool:
+        return seat in self.trackers
+
+    def admit(self, seat: int, vehicle: Vehicle) -> None:
+        """Expect a real kart on a seat."""
+        self.trackers[seat] = Tracker(Gates.of(vehicle))
+        self._lengths[seat] = vehicle.length
+
+    def dismiss(self, seat: int) -> None:
+        """Expect it no more."""
+        self.trackers.pop(seat, None)
+
+    def begin(self, world: World, now_us: int) -> None:
+        """Expect all of them on the grid of a new race."""
+        race = world.races[0]
+        lights_s = int(race.start_tick - race.tick) / TICKS_PER_SECOND
+        for seat, tracker in self.trackers.items():
+            place = _place_of(world, seat)
+            self.trackers[seat] = tracker.at_start(place, now_us, lights_s=lights_s)
+
+    def recall(self, placements: Placements) -> None:
+        """Know again what was known of the karts that a recording places."""
+        for row, orders in zip(placements.rows, placements.orders, strict=True):
+            if tracker := self.trackers.get(int(row[0])):
+                tracker.trust, tracker.doubt = Trust(int(row[1])), Doubt(int(row[2]))
+                tracker.orders.sequence, tracker.orders.acknowledged = map(int, orders)
+
+    def take_up(self, world: World, now_us: int) -> None:
+        """Go on with a race whose server was killed: expect all karts about where they were."""
+        for seat, tracker in self.trackers.items():
+            self.trackers[seat] = tracker.taken_up(_place_of(world, seat), now_us)
+
+    def placed(self, tick: int, rows: Floats) -> Placements:
+        """Return placements as they are recorded."""
+        orders = [self.orders(int(seat)) for seat in rows[:, 0]]
+        numbers = [(known.sequence, known.acknowledged) for known in orders]
+        return Placements(tick, rows, np.array(numbers, np.int64))
+
+    def take(self, seat: int, pose: Pose, arrived_us: int) -> Doubt:
+        """Take a pose that arrived and return what speaks against it."""
+        is_inside = self.is_inside(pose.x, pose.y, BEYOND_LENGTHS * self._lengths[seat])
+        return self.trackers[seat].take(pose, arrived_us, is_inside=is_inside)
+
+    def is_inside(self, x: float, y: float, beyond: float) -> bool:
+        """Return whether a point lies on the course or at most `beyond` [m] outside."""
+        distances = np.hypot(self._line[:, 0] - x, self._line[:, 1] - y)
+        return bool((distances <= self._widths + beyond).any())
+
+    def follow(self, world: World, now_us: int) -> Floats:
+        """Return where the real karts are now, shape (n, 10), see state.PLACEMENT."""
+        rows = [
+            row
+            for seat, tracker in self.trackers.items()
+            if (row := _placement(seat, tracker, world, now_us)) is not None
+        ]
+        # As it may be recorded, so that a recording holds exactly what acted.
+        return np.array(rows, np.float32).reshape(-1, len(PLACEMENT)).astype(np.float64)
+
+    def orders(self, seat: int) -> Orders:
+        """Return the orders of a real kart."""
+        return self.trackers[seat].orders
+
+    def figures(self, now_us: int) -> list[dict[str, Any]]:
+        """Return what is known of each real kart's link, as plain data."""
+        return [
+            {
+                "seat": seat,
+                "trust": tracker.trust.name.lower(),
+                "doubt": tracker.doubt.name.lower(),
+                "pose_age_s": tracker.age_s(now_us),
+                "clock_offset_us": round(tracker.clock.offset_us),
+                "delay_s": tracker.clock.delay_us / MICROSECONDS,
+                "poses": tracker.poses,
+                "refused": {doubt.name.lower(): n for doubt, n in tracker.refused.items()},
+            }
+            for seat, tracker in self.trackers.items()
+        ]
+
+
+def _place_of(world: World, seat: int) -> Pose:
+    """Return where a kart is in the world, as a pose."""
+    kart = world.karts[0, seat]
+    return Pose(
+        stamp_us=0,
+        x=float(kart.x),
+        y=float(kart.y),
+        heading=float(kart.heading),
+        speed=float(kart.speed),
+        lateral_speed=float(kart.lateral_speed),
+        yaw_rate=float(kart.yaw_rate),
+        steering=float(kart.steering),
+    )
+
+
+def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[float, ...] | None:
+    """Return the row of one kart; None while it has not been heard of yet."""
+    kart, flag = world.karts[0, seat], int(world.races[0].flag)
+    if kart.status == codes.ABSENT:
+        return None
+    stops = kart.status != codes.RACING
+    tracker.follow(now_us, is_racing=not stops)
+    what = (float(kart.speed_cap), float(kart.thrust_scale), flag, int(kart.yellow), tracker.trust)
+    tracker.orders.change((*what, stops), now_us)
+    # A kart that was trusted before its server was killed is not moved by the simulation since.
+    trust = tracker.trust or Trust(int(kart.trust))
+    pose = tracker.pose_at(now_us)
+    if trust is Trust.SIMULATED or pose is None:
+        return None
+    return (
+        *(seat, int(trust), int(tracker.doubt)),
+        *(pose.x, pose.y, pose.heading, pose.speed, pose.lateral_speed, pose.yaw_rate),
+        pose.steering,
+    )

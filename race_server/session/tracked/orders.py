@@ -1,0 +1,50 @@
+"""What a real kart must obey, and whether it says that it does."""
+
+from dataclasses import dataclass
+
+from race_server.core.clock import MICROSECONDS
+
+# A kart that does not acknowledge what it must obey for so long cannot be relied on.
+DEAF_S = 1.5
+# More orders than a server can have given that was killed before they were written down.
+UNWRITTEN = 3600
+
+
+@dataclass
+class Orders:
+    """What a kart must obey, numbered, and how far it has acknowledged that."""
+
+    sequence: int = 0
+    acknowledged: int = 0
+    _what: tuple[float, ...] = ()
+    _since_us: int = 0
+
+    def taken_up(self, now_us: int) -> "Orders":
+        """Return the orders for the rest of a race whose server was killed: all are repeated.
+
+        Their numbers are higher than any that the kart may have heard of and nobody wrote down.
+        """
+        return Orders(self.sequence + UNWRITTEN, self.acknowledged, _since_us=now_us)
+
+    def change(self, what: tuple[float, ...], now_us: int) -> None:
+        """Number the orders anew if they are others than before."""
+        if what != self._what:
+            if self.acknowledged == self.sequence:
+                self._since_us = now_us
+            self._what = what
+            self.sequence += 1
+
+    def acknowledge(self, sequence: int, now_us: int) -> None:
+        """Take note of what the kart says it obeys."""
+        if self.acknowledged < sequence <= self.sequence:
+            self.acknowledged = sequence
+            self._since_us = now_us
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the newest orders are not acknowledged yet."""
+        return self.acknowledged < self.sequence
+
+    def is_unheard(self, now_us: int) -> bool:
+        """Return whether no order was acknowledged for too long."""
+        return self.is_open and now_us - self._since_us > DEAF_S * MICROSECONDS

@@ -1,0 +1,151 @@
+"""Where recordings lie: the journal of the race that is being driven, and those that are over.
+
+A journal is called ``<session>.journal.mcap`` while its race lasts. A server that starts and finds
+one takes it up: whoever wrote it was killed. At the end it is named after the time of the race.
+"""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Self
+
+from race_server.errors import RecordingError
+from race_server.net.wire.journal import StartFrame
+from race_server.storage.recording.reader import (
+    NANOSECONDS,
+    Line,
+    Recording,
+    read_lines,
+    read_recording,
+)
+from race_server.storage.recording.recorder import Recorder
+
+VARIABLE = "RACE_SERVER_RECORDINGS"
+NOWHERE = "none"
+# So many servers at once may serve sessions of the same name, each with a journal of its own.
+MOST_NAMESAKES = 16
+
+
+def folder_of(words: str) -> Path | None:
+    """Return the folder that an option names: the default where it is empty, None for `none`."""
+    words = words or os.environ.get(VARIABLE, "")
+    if words:
+        return None if words == NOWHERE else Path(words).expanduser()
+    data = Path(os.environ.get("XDG_DATA_HOME", ""))
+    home = data if data.is_absolute() else Path.home() / ".local" / "share"
+    return home / "race-server" / "recordings"
+
+
+class Logbook:
+    """The recordings of one session; no other server writes to its journal."""
+
+    def __init__(self, folder: Path, session: str, log: Callable[[str], None]) -> None:
+        """Find a journal that nobody else writes.
+
+        log: is told once if a recording fails.
+
+        Raises:
+            RecordingError: the folder cannot be written.
+        """
+        self.folder = folder
+        self._log = log
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock, self.session = _locked(folder, session)
+        except OSError as error:
+            raise RecordingError(
+                f"recordings cannot be written to {folder} ({error.strerror or error}); name "
+                "another folder with --record FOLDER, or race without: --record none"
+            ) from error
+        self._part = folder / f"{self.session}.part.mcap"
+        self.journal = folder / f"{self.session}.journal.mcap"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.close()
+
+    def unfinished(self) -> Recording | None:
+        """Return the race that a server which was killed has left, if there is one.
+
+        What cannot be read is put aside, and said.
+        """
+        self._part.unlink(missing_ok=True)
+        if not self.journal.exists():
+            return None
+        try:
+            recording = read_recording(self.journal)
+        except RecordingError as error:
+            aside = self.journal.with_suffix(".unreadable.mcap")
+            self.journal.replace(aside)
+            self._log(f"{error}; it is kept as {aside}")
+            return None
+        if recording.is_complete:
+            self._file_away(recording.start.started_at)
+            return None
+        return recording
+
+    def put_aside(self, why: str) -> None:
+        """Keep a journal that cannot be taken up, and say so."""
+        aside = self.journal.with_suffix(".aside.mcap")
+        self.journal.replace(aside)
+        self._log(f"{why}; the journal is kept as {aside}")
+
+    def begin(self, frame: StartFrame, *, takes_up: bool = False) -> Recorder:
+        """Return a recorder for a race; one that is taken up begins with its old journal.
+
+        Raises:
+            RecordingError: the file cannot be made.
+        """
+        path = self._part if takes_up else self.journal
+        try:
+            file = path.open("wb")
+        except OSError as error:
+            raise RecordingError(
+                f"recording {path} cannot be written ({error.strerror or error})"
+            ) from error
+        begun_ns = round(datetime.fromisoformat(frame.started_at).timestamp() * NANOSECONDS)
+        recorder = Recorder(file, frame.session, begun_ns, self._log)
+        if takes_up:
+            for line in read_lines(self.journal):
+                if isinstance(line, Line):
+                    recorder.copy(line)
+            # Until now the old journal is the one that counts.
+            recorder.wait(recorder.hurry(), timeout_s=60.0)
+            path.replace(self.journal)
+        else:
+            recorder.begin(frame)
+        return recorder
+
+    def end(self, recorder: Recorder, frame: StartFrame) -> Path:
+        """Close a recording and return where it lies now."""
+        recorder.close()
+        return self._file_away(frame.started_at)
+
+    def _file_away(self, started_at: str) -> Path:
+        stamp = datetime.fromisoformat(started_at).strftime("%Y%m%d-%H%M%S-%f")[:-3]
+        path = self.folder / f"{self.session}-{stamp}.mcap"
+        with contextlib.suppress(OSError):
+            self.journal.replace(path)
+        return path
+
+
+def _locked(folder: Path, session: str) -> tuple[IO[bytes], str]:
+    """Return a lock, held as long as it is open, and the name that it stands for."""
+    for number in range(1, MOST_NAMESAKES + 1):
+        name = session if number == 1 else f"{session}~{number}"
+        lock = (folder / f".{name}.lock").open("wb")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+            continue
+        return lock, name
+    raise RecordingError(
+        f"{MOST_NAMESAKES} servers already record sessions called {session!r} in {folder}; "
+        "choose another name with --session"
+    )

@@ -1,0 +1,118 @@
+"""Driving a recorded race again, and telling whether it is the same race."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Event
+from race_server.errors import RecordingError, ScenarioError, SeatError
+from race_server.session import Session
+from race_server.session.interventions import ON_KARTS, Act
+from race_server.session.journal_entries import Entry, Inputs
+from race_server.session.seats import Seat
+from race_server.session.tracked.karts import Placements
+from race_server.storage.recording.reader import Recording
+from race_server.storage.recording.scenario_codec import unpack_scenario
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first tick at which the race driven again is another one."""
+
+    tick: int
+    recorded: str
+    found: str
+
+
+def session_of(recording: Recording) -> Session:
+    """Return a session at the start of a recorded race, with everybody in their seats.
+
+    Raises:
+        RecordingError: the recording does not fit this version.
+    """
+    start = recording.start
+    scenario = unpack_scenario(start.setting, start.arrays)
+    try:
+        session = Session(start.session, scenario, decision_ticks=start.decision_ticks)
+        for row in start.seats:
+            seat = Seat(row.number, row.driver, row.preset, row.key, is_tracked=row.is_tracked)
+            seat.is_taken = seat.is_ready = True
+            session.seats.put(seat)
+            if row.is_tracked:
+                session.fleet.admit(row.number, scenario.vehicle_of(row.number))
+        session.epoch = start.epoch - 1
+        session.start()
+    except (ScenarioError, SeatError, LookupError) as error:
+        raise RecordingError(f"recording {recording.path} makes no race: {error}") from error
+    return session
+
+
+def _check_seats(entry: Entry, recording: Recording, seats: int) -> None:
+    """Do nothing for what concerns karts of the race; the world has no others.
+
+    Raises:
+        RecordingError: it concerns others.
+    """
+    numbers: list[int] = []
+    if isinstance(entry, Inputs):
+        numbers = entry.seats.tolist()
+    elif isinstance(entry, Placements):
+        numbers = entry.rows[:, 0].astype(int).tolist()
+    elif isinstance(entry, Act):
+        numbers = [entry.kart] if entry.kind in ON_KARTS else []
+    if other := [number for number in numbers if not 0 <= number < seats]:
+        raise RecordingError(
+            f"recording {recording.path} is damaged: seat {other[0]} is not in a race of {seats}"
+        )
+
+
+class Rerun:
+    """A recorded race as it is driven again."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Line up.
+
+        Raises:
+            RecordingError: the recording does not fit this version.
+        """
+        self.recording = recording
+        self.session = session_of(recording)
+        for entry in recording.entries:
+            _check_seats(entry, recording, len(self.session.seats))
+        self.difference: Difference | None = None
+        self.compared = 0  # digests that were equal
+
+    def run(self, most_ticks: int = TICKS_PER_SECOND) -> Iterator[list[Event]]:
+        """Drive to the last tick that is known, and yield what happened on the way.
+
+        It goes in one step from one change to the next, at most `most_ticks` at a time, and ends
+        early where a digest is another one, see `difference`.
+        """
+        session, recording = self.session, self.recording
+        entries = iter(recording.entries)
+        digests = iter(recording.digests)
+        entry, digest = next(entries, None), next(digests, None)
+        last = recording.last_tick
+        while True:
+            tick = session.tick
+            while digest is not None and digest[0] <= tick:
+                if digest[0] == tick and not self._agrees(*digest):
+                    return
+                digest = next(digests, None)
+            while entry is not None and entry.tick <= tick:
+                session.do_again(entry)
+                entry = next(entries, None)
+            if tick >= last or not session.is_on:
+                return
+            stop = min(last, tick + most_ticks)
+            stop = stop if entry is None else min(stop, entry.tick)
+            stop = stop if digest is None else min(stop, digest[0])
+            yield session.move(stop - tick)
+
+    def _agrees(self, tick: int, recorded: str) -> bool:
+        found = self.session.digest()
+        if found != recorded:
+            self.difference = Difference(tick, recorded, found)
+            return False
+        self.compared += 1
+        return True

@@ -1,0 +1,92 @@
+"""A scenario as text and arrays, complete: no track file is needed to drive it again."""
+
+import io
+import json
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from race_server.core.vehicles import Vehicle
+from race_server.errors import RecordingError
+from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.sensors import Lidar, Radar
+from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.line import ReferenceLine
+
+Arrays = dict[str, Any]
+
+
+def pack_scenario(scenario: Scenario) -> tuple[str, bytes]:
+    """Return a scenario as JSON and as the bytes of an .npz file."""
+    arrays: Arrays = {}
+    words: dict[str, Any] = {
+        "course": _taken_apart(scenario.course, "course", arrays),
+        "line": scenario.line and _taken_apart(scenario.line, "line", arrays),
+        "karts": scenario.karts,
+        "vehicles": [asdict(vehicle) for vehicle in scenario.vehicles],
+        "rules": asdict(scenario.rules),
+        "lidar": asdict(scenario.lidar),
+        "radar": asdict(scenario.radar),
+        "fitted": scenario.fitted,
+        "seed": scenario.seed,
+        "grid_order": scenario.grid_order,
+    }
+    words["course"]["obstacles"] = [asdict(one) for one in scenario.course.obstacles]
+    file = io.BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+    return json.dumps(words), file.getvalue()
+
+
+def _taken_apart(whole: Any, name: str, arrays: Arrays) -> dict[str, Any]:
+    """Return the plain fields of a dataclass, and put its arrays into `arrays`."""
+    plain = {}
+    for part in fields(whole):
+        value = getattr(whole, part.name)
+        if isinstance(value, np.ndarray):
+            arrays[f"{name}.{part.name}"] = value
+        else:
+            plain[part.name] = value
+    return plain
+
+
+def unpack_scenario(setting: str, packed: bytes) -> Scenario:
+    """Return the scenario that `pack_scenario` packed.
+
+    Raises:
+        RecordingError: text or arrays are damaged, or of another version.
+    """
+    try:
+        words = json.loads(setting)
+        with np.load(io.BytesIO(packed), allow_pickle=False) as file:
+            arrays: Arrays = dict(file)
+        course = words["course"]
+        course["obstacles"] = tuple(Obstacle(**one) for one in course["obstacles"])
+        course["sectors"] = tuple(course["sectors"])
+        line = words["line"] and ReferenceLine(**words["line"], **_of("line", arrays))
+        return Scenario(
+            course=Course(**course, **_of("course", arrays)),
+            karts=words["karts"],
+            vehicles=tuple(Vehicle(**vehicle) for vehicle in words["vehicles"]),
+            rules=Rules(**words["rules"]),
+            lidar=Lidar(**words["lidar"]),
+            radar=Radar(**words["radar"]),
+            fitted=tuple(words["fitted"]),
+            seed=words["seed"],
+            grid_order=tuple(words["grid_order"]),
+            line=line or None,
+        )
+    # Whatever the damage makes json, zip and numpy trip over.
+    except Exception as error:
+        raise RecordingError(
+            f"the race's setting cannot be read ({type(error).__name__}: {error}); it is damaged, "
+            "or was recorded by another version of race-server"
+        ) from error
+
+
+def _of(name: str, arrays: Arrays) -> Arrays:
+    """Return the arrays of one dataclass by field."""
+    prefix = f"{name}."
+    return {
+        key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)
+    }

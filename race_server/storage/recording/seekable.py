@@ -1,0 +1,200 @@
+"""A recording by the tick: any moment of it, without reading all of it.
+
+The file is a row of chunks, each of a second or less. Where they lie is found by stepping from one
+to the next; what they hold is read when it is wanted. A file that was cut short ends with its last
+whole chunk.
+"""
+
+import struct
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from io import BufferedReader, BytesIO
+from itertools import accumulate
+from pathlib import Path
+from typing import Self
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message
+from mcap.stream_reader import breakup_chunk
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.errors import RecordingError, WireError
+from race_server.net.wire.journal import StartFrame, decode_digest, decode_start
+from race_server.storage.recording.channels import (
+    CHANNELS,
+    DIGEST,
+    EVENTS,
+    SNAPSHOTS,
+    STANDINGS,
+    START,
+    ChannelKind,
+)
+from race_server.storage.recording.reader import MOST_RECORD, NANOSECONDS
+
+MAGIC_BYTES = 8
+# Code and length of a record; first and last time of the messages in a chunk [ns].
+HEAD, SPAN = struct.Struct("<BQ"), struct.Struct("<QQ")
+# Chunks that are kept after they were read; each is 64 KiB and what was made of it.
+KEPT_CHUNKS = 8
+# So many chunks back a table is looked for: it is written twice a second.
+LOOK_BACK = 64
+_SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS)}
+_KNOWN = {kind.key: kind for kind in CHANNELS}
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One message of a recording."""
+
+    kind: ChannelKind
+    tick: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a chunk lies in the file, and which ticks it holds."""
+
+    offset: int
+    length: int
+    first_ns: int
+    last_ns: int
+
+
+class Tape:
+    """A recorded race that is open at any tick. Not for two threads at once."""
+
+    def __init__(self, path: Path) -> None:
+        """Find out where what lies.
+
+        Raises:
+            RecordingError: no such file, no recording, or without the beginning of a race.
+        """
+        self.path = path
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise RecordingError(
+                f"recording {path.name} cannot be read ({error.strerror or error})"
+            ) from error
+        try:
+            self._places = list(_places(self._file, path.stat().st_size))
+            self._kinds: dict[int, ChannelKind] = {}
+            self.start, self._begun_ns = self._beginning()
+        except (WireError, RecordingError, ValueError, OSError, struct.error) as error:
+            self._file.close()
+            raise RecordingError(f"{path.name} is no recording of a race: {error}") from error
+        # Messages of one tick may lie in any order, and so in either of two chunks.
+        ends = (self._tick_of(place.last_ns) for place in self._places)
+        self._ends = list(accumulate(ends, max))
+        self._chunk = lru_cache(maxsize=KEPT_CHUNKS)(self._read)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def last_tick(self) -> int:
+        """The newest tick that it tells of."""
+        return self._ends[-1]
+
+    def is_finished(self) -> bool:
+        """Return whether the race came to its end."""
+        for moment in reversed(self._all_of(len(self._places) - 1)):
+            if moment.kind is DIGEST:
+                return decode_digest(moment.data)[2]
+        return False
+
+    def between(self, after: int, last: int) -> list[Moment]:
+        """Return what was shown after one tick, up to and with another, in order."""
+        found: list[Moment] = []
+        for number in range(self._first_with(after + 1), len(self._places)):
+            if self._tick_of(self._places[number].first_ns) > last:
+                break
+            found += [m for m in self._chunk(number) if after < m.tick <= last]
+        return found
+
+    def newest(self, kind: ChannelKind, tick: int) -> Moment | None:
+        """Return the newest message of a kind up to a tick, None where there is none."""
+        begin = min(self._first_with(tick + 1), len(self._places) - 1)
+        for number in range(begin, max(begin - LOOK_BACK, -1), -1):
+            for moment in reversed(self._chunk(number)):
+                if moment.kind is kind and moment.tick <= tick:
+                    return moment
+        return None
+
+    def all_events(self) -> Iterator[Moment]:
+        """Yield all messages that tell of events; this reads the whole file, once."""
+        for number in range(len(self._places)):
+            yield from (moment for moment in self._read(number) if moment.kind is EVENTS)
+
+    def _first_with(self, tick: int) -> int:
+        """Return the first chunk that does not end before a tick."""
+        return bisect_right(self._ends, tick - 1)
+
+    def _tick_of(self, time_ns: int) -> int:
+        return round((time_ns - self._begun_ns) * TICKS_PER_SECOND / NANOSECONDS)
+
+    def _beginning(self) -> tuple[StartFrame, int]:
+        for number in range(len(self._places)):
+            for channel, time_ns, data in self._records(number):
+                if self._kinds.get(channel) is START:
+                    return decode_start(data), time_ns
+        raise RecordingError("the beginning of a race is missing")
+
+    def _read(self, number: int) -> list[Moment]:
+        """Return what a chunk holds for who watches."""
+        return [moment for moment in self._all_of(number) if moment.kind.key in _SHOWN]
+
+    def _all_of(self, number: int) -> list[Moment]:
+        return [
+            Moment(self._kinds[channel], self._tick_of(time_ns), data)
+            for channel, time_ns, data in self._records(number)
+            if channel in self._kinds
+        ]
+
+    def _records(self, number: int) -> list[tuple[int, int, bytes]]:
+        """Return channel, time and contents of the messages in a chunk; none of a damaged one."""
+        place = self._places[number]
+        self._file.seek(place.offset)
+        data = self._file.read(place.length)
+        try:
+            chunk = Chunk.read(ReadDataStream(BytesIO(data)))
+            inside = breakup_chunk(chunk, validate_crc=True)
+        # Whatever damage makes the readers of records and of compressed data trip over.
+        except Exception:
+            return []
+        messages = []
+        for record in inside:
+            if isinstance(record, Channel):
+                self._learn(record)
+            elif isinstance(record, Message):
+                messages.append((record.channel_id, record.log_time, record.data))
+        return messages
+
+    def _learn(self, channel: Channel) -> None:
+        key = channel.topic.split("/", 2)[-1]
+        if channel.topic.startswith("race/") and key in _KNOWN:
+            self._kinds[channel.id] = _KNOWN[key]
+
+
+def _places(file: BufferedReader, size: int) -> Iterator[_Place]:
+    """Yield the chunks of a file, up to its end or to where it is torn."""
+    at = MAGIC_BYTES
+    while at + HEAD.size <= size:
+        file.seek(at)
+        opcode, length = HEAD.unpack(file.read(HEAD.size))
+        begin, at = at + HEAD.size, at + HEAD.size + length
+        if at > size or length > MOST_RECORD or opcode in {Opcode.DATA_END, Opcode.FOOTER}:
+            return
+        if opcode == Opcode.CHUNK and length >= SPAN.size:
+            yield _Place(begin, length, *SPAN.unpack(file.read(SPAN.size)))

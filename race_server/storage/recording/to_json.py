@@ -1,0 +1,130 @@
+"""The messages of a recording as plain data, for people and programs that know no FlatBuffers."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+from race_server.core.messages import Doubt, Trust
+from race_server.net.wire.journal import (
+    decode_acts,
+    decode_digest,
+    decode_granted,
+    decode_inputs,
+    decode_lap,
+    decode_start,
+)
+from race_server.net.wire.placement import decode_placements
+from race_server.net.wire.spectate import decode_events, decode_snapshot, decode_standings
+from race_server.session.interventions import ActKind
+from race_server.storage.recording.channels import (
+    ACTS,
+    DIGEST,
+    EVENTS,
+    GRANTED,
+    INPUTS,
+    LAPS,
+    PLACEMENTS,
+    SCENE,
+    SNAPSHOTS,
+    STANDINGS,
+    START,
+)
+from race_server.storage.recording.reader import Line
+
+Words = dict[str, Any]
+
+
+def words_of(line: Line) -> Words:
+    """Return a message as a dictionary of numbers, text and lists.
+
+    Raises:
+        WireError: it is damaged.
+    """
+    return _READERS[line.kind.key](line.data)
+
+
+def _start(data: bytes) -> Words:
+    frame = decode_start(data)
+    seats = [{"seat": row.number, "driver": row.driver} for row in frame.seats]
+    return {
+        "session": frame.session,
+        "epoch": frame.epoch,
+        "started_at": frame.started_at,
+        "versions": json.loads(frame.versions),
+        "seats": seats,
+    }
+
+
+def _inputs(data: bytes) -> Words:
+    tick, rows = decode_inputs(data)
+    names = ("steering", "throttle", "brake", "buttons", "sequence", "seat")
+    inputs = [dict(zip(names, row[:6], strict=True)) for row in rows.tolist()]
+    return {"tick": tick, "inputs": inputs}
+
+
+def _placements(data: bytes) -> Words:
+    tick, rows = decode_placements(data)
+    names = rows.dtype.names or ()
+    karts = [dict(zip(names, row, strict=True)) for row in rows.tolist()]
+    for kart in karts:
+        kart["trust"] = Trust(kart["trust"]).name.lower()
+        kart["doubt"] = Doubt(kart["doubt"]).name.lower()
+    return {"tick": tick, "placements": karts}
+
+
+def _granted(data: bytes) -> Words:
+    tick, key, serial = decode_granted(data)
+    return {"tick": tick, "key": key.hex(), "serial": serial}
+
+
+def _acts(data: bytes) -> Words:
+    return {
+        "acts": [
+            {"tick": tick, "act": ActKind(kind).name.lower(), "kart": kart, "value": value}
+            for value, tick, kind, kart in decode_acts(data).tolist()
+        ]
+    }
+
+
+def _digest(data: bytes) -> Words:
+    tick, digest, is_last = decode_digest(data)
+    return {"tick": tick, "digest": digest, "is_last": is_last}
+
+
+def _lap(data: bytes) -> Words:
+    seat, number, time_us, tick = decode_lap(data)
+    return {"tick": tick, "seat": seat, "lap": number, "time_us": time_us}
+
+
+def _snapshot(data: bytes) -> Words:
+    frame = decode_snapshot(data)
+    names = frame.karts.dtype.names or ()
+    karts = [dict(zip(names, row, strict=True)) for row in frame.karts.tolist()]
+    return {"tick": frame.tick, "phase": frame.phase.name.lower(), "karts": karts}
+
+
+def _events(data: bytes) -> Words:
+    _, events = decode_events(data)
+    return {"events": [{**asdict(event), "kind": event.kind.name.lower()} for event in events]}
+
+
+def _standings(data: bytes) -> Words:
+    frame = decode_standings(data)
+    rows = [{**asdict(row), "status": row.status.name.lower()} for row in frame.rows]
+    return {"tick": frame.tick, "rows": rows}
+
+
+_READERS: dict[str, Callable[[bytes], Words]] = {
+    START.key: _start,
+    INPUTS.key: _inputs,
+    PLACEMENTS.key: _placements,
+    GRANTED.key: _granted,
+    ACTS.key: _acts,
+    DIGEST.key: _digest,
+    LAPS.key: _lap,
+    SNAPSHOTS.key: _snapshot,
+    EVENTS.key: _events,
+    STANDINGS.key: _standings,
+    SCENE.key: json.loads,
+}

@@ -1,0 +1,53 @@
+"""All laps of a results file as one table, for other programs."""
+
+import csv
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+from race_server.errors import ResultsError
+from race_server.storage.results.queries import Row
+
+_NUMBERS = ("race", "race_laps", "seed", "seat", "rank", "lap", "time_us")
+_WORDS = ("started_at", "session", "track", "track_digest", "vehicle", "pace", "rules_version")
+_MORE_WORDS = ("server_version", "ended", "driver", "driver_version", "status", "sectors")
+TYPES = {
+    **dict.fromkeys(_NUMBERS, "int64"),
+    **dict.fromkeys((*_WORDS, *_MORE_WORDS), "string"),
+    "is_clean": "bool_",
+}
+
+
+def export(laps: Sequence[Row], to: Path) -> None:
+    """Write laps into a .csv or .parquet file.
+
+    Raises:
+        ResultsError: another kind of file, one that cannot be written, or no pyarrow.
+    """
+    writers = {".csv": _write_csv, ".parquet": _write_parquet}
+    writer = writers.get(to.suffix)
+    if writer is None:
+        raise ResultsError(f"{to}: results are exported as .csv or .parquet")
+    try:
+        writer(laps, to)
+    except OSError as error:
+        raise ResultsError(f"{to} cannot be written: {error.strerror or error}") from error
+
+
+def _write_csv(laps: Sequence[Row], to: Path) -> None:
+    with to.open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, list(TYPES), lineterminator="\n")
+        table.writeheader()
+        table.writerows(laps)
+
+
+def _write_parquet(laps: Sequence[Row], to: Path) -> None:
+    try:
+        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise ResultsError(
+            f"{to}: Parquet needs pyarrow, from the extra `results`: "
+            "pip install 'race-server[results]'; .csv needs nothing"
+        ) from error
+    schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in TYPES.items()])
+    parquet.write_table(arrow.Table.from_pylist(list(laps), schema=schema), to)

@@ -1,0 +1,1 @@
+"""Drills and benchmarks: only the command line imports them."""

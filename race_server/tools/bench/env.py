@@ -1,0 +1,345 @@
+"""How fast the training world is, through each of its interfaces, next to highway-env."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from race_server.core.clock import SUBSTEPS
+from race_server.core.state import Floats
+from race_server.envs.batch import Batch, Task
+from race_server.envs.buffers import REENTER
+from race_server.envs.parallel import KartRace
+from race_server.envs.presets import race_task, scenario_on
+from race_server.envs.single import time_trial
+from race_server.errors import ScenarioError
+from race_server.scenario.sensors import Lidar, Radar
+from race_server.scenario.track.load import load_course
+from race_server.tools.bench.core import profile
+
+TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
+LIDAR = ("lidar", "lidar_before", "speed", "steering")
+# Sensors that are read at every decision: twice as often as in a race, the dearest case.
+DECISION_HZ = 20
+FRESH_SENSORS: dict[str, Any] = {
+    "lidar": Lidar(period_s=1.0 / DECISION_HZ),
+    "radar": Radar(period_s=1.0 / DECISION_HZ),
+}
+WARM_UP_SHARE = 0.25  # of the measured time, before it
+TAPE = 400  # decisions that are recorded and replayed through an interface for one race
+
+# What `scaling` measures: races of about so many karts in all, on a course with a long grid.
+CROWD, CROWDED_TRACK, CROWDED_VEHICLE = 512, "hangar-400", "kart-30"
+KARTS_PER_RACE = (1, 2, 4, 8, 16, 32, 64)
+WORLD_COUNTS = (1, 4, 16, 64, 256, 1024, 4096)  # the last are 320 MB of arrays
+CORE_COUNTS = (1, 2)
+
+
+def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
+    """Return the figures of `race bench env`; those of highway-env are None without it."""
+    ours = {
+        "batch_radar": _rate(race_batch(cores=cores), seconds),
+        "batch_lidar": _rate(race_batch(LIDAR, cores=cores), seconds),
+        "pettingzoo_radar": _pettingzoo(seconds),
+        "gym_lidar": _gymnasium(seconds),
+    }
+    yardstick, notes = _highway(seconds)
+    figures = ours | yardstick
+    pairs = (
+        ("gym_lidar", "highway_lidar"),
+        ("batch_lidar", "highway_lidar"),
+        ("batch_radar", "highway_kinematics"),
+    )
+    return {
+        "cores": cores,
+        "clock": "CPU time" if cores == 1 else "wall time of the batches, CPU time of the others",
+        **{name: value and round(value, 1) for name, value in figures.items()},
+        "ratios": {f"{a}_over_{b}": _ratio(figures[a], figures[b]) for a, b in pairs},
+        "profile": _profile(),
+        "notes": {
+            "course": TRACK,
+            "worlds": WORLDS,
+            "karts": KARTS,
+            "decision_hz": DECISION_HZ,
+            "sensor_hz": DECISION_HZ,
+            "lidar_rays": 201,
+            **notes,
+        },
+    }
+
+
+def _rate(batch: Batch, seconds: float) -> float:
+    """Return agent-steps per second of time in `Batch.step` alone, and close the batch."""
+    try:
+        batch.step(driving(batch))  # the first call compiles
+        _run(batch, WARM_UP_SHARE * seconds)
+        return _run(batch, seconds)
+    finally:
+        batch.close()
+
+
+def _run(batch: Batch, seconds: float) -> float:
+    # On one core its own time counts, whatever else the machine does; several share the wall's.
+    clock = time.process_time if batch.threads == 1 else time.perf_counter
+    steps, spent = 0, 0.0
+    while spent < seconds:
+        actions = driving(batch)
+        begun = clock()
+        batch.step(actions)
+        spent += clock() - begun
+        steps += batch.worlds * batch.learners
+    return steps / spent
+
+
+def _replay_rate(
+    env: Any, act: Callable[[], Any], is_over: Callable[[Any], bool], seconds: float
+) -> float:
+    """Return steps per second of CPU time in `env.step` alone.
+
+    One run is driven by `act`; the measured ones repeat its actions from the same seed, so that
+    nothing happens between two steps.
+    """
+    env.reset(seed=0)
+    tape: list[Any] = []
+    while len(tape) < TAPE:
+        tape.append(act())
+        if is_over(env.step(tape[-1])):
+            break
+    steps, spent = 0, 0.0
+    while spent < seconds:
+        env.reset(seed=0)
+        begun = time.process_time()
+        for actions in tape:
+            env.step(actions)
+        spent += time.process_time() - begun
+        steps += len(tape)
+    return steps / spent
+
+
+def driving(batch: Batch) -> Floats:
+    """Return actions that keep every kart near the centre line at a pace of its own."""
+    world, learners = batch.world, batch.learners
+    karts, vehicles = world.karts[:, :learners], world.vehicles[:, :learners]
+    wheelbase = vehicles["front_axle"] + vehicles["rear_axle"]
+    bend = world.atlas.line["curvature"][karts["line_index"]]
+    aim = bend * wheelbase - 0.1 * karts["lateral_offset"] / wheelbase
+    turn = aim - 0.5 * np.sin(karts["heading_error"])
+    steering = np.arctan(turn) / vehicles["steering_limit"]
+    pace = (0.15 + 0.002 * (np.arange(learners) % 8)) * vehicles["top_speed"]
+    # A kart in a jam backs out in turns.
+    jammed = (karts["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
+    drive = np.where(jammed, -1.0, pace - karts["speed"])
+    return np.clip(np.stack([drive, steering, np.ones_like(drive)], axis=-1), -1.0, 1.0)
+
+
+def race_batch(
+    observation: str | tuple[str, ...] = "radar", *, worlds: int = WORLDS, cores: int = 1
+) -> Batch:
+    """Return the batch that the headline figures are measured with."""
+    task = race_task(
+        TRACK, karts=KARTS, observation=observation, random_start=True, **FRESH_SENSORS
+    )
+    return Batch(task, worlds=worlds, after=REENTER, threads=cores)
+
+
+def crowded_batch(karts: int) -> Batch:
+    """Return races of so many karts, as many as make up the crowd."""
+    scenario = scenario_on(CROWDED_TRACK, karts=karts, vehicle=CROWDED_VEHICLE, **FRESH_SENSORS)
+    task = Task((scenario,), reward="race", random_start=True)
+    return Batch(task, worlds=CROWD // karts, after=REENTER)
+
+
+def _pettingzoo(seconds: float) -> float:
+    """Measure one race of eight through dictionaries."""
+    race = KartRace(race_task(TRACK, karts=KARTS, **FRESH_SENSORS))
+
+    def act() -> dict[str, Any]:
+        rows = driving(race.batch)[0].astype(np.float32)
+        return {agent: rows[race.possible_agents.index(agent)] for agent in race.agents}
+
+    # Nobody finishes while the tape runs, so that every step moves all agents.
+    return KARTS * _replay_rate(race, act, lambda _: len(race.agents) < KARTS, seconds)
+
+
+def _gymnasium(seconds: float) -> float:
+    """Measure one kart with lidar through Gymnasium's `step`."""
+    env = time_trial(TRACK, lidar=FRESH_SENSORS["lidar"])
+
+    def act() -> Any:
+        return driving(env.batch)[0, 0].astype(np.float32)
+
+    return _replay_rate(env, act, _is_over, seconds)
+
+
+def _is_over(outcome: tuple[Any, ...]) -> bool:
+    """Return whether Gymnasium's `step` ended an episode."""
+    return bool(outcome[2] or outcome[3])
+
+
+def _highway(seconds: float) -> tuple[dict[str, float | None], dict[str, Any]]:
+    """Return the figures of highway-env, None where it is not installed, and notes on them."""
+    figures: dict[str, float | None] = {"highway_lidar": None, "highway_kinematics": None}
+    try:
+        import highway_env  # noqa: F401  # registers its environments
+    except ImportError:
+        return figures, {}
+    import gymnasium
+
+    name = "racetrack-v1" if "racetrack-v1" in gymnasium.registry else "racetrack-v0"
+    settings: dict[str, Any] = {}
+    for figure, kind in (
+        ("highway_lidar", "LidarObservation"),
+        ("highway_kinematics", "Kinematics"),
+    ):
+        wanted = {"observation": {"type": kind}}
+        env: Any = gymnasium.make(name, config=wanted, disable_env_checker=True).unwrapped
+        figures[figure] = _one_highway(env, seconds)
+        settings = env.config
+        env.close()
+    frequencies = ("policy_frequency", "simulation_frequency")
+    notes = {f"highway_{key}_hz": settings[key] for key in frequencies}
+    return figures, {"highway_environment": name, **notes, "highway_agents": 1}
+
+
+def _one_highway(env: Any, seconds: float) -> float:
+    """Measure highway-env's `step`, with its car kept on the road as ours are."""
+
+    def act() -> Any:
+        car = env.vehicle
+        along, aside = car.lane.local_coordinates(car.position)
+        turn = car.lane.heading_at(along + 2.0) - car.heading
+        turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+        return np.clip([turn - 0.1 * aside], -1.0, 1.0)
+
+    return _replay_rate(env, act, _is_over, seconds)
+
+
+def _ratio(ours: float | None, theirs: float | None) -> float | None:
+    return None if ours is None or theirs is None else round(ours / theirs, 2)
+
+
+def _profile() -> dict[str, float]:
+    """Return CPU nanoseconds per ray, per contact search and per substep, for one kart."""
+    parts = profile(load_course(TRACK))
+    substeps = 3 * SUBSTEPS
+    return {
+        "radar_ns_per_ray": parts["radar_ns_per_ray"],
+        "lidar_ns_per_ray": parts["lidar_ns_per_ray"],
+        "kart_contact_ns": round(parts["kart_contacts_ns"] / substeps, 1),
+        "wall_contact_ns": parts["wall_contact_ns_per_substep"],
+        "motion_ns_per_substep": parts["motion_ns_per_substep"],
+    }
+
+
+def bench_scaling(*, seconds: float = 0.5) -> dict[str, Any]:
+    """Return agent-steps per second against karts per race, worlds and cores."""
+
+    def on(batch: Batch) -> int:
+        return round(_rate(batch, seconds))
+
+    kinds: dict[str, str | tuple[str, ...]] = {"radar": "radar", "lidar": LIDAR}
+    return {
+        "karts_per_race": {str(karts): on(crowded_batch(karts)) for karts in KARTS_PER_RACE},
+        "worlds": {str(worlds): on(race_batch(worlds=worlds)) for worlds in WORLD_COUNTS},
+        "cores": {
+            kind: {str(cores): on(race_batch(seen, cores=cores)) for cores in CORE_COUNTS}
+            for kind, seen in kinds.items()
+        },
+    }
+
+
+def plot_scaling(scaling: dict[str, Any], path: Path) -> None:
+    """Draw what `bench_scaling` returned into a file.
+
+    Raises:
+        ScenarioError: the file cannot be written.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, panels = pyplot.subplots(1, 3, figsize=(14.0, 4.8), layout="constrained")
+    title = (
+        f"Speed of the training world on a machine with {os.cpu_count()} cores "
+        "(an agent-step is one kart's decision of 1/20 s)"
+    )
+    figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=_INK)
+    _draw_line(panels[0], scaling["karts_per_race"], "karts in a race")
+    crowd = f"{CROWD} {CROWDED_VEHICLE} in all on {CROWDED_TRACK}, radar, one core"
+    _dress(panels[0], "How large a race may be", crowd)
+    _draw_line(panels[1], scaling["worlds"], "races at once")
+    races = f"races of {KARTS} on {TRACK}"
+    _dress(panels[1], "How many races make a batch", f"{races}, radar, one core")
+    _draw_bars(panels[2], scaling["cores"])
+    _dress(panels[2], "What a second core adds", f"{WORLDS} {races}")
+    try:
+        figure.savefig(path, dpi=130, facecolor="white")
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: the picture cannot be written: {error}") from error
+    finally:
+        pyplot.close(figure)
+
+
+_INK, _GREY, _RADAR, _LIDAR = "#20242a", "#6b7280", "#1565c0", "#ef6c00"
+
+
+def _draw_line(axes: Any, points: dict[str, int], across: str) -> None:
+    counts, rates = [int(count) for count in points], list(points.values())
+    axes.plot(counts, rates, color=_RADAR, marker="o", linewidth=2.0, markersize=6.0)
+    for count, number in zip(counts, rates, strict=True):
+        axes.annotate(
+            _thousands(number),
+            (count, number),
+            xytext=(0, 10),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color=_INK,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+        )
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    axes.set_xticks(counts, [f"{count}" for count in counts])
+    axes.set_xlim(counts[0] / 1.5, counts[-1] * 1.5)
+    low, high = min(*rates, 1e5), max(*rates, 5e5) * 1.05
+    steps = [step * 10**power for power in range(2, 8) for step in (1, 2, 3, 5)]
+    shown = [step for step in steps if low <= step <= high]
+    axes.set_yticks(shown, [_thousands(step) for step in shown])
+    axes.set_ylim(low, high)
+    axes.set_xlabel(across)
+    axes.set_ylabel("agent-steps per second")
+
+
+def _draw_bars(axes: Any, cores: dict[str, dict[str, int]]) -> None:
+    width = 0.36
+    for number, (kind, colour) in enumerate((("radar", _RADAR), ("lidar", _LIDAR))):
+        rates = list(cores[kind].values())
+        places = np.arange(len(rates)) + (number - 0.5) * width
+        bars = axes.bar(places, rates, width * 0.94, color=colour, label=kind)
+        labels = [f"{_thousands(rate)}\n× {rate / rates[0]:.2f}" for rate in rates]
+        axes.bar_label(bars, labels, padding=3, fontsize=9, color=_INK)
+    axes.set_xticks(range(len(CORE_COUNTS)), [f"{count}" for count in CORE_COUNTS])
+    axes.set_ylim(0, 1.3 * max(max(rates.values()) for rates in cores.values()))
+    axes.yaxis.set_major_formatter(lambda value, _: _thousands(value))
+    axes.set_xlabel("cores used")
+    axes.set_ylabel("agent-steps per second")
+    axes.legend(loc="upper center", ncols=2, frameon=False, fontsize=9)
+
+
+def _thousands(number: float) -> str:
+    return f"{number / 1e3:.0f} k"
+
+
+def _dress(axes: Any, title: str, setting: str) -> None:
+    axes.set_title(title, loc="left", fontsize=11, color=_INK, pad=22)
+    axes.text(0.0, 1.02, setting, transform=axes.transAxes, fontsize=8, color=_GREY)
+    axes.grid(axis="both" if axes.get_xscale() == "log" else "y", color="#d8dce2", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8, colors=_GREY)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)

@@ -1,0 +1,243 @@
+"""The server is killed in the middle of races, again and again; no lap may be lost.
+
+Each race is a real server with its guard and eight driver processes; some of the karts may be real
+ones, played by plants, which have to be believed again each time. A spectator hears what is
+announced, and the drill holds every lap that was announced against the result, the recording and
+the results file at the end.
+"""
+
+import json
+import os
+import random
+import signal
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from race_server.competition.launch import START_S, Team, free_address, spread, team
+from race_server.core.messages import EventKind, Phase
+from race_server.errors import LinkError, RaceError, WireError
+from race_server.logs import last_words
+from race_server.net.transport import ClientLink
+from race_server.net.wire import topics
+from race_server.net.wire.spectate import decode_events, decode_snapshot
+from race_server.storage.recording.reader import read_recording
+from race_server.storage.recording.rerun import Rerun
+from race_server.storage.results.queries import all_laps
+from race_server.tools.drills.report import document_of
+
+TRACK, LAPS, KARTS = "oval-report", 6, 8
+DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
+# A kill comes so long after the race goes on [s].
+SOONEST_S, LATEST_S = 0.3, 2.0
+RESUME_S = 1.0  # in which the race has to go on
+PATIENCE_S = 30.0
+
+Lap = tuple[int, int, int]  # seat, number, time [µs]
+
+
+@dataclass
+class Spectator:
+    """Hears a race over the network, as anybody can, and remembers what it was told."""
+
+    laps: set[Lap] = field(default_factory=set)
+    tick: int = -1
+    heard_at: float = 0.0
+    phase: Phase = Phase.LOBBY
+
+    def hear_events(self, data: bytes) -> None:
+        """Take note of announced laps."""
+        for event in decode_events(data)[1]:
+            if event.kind is EventKind.LAP:
+                self.laps.add((event.kart, event.other, event.value))
+
+    def hear_snapshot(self, data: bytes) -> None:
+        """Take note of the time."""
+        try:
+            frame = decode_snapshot(data)
+        except WireError:
+            return
+        self.tick, self.phase, self.heard_at = frame.tick, frame.phase, time.monotonic()
+
+    def hears_since(self, moment: float) -> bool:
+        """Return whether a snapshot has come after a time of `time.monotonic`."""
+        return self.heard_at > moment
+
+
+@dataclass
+class RaceReport:
+    """What became of one race."""
+
+    kills: int = 0
+    resume_s: list[float] = field(default_factory=list)
+    lost_ticks: list[int] = field(default_factory=list)
+    real_laps: int = 0
+    faults: list[str] = field(default_factory=list)
+
+
+def drill_crash(
+    times: int, *, real: int = 0, seed: int = 1, tell: Callable[[int], None] = lambda _: None
+) -> dict[str, Any]:
+    """Kill a racing server so many times and return the figures.
+
+    real: so many of the karts exist; tell: is told the number of kills so far.
+    """
+    chance = random.Random(seed)
+    reports: list[RaceReport] = []
+    while (done := sum(report.kills for report in reports)) < times:
+        tell(done)
+        report = _race(times - done, real, chance, partial(_tell_sum, tell, done))
+        reports.append(report)
+        if report.kills == 0 and not report.faults:
+            report.faults.append("a race ended before the server could be killed")
+        if report.faults:
+            break
+    resumes = [value for report in reports for value in report.resume_s]
+    faults = [fault for report in reports for fault in report.faults]
+    slow = [value for value in resumes if value > RESUME_S]
+    if slow:
+        faults.append(f"{len(slow)} of {len(resumes)} times it took more than {RESUME_S:g} s")
+    return document_of(
+        faults,
+        kills=sum(report.kills for report in reports),
+        races=len(reports),
+        karts=KARTS,
+        real_karts=real,
+        real_laps=sum(report.real_laps for report in reports),
+        resumed=len(resumes),
+        laps_lost=sum("lap" in fault for fault in faults),
+        resume_s_median=round(statistics.median(resumes), 3) if resumes else None,
+        resume_s_worst=round(max(resumes), 3) if resumes else None,
+        ticks_lost_worst=max((n for r in reports for n in r.lost_ticks), default=0),
+        seed=seed,
+    )
+
+
+def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
+    tell(before + kills)
+
+
+def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
+    """Run one race, killing its server up to `most` times, and check what is left of it."""
+    report = RaceReport()
+    with tempfile.TemporaryDirectory(prefix="drill-") as folder, team() as group:
+        place = Path(folder)
+        address = free_address()
+        with (place / "log").open("wb") as log:
+            _start(group, address, real, place, log)
+            try:
+                spectator, link = _watch(address)
+                with link:
+                    _kill_and_wait(group, spectator, report, most, chance, tell)
+                    _wait(lambda: group.processes[0].poll() is not None, START_S, "end")
+                _check(place, spectator, spread(real, KARTS), report)
+            except RaceError as error:
+                report.faults.append(f"{error}; {last_words(place / 'log', 3)}")
+    return report
+
+
+def _start(group: Team, address: str, real: int, place: Path, log: Any) -> None:
+    serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(LAPS), "--once"]
+    serve += ["--listen", address, "--session", "drill", "--record", str(place)]
+    serve += ["--results", str(place / "results.sqlite"), "--result", str(place / "result.json")]
+    group.start(serve, log)
+    for seat in range(KARTS):
+        name = DRIVERS[seat % len(DRIVERS)]
+        ask = ["--connect", address, "--session", "drill", "--seat", str(seat)]
+        ask += ["--patience", str(START_S)]
+        plant = ["plant", "--driver", name, "--seed", str(seat + 1)]
+        group.start([*(plant if seat in spread(real, KARTS) else ["drive", name]), *ask], log)
+
+
+def _watch(address: str) -> tuple[Spectator, ClientLink]:
+    deadline = time.monotonic() + START_S
+    while True:
+        try:
+            link = ClientLink(address, "drill", timeout_s=1.0)
+        except LinkError:
+            if time.monotonic() > deadline:
+                raise
+            continue
+        spectator = Spectator()
+        link.listen(topics.EVENTS, spectator.hear_events)
+        link.listen(topics.SNAPSHOT, spectator.hear_snapshot)
+        return spectator, link
+
+
+def _kill_and_wait(
+    group: Team,
+    spectator: Spectator,
+    report: RaceReport,
+    most: int,
+    chance: random.Random,
+    tell: Callable[[int], None],
+) -> None:
+    """Kill the server at random moments of the race, each time it races again."""
+    guard = group.processes[0].pid
+    _wait(lambda: spectator.phase in {Phase.COUNTDOWN, Phase.RUNNING}, START_S, "start")
+    while report.kills < most:
+        pause = threading.Event()
+        pause.wait(chance.uniform(SOONEST_S, LATEST_S))
+        if spectator.phase is Phase.FINISHED or not (children := _children(guard)):
+            return
+        tick = spectator.tick
+        killed_at = time.monotonic()
+        os.kill(children[0], signal.SIGKILL)
+        report.kills += 1
+        # What was still on its way when the server died is not a sign of life.
+        _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "go on")
+        report.resume_s.append(spectator.heard_at - killed_at)
+        report.lost_ticks.append(max(tick - spectator.tick, 0))
+        tell(report.kills)
+
+
+def _children(parent: int) -> list[int]:
+    """Return the processes that a process has forked (Linux: /proc)."""
+    path = Path(f"/proc/{parent}/task/{parent}/children")
+    return [int(word) for word in path.read_text().split()] if path.exists() else []
+
+
+def _wait(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not is_so():
+        if time.monotonic() > deadline:
+            raise RaceError(f"the race did not {what} within {timeout_s:g} s")
+        time.sleep(0.002)
+
+
+def _check(place: Path, spectator: Spectator, real: tuple[int, ...], report: RaceReport) -> None:
+    """Hold what was announced against result, recording and results file."""
+    result = place / "result.json"
+    if not result.exists():
+        report.faults.append("the race ended without a result")
+        return
+    document = json.loads(result.read_text())
+    driven = {
+        (kart["seat"], number, time_us)
+        for kart in document["karts"]
+        for number, time_us in enumerate(kart["lap_times_us"], 1)
+    }
+    real_laps = {seat: sum(lap[0] == seat for lap in driven) for seat in real}
+    report.real_laps = sum(real_laps.values())
+    if standing := [str(seat) for seat, laps in real_laps.items() if laps == 0]:
+        report.faults.append(f"real karts finished no lap: seats {', '.join(standing)}")
+    kept = {(r["seat"], r["lap"], r["time_us"]) for r in all_laps(place / "results.sqlite")}
+    (path,) = place.glob("drill-*.mcap")
+    recording = read_recording(path)
+    recorded = {(seat, number, time_us) for seat, number, time_us, _ in recording.laps}
+    for name, laps in (("result", driven), ("results file", kept), ("recording", recorded)):
+        if missing := spectator.laps - laps:
+            report.faults.append(f"{len(missing)} announced laps are not in the {name}")
+    rerun = Rerun(recording)
+    for _ in rerun.run():
+        pass
+    if rerun.difference is not None:
+        report.faults.append(f"its recording differs from tick {rerun.difference.tick} on")
+    elif rerun.session.digest() != document["digest"]:
+        report.faults.append("its recording ends in another world than the race")

@@ -1,0 +1,140 @@
+"""Damaged and crafted messages on every inbound topic, while a race runs.
+
+They are decoded twice: here, where each can be timed and every exception seen, and by a real
+server in the middle of a race, whose clock must not notice and whose drivers must keep their
+seats; see `attacker` for who sends them there.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Phase
+from race_server.errors import RaceError
+from race_server.tools.drills.damage import decode_all
+from race_server.tools.drills.report import document_of
+from race_server.tools.drills.server_process import (
+    Figures,
+    hall,
+    milliseconds,
+    quantile,
+    ticks_between,
+)
+
+TRACK, KARTS = "oval-report", 8
+DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
+QUIET_S = 15.0  # of the same race before, as the yardstick
+WORST_MS = 1.0
+# Missed ticks that any machine with other work has now and then; the quiet part may show none.
+SPARE = 0.001
+# Seats that the attacker takes itself: one with a simulated kart, one with a kart that exists.
+INSIDERS = 2
+# Of the attack, in which a driver that races on had no fresh control: a bit happens on any machine.
+SILENT_SHARE = 0.05
+# What the attack must have met, or it was none.
+MUST_MEET = ("control without the seat's badge", "pose without the seat's badge")
+
+
+def drill_hostile(
+    messages: int, *, rate: int, seed: int = 1, tell: Callable[[int], None] = lambda _: None
+) -> dict[str, Any]:
+    """Send so many hostile messages to a racing server, so many a second; return the figures."""
+    toll = decode_all(messages, seed)
+    worst_ms = toll.worst_ns / 1e6
+    faults = []
+    if foreign := set(toll.errors) - {"WireError"}:
+        faults.append(f"decoders raise {', '.join(sorted(foreign))}")
+    if worst_ms > WORST_MS:
+        faults.append(f"the slowest decode takes {worst_ms:.2f} ms, {WORST_MS:g} ms are allowed")
+    document: dict[str, Any] = {
+        "decoded": toll.decoded,
+        "accepted": toll.accepted,
+        "exceptions": dict(toll.errors),
+        "worst_decode_ms": round(worst_ms, 4),
+        "messages": messages,
+        "rate": rate,
+    }
+    try:
+        document |= _attack(messages, rate, seed, faults, tell)
+    except RaceError as error:
+        faults.append(str(error))
+    return document_of(faults, **document, seed=seed)
+
+
+def _attack(
+    messages: int, rate: int, seed: int, faults: list[str], tell: Callable[[int], None]
+) -> dict[str, Any]:
+    """Attack a race and return what became of it; what should not be goes into `faults`."""
+    words = ["--track", TRACK, "--karts", str(KARTS + INSIDERS), "--laps", "1000"]
+    with hall([*words, "--record", "none"]) as place:
+        for seat in range(KARTS):
+            place.drive(DRIVERS[seat % len(DRIVERS)], seat)
+        command = [sys.executable, "-m", "race_server.tools.drills.attacker", place.address]
+        command += [str(number) for number in (messages, rate, seed, KARTS)]
+        with subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as attacker:
+            try:
+                place.wait_for(Phase.RUNNING)
+                before = place.figures()
+                time.sleep(QUIET_S)
+                middle = place.figures()
+                sent = _release(attacker, tell)
+                after = place.figures()
+            finally:
+                attacker.kill()
+        document = place.stop()
+        said = place.text()
+    if "Traceback" in said or "callback error" in said:
+        faults.append("the server or a driver has printed an exception")
+    unmet = [reason for reason in MUST_MEET if not document["refused"].get(reason)]
+    faults += [f"nothing was refused as {reason!r}: the attack has missed" for reason in unmet]
+    return _compare(before, middle, after, faults) | {
+        "sent": sent,
+        "laps": sum(kart["laps"] for kart in document["karts"]),
+        "refused": document["refused"],
+    }
+
+
+def _release(attacker: subprocess.Popen[str], tell: Callable[[int], None]) -> int:
+    """Let the attacker begin and return how many messages it has sent in the end."""
+    assert attacker.stdin is not None
+    assert attacker.stdout is not None
+    attacker.stdin.write("go\n")
+    attacker.stdin.flush()
+    sent = 0
+    for line in attacker.stdout:
+        sent = int(line)
+        tell(sent)
+    return sent
+
+
+def _compare(before: Figures, middle: Figures, after: Figures, faults: list[str]) -> dict[str, Any]:
+    quiet, quiet_missed = ticks_between(before, middle)
+    ticks, missed = ticks_between(middle, after)
+    allowed = (quiet_missed / max(quiet, 1.0) + SPARE) * ticks
+    if missed > allowed:
+        faults.append(f"{missed:.0f} of {ticks:.0f} ticks were missed, {allowed:.0f} are allowed")
+    silent = _silent_s(middle, after)
+    if silent > SILENT_SHARE * ticks / TICKS_PER_SECOND:
+        faults.append(f"a driver had no fresh control for {silent:.1f} s: its seat was disturbed")
+    name = "race_tick_duration_seconds"
+    return {
+        "silent_s_worst": round(silent, 2),
+        "ticks": round(ticks),
+        "missed_ticks": round(missed),
+        "quiet_ticks": round(quiet),
+        "quiet_missed_ticks": round(quiet_missed),
+        "tick_p99_ms": milliseconds(quantile(middle, after, name, 0.99)),
+        "quiet_tick_p99_ms": milliseconds(quantile(before, middle, name, 0.99)),
+        "server_memory_mb": round(after["process_resident_memory_bytes"] / 1e6, 1),
+    }
+
+
+def _silent_s(before: Figures, after: Figures) -> float:
+    """Return for how long the honest driver that suffered most had no fresh control [s]."""
+    names = [f'race_silent_seconds_total{{seat="{seat}"}}' for seat in range(KARTS)]
+    return max(after.get(name, 0.0) - before.get(name, 0.0) for name in names)

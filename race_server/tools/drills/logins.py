@@ -1,0 +1,160 @@
+"""Forbidden logins: with wrong keys, none, those of others, twice, and one too many."""
+
+import contextlib
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from race_server.core.messages import Control
+from race_server.errors import KeysError
+from race_server.net.auth.issue import Order, issue_keys
+from race_server.net.auth.keys import ClientKeys, read_client_keys
+from race_server.net.wire.drive import ControlFrame, encode_control
+from race_server.net.wire.lobby import Join, encode_join
+from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
+from race_server.tools.drills.report import Finding
+from race_server.tools.drills.requests import refusal_of
+from race_server.tools.drills.served_session import SESSION, Stage
+
+if TYPE_CHECKING:
+    from race_server.tools.drills.deny import Scene
+
+TLS = "transport/link/tls"
+USER = "transport/auth/usrpwd"
+
+
+def try_logins(scene: "Scene") -> None:
+    """Logins that must not come about, and one that leads nowhere."""
+    stage, own = scene.stage, scene.stage.keys("seat-0")
+    with TemporaryDirectory() as name:
+        rogue = _rogue(Path(name), own)
+        for act, keys, changes in (
+            (
+                "certificate of another authority",
+                replace(rogue, folder=rogue.folder),
+                _trust(own, rogue),
+            ),
+            ("a server that these keys do not trust", rogue, {}),
+            ("no certificate", own, {TLS: {"root_ca_certificate": str(own.folder / "ca.pem")}}),
+            ("wrong password", replace(own, password="guessed"), {}),
+            ("unknown user", replace(own, user="drill-seat-9"), {}),
+            ("no password", own, {USER: {}}),
+        ):
+            scene.deny(act, "let in" if is_let_in(stage.address, keys, **changes) else "")
+    with Intruder(
+        stage.address, replace(own, user=own.user, folder=stage.folder / "seat-1")
+    ) as odd:
+        payload = odd.put("in/0")
+        time.sleep(SETTLE_S)
+        scene.deny("own password with another's certificate", scene.reached(payload))
+    try:
+        read_client_keys(_expired(own), SESSION)
+        scene.deny("keys that have expired", "taken")
+    except KeysError:
+        scene.deny("keys that have expired", "")
+
+
+def _rogue(folder: Path, own: ClientKeys) -> ClientKeys:
+    """Return keys of a stranger for a seat of the same name, with the right password."""
+    issue_keys(Order(SESSION, own.seat + 1), folder / "keys")
+    keys = read_client_keys(folder / "keys" / own.role)
+    return replace(keys, password=own.password)
+
+
+def _trust(own: ClientKeys, rogue: ClientKeys) -> dict[str, Any]:
+    """Return settings that trust the server but show it a stranger's certificate."""
+    return {
+        TLS: {
+            "root_ca_certificate": str(own.folder / "ca.pem"),
+            "connect_certificate": str(rogue.folder / "certificate.pem"),
+            "connect_private_key": str(rogue.folder / "key.pem"),
+            "enable_mtls": True,
+        }
+    }
+
+
+def _expired(own: ClientKeys) -> Path:
+    about = own.folder / "keys.json"
+    about.write_text(about.read_text().replace(own.expires, "2001-01-01T00:00:00+00:00"))
+    return own.folder
+
+
+def try_double_login(scene: "Scene") -> None:
+    """Somebody with a copy of a driver's keys, while the driver races."""
+    session, server = scene.stage.server.session, scene.stage.server
+    with Intruder(scene.stage.address, scene.stage.keys("seat-0")) as thief:
+        time.sleep(SETTLE_S)
+        noted = server.link.dropped["second login", 0]
+        scene.allow("a second login is noted", "" if noted else "it was not")
+        answer = thief.ask(key("q/join/0"), encode_join(Join("thief", "track", 0)))
+        scene.deny("join with copied keys", "" if refusal_of(answer) else "not refused")
+        seat = session.seats[0]
+        sequence = seat.sequence
+        control = ControlFrame(session.epoch, sequence + 1, 0, Control(brake=1.0))
+        thief.session.put(key("in/0"), encode_control(control))
+        time.sleep(SETTLE_S)
+        scene.deny("control with copied keys", "it counted" if seat.sequence > sequence else "")
+        token = thief.session.liveliness().declare_token(key("alive/0/00"))
+        time.sleep(SETTLE_S)
+        seen = server.link.holders.is_doubled(0)
+        scene.allow("a token of one's own seat is seen", "" if seen else "it was not")
+        token.undeclare()
+        time.sleep(SETTLE_S)
+        scene.deny("end the driver's presence", "" if seat.is_present else "the driver is gone")
+
+
+def try_full_house(scene: "Scene") -> None:
+    """More connections than two for each seat, spectators and spares."""
+    most = 2 * scene.stage.seats + 4 + 4
+    keys = scene.stage.keys("spectator")
+    with contextlib.ExitStack() as stack:
+        count = sum(1 for _ in _connections(scene.stage.address, keys, stack, most + 1))
+        # The honest drivers and the spectator are connected already.
+        total = count + len(scene.drivers) + 1
+        scene.deny("more connections than places", "" if total <= most else f"{total} of {most}")
+
+
+def _connections(
+    address: str, keys: ClientKeys, stack: contextlib.ExitStack, most: int
+) -> Iterator[Intruder]:
+    for _ in range(most):
+        try:
+            yield stack.enter_context(Intruder(address, keys))
+        except zenoh.ZError:
+            return
+
+
+def try_passwords_only(stage: Stage) -> list[Finding]:
+    """Return what an open session without encryption does: passwords alone tell who is who."""
+    own = stage.keys("seat-0")
+    findings = []
+    for act, keys in (
+        ("wrong password, unencrypted", replace(own, password="guessed")),
+        ("no password, unencrypted", None),
+    ):
+        seen = "let in" if is_let_in(stage.address, keys) else ""
+        findings.append(Finding(act, "denied", seen or "denied", not seen))
+    with (
+        Intruder(stage.address, own) as seat,
+        Intruder(stage.address, stage.keys("spectator")) as other,
+    ):
+        answer = seat.ask(key("q/join/0"), encode_join(Join("own", "track", 0)))
+        granted = answer is not None and not refusal_of(answer)
+        findings.append(
+            Finding("join, unencrypted", "allowed", "allowed" if granted else "refused", granted)
+        )
+        taken = other.ask(key("q/join/0"), encode_join(Join("thief", "track", 0)))
+        findings.append(
+            Finding(
+                "join as spectator, unencrypted",
+                "denied",
+                "granted" if taken else "denied",
+                not taken,
+            )
+        )
+    return findings

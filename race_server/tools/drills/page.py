@@ -1,0 +1,220 @@
+"""A race before many browsers, of which some misbehave; none may disturb anybody.
+
+Server, gateway and browsers are processes of their own and share this machine.
+"""
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from websockets.exceptions import ConnectionClosed
+
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Phase
+from race_server.errors import RaceError
+from race_server.tools.drills.browsers import RATE, socket_of, welcomed
+from race_server.tools.drills.load import LATENESS, MISSED, crowds
+from race_server.tools.drills.report import Finding, matrix_of
+from race_server.tools.drills.server_process import SESSION, Hall, hall, pace_between
+from race_server.tools.drills.slow_reader import trickle
+
+TRACK, KARTS = "covapsy-test-2023", 8
+# Before the browsers come, so many seconds are measured for comparison.
+CALM_S = 20.0
+WARM_UP_S = 3.0
+# Those that misbehave come when so much of the time has gone.
+TROUBLE = 0.2
+# Of the snapshots that it wants, and that the server makes, each browser has to see this share.
+SEEN = 0.9
+# Where ticks were missed before anybody came, so many times as many may be after.
+ROUGHLY = 1.5
+# The gateway may need so much more memory at the end [MB].
+MOST_GROWTH = 20.0
+MOST_MINUTES = 14.0
+_CROWD = "race_server.tools.drills.browsers"
+_LATENESS = {"lateness": LATENESS}
+
+
+def drill_page(
+    clients: int, minutes: float, *, tell: Callable[[int], None] = lambda _: None
+) -> dict[str, Any]:
+    """Race before browsers for some minutes and return what came of it.
+
+    tell: is told how many seconds have gone by.
+    """
+    seconds = 60.0 * min(minutes, MOST_MINUTES)
+    words = ["--track", TRACK, "--karts", str(KARTS), "--laps", "1000", "--record", "none"]
+    words += ["--fill", "pure_pursuit,follow_gap,avoider", "--wait-for", "1"]
+    with hall(words) as place:
+        place.wait_for(Phase.LOBBY)
+        gateway, addresses = _start_gateway(place)
+        base, token = addresses["base"], addresses["drive"][0].partition("token=")[2]
+        with crowds([_CROWD, "driver", base, token]) as (driving,):
+            driving.wait_until_ready()
+            place.wait_for(Phase.RUNNING)
+            time.sleep(WARM_UP_S)
+            before = place.figures()
+            time.sleep(min(CALM_S, seconds))
+            calm = place.figures()
+            with crowds([_CROWD, "watchers", base, str(clients)]) as (watching,):
+                watching.wait_until_ready()
+                time.sleep(WARM_UP_S)
+                begun = Usage.of(gateway.pid)
+                start = place.figures()
+                for crowd in (driving, watching):
+                    crowd.tell("mark")
+                findings = _pass_time(seconds, base, token, tell)
+                end, used = place.figures(), Usage.of(gateway.pid)
+                told = {"watchers": watching.end(), "driver": driving.end()}
+        place.stop()
+    figures = {
+        "clients": clients,
+        "minutes": round(seconds / 60.0, 2),
+        "cores": os.cpu_count(),
+        "gateway_cpu": round((used.cpu_s - begun.cpu_s) / (used.at_s - begun.at_s), 3),
+        "gateway_memory_start_mb": begun.memory_mb,
+        "gateway_memory_end_mb": used.memory_mb,
+        "snapshots_per_client_s": round(told["watchers"]["heard_mean"] / seconds, 2),
+        "snapshots_least_s": round(told["watchers"]["heard_least"] / seconds, 2),
+        "without": pace_between(before, calm, _LATENESS),
+        "with": pace_between(start, end, _LATENESS),
+        "driver": told["driver"],
+    }
+    findings += _judge(clients, told, figures)
+    return matrix_of(findings, **figures)
+
+
+class Usage:
+    """What a process has used so far (Linux: /proc)."""
+
+    def __init__(self, cpu_s: float, memory_mb: float) -> None:
+        """Note it, as of now."""
+        self.cpu_s, self.memory_mb, self.at_s = cpu_s, memory_mb, time.monotonic()
+
+    @classmethod
+    def of(cls, pid: int) -> "Usage":
+        """Return what a process has used so far.
+
+        Raises:
+            RaceError: it has ended.
+        """
+        folder = Path("/proc", str(pid))
+        try:
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            pages = int((folder / "statm").read_text().split()[1])
+        except OSError as error:
+            raise RaceError("the gateway has ended, or this system has no /proc") from error
+        ticks = int(fields[11]) + int(fields[12])
+        memory_mb = round(pages * os.sysconf("SC_PAGE_SIZE") / 1e6, 1)
+        return cls(ticks / os.sysconf("SC_CLK_TCK"), memory_mb)
+
+
+def _start_gateway(place: Hall) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    words = ["gateway", "--connect", place.address, "--session", SESSION, "--port", "0"]
+    words += ["--drivers", "1", "--recordings", "none", "--json"]
+    command = [sys.executable, "-m", "race_server", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=place.log)
+    place.group.aside.append(process)
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    if not line:
+        raise RaceError(f"the gateway did not start: {place.last_words()}")
+    return process, json.loads(line)
+
+
+def _pass_time(seconds: float, base: str, token: str, tell: Callable[[int], None]) -> list[Finding]:
+    """Let time pass, with trouble in it, and return what became of the trouble."""
+
+    async def trouble() -> list[Finding]:
+        await asyncio.sleep(TROUBLE * seconds)
+        return [await one for one in _misdeeds(base, token)]
+
+    async def both() -> list[Finding]:
+        begun = time.monotonic()
+        slow = asyncio.create_task(trickle(base, seconds))
+        misdeeds = asyncio.create_task(trouble())
+        while (gone := time.monotonic() - begun) < seconds:
+            tell(round(gone))
+            await asyncio.sleep(min(1.0, seconds - gone))
+        return [*await misdeeds, await slow]
+
+    return asyncio.run(both())
+
+
+def _misdeeds(base: str, token: str) -> list[Any]:
+    """Return what is tried, each to be awaited for a finding."""
+    watch, drive = {"role": "spectate"}, {"role": "drive"}
+    return [
+        _try("a wrong token", base, {**drive, "token": "wrong"}, "token"),
+        _try("the driver's token, stolen", base, {**drive, "token": token}, "used"),
+        _try("a page from elsewhere", base, watch, "origin", origin="https://evil.example"),
+        _try("rubbish for words", base, watch, "malformed", then="\0{[rubbish"),
+        _try("rubbish for a control", base, watch, "malformed", then=os.urandom(200)),
+        _try("a thousand words at once", base, watch, "too-fast"),
+    ]
+
+
+async def _try(
+    act: str,
+    base: str,
+    hello: dict[str, Any],
+    expected: str,
+    *,
+    then: str | bytes = "",
+    **named: Any,
+) -> Finding:
+    """Do something that is refused, and return how it was refused."""
+    seen = "nothing"
+    try:
+        async with asyncio.timeout(15.0), socket_of(base, **named) as socket:
+            words = await welcomed(socket, **hello)
+            if words["type"] == "welcome":
+                for _ in range(1 if then else 1000):
+                    await socket.send(then or '{"type": "ping", "t": 0}')
+                async for heard in socket:
+                    words = json.loads(heard) if isinstance(heard, str) else words
+                    if words["type"] == "refused":
+                        break
+            seen = words.get("code", "let in")
+    except (TimeoutError, ConnectionClosed, OSError) as error:
+        seen = seen if seen != "nothing" else f"{type(error).__name__}: {error}"
+    return Finding(act, f"refused: {expected}", f"refused: {seen}", seen == expected)
+
+
+def _judge(clients: int, told: dict[str, Any], figures: dict[str, Any]) -> list[Finding]:
+    """Return whether everybody else was left alone."""
+    made = figures["with"]["ticks"] / TICKS_PER_SECOND / (60.0 * figures["minutes"])
+    least, share = figures["snapshots_least_s"], round(SEEN * RATE * made, 2)
+    growth = figures["gateway_memory_end_mb"] - figures["gateway_memory_start_mb"]
+    missed, before = (figures[when]["missed_share"] for when in ("with", "without"))
+    # On a machine with other work ticks are missed anyway; then the yardstick is as rough.
+    allowed = max(before + MISSED, ROUGHLY * before)
+    there, driver = told["watchers"]["still_there"], told["driver"]
+    return [
+        Finding("honest browsers", f"{clients} stay", f"{there} stay", there == clients),
+        Finding("snapshots", f"{share:g} a second for each", f"{least:g} at least", least >= share),
+        Finding(
+            "the driver",
+            "drives on",
+            f"{driver['controls_timed']} controls, {driver['dead_man_notices']} breaks",
+            bool(driver["is_driving"]) and driver["controls_timed"] > 0,
+        ),
+        Finding(
+            "memory of the gateway",
+            f"grows by {MOST_GROWTH:g} MB at most",
+            f"grows by {growth:.1f} MB",
+            growth <= MOST_GROWTH,
+        ),
+        Finding(
+            "ticks of the server",
+            f"{100 * allowed:.2f} % are missed at most",
+            f"{100 * missed:.2f} % are missed",
+            missed <= allowed,
+        ),
+    ]

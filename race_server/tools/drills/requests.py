@@ -1,0 +1,134 @@
+"""Forbidden requests: for seats of others, forged, again, and the steward's."""
+
+from typing import TYPE_CHECKING
+
+from race_server.core.messages import Flag
+from race_server.errors import SeatError
+from race_server.live.client.steward import Marshal
+from race_server.net.wire import topics
+from race_server.net.wire.admin import Decision, decode_log, encode_decision
+from race_server.net.wire.lobby import (
+    PROTOCOL,
+    Join,
+    SeatAct,
+    check_reply,
+    encode_join,
+    encode_seat_act,
+    new_serial,
+)
+from race_server.tools.drills.intruder import Intruder, key
+
+if TYPE_CHECKING:
+    from race_server.tools.drills.deny import Scene
+
+
+def refusal_of(answer: bytes | None) -> str:
+    """Return why the server refused, "" where it did not."""
+    if answer is None or answer[4:8] != b"RRPL":
+        return ""
+    try:
+        check_reply(answer)
+    except SeatError as error:
+        return str(error)
+    return ""
+
+
+def _deny(scene: "Scene", act: str, answer: bytes | None) -> None:
+    """Note a request that the server itself has to refuse, with its reason."""
+    granted = "granted" if answer else "no answer"
+    scene.deny(act, "" if refusal_of(answer) else granted)
+
+
+def _allow(scene: "Scene", act: str, answer: bytes | None) -> None:
+    scene.allow(act, (refusal_of(answer) if answer else "no answer"))
+
+
+def try_requests(scene: "Scene") -> None:
+    """Requests on keys that are not one's own."""
+    with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
+        join = encode_join(Join("thief", "track", 1))
+        for act, who, name in (
+            ("join on another seat's key", seat, "q/join/1"),
+            ("join on any seat", seat, "q/join/any"),
+            ("join on all seats", seat, "q/join/*"),
+            ("join as spectator", spectator, "q/join/1"),
+            ("make another seat ready", seat, "q/ready/1"),
+            ("leave for another seat", seat, "q/leave/1"),
+            ("ask everything at once", seat, "**"),
+        ):
+            scene.deny(act, "answered" if who.ask(key(name), join) else "")
+        # Its own settings everybody may read: this asks for the server's.
+        server = next(iter(spectator.session.info.routers_zid()))
+        space = spectator.ask(f"@/{server}/**")
+        scene.deny("read zenoh's own settings", "answered" if space else "")
+        # Somebody who would answer in the server's place is not asked.
+        spectator.session.declare_queryable(
+            key("q/rules"), lambda query: query.reply(query.key_expr, b"forged")
+        )
+        answers = {scene.watcher.ask(topics.RULES) for _ in range(5)}
+        scene.deny("answer in the server's place", "believed" if b"forged" in answers else "")
+
+
+def try_forgery(scene: "Scene") -> None:
+    """Messages that claim to be somebody else's, or are copies."""
+    own, other = scene.drivers[0].welcome.secret, scene.drivers[1].welcome.secret
+    with _as(scene, "seat-0") as seat:
+        ready, join = key("q/ready/0"), key("q/join/0")
+        for act, name, data in (
+            ("forged seat in a message", ready, encode_seat_act(SeatAct(1, other))),
+            ("forged seat in a join", join, encode_join(Join("thief", "track", 1))),
+            ("secret of another seat", join, encode_join(Join("thief", "track", 0, other))),
+            ("wrong secret", ready, encode_seat_act(SeatAct(0, 12345))),
+            ("another version", join, encode_join(Join("old", "track", 0, version=PROTOCOL - 1))),
+            ("rubbish", join, b"rubbish"),
+        ):
+            _deny(scene, act, seat.ask(name, data))
+        for act, name, data in (
+            ("join", join, encode_join(Join("honest 0", "track", 0, own, new_serial()))),
+            ("ready", ready, encode_seat_act(SeatAct(0, own, serial=new_serial()))),
+        ):
+            _allow(scene, f"{act} with a new serial", seat.ask(name, data))
+            _deny(scene, f"the same {act} again", seat.ask(name, data))
+
+
+def try_steward(scene: "Scene") -> None:
+    """What is the steward's, asked by others, without the token, and again."""
+    session, token = scene.stage.server.session, scene.stage.keys("steward").token
+    with scene.stage.link("steward") as link:
+        marshal = Marshal(link, token)
+        challenge, _ = decode_log(link.ask(topics.ACTS, encode_decision(Decision(token))))
+        decision = Decision(token, "flag", value=float(Flag.YELLOW), challenge=challenge)
+        message = encode_decision(decision)
+        for act, role in (("a driver", "seat-0"), ("a spectator", "spectator")):
+            with _as(scene, role) as other:
+                for name in ("act", "log"):
+                    answer = other.ask(key(f"admin/{name}"), message)
+                    scene.deny(f"admin/{name} as {act}", "answered" if answer else "")
+        with _as(scene, "steward") as raw:
+            forged = encode_decision(Decision("0" * 32, "flag", value=2.0, challenge=challenge))
+            _deny(scene, "admin with a wrong token", raw.ask(key("admin/act"), forged))
+            _allow(scene, "decide as steward", raw.ask(key("admin/act"), message))
+            scene.allow("yellow flag as steward", _unless(_flag(scene) == Flag.YELLOW))
+            _deny(scene, "the same decision again", raw.ask(key("admin/act"), message))
+        marshal.decide("flag", value=float(Flag.GREEN))
+        marshal.decide("penalty", seat=1, value=5.0)
+        fined = int(session.world.karts[0, 1].penalty_us)
+        scene.allow("penalty as steward", _unless(fined == 5_000_000))
+        marshal.decide("kick", seat=1)
+        with _as(scene, "seat-1") as kicked:
+            again = encode_join(Join("honest 1", "track", 1))
+            _deny(scene, "join again after being sent away", kicked.ask(key("q/join/1"), again))
+        marshal.decide("open", seat=1)
+        scene.allow("the steward's log", _unless(len(marshal.log()) == 5))
+
+
+def _flag(scene: "Scene") -> int:
+    return int(scene.stage.server.session.world.races[0].flag)
+
+
+def _unless(done: bool) -> str:
+    return "" if done else "it had no effect"
+
+
+def _as(scene: "Scene", role: str) -> Intruder:
+    return Intruder(scene.stage.address, scene.stage.keys(role))

@@ -1,0 +1,76 @@
+"""A browser that reads one byte a second."""
+
+import asyncio
+import base64
+import os
+import socket
+import time
+from urllib.parse import urlsplit
+
+from race_server.live.gateway.connection import frame_of
+from race_server.live.gateway.handshake import SUBPROTOCOL
+from race_server.live.gateway.limits import ABORT_S, DRAIN_S
+from race_server.tools.drills.report import Finding
+
+# So little is taken from the network before it is read, and so little is read at once [bytes].
+BUFFER, SIP = 4096, 1
+PAUSE_S = 1.0
+END = b"\r\n\r\n"  # of what HTTP says first
+# Until the buffers between the two are full.
+FILL_S = 15.0
+
+
+async def trickle(base: str, seconds: float) -> Finding:
+    """Watch at one byte a second, and return when the gateway had enough."""
+    act, expected = "a byte a second", "is let go"
+    if seconds < FILL_S + DRAIN_S:
+        return Finding(act, expected, f"not tried in {seconds:g} s", ok=True)
+    loop, parts = asyncio.get_running_loop(), urlsplit(base)
+    begun = time.monotonic()
+    with socket.socket() as line:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        line.setblocking(False)
+        await loop.sock_connect(line, (parts.hostname, parts.port))
+        await loop.sock_sendall(line, _handshake(parts.netloc))
+        while not (await loop.sock_recv(line, BUFFER)).endswith(END):
+            pass
+        await loop.sock_sendall(line, _masked('{"role": "spectate"}'))
+        while (gone := time.monotonic() - begun) < seconds:
+            try:
+                if not await loop.sock_recv(line, SIP):
+                    break
+            except OSError:
+                break
+            await asyncio.sleep(PAUSE_S)
+            if _is_reset(line):
+                break
+        else:
+            return Finding(act, expected, f"still there after {gone:.0f} s", ok=False)
+    return Finding(act, expected, f"let go after {gone:.0f} s", ok=gone > DRAIN_S - ABORT_S)
+
+
+def _is_reset(line: socket.socket) -> bool:
+    """Return whether the other end has ended the connection without waiting for us."""
+    return bool(line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
+
+
+def _handshake(place: str) -> bytes:
+    key = base64.b64encode(os.urandom(16)).decode()
+    lines = [
+        "GET /ws HTTP/1.1",
+        f"Host: {place}",
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        f"Sec-WebSocket-Key: {key}",
+        "Sec-WebSocket-Version: 13",
+        f"Sec-WebSocket-Protocol: {SUBPROTOCOL}",
+    ]
+    return "\r\n".join(lines).encode() + END
+
+
+def _masked(words: str) -> bytes:
+    """Return a text frame as browsers send it; a mask of zeros hides nothing, and needs not to."""
+    frame = bytearray(frame_of(words))
+    frame[1] |= 0x80
+    frame[2:2] = bytes(4)
+    return bytes(frame)

@@ -1,0 +1,392 @@
+"""Imitation: a teacher's answers are learned, demonstrations are kept, checked and learned from."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+from typer.testing import CliRunner
+
+from race_agents.planning.latency import LATENCY
+from race_agents.training.budget import Pace
+from race_agents.training.demonstrations import (
+    Demonstrations,
+    pairs_for,
+    read_demonstrations,
+    write_demonstrations,
+)
+from race_agents.training.demonstrator import demonstrate
+from race_agents.training.imitation import Imitation, School
+from race_agents.training.learner import learner_of, world_of
+from race_agents.training.run import train
+from race_agents.training.schedule import Schedule
+from race_agents.training.settings import Settings
+from race_agents.training.settings_toml import read_settings
+from race_agents.training.supervised import Lessons, Memory, loss_of
+from race_agents.training.teacher import actions_of, controls_of
+from race_server.cli.main import app
+from race_server.core.kernel_driver import SHIFT
+from race_server.envs.actions import CONTINUOUS, CONTROL
+from race_server.errors import RaceError, RecordingError, ScenarioError
+from support.trainings import untrained
+
+QUICK = (
+    "minutes=none",
+    "steps=12000",
+    "worlds=16",
+    "threads=1",
+    "tracks={names = ['oval']}",
+    "lidar.rays=21",
+    "network={layers = [32], activation = 'relu'}",
+    "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 1, seconds = 3.0}",
+    "evaluation.final={names = ['oval']}",
+    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
+    "warm_start.teacher=raceline",
+    "warm_start.batch_size=256",
+    "warm_start.lessons=24",
+    "warm_start.learning_rate=3e-3",
+    "warm_start.memory=10000",
+    "warm_start.share=1.0",
+    "warm_start.margin=none",
+)
+
+
+def settings(*changes: str) -> Settings:
+    return read_settings("time-trial", [*QUICK, *changes])
+
+
+def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
+    """Return a learner after its warm start, and what was said."""
+    said: list[str] = []
+    pace, world, learner = untrained(wanted)
+    imitation = Imitation(wanted, learner, world, said.append)
+
+    def passed(decisions: int) -> bool:
+        pace.done += decisions
+        return True
+
+    imitation.go(pace, passed)
+    imitation.close()
+    world.close()
+    return learner, said
+
+
+@pytest.fixture(scope="module")
+def shown() -> Demonstrations:
+    return demonstrate("raceline", ["oval"], "tt02", laps=1, seed=1, noise=0.1)[0]
+
+
+# A teacher
+
+
+def test_a_teacher_looks_at_what_the_learner_does_not_see() -> None:
+    school = School(settings(), lambda _: None)
+    seen, labels = school.look(44)
+    assert school.batch.layout.size > 100
+    assert seen.shape == (16, 44)
+    assert labels.shape == (16, 3)
+    assert np.abs(labels[:, :2]).max() > 0.1
+    assert np.abs(labels).max() <= 1.0
+
+
+def test_controls_become_what_a_learner_would_answer() -> None:
+    controls = np.array([[0.5, 0.8, 0.0, 0.0], [-0.2, 0.0, 0.6, 1.0], [0.0, 0.0, 1.0, 0.0]])
+    speeds = np.array([2.0, 2.0, 0.0])
+    # Whoever brakes while standing would drive backwards.
+    wanted = [[0.8, 0.5, 0.0], [-0.6, -0.2, 1.0], [0.0, 0.0, 0.0]]
+    assert actions_of(controls, CONTINUOUS, speeds) == pytest.approx(np.array(wanted))
+    assert actions_of(controls, CONTROL, speeds) == pytest.approx(controls)
+
+
+@pytest.mark.parametrize("kind", [CONTINUOUS, CONTROL])
+def test_what_is_answered_becomes_controls_again(kind: int) -> None:
+    controls = np.array([[0.5, 0.8, 0.0, 0.0], [-0.2, 0.0, 0.6, 1.0]])
+    answers = actions_of(controls, kind, np.array([2.0, 2.0]))
+    assert controls_of(answers, kind) == pytest.approx(controls[:, :3])
+
+
+def test_a_teacher_that_takes_advice_shows_what_it_then_does() -> None:
+    slower = "warm_start.advice=[0.0, -1.0, 0.0, 0.0, 0.0, 0.0]"
+    plain, advised = (School(settings(*more), lambda _: None) for more in ((), (slower,)))
+    for _ in range(40):
+        _, labels = plain.look(44)
+        _, slowly = advised.look(44)
+        for school in (plain, advised):
+            school.move(labels)
+    assert slowly[:, 0].mean() < labels[:, 0].mean() - 0.1
+
+
+def test_a_teacher_believes_wheels_that_do_what_the_learner_wants() -> None:
+    school = driven_at_random()
+    assert (school.teacher.memory[..., LATENCY] == 0.0).all()
+
+
+def test_a_teacher_is_in_a_lane_beside_the_learner() -> None:
+    near = [
+        (lanes_apart(driven_at_random(*change)) < 0.2).mean()
+        for change in ((), ("warm_start.lane_reach=0.1",))
+    ]
+    assert near[0] < 0.7 < near[1]
+
+
+def lanes_apart(school: School) -> np.ndarray:
+    """Return how far [m] each learner is beside the lane of its teacher."""
+    offsets = school.batch.observations[..., school.batch.layout.slices["line_offset"]]
+    lanes: np.ndarray = school.teacher.memory[..., SHIFT]
+    return np.abs(lanes - offsets[..., 0])
+
+
+def driven_at_random(*changes: str) -> School:
+    """Return a school after three seconds."""
+    school = School(settings("gap={}", *changes), lambda _: None)
+    chance = np.random.default_rng(0)
+    for _ in range(60):
+        school.look(44)
+        actions = chance.uniform(-1.0, 1.0, (16, 3)).astype(np.float32)
+        school.move(actions + np.float32([0.5, 0.0, 0.0]))
+    school.look(44)
+    return school
+
+
+def test_a_warm_start_comes_near_to_its_teacher_and_is_the_same_again() -> None:
+    first, said = imitate(settings())
+    again, _ = imitate(settings())
+    errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
+    assert errors[1] < 0.15
+    assert first.policy.log_std.exp().tolist() == pytest.approx([np.exp(-2.0)] * 3)
+    for one, other in zip(first.policy.parameters(), again.policy.parameters(), strict=True):
+        assert one.equal(other)
+
+
+def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
+    wanted = settings("warm_start.share=0.5", "network.last_log_std=-3.0")
+    outcome = train(wanted, tmp_path)
+    assert outcome.evaluation["parity"] <= 1e-5
+    assert outcome.evaluation["tracks"][0]["speed"] > 1.0
+
+
+def test_a_warm_start_ends_once_its_goal_is_reached_and_is_logged(tmp_path: Path) -> None:
+    wanted = settings("evaluation.times=8", "goal={speed = -9.0}")
+    outcome = train(wanted, tmp_path, tensorboard=True)
+    assert outcome.evaluation["goal_reached"]
+    assert outcome.evaluation["learned_on"] == ["oval"]
+    assert list((tmp_path / "tensorboard" / "race").glob("events.*"))
+    assert outcome.evaluation["steps"] < 0.5 * (wanted.steps or 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (("action=report_b",), "'report_b': a teacher shows pedals and wheel"),
+        (("algorithm.name=sac", "algorithm.options={}"), "only ppo with continuous actions"),
+        (("warm_start.teacher=learned:nobody",), "policy 'nobody' is unknown"),
+        (("warm_start.teacher=nobody",), "driver 'nobody' is unknown"),
+        (("warm_start.advice=[0.5]",), "give 6 numbers to a driver on the reference line"),
+        (("curriculum=[{after = 0.0}]",), "with a curriculum: a teacher shows all tracks"),
+    ],
+)
+def test_what_cannot_be_imitated_is_refused(changes: tuple[str, ...], message: str) -> None:
+    with pytest.raises(RaceError, match=message):
+        imitate(settings(*changes))
+
+
+def test_a_memory_forgets_the_oldest() -> None:
+    memory = Memory(4, 1, 1)
+    for value in range(6):
+        memory.add(np.full((1, 1), value, np.float32), np.zeros((1, 1), np.float32))
+    seen, _ = memory.draw(100, np.random.default_rng(0))
+    assert set(seen[:, 0].tolist()) == {2.0, 3.0, 4.0, 5.0}
+
+
+def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
+    wanted = settings("warm_start.share=0.5", "warm_start.critic_share=0.1", "steps=1000")
+    wanted = wanted.model_copy(
+        update={"network": wanted.network.model_copy(update={"last_log_std": -4.0})}
+    )
+    pace, world, learner = untrained(wanted)
+    schedule = Schedule(wanted, pace)
+    schedule.init_callback(learner)
+    learns = []
+    for done in (500, 599, 600, 1000):
+        pace.done = done
+        schedule.on_rollout_start()
+        learns.append(learner.policy.action_net.weight.requires_grad)
+    assert learns == [False, False, True, True]
+    assert learner.policy.log_std.tolist() == pytest.approx([-4.0] * 3)
+    world.close()
+
+
+def test_the_critic_begins_with_what_the_actor_has_learned_to_see() -> None:
+    learner, _ = imitate(settings())
+    policy = learner.policy
+    actor, critic = policy.mlp_extractor.policy_net, policy.mlp_extractor.value_net
+    for one, other in zip(actor.parameters(), critic.parameters(), strict=True):
+        assert one.equal(other)
+        assert one is not other
+    assert not policy.predict_values(torch.zeros(1, 44)).any()
+
+
+def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate() -> None:
+    wanted = settings(
+        "warm_start.share=0.5",
+        "warm_start.critic_share=0.1",
+        "warm_start.critic_learning_rate=1e-3",
+        "warm_start.log_std=[-2.0, -3.0, 0.0]",
+        "network.last_log_std=[-3.0, -4.0, 0.0]",
+        "algorithm.learning_rate=2e-4",
+        "algorithm.last_learning_rate=0.0",
+        "steps=1000",
+    )
+    pace, world, learner = untrained(wanted)
+    schedule = Schedule(wanted, pace)
+    schedule.init_callback(learner)
+    rates, logarithms = [], []
+    for done in (599, 600, 750, 1000):
+        pace.done = done
+        schedule.on_rollout_start()
+        rates.append(learner.lr_schedule(1.0))
+        logarithms.append(learner.policy.log_std.tolist())
+    assert rates == pytest.approx([1e-3, 2e-4, 1.25e-4, 0.0])
+    assert logarithms[2] == pytest.approx([-2.5, -3.5, 0.0])
+    assert logarithms[3] == pytest.approx([-3.0, -4.0, 0.0])
+    world.close()
+
+
+def test_deviations_for_another_number_of_actions_are_refused_before_anybody_learns() -> None:
+    wanted = settings("warm_start.log_std=[-2.0, -3.0]")
+    world = world_of(wanted, Pace.of(wanted))
+    with pytest.raises(ScenarioError, match="the action has 3 numbers; give as many"):
+        learner_of(wanted, world, Pace.of(wanted), None)
+    world.close()
+
+
+def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
+    wanted = settings("warm_start.floor=1e-4")
+    _, world, learner = untrained(wanted)
+    ones = np.ones(3, np.float32)
+    lessons = Lessons(wanted.warm_start, learner, world, ones, 0.5 * ones)
+    seen = np.random.default_rng(0).normal(1.0, 0.3, (500, 44)).astype(np.float32)
+    seen[:, 1] = seen[:, 0] + 0.5 * seen[:, 2]
+    before, rows = lessons.answer(seen), world.normalize_obs(seen)
+    for part in (seen[:100], seen):
+        lessons.look_at(world.view(part))
+        assert np.allclose(lessons.answer(seen), before, atol=1e-5)
+        assert world.stretch is not None
+        assert (world.stretch == world.stretch.astype(np.float32)).all()
+    apart = world.normalize_obs(seen)
+    together = [np.corrcoef(some[:, 0], some[:, 1])[0, 1] for some in (rows, apart)]
+    assert together[0] > 0.5
+    assert abs(together[1]) < 0.1
+    world.close()
+
+
+def test_below_the_middle_an_answer_too_high_counts_more_than_one_too_low() -> None:
+    answers, wanted = torch.tensor([0.4, -0.4]), torch.zeros(2)
+    assert loss_of("absolute", answers, wanted, torch.tensor(0.25)).tolist() == [
+        pytest.approx(0.6),
+        pytest.approx(0.2),
+    ]
+    middle = loss_of("squared", answers, wanted, torch.tensor(0.5))
+    assert middle.tolist() == pytest.approx([0.16, 0.16])
+
+
+def test_a_careful_learner_takes_the_lower_of_answers_that_fit_alike() -> None:
+    wanted = settings("warm_start={teacher = 'raceline', loss = 'absolute', learning_rate = 1e-2}")
+    _, world, learner = untrained(wanted)
+    quantiles = np.array([0.25, 0.5, 0.5], np.float32)
+    lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32), quantiles)
+    labels = np.zeros((5, 3), np.float32)
+    labels[:, 0] = labels[:, 1] = -0.8, -0.4, 0.0, 0.4, 0.8
+    seen = np.ones((5, 44), np.float32)
+    for step in range(200):
+        lessons.learn(world.view(seen), labels, step / 200)
+    drive, steering, _ = lessons.answer(seen)[0]
+    assert drive == pytest.approx(-0.4, abs=0.1)
+    assert steering == pytest.approx(0.0, abs=0.1)
+    world.close()
+
+
+# Demonstrations
+
+
+def test_demonstrations_come_back_as_they_were(shown: Demonstrations, tmp_path: Path) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    again = read_demonstrations(tmp_path / "laps.npz")
+    assert again.about == shown.about
+    assert np.array_equal(again.observations, shown.observations)
+    assert np.array_equal(again.controls, shown.controls)
+
+
+def test_a_learner_takes_what_it_sees_out_of_demonstrations(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    seen, actions = pairs_for(settings(), tmp_path / "laps.npz")
+    assert np.array_equal(seen[:, :21], shown.observations[:, 0:201:10])
+    assert np.array_equal(actions[:, 1], shown.controls[:, 0])
+
+
+def test_foreign_and_damaged_files_are_refused_in_one_sentence(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    path = tmp_path / "laps.npz"
+    write_demonstrations(path, shown)
+    with np.load(path) as tables:
+        good = dict(tables)
+    words = json.loads(str(good["about"]))
+
+    def refused(message: str, **changes: object) -> None:
+        with path.open("wb") as file:
+            np.savez(file, **{**good, **changes})
+        with pytest.raises(RecordingError, match=message):
+            read_demonstrations(path)
+
+    refused("version 9, this program reads", about=np.array(json.dumps({**words, "version": 9})))
+    refused("parts", about=np.array(json.dumps({**words, "parts": ["sonar"]})))
+    refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
+    refused("damaged", about=np.array("{"))
+    refused("damaged", observations=np.array([{"an": "object"}], object))
+    refused("are wanted", controls=good["controls"][:-1])
+    refused("no numbers", controls=np.full_like(good["controls"], np.nan))
+    write_demonstrations(path, shown)
+    packed = bytearray(path.read_bytes())
+    packed[200:400] = bytes(200)
+    path.write_bytes(packed)
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))  # one array, and no table of them
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    path.write_bytes(b"PK\x03\x04 nonsense")
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    with pytest.raises(RecordingError, match="no such file"):
+        read_demonstrations(tmp_path / "none.npz")
+
+
+def test_demonstrations_of_another_vehicle_are_refused(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    with pytest.raises(ScenarioError, match="vehicle = 'tt02', the training's is 'kart-60'"):
+        pairs_for(settings("vehicle=kart-60"), tmp_path / "laps.npz")
+
+
+def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> None:
+    path = tmp_path / "laps.npz"
+    words = ["demonstrate", "raceline", "--track", "oval", "--laps", "1", "--noise", "0.2"]
+    done = CliRunner().invoke(app, [*words, "--out", str(path), "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["decisions"] > 50
+    wanted = settings(
+        "warm_start.teacher=",
+        f"warm_start.demonstrations={path}",
+        "steps=2048",
+        "warm_start.lessons=50",
+    )
+    _, said = imitate(wanted)
+    errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
+    assert errors[1] < 0.1

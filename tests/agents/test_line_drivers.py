@@ -1,0 +1,143 @@
+"""The drivers that follow the reference line: alone, behind a slower kart, and past it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from race_agents.planning.idm_model import follow_acceleration
+from race_agents.planning.latency import LATENCY, estimate_latency, remember_command
+from race_agents.planning.tracking import tyre_slip
+from race_server.competition.race_day.formats import Obstacles
+from race_server.competition.race_day.obstacles import with_obstacles
+from race_server.competition.time_trial.gaps import Gap
+from race_server.competition.time_trial.run import drive_cell
+from race_server.competition.time_trial.run_spec import Cell
+from race_server.core.kernel_driver import memory_size
+from race_server.core.messages import Status
+from race_server.core.observation import PART_NUMBERS
+from race_server.core.vehicles import GRAVITY, TT02, vehicle_record
+from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.raceline.attach import with_line
+from race_server.scenario.raceline.reference import reference_limit
+from race_server.scenario.track.load import load_course
+from race_server.session import Session
+from support.courses import ring
+from support.races import run_race
+
+SLOW = replace(TT02, name="slow", top_speed=1.5)
+
+
+def chase(name: str, half_width: float) -> Session:
+    """Return the session after two laps of a driver that starts behind a kart of 1.5 m/s."""
+    course = replace(ring(radius=6.0, half_width=half_width), digest=f"ring {half_width}")
+    rules = Rules(laps=2, items=False, countdown_s=0.5, limit_s=120.0)
+    scenario = Scenario(course, karts=2, vehicles=(TT02, SLOW), rules=rules, grid_order=(1, 0))
+    session, _ = run_race(with_line(scenario), [name, "pure_pursuit"])
+    return session
+
+
+@pytest.mark.parametrize("name", ["raceline", "idm"])
+def test_a_driver_on_the_line_laps_the_oval_nearly_as_fast_as_can_be(name: str) -> None:
+    rules = Rules(laps=3, items=False, countdown_s=0.5)
+    scenario = with_line(Scenario(load_course("oval"), karts=1, rules=rules))
+    session, _ = run_race(scenario, [name])
+    limit = reference_limit(scenario.course, TT02).minimum_time.time_s
+    kart = session.world.karts[0, 0]
+    assert kart.wall_contacts == 0
+    assert 0.98 * limit < kart.best_lap_us / 1e6 < 1.05 * limit
+
+
+@pytest.mark.parametrize("name", ["raceline", "idm"])
+def test_a_slower_kart_is_passed_where_there_is_room(name: str) -> None:
+    session = chase(name, half_width=1.0)
+    chaser, slow = session.world.karts[0]
+    assert chaser.status == Status.FINISHED
+    assert chaser.rank == 1
+    assert (chaser.contacts, slow.contacts) == (0, 0)
+    assert chaser.wall_contacts == 0
+
+
+@pytest.mark.parametrize("name", ["raceline", "idm"])
+def test_a_slower_kart_is_followed_where_there_is_none(name: str) -> None:
+    session = chase(name, half_width=0.3)
+    chaser, slow = session.world.karts[0]
+    assert slow.rank == 1
+    assert (chaser.contacts, slow.contacts) == (0, 0)
+    assert chaser.wall_contacts == 0
+
+
+@pytest.mark.parametrize("name", ["raceline", "idm"])
+def test_what_stands_on_the_track_is_passed_without_a_touch(name: str) -> None:
+    course = with_obstacles(load_course("covapsy-train-2023"), Obstacles(), TT02, seed=4)
+    rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=60.0)
+    session, _ = run_race(with_line(Scenario(course, karts=1, rules=rules)), [name])
+    kart = session.world.karts[0, 0]
+    assert kart.status == Status.FINISHED
+    assert kart.wall_contacts == 0
+
+
+@pytest.mark.parametrize("delay", [1, 2])
+def test_answers_that_act_late_cost_no_time(delay: int) -> None:
+    cell = Cell("raceline", "covapsy-test-2023", gap=Gap("late", delay=delay), laps=1)
+    (lap,) = drive_cell(cell).laps
+    limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
+    assert lap.is_clean
+    assert lap.time_s < 1.05 * limit
+
+
+def test_a_car_on_tyres_that_hardly_slip_touches_nothing_either() -> None:
+    cell = Cell("raceline", "covapsy-test-2023", vehicle="tt02-facts", laps=1)
+    (lap,) = drive_cell(cell).laps
+    assert lap.is_clean
+
+
+@pytest.mark.parametrize("delay", [0, 2, 3, 7])
+def test_how_the_wheels_turn_tells_how_late_commands_act(delay: int) -> None:
+    # Thirds of a decision; the wheels are asked for another angle at every third one.
+    at, seen, control = np.zeros(len(PART_NUMBERS), np.int64), np.zeros(1), np.zeros(4)
+    memory, gear = np.zeros(memory_size(0)), np.array([0.0, 0.0, 0.05])
+    vehicle = vehicle_record(TT02)[0]
+    turn = TT02.steering_rate * 0.05 / 3.0
+    asked = [0.0]
+    for step in range(3 * 30):
+        if step % 3 == 0:
+            estimate_latency(seen, at, vehicle, gear, memory)
+            control[0] = 0.8 * math.sin(1.7 * (step // 9))
+            remember_command(memory, control)
+        asked.append(control[0] * TT02.steering_limit)
+        wanted = asked[max(len(asked) - 1 - delay, 0)]
+        seen[0] += min(max(wanted - seen[0], -turn), turn)
+    assert memory[LATENCY] == delay
+
+
+def test_without_a_line_nobody_drives_by_one() -> None:
+    rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=3.0)
+    session, _ = run_race(Scenario(ring(6.0, 0.7), karts=1, rules=rules), ["raceline"])
+    assert session.world.karts[0, 0].distance < 1.0
+
+
+def test_far_behind_another_kart_only_the_own_speed_counts() -> None:
+    # a (1 - (v / v0)⁴) with a = 2 and v = v0 / 2.
+    free = follow_acceleration(4.0, 8.0, 1e9, 0.0, 2.0, 3.0, 0.2)
+    assert free == pytest.approx(2.0 * (1.0 - 1.0 / 16.0))
+
+
+def test_at_the_wanted_gap_and_at_equal_speed_nothing_is_left_to_accelerate() -> None:
+    # s* = 0.2 + 4 · 0.35 = 1.6 m, so that the last term is one.
+    held = follow_acceleration(4.0, 8.0, 1.6, 0.0, 2.0, 3.0, 0.2)
+    assert held == pytest.approx(-2.0 / 16.0)
+    # Closing in at 1 m/s it wants 4 · 1 / (2 √6) m more.
+    closing = follow_acceleration(4.0, 8.0, 1.6 + 2.0 / math.sqrt(6.0), 1.0, 2.0, 3.0, 0.2)
+    assert closing == pytest.approx(held)
+
+
+def test_the_slip_that_is_steered_for_gives_the_force_that_is_wanted() -> None:
+    from race_server.core.kernels.motion import tyre_stiffness
+
+    limit = 0.5 * TT02.mass * GRAVITY * TT02.grip
+    stiffness = 0.5 * TT02.mass * GRAVITY * TT02.cornering
+    for used in (0.1, 0.5, 0.9):
+        slip = tyre_slip(used, 3.0 * limit / stiffness)
+        assert slip * tyre_stiffness(slip, stiffness, limit) == pytest.approx(used * limit)

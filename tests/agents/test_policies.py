@@ -1,0 +1,179 @@
+"""Policies by name: put to the proof, and listed with where they come from."""
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from race_agents.policies.registry import policy_path
+from race_agents.policies.session import Policy
+from race_agents.policies.verification import observations_of, times_of
+from race_agents.training.run import Outcome
+from race_server.cli.main import app
+from race_server.core.driver import driver_named
+from race_server.envs.batch import Batch, Task
+from race_server.envs.buffers import STAY
+from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.track.load import load_course
+from support.trainings import QUICK, Train, write_lapping_policy
+
+
+@pytest.fixture(scope="module")
+def outcome(trained: Train) -> Outcome:
+    """A run of two thousand decisions."""
+    return trained("time-trial-ppo", QUICK)
+
+
+@pytest.fixture(scope="module")
+def lapping(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("policies") / "lapping.onnx"
+    write_lapping_policy(path)
+    return path
+
+
+def checked(*words: str) -> dict[str, object]:
+    done = CliRunner().invoke(app, ["policy", "check", *words, "--observations", "600", "--json"])
+    assert done.exit_code == 0, done.output
+    return dict(json.loads(done.stdout))
+
+
+def test_observations_are_those_of_driving_on_unseen_tracks(lapping: Path) -> None:
+    policy = Policy(lapping)
+    seen = observations_of(policy, 700)
+    assert seen.shape == (700, 22)
+    assert seen[:, 21].max() > 1.0  # it drives
+    assert len(set(seen[:16, 10].tolist())) == 16  # from other places
+    times = times_of(policy, seen)
+    assert 0.0 < times.median <= times.p99
+
+
+def test_a_run_is_compared_with_its_learner(outcome: Outcome) -> None:
+    found = checked(str(outcome.folder))
+    difference = found["difference"]
+    assert isinstance(difference, float)
+    assert difference <= 1e-5
+    assert found["ok"]
+    assert found["observations"] == 600
+    assert found["bytes"] == (outcome.folder / "policy.onnx").stat().st_size
+
+
+def test_a_file_that_answers_otherwise_than_its_learner_fails(
+    outcome: Outcome, lapping: Path, tmp_path: Path
+) -> None:
+    for name in ("config.toml", "best.pt", "latest.pt"):
+        shutil.copy(outcome.folder / name, tmp_path / name)
+    # Another network with the same shapes: that of before its last lessons would do as well.
+    import onnx
+    from onnx import numpy_helper
+
+    model = onnx.load(outcome.folder / "policy.onnx")
+    bias = next(one for one in model.graph.initializer if one.dims == [3])
+    bias.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(bias) + 0.01, bias.name))
+    onnx.save(model, tmp_path / "policy.onnx")
+    done = CliRunner().invoke(app, ["policy", "check", str(tmp_path), "--observations", "100"])
+    assert done.exit_code == 1
+    assert "export it again" in done.output
+
+
+def test_a_file_alone_is_timed_and_says_so(lapping: Path) -> None:
+    found = checked(str(lapping))
+    assert found["difference"] is None
+    assert "is no folder of a run" in str(found["remark"])
+    done = CliRunner().invoke(app, ["policy", "check", str(lapping), "--observations", "100"])
+    assert "lidar (21), speed" in done.output
+
+
+WITHOUT = """
+import sys
+for name in ("torch", "stable_baselines3", "onnx"):
+    sys.modules[name] = None
+from race_server.cli.main import app
+app()
+"""
+
+
+def test_a_check_without_pytorch_says_what_is_missing(outcome: Outcome) -> None:
+    words = ["policy", "check", str(outcome.folder), "--observations", "50", "--json"]
+    command = [sys.executable, "-c", WITHOUT, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert found["difference"] is None
+    assert "pip install race-server[train]" in found["remark"]
+    assert found["decision_us"]["median"] > 0.0
+
+
+def test_a_list_tells_of_runs_and_of_what_is_damaged(
+    outcome: Outcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    runs = tmp_path / "race-server" / "runs"
+    shutil.copytree(outcome.folder, runs / "mine")
+    (runs / "broken").mkdir()
+    (runs / "broken" / "policy.onnx").write_bytes(b"nonsense")
+    done = CliRunner().invoke(app, ["policy", "list", "--json"])
+    rows = {row["name"]: row for row in json.loads(done.stdout) if row["is_run"]}
+    assert set(rows) == {"mine", "broken"}
+    mine = rows["mine"]
+    assert (mine["preset"], mine["vehicle"], mine["tracks"]) == (
+        "Time trial by PPO alone",
+        "tt02",
+        ["oval"],
+    )
+    assert mine["evaluation"]["speed"] == outcome.evaluation["tracks"][-1]["speed"]
+    assert "damaged" in rows["broken"]["remark"]
+    told = CliRunner().invoke(app, ["policy", "list"]).output
+    assert "mine" in told
+
+
+# The policy that comes along and knows the course
+
+
+@pytest.fixture(scope="module")
+def full() -> Policy:
+    return Policy(policy_path("full"))
+
+
+def test_the_policy_that_knows_the_course_is_small_and_needs_no_lidar(full: Policy) -> None:
+    assert policy_path("full").stat().st_size < 300_000
+    nature = full.nature
+    assert (nature.action, nature.base, nature.lidar_rays) == ("continuous", "", 0)
+    assert {"line_speed_ahead", "karts_along", "boxes_x", "hazards_x", "item_use"} <= set(
+        nature.parts
+    )
+    assert driver_named("learned:full").preset == "rivals"
+    assert not {"covapsy-test-2023", "covapsy-base"} & set(nature.tracks)
+
+
+def test_the_policy_that_knows_the_course_comes_before_its_teacher(full: Policy) -> None:
+    rules = Rules(laps=2, countdown_s=0.2)
+    opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
+    task = task_on("covapsy-base", full, karts=5, rules=rules)
+    task = replace(task, opponents=opponents, random_grid=True)
+    batch = drive(full, task, worlds=24, decisions=900)
+    places = batch.world.karts["rank"].mean(axis=0)
+    assert places[0] < places[1] - 0.4
+
+
+def test_the_policy_that_knows_the_course_laps_alone_off_the_walls(full: Policy) -> None:
+    rules = Rules(laps=3, countdown_s=0.2, items=False)
+    batch = drive(full, task_on("covapsy-base", full, karts=1, rules=rules), 1, 700)
+    kart = batch.world.karts[0, 0]
+    assert (int(kart["laps"]), int(kart["wall_contacts"])) == (3, 0)
+    assert kart["best_lap_us"] / 1e6 < 10.2
+
+
+def task_on(track: str, policy: Policy, *, karts: int, rules: Rules) -> Task:
+    scenario = Scenario(load_course(track), karts=karts, rules=rules)
+    return Task((scenario,), learners=1, observation=policy.nature.parts, action="continuous")
+
+
+def drive(policy: Policy, task: Task, worlds: int, decisions: int) -> Batch:
+    batch = Batch(task, worlds=worlds, seed=7, after=STAY)
+    for _ in range(decisions):
+        batch.step(policy.decide(batch.observations[:, 0]))
+    return batch

@@ -1,0 +1,275 @@
+"""Self-play: who sits where, snapshots that are rated, and a policy that advises a driver."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+from race_agents.drivers.learned import Learned
+from race_agents.policies.registry import policy_path
+from race_agents.policies.session import Policy
+from race_agents.training import curve
+from race_agents.training.callback import CURVE
+from race_agents.training.rivals import Rivals, short_name
+from race_agents.training.run import Outcome
+from race_agents.training.self_play import RATINGS
+from race_agents.training.settings import SelfPlay
+from race_agents.training.settings_toml import read_settings
+from race_agents.training.tasks import training_task
+from race_server.competition.time_trial.run import numbers_of
+from race_server.core.driver import Briefing, driver_named
+from race_server.core.observation import Observation
+from race_server.core.rules.items import items
+from race_server.core.vehicles import TT02
+from race_server.envs.batch import Batch, Task
+from race_server.envs.buffers import STAY
+from race_server.envs.presets import LEARNING_RULES
+from race_server.errors import ScenarioError
+from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.track.load import load_course
+from support.trainings import SMALL, Train, side_by_side
+
+QUICK = (
+    *SMALL,
+    "steps=3000",
+    "worlds=4",
+    "gap={}",
+    "race={karts = 4, learners = 2, opponents = ['idm']}",
+    "self_play={seats = ['learner', 'learner', 'pool', 'idm'], anchors = ['raceline', 'idm'], "
+    "stretch = 1000, snapshot = 1000, races = 2, laps = 1}",
+    "evaluation.seeds=1",
+    "evaluation.times=1",
+    "evaluation.seconds=2.0",
+)
+
+
+@pytest.fixture(scope="module")
+def outcome(trained: Train) -> Outcome:
+    """A run of three thousand decisions in three stretches."""
+    return trained("race", QUICK)
+
+
+BRIEFING = Briefing(0, TT02, 3, "line", 0.05, items=tuple(item.name for item in items()))
+
+# The pool
+
+
+def test_seats_are_mapped_to_drivers_and_the_pool_is_drawn(tmp_path: Path) -> None:
+    seats = ("learner", "pool", "raceline", "pool")
+    rivals = Rivals(SelfPlay(seats=seats, anchors=("avoider", "idm")), tmp_path)
+    drawn = [rivals.seated(Random(seed)) for seed in range(20)]
+    assert {row[1] for row in drawn} == {"raceline"}
+    assert {name for row in drawn for name in (row[0], row[2])} == {"avoider", "idm"}
+
+
+def test_a_full_pool_keeps_the_first_snapshot_and_the_newest(tmp_path: Path) -> None:
+    rivals = Rivals(SelfPlay(snapshots=2), tmp_path)
+    for decisions in (100, 200, 300):
+        path = rivals.place_for(decisions)
+        path.touch()
+        rivals.add(path)
+    assert [path.stem[-3:] for path in rivals.snapshots] == ["100", "300"]
+    assert sorted(rivals.folder.glob("*.onnx")) == rivals.snapshots
+    assert Rivals(SelfPlay(snapshots=2), tmp_path).snapshots == rivals.snapshots
+
+
+def test_a_snapshot_that_is_taken_again_is_in_the_pool_once(tmp_path: Path) -> None:
+    rivals = Rivals(SelfPlay(snapshots=2), tmp_path)
+    for decisions in (100, 200, 200, 300):
+        path = rivals.place_for(decisions)
+        path.touch()
+        rivals.add(path)
+        assert all(one.is_file() for one in rivals.snapshots)
+    assert [path.stem[-3:] for path in rivals.snapshots] == ["100", "300"]
+
+
+def test_seats_that_do_not_fit_the_race_are_named() -> None:
+    with pytest.raises(ScenarioError, match=r"seats names 2 karts, 1 of them learners; race.karts"):
+        read_settings("race", ["self_play.seats=['learner', 'idm']"])
+
+
+# A run
+
+
+def test_a_run_leaves_snapshots_and_ratings(outcome: Outcome) -> None:
+    words = json.loads((outcome.folder / RATINGS).read_text())
+    names = {row["driver"] for row in words["ratings"]}
+    snapshots = {path.stem for path in outcome.folder.glob("snapshots/*.onnx")}
+    assert {"raceline", "idm"} | snapshots == names
+    assert len(snapshots) >= 2
+    assert all(sorted(rank for _, rank in race) == [1, 2, 3, 4] for race in words["races"])
+
+
+def test_the_curve_tells_the_rating_of_the_newest_snapshot(outcome: Outcome) -> None:
+    rows = [row for row in curve.read(outcome.folder / CURVE) if "rating" in row]
+    assert rows
+    assert all(row["rating_sigma"] > 0.0 for row in rows)
+
+
+def test_tables_name_a_snapshot_by_its_file() -> None:
+    assert short_name("learned:/tmp/a/learner-000001000.onnx") == "learner-000001000"
+    assert short_name("learned:race") == "learned:race"
+
+
+# A policy that advises
+
+
+def oval(karts: int) -> Scenario:
+    return Scenario(load_course("oval"), karts=karts, rules=LEARNING_RULES)
+
+
+def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
+    others = {"learners": 1, "opponents": ("idm",)}
+    advised = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
+    driven = Batch(Task((oval(2),), action="control", observation="line", **others), seed=4)
+    driver = driver_named("raceline")
+    driver.reset(BRIEFING)
+    for step in range(80):
+        seen = Observation(3 * step, driven.layout, driven.observations[0, 0].copy())
+        driven.step(numbers_of(driver.act(seen)))
+        advised.step(np.zeros((1, 1, 6)))
+    assert advised.world.karts["x"][0] == pytest.approx(driven.world.karts["x"][0], abs=1e-5)
+    assert advised.world.karts["distance"][0, 0] > 1.0
+
+
+def test_advice_shifts_the_lane_to_its_side() -> None:
+    task = Task((oval(1),), action="residual", base="raceline", observation=("line_offset",))
+    left, right = Batch(task, seed=4), Batch(task, seed=4)
+    for _ in range(60):
+        left.step([[[0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+        right.step([[[-0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
+    assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
+
+
+def test_advice_to_follow_closely_brakes_less_behind_another_kart() -> None:
+    speeds = []
+    for close in (0.0, 0.8):
+        others = {"learners": 1, "opponents": ("pure_pursuit",)}
+        batch = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
+        behind, ahead = batch.world.karts[0]
+        behind.x = ahead.x - 2.0 * np.cos(ahead.heading)
+        behind.y = ahead.y - 2.0 * np.sin(ahead.heading)
+        behind.heading, behind.line_index = ahead.heading, ahead.line_index
+        behind.speed = 2.0
+        for _ in range(3):
+            batch.step([[[0.0, 0.0, 0.0, 0.0, close, 0.0]]])
+        speeds.append(float(behind.speed))
+    assert speeds[1] > speeds[0] + 0.1
+
+
+def test_a_boost_carries_a_kart_beyond_the_line_only_if_it_is_told_to_dash() -> None:
+    speeds = []
+    for dash in (0.0, 1.0):
+        scenario = replace(oval(1), rules=replace(LEARNING_RULES, items=False))
+        batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
+        batch.step([[[0.0] * 6]])
+        effect = batch.world.karts["effects"][0, 0, 0]
+        effect["source"], effect["until_tick"] = 1, 10_000
+        effect["speed_scale"], effect["thrust_scale"], effect["grip_scale"] = 1.25, 1.6, 1.0
+        fastest = 0.0
+        for _ in range(160):
+            batch.step([[[0.0, 0.0, 0.0, dash, 0.0, 0.0]]])
+            fastest = max(fastest, float(batch.world.karts["speed"][0, 0]))
+        assert batch.world.karts["wall_contacts"][0, 0] == 0
+        speeds.append(fastest)
+    assert speeds[1] > 1.1 * speeds[0]
+
+
+def test_advice_to_fetch_a_box_drives_over_one() -> None:
+    held = []
+    for fetch in (0.0, 1.0):
+        scenario = replace(oval(1), rules=replace(LEARNING_RULES, catch_up=False))
+        batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
+        taken = 0
+        for _ in range(200):
+            batch.step([[[0.0, 0.0, -1.0, 0.0, 0.0, fetch]]])
+            taken += int(batch.world.karts["held"][0, 0] > 0)
+            batch.world.karts["held"] = 0
+        held.append(taken)
+    assert held[1] > held[0]
+
+
+def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
+    scenario = replace(oval(4), rules=replace(LEARNING_RULES, laps=1))
+    opponents = ("pure_pursuit", "idm", "avoider")
+    task = Task(
+        (scenario,),
+        opponents=opponents,
+        learners=1,
+        action="residual",
+        base="raceline",
+        reward={"lead": 1.0},
+        random_grid=True,
+    )
+    batch = Batch(task, worlds=6, seed=4, after=STAY)
+    ranked = batch.world.karts["ranked"].copy()
+    gaps = ranked[:, :1] - ranked[:, 1:]
+    before = (gaps / (abs(gaps) + 10.0 * TT02.length)).sum(axis=1)
+    gained = np.zeros(6)
+    while not batch.world.races["over"].all():
+        batch.step(np.zeros((6, 1, 6)))
+        gained += batch.rewards[:, 0]
+    # Of three rivals so many are behind, less those who are ahead.
+    at_the_end = 5 - 2 * batch.world.karts["rank"][:, 0]
+    assert before + gained == pytest.approx(at_the_end, abs=1e-3)
+
+
+def test_only_a_driver_that_takes_advice_can_be_advised() -> None:
+    with pytest.raises(ScenarioError, match="'avoider' takes no advice"):
+        Batch(Task((oval(1),), action="residual", base="avoider"))
+    with pytest.raises(ScenarioError, match="needs a driver to advise"):
+        Batch(Task((oval(1),), action="residual"))
+
+
+def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Outcome) -> None:
+    path = outcome.folder / "policy.onnx"
+    policy, driver = Policy(path), Learned(str(path))
+    assert driver.preset == "rivals"
+    task = training_task(read_settings("race", QUICK))
+    trained = Batch(Task(task.scenarios, **_shared(task, task.observation)), seed=3)
+    wide = {**_shared(task, "rivals"), "action": "control", "base": ""}
+    raced = Batch(Task(task.scenarios, **wide), seed=3)
+    driver.reset(BRIEFING)
+    places = list(side_by_side(trained, raced, policy, driver, 80))
+    assert len(places) == 80
+    for there, here in places:
+        assert here == pytest.approx(there, abs=1e-5)
+    assert trained.world.karts[0, 0].speed > 0.5
+
+
+def _shared(task: Task, observation: object) -> dict[str, object]:
+    return {
+        "learners": 1,
+        "opponents": ("idm",),
+        "observation": observation,
+        "action": task.action,
+        "base": task.base,
+    }
+
+
+# The policy that comes along
+
+
+def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
+    policy = Policy(policy_path("race"))
+    assert policy.nature.base == "raceline"
+    assert "covapsy-test-2023" not in policy.nature.tracks
+    opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
+    rules = Rules(laps=2, countdown_s=0.2)
+    task = Task(
+        (Scenario(load_course("covapsy-train-2023"), karts=5, rules=rules),),
+        opponents=opponents,
+        learners=1,
+        observation=policy.nature.parts,
+        action="residual",
+        base="raceline",
+        random_grid=True,
+    )
+    batch = Batch(task, worlds=24, seed=7, after=STAY)
+    for _ in range(900):
+        batch.step(policy.decide(batch.observations[:, 0]))
+    places = batch.world.karts["rank"].mean(axis=0)
+    assert places[0] < places[1:].min() - 0.4

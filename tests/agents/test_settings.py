@@ -1,0 +1,121 @@
+"""Settings of a training: read, checked, and what they make of courses, time and views."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from race_agents.training.budget import Pace
+from race_agents.training.run import train
+from race_agents.training.settings_toml import as_toml, preset_names, read_settings
+from race_agents.training.tasks import training_task
+from race_agents.training.view import View
+from race_server.core import codes
+from race_server.envs.batch import Batch
+from race_server.errors import ScenarioError
+from race_server.scenario.track.sets import course_named, names_of, track_sets
+from support.trainings import QUICK
+
+
+@pytest.mark.parametrize("name", ["time-trial", "time-trial-ppo", "race", "full", "report-b"])
+def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: Path) -> None:
+    assert name in preset_names()
+    settings = read_settings(name)
+    path = tmp_path / "again.toml"
+    path.write_text(as_toml(settings))
+    assert read_settings(str(path)) == settings
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("algorithm.name=ppoo", "algorithm.name = 'ppoo': input should be 'ppo', 'sac'"),
+        ("worlds=0", "worlds = 0: input should be greater than or equal to 1"),
+        ("wolds=3", "wolds = 3: no such key; known here are action, algorithm"),
+        (
+            "curriculum=[{after = 0, track = 'oval'}]",
+            "curriculum.0.track = 'oval': no such key; known",
+        ),
+        ("observation.lidar=3", "observation = .* is no table here; give it whole"),
+        ("network.layer=[3]", "network.layer = .* known here are activation, first_action"),
+        ("steps=10", "give one of the two"),
+        ("algorithm.name=dqn", "dqn needs discrete actions"),
+        ("gap.mass=[1.0]", "gap.mass"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        read_settings("time-trial-ppo", [change])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("race.rules.lap=3", "race.rules.lap = 3: no such rule"),
+        ("race.rules.laps=many", "race.rules.laps = 'many': give a int"),
+        ("race.fields=[2]", "race.fields: 2 karts, with race.karts = 1 .*; choose 1 to 1"),
+        (
+            "race={karts = 4, learners = 2, opponents = ['idm'], fields = [4, 1]}",
+            "race.fields: 1 karts, .* race.learners = 2; choose 2 to 4",
+        ),
+        ("tracks.set=moon", "track set 'moon' is unknown; choose one of train"),
+    ],
+)
+def test_a_task_that_makes_no_race_is_refused(change: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        training_task(read_settings("time-trial-ppo", [change]))
+
+
+def test_races_are_drawn_with_so_many_karts() -> None:
+    changes = ("race.karts=4", "race.opponents=['idm']", "race.fields=[4, 1]")
+    wanted = read_settings("time-trial-ppo", [*QUICK, *changes])
+    batch = Batch(training_task(wanted), worlds=40, seed=1)
+    racing = (batch.world.karts["status"] == codes.RACING).sum(axis=1)
+    assert set(racing.tolist()) == {1, 4}
+    assert 10 < (racing == 1).sum() < 30
+
+
+def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
+    settings = read_settings("time-trial-ppo", [*QUICK, "algorithm.options.n_step=3"])
+    with pytest.raises(ScenarioError, match=r"algorithm.options.n_step = 3: ppo has no such"):
+        train(settings, tmp_path)
+
+
+def test_no_course_to_be_tried_out_on_is_learned_on() -> None:
+    sets = {name: set(names_of((), name)) for name in track_sets()}
+    assert not sets["unseen"] & sets["train"]
+    assert not sets["validation-wide"] & (sets["train"] | sets["unseen"])
+    assert sets["validation"] <= sets["validation-wide"]
+    assert len(sets["train"]) >= 12
+    for preset in preset_names():
+        settings = read_settings(preset)
+        assert not set(names_of(settings.tracks.names, settings.tracks.set)) & set(
+            names_of(settings.evaluation.final.names, settings.evaluation.final.set)
+        )
+
+
+def test_a_reversed_course_is_found_by_its_name() -> None:
+    assert course_named("oval-reversed").name == "oval-reversed"
+
+
+def test_the_share_of_a_training_goes_by_what_it_is_measured_in() -> None:
+    assert Pace(None, 1000, done=250).share == 0.25
+    assert Pace(2.0, None, spent_s=60.0).share == pytest.approx(0.5)
+    assert Pace(None, 1000, done=750).share_since(0.5) == 0.5
+    assert Pace(None, 1000, done=250).share_since(0.5) == 0.0
+
+
+def test_a_view_shows_logarithms_and_fills_in_what_did_not_come_back() -> None:
+    change = ["observation=['lidar', 'speed']", "lidar={rays = 4, logarithms = true}"]
+    view = View.of(read_settings("time-trial-ppo", change))
+    seen = np.array([[1.0, 0.0, 2.0, 4.0, 0.0], [0.0, 0.0, 4.0, 9.0, -1.0]], np.float32)
+    # Nothing between 1 m and 2 m counts as 2 m, nothing beside nothing as the reach of 8 m.
+    wanted = [[1.0, 2.0, 2.0, 4.0], [8.0, 4.0, 4.0, 8.0]]
+    assert np.exp(view(seen)[:, :4]) == pytest.approx(np.array(wanted))
+    assert view(seen)[:, 4].tolist() == [0.0, -1.0]
+    assert np.array_equal(view(seen[1]), view(seen)[1])
+
+
+def test_a_view_without_logarithms_only_cuts() -> None:
+    view = View.of(read_settings("time-trial-ppo", ["horizon=3.0"]))
+    assert view(np.array([0.0, 5.0, -4.0], np.float32)).tolist() == [0.0, 3.0, -3.0]

@@ -1,0 +1,115 @@
+"""What drivers see: the table of parts and the kernel that fills them agree."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from race_server.core.messages import Phase
+from race_server.core.observation import PARTS, PRESETS, Observation, layout_of
+from race_server.core.stages import observe
+from race_server.errors import ScenarioError
+from race_server.scenario.race import Rules, Scenario
+from race_server.session import Session
+from support.courses import ring
+
+COURSE = ring(radius=6.0, half_width=0.7)
+
+
+def seen(preset: str = "full", karts: int = 3) -> tuple[Session, Observation]:
+    session = Session("t", Scenario(COURSE, karts=karts, rules=Rules(countdown_s=2.0)))
+    for number in range(karts):
+        session.join("someone", preset)
+        session.seats[number].is_ready = True
+    session.start()
+    session.look()
+    return session, Observation(0, session.layout(preset), session.view(1).copy())
+
+
+@pytest.mark.parametrize("preset", sorted(PRESETS))
+def test_a_layout_is_gapless(preset: str) -> None:
+    layout = layout_of(preset, 201)
+    places = list(layout.slices.values())
+    assert places[0].start == 0
+    assert all(a.stop == b.start for a, b in pairwise(places))
+    assert places[-1].stop == layout.size
+
+
+def test_an_unknown_preset_is_named_with_the_known_ones() -> None:
+    with pytest.raises(ScenarioError, match="'sonar' is unknown; choose one of lidar"):
+        layout_of("sonar", 201)
+
+
+def test_the_table_and_the_kernel_count_alike() -> None:
+    from race_server.core import observation
+
+    for name in ("AHEAD", "NEARBY", "THINGS", "USES"):
+        assert getattr(observe, name) == getattr(observation, name)
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_every_part_lies_within_its_stated_range(part: object) -> None:
+    _, view = seen()
+    values = view[part.name]
+    assert len(values) == (part.size or 201)
+    assert (values >= part.low).all()
+    assert (values <= part.high).all()
+
+
+def test_each_scalar_shows_the_field_of_its_name() -> None:
+    session, _ = seen()
+    kart = session.world.karts[0, 1]
+    for number, name in enumerate(
+        ("speed", "lateral_speed", "yaw_rate", "steering", "progress", "lateral_offset")
+    ):
+        setattr(kart, name, 0.1 + number)
+    kart.speed_cap, kart.held, kart.laps, kart.wrong_way = 3.5, 2, 4, 1
+    session.look()
+    view = Observation(0, session.layout("full"), session.view(1))
+    for number, name in enumerate(
+        ("speed", "lateral_speed", "yaw_rate", "steering", "progress", "lateral_offset")
+    ):
+        assert view.scalar(name) == pytest.approx(0.1 + number)
+    assert view.scalar("speed_cap") == 3.5
+    assert (view.scalar("item"), view.scalar("lap"), view.scalar("wrong_way")) == (2, 4, 1)
+
+
+def test_the_lights_show_the_time_to_the_start() -> None:
+    session, view = seen()
+    assert view.scalar("lights") == pytest.approx(2.0)
+    session.advance(60)
+    session.look()
+    later = Observation(60, session.layout("full"), session.view(1))
+    assert later.scalar("lights") == pytest.approx(1.0)
+
+
+def test_the_kart_in_front_on_the_grid_is_seen_ahead() -> None:
+    _, view = seen()
+    assert view["karts_x"][0] == pytest.approx(1.0, abs=0.05)
+    assert view["karts_x"][1] == pytest.approx(-1.0, abs=0.05)
+    assert view["karts_x"][2] == 1000.0
+
+
+def test_the_radar_sees_the_kart_in_front_as_a_kart() -> None:
+    _, view = seen()
+    assert view["radar_kind"][4] == 4
+    assert view["radar"][4] == pytest.approx(1.0 - 0.225, abs=0.05)
+
+
+def test_the_path_ahead_begins_in_front_of_the_kart() -> None:
+    _, view = seen()
+    step = view.scalar("look_ahead")
+    assert view["path_ahead_x"][0] == pytest.approx(step, rel=0.1)
+    assert np.diff(view["path_ahead_y"][:5]).min() > 0.0  # the ring bends to the left
+
+
+def test_a_lidar_driver_is_told_nothing_of_the_map() -> None:
+    told = set(PRESETS["lidar"])
+    assert not told & {"progress", "lateral_offset", "curvature_ahead", "path_ahead_x", "karts_x"}
+
+
+def test_a_seat_carries_only_the_sensors_that_its_preset_needs() -> None:
+    session, _ = seen("track")
+    assert session.phase is Phase.COUNTDOWN
+    assert session.world.karts["sensors"].max() == 0
+    assert session.world.sight.lidar.max() == 0.0

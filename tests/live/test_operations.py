@@ -1,0 +1,301 @@
+"""What a server shows of itself, and what a client knows of what it sees."""
+
+import io
+import json
+import os
+import random
+import socket
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+
+import pytest
+
+from race_server.core.clock import TICK_S
+from race_server.core.messages import Control, Event, EventKind, Retirement
+from race_server.errors import LinkError, RaceError, SeatError, WireError
+from race_server.live.client.link_stats import ClockOffset, Reception
+from race_server.live.server import RaceServer
+from race_server.live.server.counters import Histogram, Meters
+from race_server.live.server.metrics import exposed
+from race_server.live.server.requests import reason_of
+from race_server.logs import Log, words_of
+from race_server.net.transport import ServerLink
+from race_server.net.wire.drive import ControlFrame, encode_control
+from race_server.scenario.race import Rules, Scenario
+from race_server.session import Session
+from race_server.tools.drills.damage import decode_all
+from race_server.tools.drills.lossy_link import Weather, Wire
+from race_server.tools.drills.network import drill_network
+from race_server.tools.drills.server_process import quantile
+from support.courses import ring
+
+COURSE = ring(radius=6.0, half_width=0.7)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def get(port: int, path: str) -> tuple[int, str]:
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(f"http://127.0.0.1:{port}{path}", timeout=5.0) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+@pytest.fixture
+def racing() -> RaceServer:
+    """Return a server in the middle of a race of two, one of whom is silent."""
+    session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
+    with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
+        server = RaceServer(session, link)
+        for number in range(2):
+            session.join(f"driver {number}", "track")
+        session.start()
+        for sequence in (1, 2, 5):
+            frame = ControlFrame(1, sequence, session.tick, Control(throttle=0.1))
+            server._ear.take_control(0, encode_control(frame))
+            server._hear()
+            server._advance(30)
+            server.meters.note_tick(0.0003, 0.00001, missed=1)
+        server._ear.take_control(0, b"rubbish")
+        yield server
+
+
+def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
+    with exposed(racing, 0) as port:
+        status, text = get(port, "/metrics")
+    assert status == 200
+    lines = text.splitlines()
+    for line in (
+        "race_ticks_total 90.0",
+        "race_ticks_missed_total 1.0",
+        'race_tick_duration_seconds_bucket{le="0.0005"} 3.0',
+        'race_inputs_total{seat="0"} 3.0',
+        'race_inputs_lost_total{seat="0"} 2.0',
+        'race_silent_seconds_total{seat="1"} 1.0',
+        'race_input_age_seconds{seat="0"} 0.5',
+        'race_refused_total{reason="message of bytes is too short"} 1.0',
+        "race_recorder_backlog 0.0",
+        "race_clients 0.0",
+    ):
+        assert line in lines
+    assert 'race_input_age_seconds{seat="1"}' not in text  # it was never heard
+
+
+def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
+    racing: RaceServer,
+) -> None:
+    with exposed(racing, 0) as port:
+        racing._hear()
+        assert get(port, "/healthz") == (200, "ok\n")
+        racing.meters.turned_at -= 7.0
+        status, text = get(port, "/healthz")
+        assert status == 503
+        assert text.startswith("the loop has not turned for 7.")
+        assert get(port, "/")[0] == 404
+
+
+def test_a_port_for_metrics_that_is_in_use_is_named(racing: RaceServer) -> None:
+    with exposed(racing, 0) as port:
+        again = exposed(racing, port)
+        with pytest.raises(LinkError, match=f"port {port} .*another with --metrics"):
+            again.__enter__()
+
+
+def test_a_time_falls_into_the_first_bin_that_holds_it() -> None:
+    histogram = Histogram((0.001, 0.002))
+    for seconds in (0.0005, 0.001, 0.0015, 9.0):
+        histogram.note(seconds)
+    assert histogram.counts == [2, 1, 1]
+
+
+def test_the_first_control_of_a_race_and_a_repeated_one_lose_nothing() -> None:
+    meters = Meters(1)
+    meters.note_control(0, before=0, sequence=9)
+    meters.note_control(0, before=9, sequence=10)
+    assert meters.lost == [0]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (WireError("message is b'R\\'xQ', expected b'RSRQ'"), "message is , expected"),
+        (SeatError("observation 'a:b' is unknown; choose lidar"), "observation is unknown; choose"),
+        (WireError("control 7 again, already at 9"), "control again, already at"),
+    ],
+)
+def test_a_sender_cannot_make_up_reasons_for_refusals(error: RaceError, reason: str) -> None:
+    assert reason_of(error).startswith(reason)
+
+
+# The log
+
+
+def test_outside_of_a_terminal_each_line_is_one_json_object() -> None:
+    stream = io.StringIO()
+    with Log(stream=stream) as log:
+        log.say("joined", seat=3, driver="ann")
+        log.warn("missed ticks", new=2)
+    first, second = (json.loads(line) for line in stream.getvalue().splitlines())
+    assert list(first)[:3] == ["timestamp", "level", "event"]
+    assert (first["event"], first["seat"], first["driver"]) == ("joined", 3, "ann")
+    assert second["level"] == "warning"
+
+
+def test_in_a_terminal_a_line_is_readable() -> None:
+    stream = io.StringIO()
+    stream.isatty = lambda: True  # type: ignore[method-assign]
+    Log(stream=stream).say("joined", seat=3)
+    assert "joined" in stream.getvalue()
+    assert not stream.getvalue().startswith("{")
+
+
+def test_a_json_line_is_turned_back_into_words() -> None:
+    line = '{"timestamp": "x", "level": "info", "event": "joined", "seat": 3, "driver": "ann"}'
+    assert words_of(line) == "joined: seat 3, driver ann"
+    assert words_of("error: no such track") == "error: no such track"
+
+
+def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
+    stream = io.StringIO()
+    session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
+    with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
+        server = RaceServer(session, link, log=Log(stream=stream))
+        steps: tuple[Callable[[], object], ...] = (
+            lambda: session.join("ann", "track"),
+            lambda: session.start(),
+            lambda: session.drop(0),
+            lambda: session.come_back(0),
+            lambda: server.refused.note("too long", 0),
+            lambda: server.refused.note("too long", 0),
+        )
+        for now, step in enumerate(steps):
+            step()
+            server._diary.look(float(now + 1))
+    events = [json.loads(line)["event"] for line in stream.getvalue().splitlines()]
+    assert events == [
+        "joined",
+        "race started",
+        "dropped: its link is gone",
+        "came back",
+        "refused for the first time",
+    ]
+
+
+# What a client hears
+
+
+def test_the_age_of_a_message_counts_from_the_quickest_one() -> None:
+    offset = ClockOffset()
+    offset.note(sent_s=10.0, received_s=110.2)  # held up by 0.2 s
+    offset.note(sent_s=11.0, received_s=111.0)
+    assert offset.age_s(11.0, 111.3) == pytest.approx(0.3)
+    offset.note_round_trip(0.1)
+    assert offset.age_s(11.0, 111.3) == pytest.approx(0.35)
+
+
+def test_a_clock_that_drifts_is_followed() -> None:
+    offset = ClockOffset()
+    for second in range(120):
+        offset.note(sent_s=second * 1.001, received_s=float(second))
+    assert offset.offset_s == pytest.approx(-0.119, abs=1e-6)
+    for second in range(120, 240):
+        offset.note(sent_s=120.0 + (second - 120) * 0.999, received_s=float(second))
+    assert offset.offset_s == pytest.approx(0.06, abs=0.05)
+
+
+def test_a_driver_knows_what_it_missed_and_how_old_it_was() -> None:
+    reception = Reception()
+    for tick in (0, 3, 6, 15, 18):  # 9 and 12 never came
+        reception.note(tick, 100.0 + tick * TICK_S, decision_ticks=3)
+    assert (reception.heard, reception.missing) == (5, 2)
+    assert reception.longest_gap_s == pytest.approx(9 * TICK_S)
+    assert reception.worst_age_s == pytest.approx(9 * TICK_S)
+
+
+def test_where_the_world_waits_there_are_no_ages() -> None:
+    reception = Reception()
+    for turn in range(5):
+        reception.note(3 * turn, 100.0 + turn, decision_ticks=3)
+    assert reception.as_json()["worst_age_s"] is None
+
+
+def test_a_driver_is_told_why_it_is_out() -> None:
+    reception = Reception()
+    reception.note_event(Event(1, 9, EventKind.RETIRED, 4, Retirement.WITHDREW, 0), seat=3)
+    assert reception.outcome == ""
+    reception.note_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
+    assert reception.outcome == "out: stood for too long"
+
+
+# What is damaged
+
+
+def test_hostile_messages_end_in_a_wire_error_or_in_values_within_limits() -> None:
+    toll = decode_all(20_000, seed=3)
+    assert toll.decoded == 20_000
+    assert set(toll.errors) == {"WireError"}
+    assert toll.accepted > 0
+
+
+@pytest.mark.parametrize(("share", "end"), [(0.5, 0.001), (0.9, 0.002), (1.0, float("inf"))])
+def test_a_quantile_is_the_end_of_its_bin(share: float, end: float) -> None:
+    before = {f't_bucket{{le="{end}"}}': 100.0 for end in ("0.001", "0.002", "+Inf")}
+    after = {
+        't_bucket{le="0.001"}': 106.0,
+        't_bucket{le="0.002"}': 109.0,
+        't_bucket{le="+Inf"}': 110.0,
+    }
+    assert quantile(before, after, "t", share) == end
+    assert quantile(after, after, "t", share) is None
+
+
+# A bad wire
+
+
+def ends_of(weather: Weather) -> tuple[Wire, socket.socket, socket.socket]:
+    pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in range(2)]
+    devices = (pairs[0][1].detach(), pairs[1][1].detach())
+    return Wire(("a", "b"), devices, weather, random.Random(5)), pairs[0][0], pairs[1][0]
+
+
+def test_a_wire_delays_every_packet_and_carries_it_to_the_other_end() -> None:
+    wire, here, there = ends_of(Weather(delay_s=0.05))
+    thread = threading.Thread(target=wire.carry)
+    thread.start()
+    begun = time.monotonic()
+    here.send(b"to there")
+    there.send(b"to here")
+    assert (there.recv(99), here.recv(99)) == (b"to there", b"to here")
+    assert 0.05 <= time.monotonic() - begun < 1.0
+    wire.cut()
+    thread.join()
+    for device in (*wire.devices, here.detach(), there.detach()):
+        os.close(device)
+
+
+def test_a_wire_loses_the_share_of_packets_that_it_is_told() -> None:
+    wire, here, there = ends_of(Weather(loss=0.2))
+    for _ in range(2000):
+        here.send(b"x")
+        wire._take(wire.devices[0])
+    assert wire.passed + wire.lost == 2000
+    assert wire.lost == pytest.approx(400, abs=60)
+    for device in (*wire.devices, here.detach(), there.detach()):
+        os.close(device)
+
+
+def test_without_root_the_drill_of_the_network_is_skipped_with_a_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    document = drill_network(Weather(0.2, 0.1, 0.05))
+    assert document == {"ok": True, "why": "", "skipped": "network namespaces need root"}

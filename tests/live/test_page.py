@@ -1,0 +1,316 @@
+"""The page in a real browser: Debian's Chromium, which nothing here downloads."""
+
+import math
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+pytest.importorskip("playwright", reason="playwright is not installed: pip install -e '.[test]'")
+
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+
+from race_server.competition.launch import free_address
+from race_server.live.gateway.page import is_built
+from support.courses import ring
+from support.halls import Hall, gated, racing, record_race, wait_for_race
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
+)
+
+pytestmark = [
+    pytest.mark.net,
+    pytest.mark.skipif(not CHROMIUM, reason="no Chromium here: apt-get install chromium"),
+    pytest.mark.skipif(not is_built(), reason="the page is not built: make page"),
+]
+
+KARTS = 8
+OWN = 7  # the seat that is driven from the page
+
+
+@dataclass
+class Stage:
+    """A race, its gateway, and the pages that look at it."""
+
+    hall: Hall
+    browser: Browser
+    troubles: list[str] = field(default_factory=list)  # errors, and requests to other hosts
+
+    def open(self, place: str, width: int = 1024, height: int = 768) -> Page:
+        """Open a page of its own, as another person would."""
+        size = {"width": width, "height": height}
+        page = self.browser.new_context(viewport=size, locale="en").new_page()
+        page.on("console", self._hear)
+        page.on("pageerror", lambda error: self.troubles.append(str(error)))
+        page.on("request", self._look)
+        page.goto(f"{self.hall.base}#{place}&stats=1")
+        return page
+
+    def _hear(self, message: ConsoleMessage) -> None:
+        if message.type in {"error", "warning"}:
+            self.troubles.append(message.text)
+
+    def _look(self, request: Request) -> None:
+        is_ours = request.url.startswith((self.hall.base, self.hall.base.replace("http", "ws", 1)))
+        if not is_ours and not request.url.startswith("data:"):
+            self.troubles.append(f"asks for {request.url}")
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    """Seven scripted karts and a lobby that waits for one driver; a recording of another race."""
+    address, folder = free_address(), tmp_path_factory.mktemp("recordings")
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        sync_playwright() as play,
+        play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as browser,
+    ):
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        patch.setattr("halls.COURSE", ring(radius=4.0, half_width=0.7))
+        record_race(folder)
+        with (
+            racing(address, karts=KARTS, drivers=1) as server,
+            gated(address, recordings=folder) as hall,
+        ):
+            hall.server = server
+            wait_for_race(hall)
+            yield Stage(hall, browser)
+
+
+@pytest.fixture(scope="module")
+def watching(stage: Stage) -> Page:
+    """The page of somebody who watches from the lobby on."""
+    return stage.open("watch", 1920, 1080)
+
+
+@pytest.fixture(scope="module")
+def driving(stage: Stage, watching: Page) -> Page:
+    """The page of the driver, and with it the race: it begins when the driver is ready."""
+    page = stage.open("drive&token=drive one")
+    page.fill("input[name=name]", "Ada")
+    page.fill("input[name=seat]", str(OWN))
+    page.get_by_role("button", name="Take the seat").click()
+    page.get_by_test_id("ready").click()
+    watching.get_by_test_id("phase").get_by_text("Race").wait_for()
+    return page
+
+
+def stats(page: Page) -> dict[str, Any]:
+    """Return what the page says of itself."""
+    said: dict[str, Any] = page.evaluate("({...window.__race, way: undefined})")
+    return said
+
+
+def karts(page: Page) -> dict[int, dict[str, float]]:
+    """Return the karts as the page knows them, by seat."""
+    return {int(kart["seat"]): kart for kart in stats(page)["karts"]}
+
+
+def wait_until(is_so: Callable[[], object], timeout_s: float = 30.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def drive_by_keys(page: Page, is_done: Callable[[], object], timeout_s: float) -> None:
+    """Press and release keys so that the own kart goes around the course, rather slowly."""
+    way = page.evaluate("window.__race.way()")
+    down: set[str] = set()
+    deadline = time.monotonic() + timeout_s
+    while not is_done():
+        assert time.monotonic() < deadline, karts(page)[OWN]
+        wanted = _keys_for(karts(page)[OWN], way)
+        for key in down - wanted:
+            page.keyboard.up(key)
+        for key in wanted - down:
+            page.keyboard.down(key)
+        down = wanted
+        time.sleep(0.02)
+    for key in down:
+        page.keyboard.up(key)
+
+
+def _keys_for(kart: dict[str, float], way: list[list[float]]) -> set[str]:
+    near = min(range(len(way)), key=lambda i: math.dist(way[i], (kart["x"], kart["y"])))
+    x, y = way[(near + round(1.2 / math.dist(way[0], way[1]))) % len(way)]
+    turn = math.atan2(y - kart["y"], x - kart["x"]) - kart["heading"]
+    turn = math.atan2(math.sin(turn), math.cos(turn))
+    # The angle of the wheels for which pure pursuit asks, against where they are.
+    lack = math.atan(2.0 * 0.257 * math.sin(turn) / 1.2) - kart["steering"]
+    keys = {"ArrowUp"} if kart["speed"] < 3.0 else set()
+    if abs(lack) > 0.04:
+        keys.add("ArrowLeft" if lack > 0.0 else "ArrowRight")
+    return keys
+
+
+def test_a_lap_is_driven_by_pressing_keys(driving: Page, watching: Page) -> None:
+    row = watching.locator(f"[data-testid=leaderboard] tr[data-seat='{OWN}']")
+    drive_by_keys(driving, lambda: karts(driving)[OWN]["laps"] >= 1, timeout_s=60.0)
+    # The lap that was driven stands in the table of those who watch.
+    wait_until(lambda: ":" in row.inner_text() or "." in row.locator("td").nth(6).inner_text())
+    assert "Ada" in row.inner_text()
+    assert stats(driving)["delay_ms"]["p50"] < 200.0
+
+
+def test_nobody_drives_while_the_page_is_not_in_front(driving: Page) -> None:
+    note = driving.get_by_text("Your kart has no driver")
+    driving.evaluate("dispatchEvent(new Event('blur'))")
+    note.wait_for()
+    driving.get_by_test_id("notice").get_by_text("The server brakes your kart").wait_for()
+    driving.keyboard.press("ArrowUp")
+    note.wait_for(state="hidden")
+
+
+def test_a_page_that_is_loaded_again_has_its_seat_back(driving: Page) -> None:
+    assert "token" not in driving.url  # nobody reads it over the driver's shoulder
+    driving.reload()
+    driving.get_by_test_id("speed").wait_for()
+    drive_by_keys(driving, lambda: karts(driving)[OWN]["speed"] > 1.0, timeout_s=30.0)
+
+
+def test_eight_karts_move(watching: Page, driving: Page) -> None:
+    before = karts(watching)
+    assert len(before) == KARTS
+    others = set(before) - {OWN}
+
+    def moved() -> set[int]:
+        now = karts(watching)
+        return {
+            seat
+            for seat in others
+            if math.dist((now[seat]["x"], now[seat]["y"]), (before[seat]["x"], before[seat]["y"]))
+            > 0.2
+        }
+
+    wait_until(lambda: moved() == others)
+
+
+def test_the_leaderboard_is_in_the_order_of_the_server(
+    stage: Stage, watching: Page, driving: Page
+) -> None:
+    assert stage.hall.server is not None
+    session = stage.hall.server.session
+    rows = watching.locator("[data-testid=leaderboard] tbody tr")
+
+    def shown() -> list[int]:
+        return rows.evaluate_all("rows => rows.map(row => Number(row.dataset.seat))")
+
+    def told() -> list[int]:
+        return [row.seat for row in sorted(session.standings(), key=lambda row: row.rank)]
+
+    wait_until(lambda: len(shown()) == KARTS and shown() == told())
+
+
+def test_race_control_tells_of_laps_and_items(watching: Page, driving: Page) -> None:
+    told = watching.get_by_test_id("race-control")
+    wait_until(lambda: "picks up" in told.inner_text() and "lap 1 in" in told.inner_text())
+
+
+def test_a_steward_shows_a_yellow_flag_and_everybody_sees_it(
+    stage: Stage, watching: Page, driving: Page
+) -> None:
+    steward = stage.open("steward&token=steward one")
+    steward.get_by_role("button", name="Yellow flag").click()
+    assert not watching.get_by_test_id("flag-banner").is_visible()  # asked, not yet done
+    steward.get_by_role("button", name="Yes, do it").click()
+    watching.get_by_test_id("flag-banner").get_by_text("Yellow flag").wait_for()
+    driving.get_by_text("Yellow flag").first.wait_for()
+    steward.get_by_test_id("answer").get_by_text("done").wait_for()
+    steward.get_by_test_id("log").get_by_text("yellow flag").wait_for()
+    steward.get_by_role("button", name="Green flag").click()
+    steward.get_by_role("button", name="Yes, do it").click()
+    watching.get_by_test_id("flag-banner").wait_for(state="hidden")
+    steward.context.close()
+
+
+def test_a_recording_is_opened_and_scrubbed(stage: Stage) -> None:
+    page = stage.open("replay=")
+    page.get_by_test_id("recordings").get_by_role("button").first.click()
+    page.get_by_test_id("play").get_by_text("Pause").wait_for()  # it plays at once
+    wait_until(lambda: stats(page)["tick"] > 30)
+    page.get_by_test_id("play").click()
+    slider = page.get_by_test_id("scrubber")
+    slider.focus()
+    page.keyboard.press("End")
+    last = int(slider.get_attribute("max") or 0)
+    wait_until(lambda: stats(page)["tick"] >= last - 2)
+    assert "is over" in page.get_by_test_id("race-control").inner_text()
+    page.keyboard.press("Home")
+    wait_until(lambda: stats(page)["tick"] <= 1)
+    page.get_by_role("button", name="One tick on").click()
+    wait_until(lambda: page.get_by_test_id("tick").inner_text() == "1")
+    page.context.close()
+
+
+def test_a_wrong_token_is_refused_in_plain_words(stage: Stage) -> None:
+    page = stage.open("steward&token=wrong", 390, 844)
+    said = page.locator("[data-testid=veil] [data-code=token]")
+    said.get_by_text("The token does not fit").wait_for()
+    page.context.close()
+
+
+@pytest.mark.parametrize("role", ["steward", "drive"])
+def test_after_a_wrong_token_another_one_can_be_typed(
+    stage: Stage, driving: Page, role: str
+) -> None:
+    page = stage.open(f"{role}&token=wrong")
+    if role == "drive":
+        page.fill("input[name=name]", "Eve")
+        page.get_by_role("button", name="Take the seat").click()
+    page.locator("[data-testid=veil] [data-code=token]").wait_for()
+    page.get_by_role("button", name="Try again").click()
+    page.fill("input[type=password]", f"{role} one")
+    page.keyboard.press("Enter")
+    if role == "steward":
+        page.get_by_role("button", name="Yellow flag").wait_for()
+    else:  # it fits, but somebody drives with it
+        page.locator("[data-testid=veil] [data-code=used]").wait_for()
+    page.context.close()
+
+
+def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: Stage) -> None:
+    page = stage.open("replay=")
+    visits: list[object] = []
+    page.on("websocket", lambda visit: visits.append(visit))
+    page.get_by_test_id("recordings").get_by_role("button").first.click()
+    page.get_by_test_id("play").click()  # it plays at once: stand still
+    page.get_by_test_id("scrubber").focus()
+    for _ in range(150):
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Home")
+    wait_until(lambda: stats(page)["tick"] <= 1)
+    page.wait_for_timeout(1000)  # whoever was let go would be back by now
+    assert len(visits) == 1
+    page.context.close()
+
+
+@pytest.mark.parametrize("place", ["watch", "drive", "steward"])
+def test_no_page_is_wider_than_a_narrow_phone_in_the_longer_language(
+    stage: Stage, place: str
+) -> None:
+    size = {"width": 360, "height": 640}
+    page = stage.browser.new_context(viewport=size, locale="fr").new_page()
+    page.goto(f"{stage.hall.base}#{place}")
+    page.get_by_role("navigation").get_by_text("Rediffusions").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    page.context.close()
+
+
+def test_on_a_phone_arrow_keys_go_through_the_tabs(stage: Stage) -> None:
+    page = stage.open("watch", 390, 844)
+    page.get_by_role("tab", name="Standings").focus()
+    page.keyboard.press("ArrowRight")
+    chosen = page.get_by_role("tab", selected=True)
+    assert chosen.inner_text() == "Race control"
+    assert chosen.evaluate("tab => tab === document.activeElement")
+    assert page.get_by_role("tabpanel", name="Race control").is_visible()
+    page.context.close()
+
+
+def test_nothing_went_wrong_on_any_page_and_nothing_was_asked_of_others(stage: Stage) -> None:
+    assert stage.troubles == []

@@ -1,0 +1,184 @@
+"""A real kart over zenoh on loopback: poses up, orders down, acknowledged."""
+
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from race_agents.onboard.client import Onboard, fence_of, take_part
+from race_agents.onboard.control_unit import ControlUnit
+from race_agents.onboard.safety import Command
+from race_agents.plant.body import Body
+from race_agents.plant.incident import Pace, is_view_clear
+from race_agents.plant.kart import Plant, Sensors
+from race_agents.plant.radar import Person, Surroundings
+from race_server.competition.launch import free_address
+from race_server.core.messages import Control, Trust
+from race_server.core.observation import Observation
+from race_server.core.vehicles import KART_30, TT02
+from race_server.errors import SeatError
+from race_server.live.client.seat import Seat, take_seat
+from race_server.live.server import LOCKSTEP, REAL, RaceServer
+from race_server.net.transport import ClientLink, ServerLink
+from race_server.net.wire import topics
+from race_server.net.wire.lobby import CourseSheet, Join
+from race_server.scenario.race import Rules, Scenario
+from race_server.session import Session
+from race_server.tools.drills.mixed import _judge_both, way_to_stop
+from support.courses import ring
+
+pytestmark = pytest.mark.net
+
+COURSE = ring(radius=6.0, half_width=0.7)
+
+
+class Gentle:
+    """Drives straight on with a light foot."""
+
+    preset = "track"
+
+    def reset(self, briefing: object) -> None:
+        pass
+
+    def act(self, seen: Observation) -> Control:
+        return Control(0.0, 0.3 if seen.scalar("lights") == 0.0 else 0.0)
+
+
+def hardware_of(seat: Seat, sheet: CourseSheet, link: ClientLink) -> Plant:
+    del link
+    x, y, heading = (float(value) for value in sheet.grid[seat.number])
+    vehicle = seat.welcome.briefing.vehicle
+    return Plant.of(vehicle, Surroundings(sheet.borders), (x, y, heading), Sensors(), seed=1)
+
+
+def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent() -> None:
+    rules = Rules(laps=1, countdown_s=0.5, limit_s=60.0)
+    session = Session("race", Scenario(COURSE, karts=1, rules=rules))
+    address, seen = free_address(), {}
+    with ServerLink(address, "race", 1) as link:
+        server = RaceServer(session, link, REAL)
+        race = threading.Thread(target=server.run, args=(1,))
+        race.start()
+
+        def turn(onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+            del now_s
+            tracker = session.fleet.trackers[0]
+            if tracker.trust is Trust.TRUSTED and session.tick > 90:
+                seen.setdefault("trusted", (onboard.sequence, tracker.clock.delay_us))
+                onboard.is_cut = True
+            if onboard.is_cut:
+                seen["command"] = unit.command
+            return tracker.trust is not Trust.DOUBTFUL or "trusted" not in seen
+
+        take_part(
+            Gentle(),
+            hardware_of,
+            name="real",
+            address=address,
+            delay_s=0.05,
+            clock=lambda: time.monotonic() + 1234.5,
+            each_turn=turn,
+        )
+        server.stop()
+        race.join(5.0)
+    poses, delay_us = seen["trusted"]
+    assert poses > 20
+    assert 45_000 < delay_us < 150_000
+    assert isinstance(seen["command"], Command)
+    assert session.fleet.orders(0).acknowledged >= 1
+    assert session.world.karts["yellow"][0, 0] == 1
+
+
+def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:
+    session = Session("race", Scenario(COURSE, karts=1))
+    address = free_address()
+    with ServerLink(address, "race", 1) as link:
+        server = RaceServer(session, link, LOCKSTEP)
+        lobby = threading.Thread(target=server.wait_in_lobby, args=(1,))
+        lobby.start()
+        join = Join("real", "track", tracked=True)
+        with ClientLink(address, "race") as client:
+            with pytest.raises(SeatError, match="serve with --pace real"):
+                take_seat(client, join)
+            take_seat(client, replace(join, tracked=False))
+        server.stop()
+        lobby.join(5.0)
+
+
+def test_a_kart_that_is_cut_off_has_as_far_to_stop_as_its_brakes_need() -> None:
+    # 0.35 s at 8.33 m/s are 2.9 m; then half of 7.36 m/s² of brakes: 9.5 m.
+    assert way_to_stop(KART_30, 30.0 / 3.6) == pytest.approx(12.4, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "doubts", "is_busy", "is_well"),
+    [
+        ("pedestrian", [], False, True),
+        ("pedestrian", ["silent"], False, False),
+        ("pedestrian", ["silent"], True, True),
+        ("pedestrian", ["jump"], True, False),
+        ("cut", ["silent"], False, True),
+        ("cut", ["stale", "silent"], False, False),
+    ],
+)
+def test_only_a_busy_machine_excuses_a_doubt_and_only_a_late_pose(
+    name: str, doubts: list[str], is_busy: bool, is_well: bool
+) -> None:
+    kart = {"worst_excess_share": 0.0, "slowdowns": 1}
+    part = {"seat": 2, "laps": 1, "items_used": 1, "kart": kart, "doubts": doubts}
+    assert (_judge_both({name: part}, is_busy=is_busy) == []) is is_well
+
+
+def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None:
+    pace, body = Pace(), Body(TT02, 0.0, 0.0, 0.0)
+    for speed, is_fast in ((2.0, True), (1.0, False), (1.8, True), (4.6, True), (3.0, False)):
+        body.speed = speed
+        assert pace.is_fast(body) is is_fast
+
+
+def test_the_fence_of_a_course_is_its_kerb() -> None:
+    session = Session("race", Scenario(COURSE, karts=1))
+    from race_server.net.wire.sheets import course_sheet
+
+    fence = fence_of(course_sheet(session.scenario))
+    x, y = COURSE.line[0, :2]
+    assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
+
+
+def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
+    address = free_address()
+    with ServerLink(address, "race", 2) as link, ClientLink(address, "race") as client:
+        link.hear_karts({1})
+        send = [client.sender(seat, "nobody's", topics.POSE) for seat in (0, 1)]
+        deadline = time.monotonic() + 5.0
+        while not link.dropped and time.monotonic() < deadline:
+            for pose in send:
+                pose(b"rubbish")
+            time.sleep(0.02)
+        assert {seat for _, seat in link.dropped} == {1}
+        link.hear_karts(())
+        time.sleep(0.1)
+        before = link.dropped.copy()
+        send[1](b"rubbish")
+        time.sleep(0.1)
+        assert link.dropped == before
+
+
+def test_nobody_steps_out_behind_another_kart() -> None:
+    body, somebody = Body(KART_30, 0.0, 0.0, 0.0), Person(10.0, 0.0, 0.3)
+    none, ahead, abreast, beyond, behind, aside = (
+        np.array(karts, float).reshape(-1, 5)
+        for karts in (
+            [],
+            [5.0, 0.5, 0.0, 8.0, 0.0],
+            [0.5, 1.6, 0.0, 8.0, 0.0],
+            [14.0, 0.0, 0.0, 8.0, 0.0],
+            [-6.0, 0.0, 0.0, 8.0, 0.0],
+            [5.0, 4.0, 0.0, 8.0, 0.0],
+        )
+    )
+    assert all(is_view_clear(somebody, body, karts) for karts in (none, beyond, behind, aside))
+    assert not any(is_view_clear(somebody, body, karts) for karts in (ahead, abreast))

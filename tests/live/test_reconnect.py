@@ -1,0 +1,122 @@
+"""A driver whose link stalls goes on over a fresh one, as the same driver."""
+
+import socket
+import threading
+import time
+from collections import Counter
+from contextlib import suppress
+
+import pytest
+
+from race_server.competition.launch import free_address
+from race_server.core.messages import Control, Event, EventKind, Status
+from race_server.core.observation import Observation
+from race_server.live.client.driver import drive
+from race_server.live.client.link_stats import Reception
+from race_server.live.server import REAL, RaceServer
+from race_server.net.transport import ServerLink
+from race_server.scenario.race import Rules, Scenario
+from race_server.session import Session
+from support.courses import ring
+
+
+class Stall:
+    """Carries bytes between clients and a server, until those who are there are frozen."""
+
+    def __init__(self, server: str) -> None:
+        self._server = _place_of(server)
+        self.address = free_address()
+        self._open = socket.create_server(_place_of(self.address))
+        self._sockets: list[socket.socket] = [self._open]
+        self._frozen: set[socket.socket] = set()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                here, _ = self._open.accept()
+                there = socket.create_connection(self._server)
+                self._sockets += [here, there]
+                for ends in ((here, there), (there, here)):
+                    threading.Thread(target=self._carry, args=ends, daemon=True).start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while data := source.recv(65536):
+                if source not in self._frozen:
+                    sink.sendall(data)
+
+    def freeze(self) -> None:
+        """Carry nothing any more on the links that are there, which stay open."""
+        self._frozen.update(self._sockets)
+
+    def close(self) -> None:
+        for end in self._sockets:
+            end.close()
+
+
+def _place_of(address: str) -> tuple[str, int]:
+    host, port = address.removeprefix("tcp/").split(":")
+    return host, int(port)
+
+
+class Stepper:
+    """Drives on gently; once under way its link is frozen."""
+
+    preset = "track"
+
+    def __init__(self, stall: Stall) -> None:
+        self._stall, self.ticks = stall, []
+
+    def reset(self, briefing: object) -> None:
+        pass
+
+    def act(self, seen: Observation) -> Control:
+        if not self.ticks and seen.tick > 60:
+            self._stall.freeze()
+        if seen.tick > 60:
+            self.ticks.append(seen.tick)
+        return Control(0.0, 0.1)
+
+
+@pytest.mark.net
+def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_server.live.client.driver.SILENCE_S", 0.5)
+    rules = Rules(laps=1, countdown_s=0.3, limit_s=8.0)
+    course = ring(radius=4.0, half_width=0.8)
+    session = Session("race", Scenario(course, karts=1, rules=rules))
+    address, reception = free_address(), Reception()
+    with ServerLink(address, "race", 1, real_time=True) as link:
+        server = RaceServer(session, link, REAL)
+        race = threading.Thread(target=server.run, args=(1,))
+        race.start()
+        stall = Stall(address)
+        driver = Stepper(stall)
+        began = time.monotonic()
+        drive(driver, "stepper", address=stall.address, wanted=0, reception=reception)
+        assert time.monotonic() - began < 20.0
+        race.join()
+        stall.close()
+        away = max(b - a for a, b in zip(driver.ticks, driver.ticks[1:], strict=False))
+        assert 20 < away < 240  # half a second of silence, and what a fresh link takes
+        assert driver.ticks == sorted(driver.ticks)
+        assert reception.reconnects >= 1
+        assert not Counter(link.dropped)  # nobody was taken for a second login
+        assert session.seats[0].driver == "stepper"
+        retired = [event for event in server.events if event.kind is EventKind.RETIRED]
+        assert session.world.karts["status"][0, 0] == Status.RETIRED
+        assert [event.kart for event in retired] == [0]  # when the time was over, not before
+        assert retired[0].tick > 400
+        assert reception.outcome
+
+
+def test_events_that_are_told_again_count_once() -> None:
+    reception = Reception()
+    lap = Event(7, 300, EventKind.LAP, 2, 1, 5_000_000)
+    reception.note_events(1, [lap], seat=2)
+    reception.note_events(1, [lap, Event(8, 600, EventKind.LAP, 2, 2, 5_000_000)], seat=2)
+    assert reception.laps == 2
+    reception.note_events(2, [lap], seat=2)  # another race counts anew
+    assert reception.laps == 3

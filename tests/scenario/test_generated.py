@@ -1,0 +1,110 @@
+"""Courses drawn by lot: each seed gives one, the same one everywhere, and a kart can lap it."""
+
+import pytest
+
+from race_server.core.vehicles import KART_60, TT02, Vehicle
+from race_server.errors import TrackError
+from race_server.scenario.track.blocks import HALF_THICKNESS, lay, pieces_of
+from race_server.scenario.track.build import SCALES, Plan, build, periodic_spline
+from race_server.scenario.track.check import check_course
+from race_server.scenario.track.generated import generated_file
+from race_server.scenario.track.load import load_course, own_tracks, plan_of
+from race_server.scenario.track.polyline import (
+    derivatives,
+    is_inside,
+    lengths_of,
+    nearest_on,
+    resample,
+    segments_of,
+)
+
+SEEDS = range(100)
+
+
+def plan_named(name: str) -> Plan:
+    return plan_of(name, name, generated_file(name))
+
+
+def pieces(plan: Plan) -> str:
+    """Return the pieces of the outer border, begun at whichever comes first in the alphabet."""
+    assert plan.outer is not None
+    words = "".join(pieces_of(plan.outer))
+    return min(words[n:] + words[:n] for n in range(len(words)))
+
+
+@pytest.fixture(scope="module")
+def plans() -> dict[str, list[Plan]]:
+    return {
+        kind: [plan_named(f"generated:{kind}:{seed}") for seed in SEEDS]
+        for kind in ("block", "spline")
+    }
+
+
+def test_a_hundred_block_courses_close_and_leave_room_for_a_kart(
+    plans: dict[str, list[Plan]],
+) -> None:
+    for plan in plans["block"]:
+        assert plan.outer is not None
+        assert plan.inner is not None
+        outer, inner = lay(plan.outer, HALF_THICKNESS), lay(plan.inner, -HALF_THICKNESS)
+        assert is_inside(inner, segments_of(outer)).all(), plan.name
+        assert nearest_on(segments_of(outer), inner)[0].min() > 0.89, plan.name
+
+
+def test_a_hundred_spline_courses_bend_no_tighter_than_a_kart_turns(
+    plans: dict[str, list[Plan]],
+) -> None:
+    for plan in plans["spline"]:
+        curve = periodic_spline(plan.points, SCALES["1/10"].spacing)[:, :2]
+        line = resample(curve, round(lengths_of(curve).sum() / 0.1))
+        _, curvature = derivatives(line)
+        assert 1.0 / abs(curvature).max() > TT02.turning_radius, plan.name
+
+
+@pytest.mark.parametrize(
+    ("name", "vehicle"),
+    [
+        ("generated:block:17", TT02),
+        ("generated:spline:4", TT02),
+        ("generated:spline:4:kart", KART_60),
+    ],
+)
+def test_the_loaders_own_check_finds_nothing_wrong(name: str, vehicle: Vehicle) -> None:
+    course = build(plan_named(name))
+    found = check_course(course, vehicle)
+    assert not [finding for finding in found if finding.level == "error"]
+    assert len(course.grid) >= 8
+
+
+def test_different_seeds_give_different_courses(plans: dict[str, list[Plan]]) -> None:
+    blocks = {(p.outer and p.outer.blocks, p.inner and p.inner.blocks) for p in plans["block"]}
+    splines = {plan.points.tobytes() for plan in plans["spline"]}
+    assert len(blocks) == len(splines) == len(SEEDS)
+
+
+def test_the_same_seed_gives_the_same_bytes() -> None:
+    for name in ("generated:block:17", "generated:spline:4"):
+        again = generated_file.__wrapped__(name)
+        assert again == generated_file(name)
+    # A figure that changes makes other courses of all seeds: policies name them as their own.
+    assert plan_named("generated:block:17").digest == "53d6f75b49029c27"
+    assert plan_named("generated:spline:4").digest == "93369bef6e177451"
+
+
+def test_no_generated_course_is_one_that_is_shipped(plans: dict[str, list[Plan]]) -> None:
+    files = [(path.stem, path.name, path.read_bytes()) for path in own_tracks().glob("*.toml")]
+    shipped = {pieces(plan) for plan in (plan_of(*file) for file in files) if plan.outer}
+    assert len(shipped) >= 3
+    assert not shipped & {pieces(plan) for plan in plans["block"]}
+
+
+@pytest.mark.parametrize(
+    "name", ["generated:", "generated:maze:1", "generated:block:-1", "generated:block:1:kart"]
+)
+def test_a_name_that_generates_nothing_says_what_does(name: str) -> None:
+    with pytest.raises(TrackError, match="write generated:block:SEED"):
+        load_course(name)
+
+
+def test_a_generated_course_has_the_name_it_was_asked_by() -> None:
+    assert load_course("generated:spline:4").name == "generated:spline:4"

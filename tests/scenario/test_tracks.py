@@ -1,0 +1,293 @@
+"""Courses: the shipped ones, the three forms, and files that are wrong."""
+
+import contextlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from race_server.core.vehicles import KART_30, TT02, VEHICLES
+from race_server.errors import TrackError
+from race_server.scenario.track.blocks import Loop, lay
+from race_server.scenario.track.check import check_course
+from race_server.scenario.track.draw import draw_course
+from race_server.scenario.track.importers import import_course
+from race_server.scenario.track.load import load_course, plan_of, read_course, summary, track_names
+from race_server.scenario.track.polyline import area_of, crossings, lengths_of, nearest_on
+from support.courses import ring
+
+VEHICLE_OF = {"hangar-400": "kart-30", "colline-1100": "kart-60"}
+
+SQUARE = """
+title = "Square"
+form = "blocks"
+[outer]
+start = [0.0, 0.0]
+heading = 0.0
+blocks = "4xS L 4xS L 4xS L 4xS L"
+[inner]
+start = [1.5, 1.0]
+heading = 0.0
+blocks = "S L 2xS L S L 2xS L"
+"""
+
+LINE = """
+form = "line"
+scale = "kart"
+half_width = 3.0
+points = [[0, 0], [30, 0], [60, 0], [80, 20], [60, 40], [30, 40], [0, 40], [-20, 20]]
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "narrow", "mean", "wide"),
+    [
+        ("covapsy-base", 35.4, 0.90, 1.39, 2.13),
+        ("covapsy-train-2023", 33.2, 0.90, 1.22, 1.66),
+        ("covapsy-test-2023", 57.0, 0.90, 1.00, 1.25),
+    ],
+)
+def test_block_tracks_measure_what_others_measured_on_them(
+    name: str, length: float, narrow: float, mean: float, wide: float
+) -> None:
+    figures = summary(load_course(name))
+    assert figures["length_m"] == pytest.approx(length, rel=0.005)
+    assert figures["width_min_m"] == pytest.approx(narrow, rel=0.005)
+    assert figures["width_mean_m"] == pytest.approx(mean, rel=0.005)
+    assert figures["width_max_m"] == pytest.approx(wide, rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "outer", "inner", "area"),
+    [
+        ("covapsy-base", 43.14, 33.14, 57.0),
+        ("covapsy-train-2023", 40.57, 29.57, 46.5),
+        ("covapsy-test-2023", 63.56, 55.56, 66.0),
+    ],
+)
+def test_border_loops_measure_what_others_measured_on_them(
+    name: str, outer: float, inner: float, area: float
+) -> None:
+    path = Path(__file__).parents[2] / "tracks" / f"{name}.toml"
+    plan = plan_of(name, path.name, path.read_bytes())
+    assert plan.outer is not None
+    assert plan.inner is not None
+    loops = [lay(plan.outer, 0.0), lay(plan.inner, 0.0)]
+    assert lengths_of(loops[0]).sum() == pytest.approx(outer, rel=0.001)
+    assert lengths_of(loops[1]).sum() == pytest.approx(inner, rel=0.001)
+    assert abs(area_of(loops[0])) - abs(area_of(loops[1])) == pytest.approx(area, abs=0.01)
+
+
+def test_the_oval_is_two_straights_and_a_circle_long() -> None:
+    assert load_course("oval").length == pytest.approx(12.0 + 3.0 * np.pi, rel=0.001)
+
+
+def test_the_kart_tracks_are_as_long_as_their_names_say() -> None:
+    assert load_course("hangar-400").length == pytest.approx(400.0, rel=0.01)
+    assert load_course("colline-1100").length == pytest.approx(1100.0, rel=0.01)
+
+
+@pytest.mark.parametrize("name", track_names())
+def test_every_shipped_track_can_be_raced(name: str) -> None:
+    vehicle = VEHICLES[VEHICLE_OF.get(name, "tt02")]
+    assert [f for f in check_course(load_course(name), vehicle) if f.level == "error"] == []
+
+
+@pytest.mark.parametrize("name", track_names())
+def test_the_line_of_every_track_stays_between_its_borders(name: str) -> None:
+    course = load_course(name)
+    clear, _ = nearest_on(course.borders, course.line[:, :2])
+    assert clear.min() > 0.35
+    assert np.hypot(*np.diff(course.line[:, :2], axis=0).T) == pytest.approx(
+        course.spacing, rel=0.05
+    )
+
+
+@pytest.mark.parametrize("name", track_names())
+def test_heading_turns_once_to_the_left_around_every_track(name: str) -> None:
+    course = load_course(name)
+    assert (course.line[:, 3] * course.spacing).sum() == pytest.approx(2.0 * np.pi, abs=0.05)
+
+
+@pytest.mark.parametrize("name", track_names())
+def test_the_grid_lies_behind_the_timing_line_in_order(name: str) -> None:
+    course = load_course(name)
+    assert len(course.grid) >= 10
+    index = [int(np.argmin(np.hypot(*(course.line[:, :2] - p[:2]).T))) for p in course.grid[:10]]
+    assert index == sorted(index, reverse=True)
+    assert index[0] > 0.8 * len(course.line)
+
+
+def test_a_square_of_blocks_is_as_wide_as_its_blocks_say(tmp_path: Path) -> None:
+    path = tmp_path / "square.toml"
+    path.write_text(SQUARE)
+    course = read_course(path)
+    # 5 m outside and 2 m by 3 m inside, so 1 m between the lines and 0.05 m of border each side.
+    assert course.width_min == pytest.approx(0.9, abs=0.01)
+
+
+def test_an_open_border_says_how_far_its_ends_are_apart(tmp_path: Path) -> None:
+    path = tmp_path / "open.toml"
+    path.write_text(SQUARE.replace("4xS L 4xS L 4xS L 4xS L", "4xS L 4xS L 4xS L 3xS L"))
+    with pytest.raises(TrackError, match=r"open.toml: outer border is open: it ends 1.00 m"):
+        read_course(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("4xS L 4xS", "4xQ L 4xS", "outer border, piece 1: '4xQ' is no block"),
+        ("heading = 0.0", "heading = true", "outer.heading = 'True': give a number in degrees"),
+        ('form = "blocks"', 'form = "bricks"', "form = 'bricks': choose one of blocks, line"),
+        ('title = "Square"', "gates = 2", "gates = '2': give a number from 3 to 200"),
+        ('title = "Square"', "kerbs = 2", "kerbs = '2': no such key"),
+        ('title = "Square"', 'title = "', "no TOML"),
+        ("[inner]", "[insider]", "inner = 'None': give a table with start, heading and blocks"),
+        ("start = [1.5, 1.0]", "start = [9.5, 1.0]", "does not lie inside the outer one"),
+        ("start = [0.0, 0.0]", "start = [nan, 0.0]", "outer.start = .* give 2 numbers"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(SQUARE.replace(old, new, 1))
+    with pytest.raises(TrackError, match=message) as caught:
+        read_course(path)
+    assert str(caught.value).startswith("wrong.toml: ")
+
+
+def test_an_unknown_track_is_named_with_the_known_ones() -> None:
+    with pytest.raises(TrackError, match="'monza' is unknown; choose one of colline-1100, covapsy"):
+        load_course("monza")
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match="cannot be read: No such file"):
+        load_course(str(tmp_path / "none.toml"))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.data())
+def test_a_damaged_file_gives_a_course_or_one_clear_error(data: st.DataObject) -> None:
+    text = bytearray(LINE.encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        text[data.draw(st.integers(0, len(text) - 1))] = data.draw(st.integers(0, 255))
+    with contextlib.suppress(TrackError):
+        plan_of("fuzz", "fuzz.toml", bytes(text))
+
+
+@settings(max_examples=15, deadline=None)
+@example([0.0, 0.0, 0.0, 0.0, -0.25, 0.1875, -0.1875, 0.0], 3.5)  # a fold that left a knot
+@given(st.lists(st.floats(-0.25, 0.25), min_size=8, max_size=8), st.floats(1.0, 4.0))
+def test_borders_of_a_bumpy_ring_never_cross_and_keep_their_distance(
+    bumps: list[float], half_width: float
+) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    radius = 30.0 * (1.0 + np.array(bumps))
+    rows = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1).tolist()
+    words = ('form = "spline"', 'scale = "kart"', f"half_width = {half_width}")
+    text = "\n".join([*words, f"points = {json.dumps(rows)}"])
+    plan = plan_of("bumpy", "bumpy.toml", text.encode())
+    from race_server.scenario.track.build import build
+
+    course = build(plan)
+    assert len(crossings(course.borders)) == 0
+    clear, _ = nearest_on(course.borders, course.line[:, :2])
+    assert clear.min() > 0.95 * half_width
+
+
+def test_check_finds_a_track_too_narrow_for_a_kart() -> None:
+    errors = [f.what for f in check_course(load_course("oval"), KART_30) if f.level == "error"]
+    assert any("1.20 m wide at the narrowest; kart-30 needs 1.69 m" in what for what in errors)
+
+
+def test_check_finds_a_gap_in_a_border() -> None:
+    from dataclasses import replace
+
+    course = ring()
+    broken = replace(course, borders=np.delete(course.borders, 5, axis=0))
+    assert any("the border is open" in finding.what for finding in check_course(broken, TT02))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_a_course_is_drawn_as_png_or_svg(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"oval{suffix}"
+    draw_course(load_course("oval"), path)
+    assert path.stat().st_size > 10_000
+
+
+def test_another_kind_of_picture_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=r"as \.png or \.svg"):
+        draw_course(load_course("oval"), tmp_path / "oval.bmp")
+
+
+def tum_file(folder: Path) -> Path:
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    rows = [f"{50 * np.cos(a):.4f},{50 * np.sin(a):.4f},3.0,4.0" for a in angle]
+    path = folder / "circle.csv"
+    path.write_text("# x_m,y_m,w_tr_right_m,w_tr_left_m\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_a_tum_csv_becomes_a_course(tmp_path: Path) -> None:
+    target = tmp_path / "circle.toml"
+    course = import_course(tum_file(tmp_path), target, scale="kart", title="Circle")
+    assert course.length == pytest.approx(100.0 * np.pi, rel=0.001)
+    assert course.half_widths[0] == pytest.approx((4.0, 3.0))
+    assert load_course(str(target)).digest == course.digest
+
+
+def test_a_tum_csv_with_words_names_the_line(tmp_path: Path) -> None:
+    path = tum_file(tmp_path)
+    path.write_text(path.read_text() + "one,two,three,four\n")
+    with pytest.raises(TrackError, match=r"circle\.csv, line 62: 'one,two,three,four' holds no"):
+        import_course(path, tmp_path / "c.toml", scale="kart", title="c")
+    assert not (tmp_path / "c.toml").exists()
+
+
+def ros_map(folder: Path, *, closed: bool = True) -> Path:
+    """Write a map of a ring corridor of radius 10 m, 4 m wide, at 0.1 m a pixel."""
+    from PIL import Image
+
+    x, y = np.meshgrid(np.arange(300) - 150, np.arange(300) - 150)
+    radius = 0.1 * np.hypot(x, y)
+    free = (radius > 8.0) & (radius < 12.0)
+    if not closed:
+        free &= x < 60
+    Image.fromarray(np.where(free, 255, 0).astype(np.uint8)).save(folder / "ring.png")
+    path = folder / "ring.yaml"
+    path.write_text(
+        "image: ring.png\nresolution: 0.1\norigin: [-15.0, -15.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return path
+
+
+def test_a_ros_map_becomes_a_course(tmp_path: Path) -> None:
+    course = import_course(ros_map(tmp_path), tmp_path / "ring.toml", scale="1/10", title="Ring")
+    assert course.length == pytest.approx(20.0 * np.pi, rel=0.01)
+    assert course.width_mean == pytest.approx(4.0, abs=0.15)
+    assert np.abs(course.line[:, :2].mean(axis=0)).max() < 0.1
+
+
+def test_a_ros_map_without_a_closed_corridor_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match="no closed corridor"):
+        import_course(ros_map(tmp_path, closed=False), tmp_path / "r.toml", scale="1/10", title="r")
+
+
+@pytest.mark.parametrize("key", ["image", "resolution", "origin"])
+def test_a_ros_map_without_a_key_names_it(tmp_path: Path, key: str) -> None:
+    path = ros_map(tmp_path)
+    lines = [line for line in path.read_text().splitlines() if not line.startswith(key)]
+    path.write_text("\n".join(lines))
+    with pytest.raises(TrackError, match=f"the key {key} is missing"):
+        import_course(path, tmp_path / "r.toml", scale="1/10", title="r")
+
+
+def test_a_loop_laid_to_the_left_of_its_line_is_smaller() -> None:
+    loop = Loop("outer", 0.0, 0.0, 0.0, "S L S L S L S L")
+    # A square of 1 m straights and rounded corners: 2 m across, 0.1 m less from side to side.
+    assert np.ptp(lay(loop, 0.0)[:, 0]) == pytest.approx(2.0)
+    assert np.ptp(lay(loop, 0.05)[:, 0]) == pytest.approx(1.9)

@@ -1,0 +1,419 @@
+"""Real karts: how old a pose is, what is believed, and that a doubtful one hurts nobody."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from race_server.core import codes
+from race_server.core.messages import (
+    Button,
+    Control,
+    Doubt,
+    EventKind,
+    Pose,
+    Retirement,
+    Status,
+    Trust,
+)
+from race_server.core.rules.items import items
+from race_server.core.vehicles import KART_60, TT02
+from race_server.errors import SeatError, WireError
+from race_server.live.server.publisher import hud_of, snapshot_of
+from race_server.scenario.race import Scenario
+from race_server.session import Session
+from race_server.session.tracked.clock import LinkClock
+from race_server.session.tracked.orders import Orders
+from race_server.session.tracked.plausibility import Gates, doubt_of, is_jump, predict
+from race_server.session.tracked.tracker import Tracker
+from support.tracked import COURSE, RADIUS, TICK_US, Real, drive, mixed
+
+GATES = Gates.of(TT02)
+
+
+def test_a_kart_that_goes_straight_is_two_metres_on_after_half_a_second_at_four() -> None:
+    later = predict(Pose(0, 1.0, 2.0, math.pi / 2, 4.0), 0.5)
+    assert (later.x, later.y) == pytest.approx((1.0, 4.0))
+
+
+def test_a_kart_that_turns_drives_an_arc() -> None:
+    # A quarter of a circle of radius 2 m: 1 rad/s at 2 m/s for pi/2 s.
+    later = predict(Pose(0, 0.0, 0.0, 0.0, 2.0, yaw_rate=1.0), math.pi / 2)
+    assert (later.x, later.y, later.heading) == pytest.approx((2.0, 2.0, math.pi / 2))
+
+
+def test_a_slow_turn_is_nearly_straight() -> None:
+    straight, bent = (predict(Pose(0, 0, 0, 0, 5.0, yaw_rate=w), 1.0) for w in (0.9e-4, 1.1e-4))
+    assert math.hypot(straight.x - bent.x, straight.y - bent.y) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("pose", "age_s", "inside", "doubt"),
+    [
+        (Pose(0, 0, 0, 0, 5.0), 0.09, True, Doubt.NONE),
+        (Pose(0, 0, 0, 0, 5.0), 0.5, True, Doubt.STALE),
+        (Pose(0, 0, 0, 0, 14.0), 0.0, True, Doubt.SPEED),  # 36 km/h are 10 m/s
+        (Pose(0, 0, 0, 0, -3.0), 0.0, True, Doubt.SPEED),
+        (Pose(0, 0, 0, 0, 5.0), 0.0, False, Doubt.OFF_WORLD),
+        (Pose(0, 0, 0, 0, 5.0, quality=0.1), 0.0, True, Doubt.POOR),
+        (Pose(0, 0, 0, 0, 5.0, deviation=0.5), 0.0, True, Doubt.POOR),
+    ],
+)
+def test_what_speaks_against_a_pose(pose: Pose, age_s: float, inside: bool, doubt: Doubt) -> None:
+    assert doubt_of(pose, age_s, GATES, is_inside=inside) is doubt
+
+
+def test_a_kart_may_miss_its_prediction_by_half_a_length_but_not_by_ten() -> None:
+    gates, before = Gates.of(KART_60), Pose(0, 0.0, 0.0, 0.0, 10.0)
+    assert not is_jump(before, Pose(0, 1.0 + 0.9, 0.0, 0.0, 10.0), 0.1, gates)
+    assert is_jump(before, Pose(0, 1.0 + 10.0, 0.0, 0.0, 10.0), 0.1, gates)
+
+
+def test_time_that_runs_backwards_is_a_jump() -> None:
+    assert is_jump(Pose(0, 0, 0, 0, 0), Pose(0, 0, 0, 0, 0), -0.1, GATES)
+
+
+def test_the_clock_takes_the_quickest_message_and_half_of_its_round_trip() -> None:
+    clock = LinkClock()
+    # The kart's clock is 5 s behind ours; messages take 90, 120 and 95 ms.
+    for sent_us, delay_us in ((0, 90_000), (100_000, 120_000), (200_000, 95_000)):
+        arrived_us = 5_000_000 + sent_us + delay_us
+        clock.note(sent_us, arrived_us, echo_us=arrived_us - 2 * delay_us)
+    assert clock.delay_us == 90_000
+    assert clock.offset_us == 5_000_000
+
+
+def test_a_kart_that_echoes_nothing_is_as_late_as_assumed() -> None:
+    clock = LinkClock(assumed_s=0.09)
+    clock.note(0, 190_000)
+    assert clock.offset_us == 100_000
+
+
+def test_a_clock_that_was_set_anew_is_measured_anew() -> None:
+    clock = LinkClock()
+    clock.note(60_000_000, 61_000_000)
+    clock.note(0, 61_020_000)
+    assert clock.offset_us == 61_020_000
+
+
+def test_orders_stay_open_until_the_newest_is_acknowledged() -> None:
+    orders = Orders()
+    orders.change((3.0,), 0)
+    orders.change((3.0,), 100)
+    orders.change((1.0,), 200)
+    assert (orders.sequence, orders.is_open) == (2, True)
+    orders.acknowledge(1, 300)
+    assert orders.is_open
+    orders.acknowledge(2, 400)
+    assert not orders.is_open
+    orders.acknowledge(7, 500)  # never given
+    assert orders.acknowledged == 2
+
+
+def test_orders_that_nobody_hears_are_noticed() -> None:
+    orders = Orders()
+    orders.change((3.0,), 0)
+    assert not orders.is_unheard(1_000_000)
+    assert orders.is_unheard(1_600_000)
+
+
+def standing(tracker: Tracker, first_s: float, last_s: float, **where: float) -> None:
+    """Let poses of a standing kart arrive, fifty a second."""
+    for turn in range(round(first_s * 50), round(last_s * 50)):
+        now_us = turn * 20_000
+        pose = replace(Pose(now_us, 0.0, 0.0, 0.0, 0.0), **where)
+        tracker.take(pose, now_us, is_inside=True)
+        tracker.follow(now_us)
+
+
+def test_a_kart_is_believed_after_some_poses_that_agree() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 0.2)
+    assert tracker.trust is Trust.SIMULATED
+    standing(tracker, 0.2, 0.3)
+    assert tracker.trust is Trust.TRUSTED
+
+
+def test_one_pose_that_jumps_is_dropped_and_nothing_else_happens() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    assert tracker.take(Pose(1_000_000, 30.0, 0.0, 0.0, 0.0), 1_000_000, is_inside=True) is (
+        Doubt.JUMP
+    )
+    standing(tracker, 1.02, 1.5)
+    assert tracker.trust is Trust.TRUSTED
+    assert tracker.refused == {Doubt.JUMP: 1}
+    pose = tracker.pose_at(1_500_000)
+    assert pose is not None
+    assert pose.x == 0.0
+
+
+def test_silence_makes_a_kart_doubtful_then_parks_it_then_ends_its_race() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    seen = []
+    for tenth in range(10, 300):
+        tracker.follow(tenth * 100_000)
+        seen.append(tracker.trust)
+    assert seen[0] is Trust.TRUSTED
+    first = {trust: seen.index(trust) / 10 + 1.0 for trust in set(seen)}
+    assert first[Trust.DOUBTFUL] == pytest.approx(1.4, abs=0.11)
+    assert first[Trust.PARKED] == pytest.approx(3.5, abs=0.11)
+    assert first[Trust.OUT] == pytest.approx(23.6, abs=0.11)
+    assert tracker.doubt is Doubt.SILENT
+
+
+def test_at_the_start_a_kart_has_until_the_lights_go_out_to_be_heard() -> None:
+    tracker = Tracker(GATES).at_start(Pose(0, 0.0, 0.0, 0.0, 0.0), 0, lights_s=3.0)
+    tracker.follow(2_900_000)
+    assert tracker.trust is Trust.SIMULATED
+    tracker.follow(3_100_000)
+    assert tracker.trust is Trust.DOUBTFUL
+
+
+def test_a_kart_whose_race_is_over_may_leave() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    for second in range(1, 40):
+        tracker.follow(second * 1_000_000, is_racing=False)
+    assert tracker.trust is Trust.TRUSTED
+
+
+def test_poses_that_all_come_late_are_named_as_what_they_are() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    tracker.take(Pose(1_000_000, 0.0, 0.0, 0.0, 0.0), 1_380_000, is_inside=True)
+    tracker.follow(1_450_000)
+    assert (tracker.trust, tracker.doubt) == (Trust.DOUBTFUL, Doubt.STALE)
+
+
+def test_a_kart_comes_back_elsewhere_once_its_poses_agree_for_a_while() -> None:
+    tracker = Tracker(GATES)
+    standing(tracker, 0.0, 1.0)
+    standing(tracker, 1.0, 1.36, x=5.0)
+    assert tracker.trust is Trust.TRUSTED  # still bridged
+    standing(tracker, 1.36, 1.5, x=5.0)
+    assert tracker.trust is Trust.TRUSTED  # believed at the new place, in doubt for one tick only
+    pose = tracker.pose_at(1_500_000)
+    assert pose is not None
+    assert pose.x == 5.0
+
+
+def test_a_real_kart_is_where_its_poses_say_and_drives_laps() -> None:
+    session, real = mixed()
+    events = drive(session, real, 60 * 23)
+    kart = session.world.karts[0, 0]
+    assert math.hypot(kart.x, kart.y) == pytest.approx(RADIUS, abs=1e-3)
+    assert EventKind.LAP in events
+    assert EventKind.FINISH in events
+    assert hud_of(session, session.seats[0]).speed_cap == 0.0  # home: it is to stop
+
+
+def test_poses_at_ten_a_second_over_a_slow_link_are_moved_on_to_now() -> None:
+    session, real = mixed()
+    late_us = 90_000
+    worst = 0.0
+    for turn in range(240):
+        now_us = session.tick * TICK_US
+        real.angle += real.speed / RADIUS / 60.0
+        if turn % 6 == 0:
+            sent = Real(session)
+            sent.speed, sent.angle = 3.0, real.angle - real.speed / RADIUS * late_us / 1e6
+            pose = replace(sent.pose(now_us - late_us), echo_us=round(now_us - 2 * late_us))
+            real.sequence += 1
+            session.take_pose(
+                0,
+                1,
+                real.sequence,
+                pose,
+                arrived_us=round(now_us),
+                acknowledged=session.fleet.orders(0).sequence,
+            )
+        session.follow(round(now_us))
+        session.advance(1)
+        kart, here = session.world.karts[0, 0], real.pose(now_us)
+        if turn > 60:
+            worst = max(worst, math.hypot(kart.x - here.x, kart.y - here.y))
+    assert session.fleet.trackers[0].clock.delay_us == pytest.approx(late_us, abs=2)
+    assert worst < 0.01  # against 0.57 m that the kart drives in the 190 ms of its oldest pose
+
+
+def test_a_simulated_kart_bounces_off_a_real_one_which_is_not_moved() -> None:
+    session, real = mixed()
+    real.speed = 0.0
+    drive(session, real, 5)
+    kart, other = session.world.karts[0, 0], session.world.karts[0, 1]
+    other.x, other.y, other.heading = kart.x, kart.y - 0.6, math.pi / 2
+    other.speed, before = 4.0, (float(kart.x), float(kart.y))
+    events = drive(session, real, 30)
+    assert EventKind.CONTACT_KART in events
+    assert other.y < kart.y - 0.4
+    assert other.speed < 1.0
+    assert (kart.x, kart.y) == pytest.approx(before, abs=1e-5)
+
+
+def test_a_doubtful_kart_touches_nobody_and_calls_a_yellow_flag_around_it() -> None:
+    session, real = mixed()
+    real.speed = 0.0
+    drive(session, real, 5)
+    events = drive(session, real, 40, silent=True)
+    assert EventKind.POSE in events
+    assert EventKind.FLAG in events
+    kart, other = session.world.karts[0, 0], session.world.karts[0, 1]
+    assert kart.trust == codes.DOUBTFUL
+    other.x, other.y, other.heading, other.speed = kart.x, kart.y - 0.6, math.pi / 2, 4.0
+    other.progress = kart.progress - 0.6
+    contacts = int(other.contacts)
+    session.take_control(1, 1, 1, session.tick, Control(throttle=1.0))
+    events = drive(session, real, 12, silent=True)
+    assert other.contacts == contacts
+    assert other.y > kart.y
+    assert other.yellow == 1
+    assert other.speed_cap == pytest.approx(0.4 * TT02.top_speed)
+    session.look()
+    flag = session.view(1)[session.layout("track").slices["flag"]]
+    assert flag == 1.0
+    snapshot = snapshot_of(session)
+    assert snapshot.karts["flags"][0] & (16 | 32)
+
+
+def test_a_kart_far_from_the_trouble_sees_no_flag() -> None:
+    session, real = mixed()
+    drive(session, real, 40, silent=True)
+    other = session.world.karts[0, 1]
+    other.progress = (session.world.karts[0, 0].progress + 31.4) % COURSE.length
+    session.world.karts["x"][0, 1], session.world.karts["y"][0, 1] = RADIUS, 0.0
+    real.session.advance(1)
+    session.advance(1)
+    assert session.world.races[0].flag == codes.GREEN
+
+
+def test_a_pose_off_the_world_never_gets_into_it() -> None:
+    session, real = mixed()
+    drive(session, real, 60)
+    drive(session, real, 60, moved=50.0)
+    kart = session.world.karts[0, 0]
+    assert kart.trust == codes.DOUBTFUL
+    assert math.hypot(kart.x, kart.y) == pytest.approx(RADIUS, abs=0.3)
+    assert session.fleet.trackers[0].doubt is Doubt.OFF_WORLD
+
+
+def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
+    session, real = mixed()
+    drive(session, real, 60)
+    drive(session, real, 240, silent=True)
+    kart = session.world.karts[0, 0]
+    assert kart.trust == codes.PARKED
+    assert kart.speed_cap == 0.0
+    session.look()
+    assert session.view(1)[session.layout("track").slices["karts_x"]][0] == 1000.0  # nobody there
+    events = drive(session, real, 60)
+    assert events.count(EventKind.POSE) == 1
+    assert kart.trust == codes.TRUSTED
+    assert kart.status == codes.RACING
+    # It drove past gates unseen: they do not count, so the next lap does; no fine.
+    drive(session, real, 60 * 42)
+    assert kart.laps == 1
+    assert kart.penalties == 0
+
+
+def test_a_kart_that_stays_lost_is_out() -> None:
+    session, real = mixed()
+    drive(session, real, 60)
+    drive(session, real, 60 * 24, silent=True)
+    kart = session.world.karts[0, 0]
+    assert kart.status == codes.RETIRED
+    assert kart.retired_for == Retirement.LOST
+    assert kart.yellow == 0
+
+
+def test_a_real_kart_uses_its_item_and_is_slowed_by_others() -> None:
+    session, real = mixed()
+    drive(session, real, 10)
+    kart, other = session.world.karts[0, 0], session.world.karts[0, 1]
+    names = [item.name for item in items()]
+    kart.held = names.index("oil") + 1
+    real.send(real.pose(session.tick * TICK_US), Button.USE_ITEM)
+    session.advance(1)
+    assert (kart.held, kart.items_used) == (0, 1)
+    session.world.karts["rank"][0] = (1, 2)
+    other.held = names.index("pulse") + 1
+    session.take_control(1, 1, 1, session.tick, Control(buttons=Button.USE_ITEM))
+    session.advance(1)
+    before = hud_of(session, session.seats[0])
+    drive(session, real, 2)
+    hud = hud_of(session, session.seats[0])
+    assert hud.speed_cap == pytest.approx(0.5 * TT02.top_speed)
+    assert len(hud.effects) == 1
+    assert hud.sequence == before.sequence + 1
+    assert session.fleet.orders(0).is_open
+
+
+def test_a_kart_that_never_acknowledges_is_doubtful() -> None:
+    session, real = mixed()
+    for _ in range(120):
+        now_us = session.tick * TICK_US
+        real.sequence += 1
+        session.world.karts["thrust_scale"][0, 0] = 0.5
+        pose = replace(real.pose(now_us), speed=0.0, yaw_rate=0.0)
+        session.fleet.orders(0).change((float(session.tick > 60),), 0)
+        session.take_pose(0, 1, real.sequence, pose, arrived_us=round(now_us))
+        session.follow(round(now_us))
+        session.advance(1)
+    assert session.fleet.trackers[0].doubt is Doubt.DEAF
+
+
+def test_the_same_placements_give_the_same_race_again() -> None:
+    session, real = mixed()
+    rows: list[tuple[int, np.ndarray]] = []
+    place = session.place_karts
+
+    def note(placements: np.ndarray) -> None:
+        rows.append((session.tick, placements.astype(np.float32)))
+        place(placements)
+
+    session.place_karts = note  # type: ignore[method-assign]
+    session.start()
+    real.sequence = 0
+    start_us = 0
+    drive(session, real, 200)
+    drive(session, real, 60, silent=True)
+    digest = session.digest()
+    again, _ = mixed()
+    again.start(start_us)
+    kept = dict(rows)
+    for tick in range(260):
+        if tick in kept:
+            again.place_karts(kept[tick].astype(np.float64))
+        again.advance(1)
+    assert again.digest() == digest
+
+
+def test_a_real_kart_sends_no_controls_and_a_simulated_one_no_poses() -> None:
+    session, real = mixed()
+    with pytest.raises(WireError, match="seat 0, which is a real kart"):
+        session.take_control(0, 1, 999, session.tick, Control())
+    with pytest.raises(WireError, match="seat 1, whose kart is simulated"):
+        session.take_pose(1, 1, 1, real.pose(0.0), arrived_us=0)
+
+
+def test_a_pose_of_another_epoch_or_again_is_refused() -> None:
+    session, real = mixed()
+    with pytest.raises(WireError, match="pose for epoch 9"):
+        session.take_pose(0, 9, 999, real.pose(0.0), arrived_us=0)
+    with pytest.raises(WireError, match="pose 1 again"):
+        session.take_pose(0, 1, 1, real.pose(0.0), arrived_us=0)
+
+
+def test_no_real_kart_takes_part_where_the_world_waits() -> None:
+    session = Session("test", Scenario(COURSE, karts=1), takes_tracked=False)
+    with pytest.raises(SeatError, match="cannot wait for others; serve with --pace real"):
+        session.join("real", "track", tracked=True)
+
+
+def test_a_real_kart_whose_driver_leaves_is_out() -> None:
+    session, real = mixed()
+    session.leave(0)
+    drive(session, real, 2)
+    assert session.world.karts["status"][0, 0] == Status.RETIRED

@@ -1,0 +1,1 @@
+"""What tests share: small courses, served races, browsers, quick trainings."""

@@ -1,0 +1,42 @@
+"""Whole races in one process, without a network."""
+
+from race_server.core.driver import Briefing, Driver, driver_named
+from race_server.core.messages import Event, Phase
+from race_server.core.observation import Observation
+from race_server.core.rules.items import items
+from race_server.scenario.race import Scenario
+from race_server.session import Session
+
+
+def run_race(scenario: Scenario, names: list[str]) -> tuple[Session, list[Event]]:
+    """Return the session after a race of the named drivers, and all its events."""
+    session = Session("test", scenario)
+    drivers: list[Driver] = []
+    for seat, name in enumerate(names):
+        driver = driver_named(name)
+        session.join(name, driver.preset, wanted=seat)
+        session.seats[seat].is_ready = True
+        driver.reset(
+            Briefing(
+                seat=seat,
+                vehicle=scenario.vehicle_of(seat),
+                laps=scenario.rules.laps,
+                preset=driver.preset,
+                decision_s=0.05,
+                items=tuple(item.name for item in items()),
+                lidar_field=scenario.lidar.field,
+            )
+        )
+        drivers.append(driver)
+    session.start()
+    events: list[Event] = []
+    turn = 0
+    while session.phase is not Phase.FINISHED:
+        session.look()
+        turn += 1
+        for seat, driver in enumerate(drivers):
+            layout = session.layout(driver.preset)
+            control = driver.act(Observation(session.tick, layout, session.view(seat).copy()))
+            session.take_control(seat, session.epoch, turn, session.tick, control)
+        events += session.advance(session.decision_ticks)
+    return session, events
