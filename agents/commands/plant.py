@@ -37,10 +37,10 @@ def plant(
     # Before any kernel is imported: a kart's own process needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_agents.plant.kart import Sensors
-    from race_agents.plant.run import Setting, run_plant
+    from race_agents.plant.run import PlantSetting, run_plant
 
     given = access(keys, connect, session)
-    setting = Setting(
+    setting = PlantSetting(
         driver=driver,
         seat=given.seat(seat),
         address=given.address,

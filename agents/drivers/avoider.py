@@ -6,9 +6,9 @@ where there is more room.
 
 import math
 
-from race_agents.planning.scan import nearest, ray_angle, repair
+from race_agents.planning.scan import fill_dropouts, nearest, ray_angle
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import FIELD, KEPT, REACH, Autopilot
+from race_server.core.kernel_driver import FIELD, KEPT, REACH, KernelDriver
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Ints, Record, Records
@@ -30,7 +30,7 @@ def avoid(
 ) -> None:
     """Steer by the balance of free space on the left and on the right."""
     rays, field, length = at[-1], gear[FIELD], vehicle.length
-    repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    fill_dropouts(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
     left = _room(memory, rays, field, 1.0, 6.0 * length)
     right = _room(memory, rays, field, -1.0, 6.0 * length)
     control[0] = min(max(2.5 * (left - right) / (left + right), -1.0), 1.0)
@@ -68,7 +68,7 @@ def avoid_all(
         avoid(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
-class Avoider(Autopilot):
+class Avoider(KernelDriver):
     """Steers by the balance of free space on the left and on the right."""
 
     preset = "lidar"

@@ -12,10 +12,10 @@ import math
 from race_agents.planning.corridor import find_gates, largest_edge
 from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, remember_command
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
-from race_agents.planning.scan import age_of_scan, move_scan, ray_angle, repair, widen_edges
+from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_agents.planning.tracking import rear_limit
-from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, Autopilot
+from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, KernelDriver
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Ints, Record, Records
@@ -59,7 +59,7 @@ def follow(
     """Take the path through the gap, as fast as its bends and what is seen of it allow."""
     rays, field, speed = at[-1], gear[FIELD], max(seen[at[SPEED]], 0.0)
     path = KEPT + 4 * rays
-    repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    fill_dropouts(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
     split, hides = find_gap(memory, rays, field, vehicle)
     estimate_latency(seen, at, vehicle, gear, memory)
     later = LEAD_S + memory[LATENCY] * gear[DECISION] / THIRDS
@@ -201,7 +201,7 @@ def follow_all(
         follow(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
-class FollowGap(Autopilot):
+class FollowGap(KernelDriver):
     """Drives through the gap in the scan on the path of least bending."""
 
     preset = "lidar"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.policies.metadata import Nature, preset_for
+from race_agents.policies.metadata import PolicyMetadata, preset_for
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
 from race_server.core import codes
@@ -15,7 +15,7 @@ from race_server.core.kernel_driver import (
     FETCH,
     FIELD,
     REACH,
-    Autopilot,
+    KernelDriver,
     item_kinds,
     starts_of,
 )
@@ -70,7 +70,7 @@ class Learned:
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
-        if isinstance(self._base, Autopilot):
+        if isinstance(self._base, KernelDriver):
             return self._act_by_advice(self._base, observation)
         if self._drive is None:
             self._prepare(observation.layout)
@@ -80,7 +80,7 @@ class Learned:
         steering, throttle, brake, buttons = self._controls[0, 0].tolist()
         return Control(steering, throttle, brake, Button(int(buttons)))
 
-    def _act_by_advice(self, base: Autopilot, observation: Observation) -> Control:
+    def _act_by_advice(self, base: KernelDriver, observation: Observation) -> Control:
         """Return what the driver does that the policy advises."""
         told, nature = self._briefing, self.policy.nature
         if self._places is None:
@@ -182,7 +182,7 @@ def command_all(
             control[3] = float(int(control[3]) | codes.ACCEPT_RESCUE)
 
 
-def _check_briefing(nature: Nature, briefing: Briefing, name: str) -> None:
+def _check_briefing(nature: PolicyMetadata, briefing: Briefing, name: str) -> None:
     if briefing.vehicle.name != nature.vehicle:
         raise DriverError(
             f"{name} learned to drive {nature.vehicle!r}, not {briefing.vehicle.name!r}; "
@@ -195,7 +195,7 @@ def _check_briefing(nature: Nature, briefing: Briefing, name: str) -> None:
         )
 
 
-def _check_lidar(nature: Nature, gear: Floats, name: str) -> None:
+def _check_lidar(nature: PolicyMetadata, gear: Floats, name: str) -> None:
     field, reach = float(gear[FIELD]), float(gear[REACH])
     if abs(field - nature.lidar_field) > TOLERANCE or abs(reach - nature.lidar_reach) > TOLERANCE:
         raise DriverError(
@@ -205,7 +205,7 @@ def _check_lidar(nature: Nature, gear: Floats, name: str) -> None:
         )
 
 
-def places_in(layout: Layout, nature: Nature, gear: Floats, name: str) -> Ints:
+def places_in(layout: Layout, nature: PolicyMetadata, gear: Floats, name: str) -> Ints:
     """Return where each number that a policy sees lies in a larger observation, shape (size,).
 
     A policy that learned with fewer lidar rays in the same field takes every so many of them.

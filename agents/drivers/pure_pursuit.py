@@ -6,7 +6,7 @@ Geometry: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1
 import math
 
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import SHIFT, Autopilot
+from race_server.core.kernel_driver import SHIFT, KernelDriver
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS, THINGS
 from race_server.core.state import Floats, Ints, Record, Records
@@ -131,7 +131,7 @@ def pursue_all(
         pursue(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
-class PurePursuit(Autopilot):
+class PurePursuit(KernelDriver):
     """Follows the centre line and drives around slower karts where there is room."""
 
     preset = "track"

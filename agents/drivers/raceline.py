@@ -5,7 +5,7 @@ from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.tracking import speed_on_line
 from race_agents.planning.traffic import ABREAST, FORESIGHT_S, NOWHERE, SLOWER, lane_past, leader
-from race_server.core.kernel_driver import SHIFT, Autopilot
+from race_server.core.kernel_driver import SHIFT, KernelDriver
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Ints, Record, Records
 
@@ -57,7 +57,7 @@ def race_all(
         race(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
-class Raceline(Autopilot):
+class Raceline(KernelDriver):
     """Drives the reference line at its speeds and passes who is slower where there is room."""
 
     preset = "line"

@@ -20,9 +20,9 @@ What differs here, and why:
 import math
 
 from race_agents.drivers.follow_gap import middle_of_gap, nearest_deepest
-from race_agents.planning.scan import age_of_scan, move_scan, repair, widen_edges
+from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, Autopilot
+from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, KernelDriver
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Ints, Record, Records
@@ -240,7 +240,7 @@ def feel(
     rays, field, speed = at[-1], gear[FIELD], max(seen[at[SPEED]], 0.0)
     step, widened = field / (rays - 1), KEPT + rays
     wheelbase = vehicle.front_axle + vehicle.rear_axle
-    repair(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    fill_dropouts(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
     half, jump = GAP_HALF * vehicle.width, GAP_JUMP * vehicle.length
     widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
     depth = nearest_deepest(memory, widened, rays, field)
@@ -294,7 +294,7 @@ def feel_all(
         feel(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
-class Tentacles(Autopilot):
+class Tentacles(KernelDriver):
     """Judges 81 arcs by what the lidar sees along them and takes the best."""
 
     preset = "lidar"

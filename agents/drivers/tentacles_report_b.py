@@ -22,9 +22,17 @@ Where the report is silent, this is ours:
 import math
 
 from race_agents.drivers.tentacles import grown
-from race_agents.planning.scan import nearest, repair
+from race_agents.planning.scan import fill_dropouts, nearest
 from race_agents.planning.tactics import LIGHTS, SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import ESCAPE, FIELD, KEPT, REACH, REVERSING, SHIFT, Autopilot
+from race_server.core.kernel_driver import (
+    ESCAPE,
+    FIELD,
+    KEPT,
+    REACH,
+    REVERSING,
+    SHIFT,
+    KernelDriver,
+)
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Ints, Record, Records
@@ -155,9 +163,9 @@ def choose(
     """Drive along the longest arc; faster while the front opens, slower while it closes."""
     rays, field, reach = at[-1], gear[FIELD], gear[REACH]
     lengths = KEPT + 4 * rays
-    repair(seen, at[LIDAR_BEFORE], rays, reach, memory, KEPT)
+    fill_dropouts(seen, at[LIDAR_BEFORE], rays, reach, memory, KEPT)
     front_before = nearest(memory, KEPT, rays, field, -FRONT, FRONT, reach)
-    repair(seen, at[LIDAR], rays, reach, memory, KEPT)
+    fill_dropouts(seen, at[LIDAR], rays, reach, memory, KEPT)
     front = nearest(memory, KEPT, rays, field, -FRONT, FRONT, reach)
 
     scale = vehicle.length / REPORT_LENGTH
@@ -209,7 +217,7 @@ def choose_all(
         choose(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
 
 
-class TentaclesReportB(Autopilot):
+class TentaclesReportB(KernelDriver):
     """Drives along the longest of 81 arcs, as the 1/10 race's report tuned them."""
 
     preset = "lidar"

@@ -1,7 +1,7 @@
 """The program of a real kart: takes a seat, tells where the kart is, obeys, keeps it safe.
 
-`Onboard` is the kart's end of the link; `ControlUnit` is what it thinks with. Whatever plays the
-kart's body, a real one or the plant, is `Hardware`.
+`KartProgram` is the kart's end of the link; `ControlUnit` is what it thinks with. Whatever plays
+the kart's body, a real one or the plant, is `Hardware`.
 """
 
 import time
@@ -18,7 +18,7 @@ from race_server.core.driver import Driver
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
 from race_server.errors import LinkError, SeatError, WireError
-from race_server.live.client.seat import Seat, insist, take_seat
+from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
@@ -50,10 +50,10 @@ class Hardware(Protocol):
 
 
 @dataclass
-class Onboard:
+class KartProgram:
     """A seat as a real kart holds it."""
 
-    seat: Seat
+    seat: ClientSeat
     clock: Clock
     delay_s: float = 0.0  # added each way, to play a slow link
     is_cut: bool = False  # as if the radio were off
@@ -106,7 +106,7 @@ class Onboard:
 
 def take_part(
     driver: Driver,
-    hardware_of: Callable[[Seat, CourseSheet, ClientLink], Hardware],
+    hardware_of: Callable[[ClientSeat, CourseSheet, ClientLink], Hardware],
     *,
     name: str,
     address: str,
@@ -117,7 +117,7 @@ def take_part(
     delay_s: float = 0.0,
     clock: Clock = time.monotonic,
     caution: float = 1.0,
-    each_turn: Callable[[Onboard, ControlUnit, float], bool] | None = None,
+    each_turn: Callable[[KartProgram, ControlUnit, float], bool] | None = None,
 ) -> None:
     """Drive one race with a real kart.
 
@@ -137,7 +137,7 @@ def take_part(
         briefing = seat.welcome.briefing
         unit = ControlUnit.of(briefing.vehicle, fence_of(sheet))
         hardware = hardware_of(seat, sheet, link)
-        onboard = Onboard(seat, clock, delay_s)
+        onboard = KartProgram(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
         known = replace(briefing.vehicle, grip=caution * briefing.vehicle.grip)
         driver.reset(replace(briefing, vehicle=known))
@@ -150,7 +150,7 @@ def fence_of(sheet: CourseSheet) -> Fence:
     return Fence(sheet.line, sheet.half_widths, sheet.kerb)
 
 
-def _until_home(onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+def _until_home(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
     """Go on until the race is over for this kart and it stands."""
     del onboard, now_s
     return not is_home(unit)
@@ -167,10 +167,10 @@ def is_home(unit: ControlUnit) -> bool:
 
 def _drive(
     driver: Driver,
-    onboard: Onboard,
+    onboard: KartProgram,
     unit: ControlUnit,
     hardware: Hardware,
-    goes_on: Callable[[Onboard, ControlUnit, float], bool],
+    goes_on: Callable[[KartProgram, ControlUnit, float], bool],
 ) -> None:
     pacer = Pacer(PERIOD_S)
     pacer.start()
@@ -195,7 +195,7 @@ def _drive(
         pacer.wait()
 
 
-def _ask_again(onboard: Onboard) -> None:
+def _ask_again(onboard: KartProgram) -> None:
     """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex."""
     try:
         onboard.seat.come_back()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.onboard.ekf import HEADING, SLIDE, SPEED, YAW_RATE, Fusion, X, Y
+from race_agents.onboard.ekf import HEADING, SLIDE, SPEED, YAW_RATE, KartFilter, X, Y
 from race_agents.onboard.safety import (
     STOP_FOR_OBSTACLE,
     Command,
@@ -102,7 +102,7 @@ class ControlUnit:
     vehicle: Vehicle
     fence: Fence
     limits: Limits
-    fusion: Fusion | None = None  # from the first position fix on
+    fusion: KartFilter | None = None  # from the first position fix on
     hud: HudFrame | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
@@ -177,7 +177,7 @@ class ControlUnit:
         if fix is not None:
             heading = self.fence.heading_at(fix.x, fix.y)
             lever = self.vehicle.rear_axle
-            self.fusion = Fusion(fix.x, fix.y, heading, lever=lever)
+            self.fusion = KartFilter(fix.x, fix.y, heading, lever=lever)
             self._fix_s, self._source = self._time_s, fix.source
 
     def decide(self, now_s: float) -> Command:

@@ -127,7 +127,7 @@ def wrap(angle: float) -> float:
     return math.remainder(angle, 2.0 * math.pi)
 
 
-class Fusion:
+class KartFilter:
     """The filter. `predict` to the time of a reading, then hand in the reading."""
 
     def __init__(

@@ -14,7 +14,9 @@ def ray_angle(ray: float, rays: int, field: float) -> float:
 
 
 @kernel
-def repair(seen: Floats, start: int, rays: int, reach: float, out: Floats, base: int) -> None:
+def fill_dropouts(
+    seen: Floats, start: int, rays: int, reach: float, out: Floats, base: int
+) -> None:
     """Copy a scan; drop-outs (zeros) take the value between their neighbours.
 
     Where nothing came back at all, everything is free up to `reach` [m].

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.onboard.client import Onboard, is_home
+from race_agents.onboard.client import KartProgram, is_home
 from race_agents.onboard.control_unit import ControlUnit
 from race_agents.onboard.safety import Cause
 from race_agents.plant.body import Body
@@ -151,7 +151,7 @@ class Cut:
     _from: tuple[float, float] = (0.0, 0.0)
     _stood_s: float = math.inf
 
-    def turn(self, plant: Plant, unit: ControlUnit, onboard: Onboard, raced_s: float) -> None:
+    def turn(self, plant: Plant, unit: ControlUnit, onboard: KartProgram, raced_s: float) -> None:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
         if not onboard.is_cut:
@@ -175,7 +175,7 @@ class Cut:
 
 
 @dataclass
-class Diary:
+class IncidentLog:
     """Runs the incidents and keeps the figures of one race."""
 
     plant: Plant
@@ -190,7 +190,7 @@ class Diary:
     _turned_s: float = math.inf
     _pauses: int = 0
 
-    def turn(self, onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+    def turn(self, onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
         """Note one decision; False once this kart has nothing more to do."""
         self._pauses += now_s - self._turned_s > PAUSE_S
         self._turned_s = now_s

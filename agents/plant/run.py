@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from race_agents.onboard.client import take_part
-from race_agents.plant.incident import Cut, Diary, Passage
+from race_agents.plant.incident import Cut, IncidentLog, Passage
 from race_agents.plant.kart import Plant, Sensors
 from race_agents.plant.radar import Floats, Surroundings
 from race_server.core.driver import driver_named
 from race_server.core.messages import Status
 from race_server.errors import WireError
-from race_server.live.client.seat import Seat
+from race_server.live.client.seat import ClientSeat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink, Mailbox
 from race_server.net.wire import topics
@@ -26,7 +26,7 @@ PARKED = 64  # bit of a kart's flags in a snapshot: nobody sees it
 
 
 @dataclass(frozen=True)
-class Setting:
+class PlantSetting:
     """One plant and what is to happen to it."""
 
     driver: str = "pure_pursuit"
@@ -71,17 +71,17 @@ class Others:
         return np.stack(rows, axis=1).astype(np.float64)
 
 
-def run_plant(setting: Setting) -> None:
+def run_plant(setting: PlantSetting) -> None:
     """Drive one race with a plant and write its report."""
     chance = random.Random(setting.seed)
     offset_s = chance.uniform(1e3, 1e6)  # no kart's clock shows the server's time
-    diaries: list[Diary] = []
+    diaries: list[IncidentLog] = []
 
-    def hardware_of(seat: Seat, sheet: CourseSheet, link: ClientLink) -> Plant:
+    def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant:
         plant = _plant_for(setting, seat, sheet, link)
         passage = Passage(setting.pedestrian_s) if setting.pedestrian_s is not None else None
         cut = Cut(setting.cut_s) if setting.cut_s is not None else None
-        diaries.append(Diary(plant, passage, cut))
+        diaries.append(IncidentLog(plant, passage, cut))
         return plant
 
     try:
@@ -104,7 +104,9 @@ def run_plant(setting: Setting) -> None:
             setting.report.write_text(json.dumps(diaries[0].summary()))
 
 
-def _plant_for(setting: Setting, seat: Seat, sheet: CourseSheet, link: ClientLink) -> Plant:
+def _plant_for(
+    setting: PlantSetting, seat: ClientSeat, sheet: CourseSheet, link: ClientLink
+) -> Plant:
     """Return the plant on its place on the grid."""
     x, y, heading = (float(value) for value in sheet.grid[seat.number])
     return Plant.of(

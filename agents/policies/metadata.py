@@ -18,7 +18,7 @@ MOST_BITS = 64  # of a whole number that stands for another
 
 
 @dataclass(frozen=True)
-class Nature:
+class PolicyMetadata:
     """What a policy is, as its file tells it."""
 
     parts: tuple[str, ...]  # of the observation, in order
@@ -47,7 +47,7 @@ class Nature:
         return json.dumps(asdict(self))
 
 
-def nature_of(metadata: Mapping[str, str], name: str) -> Nature:
+def metadata_of(metadata: Mapping[str, str], name: str) -> PolicyMetadata:
     """Return what the metadata of an ONNX file say.
 
     Raises:
@@ -73,9 +73,9 @@ def nature_of(metadata: Mapping[str, str], name: str) -> Nature:
     return nature
 
 
-def _built(words: dict[str, Any], name: str) -> Nature:
+def _built(words: dict[str, Any], name: str) -> PolicyMetadata:
     values: dict[str, Any] = {}
-    for field in fields(Nature):
+    for field in fields(PolicyMetadata):
         value = words.get(field.name, "" if field.name == "base" else None)
         if isinstance(value, list):
             value = tuple(value)
@@ -87,7 +87,7 @@ def _built(words: dict[str, Any], name: str) -> Nature:
                 "export it again"
             )
         values[field.name] = value
-    return Nature(**values)
+    return PolicyMetadata(**values)
 
 
 def _fits(value: Any, wanted: Any) -> bool:
@@ -98,7 +98,7 @@ def _fits(value: Any, wanted: Any) -> bool:
     return isinstance(value, wanted) and (wanted is not float or math.isfinite(value))
 
 
-def _check(nature: Nature, name: str) -> None:
+def _check(nature: PolicyMetadata, name: str) -> None:
     unknown = [part for part in nature.parts if part not in PART_NUMBERS]
     if unknown or not nature.parts:
         raise DriverError(
@@ -123,7 +123,7 @@ def _check(nature: Nature, name: str) -> None:
         raise DriverError(f"{name}: {len(nature.parts)} parts of sizes {nature.sizes} do not fit")
 
 
-def preset_for(nature: Nature, name: str, more: tuple[str, ...] = ()) -> str:
+def preset_for(nature: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
     """Return the smallest observation of a live race that holds all that a policy sees.
 
     more: parts that the driver sees which it advises.

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.policies.metadata import INPUT, OUTPUT, Nature, nature_of
+from race_agents.policies.metadata import INPUT, OUTPUT, PolicyMetadata, metadata_of
 from race_agents.policies.registry import policy_bytes
 from race_server.envs.actions import ACTIONS, WIDTHS
 from race_server.errors import DriverError
@@ -27,7 +27,7 @@ class Policy:
         self.name = str(path)
         self._session = _session_of(path)
         metadata = self._session.get_modelmeta().custom_metadata_map
-        self.nature: Nature = nature_of(metadata, self.name)
+        self.nature: PolicyMetadata = metadata_of(metadata, self.name)
         self._check_shapes()
 
     def _check_shapes(self) -> None:

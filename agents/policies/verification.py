@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.policies.metadata import Nature
+from race_agents.policies.metadata import PolicyMetadata
 from race_agents.policies.session import Policy
 from race_server.core.clock import ticks_of
 from race_server.core.observation import wants_line
@@ -64,7 +64,7 @@ def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
         batch.step(policy.decide(seen))
 
 
-def _task(nature: Nature) -> Task:
+def _task(nature: PolicyMetadata) -> Task:
     """Return a task in which a policy drives all unseen tracks, from anywhere, on and on."""
     others = OTHERS if any(part.startswith("karts") for part in nature.parts) else ()
     # A lidar that nobody looks at needs no fewer rays.
@@ -92,7 +92,7 @@ def _task(nature: Nature) -> Task:
     )
 
 
-def _courses(nature: Nature) -> list[str]:
+def _courses(nature: PolicyMetadata) -> list[str]:
     """Return the unseen courses; with a reference line only those whose line comes along."""
     names = set_named(UNSEEN)
     if nature.base or wants_line(nature.parts):

@@ -14,7 +14,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from race_agents.reproductions.exam import examine
 from race_agents.reproductions.plan import Exam, Reproduction, Row, Scale
 from race_agents.reproductions.world import actions_of, world_of
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
@@ -98,7 +98,7 @@ def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
     Raises:
         RaceError: the settings make no training.
     """
-    pace = Pace.of(cell.settings)
+    pace = Budget.of(cell.settings)
     world = world_of(cell.settings, cell.row.twist, pace)
     learner = learner_of(cell.settings, world, pace, None)
     watch = _Watch(pace, tell)
@@ -136,7 +136,7 @@ def mean_return(curve: list[tuple[int, float]]) -> float | None:
 class _Watch(BaseCallback):
     """Keeps the pace and notes the return of the last hundred episodes."""
 
-    def __init__(self, pace: Pace, tell: Tell) -> None:
+    def __init__(self, pace: Budget, tell: Tell) -> None:
         super().__init__()
         self.pace = pace
         self.curve: list[tuple[int, float]] = []

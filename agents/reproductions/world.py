@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
 
 from race_agents.reproductions.plan import Twist
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.learner import world_of as training_world_of
 from race_agents.training.settings import Settings
 from race_server.core.observation import Layout
@@ -62,7 +62,7 @@ class Twisted(VecEnvWrapper):
         return seen, rewards, dones, infos
 
 
-def world_of(settings: Settings, twist: Twist, pace: Pace) -> VecNormalize:
+def world_of(settings: Settings, twist: Twist, pace: Budget) -> VecNormalize:
     """Return the karts that learn.
 
     Raises:

@@ -7,7 +7,7 @@ from race_agents.training.settings import Settings
 
 
 @dataclass
-class Pace:
+class Budget:
     """The elapsed share of a training, also across interruptions. Its clock stands at first."""
 
     minutes: float | None
@@ -17,7 +17,7 @@ class Pace:
     _begun: float | None = None  # not yet
 
     @classmethod
-    def of(cls, settings: Settings) -> "Pace":
+    def of(cls, settings: Settings) -> "Budget":
         """Return the pace that settings ask for, at its beginning."""
         return cls(settings.minutes, settings.steps)
 

@@ -12,9 +12,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from race_agents.policies.registry import BEST
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
-from race_agents.training.curriculum import Stages
+from race_agents.training.curriculum import Curriculum
 from race_agents.training.curve import Point, append
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.normaliser import Normaliser
@@ -46,7 +46,7 @@ class News:
 Tell = Callable[[News], None]
 
 
-class Overseer(BaseCallback):
+class TrainingCallback(BaseCallback):
     """Called by the learner at every decision."""
 
     def __init__(
@@ -54,7 +54,7 @@ class Overseer(BaseCallback):
         settings: Settings,
         folder: Path,
         world: Normaliser,
-        pace: Pace,
+        pace: Budget,
         tell: Tell,
         best_score: float = -np.inf,
         self_play: SelfPlay | None = None,
@@ -66,7 +66,7 @@ class Overseer(BaseCallback):
         self.pace = pace
         self.self_play = self_play
         stages = companions_in(world).get(CURRICULUM)
-        self.stages = stages if isinstance(stages, Stages) else None
+        self.stages = stages if isinstance(stages, Curriculum) else None
         tried = settings.evaluation
         self.examiner = Examiner(settings, tried.tracks, tried.first_seed)
         self.best: list[Marks] = []

@@ -13,10 +13,10 @@ import numpy as np
 import torch
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from race_agents.training.budget import Pace
-from race_agents.training.curriculum import Stages
+from race_agents.training.budget import Budget
+from race_agents.training.curriculum import Curriculum
 from race_agents.training.normaliser import Normaliser, put_back, state_of
-from race_agents.training.reward_wrapper import Rewarded
+from race_agents.training.reward_wrapper import RewardWrapper
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
@@ -41,10 +41,10 @@ def companions_in(world: VecEnv) -> dict[str, Companion]:
     """Return who goes along with a learner in a world, by name: judges and the curriculum."""
     found: dict[str, Companion] = {}
     while isinstance(world, VecEnvWrapper):
-        if isinstance(world, Rewarded):
+        if isinstance(world, RewardWrapper):
             found[world.judge.name] = world.judge
         world = world.venv
-    if isinstance(world, KartVecEnv) and isinstance(world.curriculum, Stages):
+    if isinstance(world, KartVecEnv) and isinstance(world.curriculum, Curriculum):
         found[CURRICULUM] = world.curriculum
     return found
 
@@ -56,7 +56,7 @@ def _weights_beside(learner: Any) -> dict[str, torch.Tensor]:
 
 
 def save_checkpoint(
-    path: Path, learner: Any, world: Normaliser, pace: Pace, score: float = 0.0
+    path: Path, learner: Any, world: Normaliser, pace: Budget, score: float = 0.0
 ) -> None:
     """Write where a training stands, and what score the policy had if it was the best."""
     seen: Any = world.obs_rms  # one box, hence one set of means
@@ -81,7 +81,7 @@ def save_checkpoint(
     aside.replace(path)
 
 
-def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Pace) -> float:
+def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Budget) -> float:
     """Take a training up where a checkpoint left it; return the score that it was kept for.
 
     A judge that the checkpoint does not know, as the training goes on with other settings, begins

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.settings import Settings
 from race_server.errors import ScenarioError
 from race_server.scenario.track.sets import names_of
@@ -12,13 +12,13 @@ from race_server.scenario.track.sets import names_of
 NONE_YET = -1  # in place of the number of a stage
 
 
-class Stages:
+class Curriculum:
     """Says which stage of a training runs.
 
     The next one begins once enough episodes of the stage succeed, or at its share of the training.
     """
 
-    def __init__(self, settings: Settings, pace: Pace) -> None:
+    def __init__(self, settings: Settings, pace: Budget) -> None:
         """Work out the weights of each stage.
 
         Raises:

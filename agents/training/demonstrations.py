@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.drivers.learned import places_in
-from race_agents.training.export import nature_from
+from race_agents.training.export import metadata_from
 from race_agents.training.settings import Settings
 from race_agents.training.teacher import actions_of
 from race_server.core.observation import layout_of
@@ -138,7 +138,7 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         RaceError: the file is damaged, or was recorded with another vehicle, pace or lidar.
     """
     shown = read_demonstrations(path)
-    about, nature = shown.about, nature_from(settings, ())
+    about, nature = shown.about, metadata_from(settings, ())
     for name, recorded, wanted in (
         ("vehicle", about.vehicle, nature.vehicle),
         ("decision_s", about.decision_s, nature.decision_s),

@@ -8,8 +8,8 @@ import numpy as np
 
 from race_agents.training.demonstrations import About, Demonstrations
 from race_server.competition.time_trial.gaps import DECISION_S
-from race_server.competition.time_trial.run import Run, drive_cell, numbers_of
-from race_server.competition.time_trial.run_spec import Cell
+from race_server.competition.time_trial.run import Run, drive_run, numbers_of
+from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.messages import Button, Control
 from race_server.core.observation import PRESETS, Observation, layout_of
@@ -73,9 +73,9 @@ def demonstrate(
     runs: list[Run] = []
     shown: list[Watched] = []
     for track in tracks:
-        cell = Cell(driver, track, vehicle, seed=seed, laps=laps)
+        cell = RunSpec(driver, track, vehicle, seed=seed, laps=laps)
         watched = Watched(driver_named(driver), noise, seed)
-        run = drive_cell(cell, make=partial(_as_is, watched))
+        run = drive_run(cell, make=partial(_as_is, watched))
         if run.remark:
             raise ScenarioError(f"{driver} on {track}: {run.remark}; nothing was recorded")
         runs.append(run)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from stable_baselines3 import DQN, PPO, SAC, TD3
 
-from race_agents.policies.metadata import INPUT, KEY, OUTPUT, Nature
+from race_agents.policies.metadata import INPUT, KEY, OUTPUT, PolicyMetadata
 from race_agents.policies.session import Policy
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
@@ -58,7 +58,7 @@ class _Graph:
         return output
 
 
-def export_policy(path: Path, learner: Any, world: Normaliser, nature: Nature) -> None:
+def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMetadata) -> None:
     """Write the actor of a learner as an ONNX file.
 
     Raises:
@@ -163,12 +163,12 @@ def _layers(graph: _Graph, layers: Iterable[torch.nn.Module]) -> None:
             raise ScenarioError(f"a layer {type(layer).__name__} cannot be exported yet")
 
 
-def nature_from(settings: Settings, tracks: tuple[str, ...]) -> Nature:
+def metadata_from(settings: Settings, tracks: tuple[str, ...]) -> PolicyMetadata:
     """Return what the policy of a training is for."""
     layout = layout_of(settings.observation, settings.lidar.rays)
     names = [PARTS[number].name for number in layout.numbers]
     sees_lidar = bool({"lidar", "lidar_before"} & set(names))
-    return Nature(
+    return PolicyMetadata(
         parts=tuple(names),
         sizes=tuple(layout.slices[name].stop - layout.slices[name].start for name in names),
         action=settings.action,

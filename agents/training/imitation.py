@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.demonstrations import pairs_for
 from race_agents.training.lines import Say, find_lines
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import Settings, WarmStart
-from race_agents.training.supervised import Lessons, Memory
+from race_agents.training.supervised import Memory, SupervisedSteps
 from race_agents.training.tasks import training_task
 from race_agents.training.teacher import Teacher, shown_to_both
 from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
@@ -104,7 +104,7 @@ class Imitation:
         self._size, width = space.shape[0], actions.shape[0]
         self._memory = Memory(wanted.memory, self._size, width)
         weights, quantiles = _weights(wanted, settings.action, width)
-        self._lessons = Lessons(wanted, learner, world, weights, quantiles)
+        self._lessons = SupervisedSteps(wanted, learner, world, weights, quantiles)
         self._chance = np.random.default_rng(settings.seed)
         self._episodes: deque[dict[str, Any]] = deque(maxlen=EPISODES)
         # Where SB3 goes on with them later, if both are there.
@@ -118,7 +118,7 @@ class Imitation:
         self._errors = np.zeros(width)
         self._next_look = 1  # once there are so many labels
 
-    def go(self, pace: Pace, passed: Pass) -> None:
+    def go(self, pace: Budget, passed: Pass) -> None:
         """Imitate until the share of the training for it is over, or nobody wants more."""
         while not pace.is_over and pace.share < self._wanted.share:
             elapsed = pace.share / self._wanted.share

@@ -11,12 +11,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.curiosity import Curious
-from race_agents.training.curriculum import Stages
+from race_agents.training.curriculum import Curriculum
 from race_agents.training.gail import Discriminator
 from race_agents.training.normaliser import Normaliser
-from race_agents.training.reward_wrapper import Judge, Rewarded, width_of
+from race_agents.training.reward_wrapper import Judge, RewardWrapper, width_of
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import training_task
@@ -36,7 +36,7 @@ TD3_NOISE = 0.1
 
 
 def world_of(
-    settings: Settings, pace: Pace, around: Callable[[KartVecEnv], VecEnv] | None = None
+    settings: Settings, pace: Budget, around: Callable[[KartVecEnv], VecEnv] | None = None
 ) -> Normaliser:
     """Return the karts that learn, with running means of what they see.
 
@@ -51,7 +51,7 @@ def world_of(
         worlds=settings.worlds,
         seed=settings.seed,
         threads=settings.threads,
-        curriculum=Stages(settings, pace) if settings.curriculum else None,
+        curriculum=Curriculum(settings, pace) if settings.curriculum else None,
     )
     shown = around(karts) if around is not None else _judged(settings, karts)
     gamma = settings.algorithm.options.get("gamma", 0.99)
@@ -64,15 +64,15 @@ def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
     gail, curiosity = settings.gail, settings.curiosity
     if gail.demonstrations:
         judge: Judge = Discriminator(settings)
-        karts = Rewarded(karts, judge, own_share=gail.own_share, decisions=gail.decisions)
+        karts = RewardWrapper(karts, judge, own_share=gail.own_share, decisions=gail.decisions)
     if curiosity.bonus > 0.0:
         size, width = width_of(karts.observation_space), width_of(karts.action_space)
         judge = Curious(curiosity, size, width, settings.seed)
-        karts = Rewarded(karts, judge, own_share=1.0, decisions=curiosity.decisions)
+        karts = RewardWrapper(karts, judge, own_share=1.0, decisions=curiosity.decisions)
     return karts
 
 
-def learner_of(settings: Settings, world: VecNormalize, pace: Pace, log: str | None) -> Any:
+def learner_of(settings: Settings, world: VecNormalize, pace: Budget, log: str | None) -> Any:
     """Return an untrained learner. log: a folder for TensorBoard.
 
     Raises:
@@ -131,7 +131,7 @@ def _options(settings: Settings) -> dict[str, Any]:
     }
 
 
-def _rate(settings: Settings, pace: Pace) -> Any:
+def _rate(settings: Settings, pace: Budget) -> Any:
     """Return a schedule that goes by the pace: the learner's own knows nothing of minutes."""
     first, warm = settings.algorithm.learning_rate, settings.warm_start
     last = settings.algorithm.last_learning_rate
@@ -145,7 +145,7 @@ def _rate(settings: Settings, pace: Pace) -> Any:
     return rate
 
 
-def _explore_by(learner: DQN, pace: Pace) -> None:
+def _explore_by(learner: DQN, pace: Budget) -> None:
     first, last = learner.exploration_initial_eps, learner.exploration_final_eps
     until = learner.exploration_fraction
 

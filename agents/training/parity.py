@@ -5,7 +5,7 @@ from pathlib import Path
 from race_agents.policies.registry import BEST
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import Rows
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import load_checkpoint
 from race_agents.training.export import difference
 from race_agents.training.folder import settings_in
@@ -23,7 +23,7 @@ def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
         ScenarioError: the run has no settings or no checkpoint, or they do not fit together.
     """
     settings = _small(settings_in(run))
-    pace = Pace.of(settings)
+    pace = Budget.of(settings)
     world = world_of(settings, pace)
     try:
         learner = learner_of(settings, world, pace, None)

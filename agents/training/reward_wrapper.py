@@ -37,7 +37,7 @@ class Judge(Protocol):
         """Go on where `state` was taken."""
 
 
-class Rewarded(VecEnvWrapper):
+class RewardWrapper(VecEnvWrapper):
     """Adds what a judge says to a share of the race's own reward."""
 
     def __init__(self, world: VecEnv, judge: Judge, *, own_share: float, decisions: int) -> None:

@@ -11,11 +11,11 @@ from race_agents.policies.registry import BEST, CONFIG, POLICY
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import MOST_DIFFERENCE, times_of
 from race_agents.training import curve, folder
-from race_agents.training.budget import Pace
-from race_agents.training.callback import CURVE, LATEST, Overseer, Tell
+from race_agents.training.budget import Budget
+from race_agents.training.callback import CURVE, LATEST, Tell, TrainingCallback
 from race_agents.training.checkpoint import load_checkpoint
 from race_agents.training.evaluation import Examiner, Marks
-from race_agents.training.export import difference, export_policy, nature_from
+from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.lines import Say
@@ -57,7 +57,7 @@ def train(
     Raises:
         RaceError: the settings make no training, or there is nothing to resume.
     """
-    pace = Pace.of(settings)
+    pace = Budget.of(settings)
     for tracks in (settings.evaluation.tracks, settings.evaluation.final):
         evaluation_tasks(settings, tracks)  # a wrong name is refused now, not after hours
     warn_of_lidar(settings, say)
@@ -80,7 +80,7 @@ def train(
     played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
     folder.begin(place, settings)
     log = place / "tensorboard" / "race" if tensorboard else None
-    overseer = Overseer(settings, place, world, pace, tell, best_score, played, log)
+    overseer = TrainingCallback(settings, place, world, pace, tell, best_score, played, log)
     try:
         stopped = _learn(settings, learner, world, overseer, say)
         overseer.examine()
@@ -113,7 +113,7 @@ def _learned_on(settings: Settings) -> list[str]:
 
 def warn_of_lidar(settings: Settings, say: Say) -> None:
     """Say so where a policy is to see rays that are not among those of a race."""
-    rays, gaps = nature_from(settings, ()).lidar_rays, Lidar().rays - 1
+    rays, gaps = metadata_from(settings, ()).lidar_rays, Lidar().rays - 1
     if rays and gaps % (rays - 1):
         fitting = ", ".join(str(gaps // every + 1) for every in range(1, 11) if not gaps % every)
         say(
@@ -123,7 +123,7 @@ def warn_of_lidar(settings: Settings, say: Say) -> None:
 
 
 def _learn(
-    settings: Settings, learner: Any, world: Normaliser, overseer: Overseer, say: Say
+    settings: Settings, learner: Any, world: Normaliser, overseer: TrainingCallback, say: Say
 ) -> bool:
     """Learn until the time is over; return whether a person ended it before."""
     pace = overseer.pace
@@ -141,7 +141,7 @@ def _learn(
 
 
 def _imitate(
-    settings: Settings, learner: Any, world: Normaliser, overseer: Overseer, say: Say
+    settings: Settings, learner: Any, world: Normaliser, overseer: TrainingCallback, say: Say
 ) -> None:
     overseer.init_callback(learner)
     imitation = Imitation(settings, learner, world, say)
@@ -159,7 +159,7 @@ def _conclude(
     place: Path,
     learner: Any,
     world: Normaliser,
-    overseer: Overseer,
+    overseer: TrainingCallback,
     told: dict[str, Any],
     say: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -172,7 +172,7 @@ def _conclude(
         path,
         learner,
         world,
-        nature_from(settings, names_of(settings.tracks.names, settings.tracks.set)),
+        metadata_from(settings, names_of(settings.tracks.names, settings.tracks.set)),
     )
     policy = Policy(path)
     tried = settings.evaluation

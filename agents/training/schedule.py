@@ -6,7 +6,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.settings import Deviations, Settings
 from race_server.errors import ScenarioError
 
@@ -31,7 +31,7 @@ def deviations(wanted: Deviations, like: torch.Tensor) -> torch.Tensor:
 class Schedule(BaseCallback):
     """PPO after a warm start: first its critic alone learns; and the actions' deviation falls."""
 
-    def __init__(self, settings: Settings, pace: Pace) -> None:
+    def __init__(self, settings: Settings, pace: Budget) -> None:
         """Go by the elapsed share of a training."""
         super().__init__()
         self._pace = pace

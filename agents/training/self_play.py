@@ -7,7 +7,7 @@ from random import Random
 from typing import Any
 
 from race_agents.policies.session import Policy
-from race_agents.training.export import export_policy, nature_from
+from race_agents.training.export import export_policy, metadata_from
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.rivals import POOL, Rivals, driver_of, short_name
 from race_agents.training.settings import LEARNER, Settings
@@ -67,7 +67,7 @@ class SelfPlay:
     def keep(self, learner: Any, done: int) -> None:
         """Take the learner as it is now into the pool, and rate it."""
         path = self.rivals.place_for(done)
-        nature = nature_from(
+        nature = metadata_from(
             self.settings, names_of(self.settings.tracks.names, self.settings.tracks.set)
         )
         export_policy(path, learner, self._world, nature)

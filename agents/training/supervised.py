@@ -38,7 +38,7 @@ class Memory:
         return self._seen[rows], self._labels[rows]
 
 
-class Lessons:
+class SupervisedSteps:
     """Regression of an actor's answers."""
 
     def __init__(

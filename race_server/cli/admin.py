@@ -8,7 +8,7 @@ import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.errors import KeysError, SeatError
-from race_server.live.client.steward import Marshal
+from race_server.live.client.steward import StewardClient
 from race_server.net.transport import ClientLink
 
 app = typer.Typer(
@@ -112,7 +112,7 @@ def _decide(
         print(marshal.decide(act, seat=seat, value=value))
 
 
-def _marshal(keys: Path | None, connect: str, session: str) -> tuple[Marshal, ClientLink]:
+def _marshal(keys: Path | None, connect: str, session: str) -> tuple[StewardClient, ClientLink]:
     from race_server.net.auth.token import read_token
 
     given = access(keys, connect, session)
@@ -120,4 +120,4 @@ def _marshal(keys: Path | None, connect: str, session: str) -> tuple[Marshal, Cl
         raise KeysError(f"{keys} holds the keys of {given.keys.role}, not those of the steward")
     token = given.keys.token if given.keys else read_token(given.address, given.session)
     link = ClientLink(given.address, given.session, keys=given.keys)
-    return Marshal(link, token, getpass.getuser()), link
+    return StewardClient(link, token, getpass.getuser()), link

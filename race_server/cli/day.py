@@ -45,11 +45,17 @@ def day(
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race day: qualification, races, podium, and the sheet for the wall."""
-    from race_server.competition.race_day.day import Plan, check_plan, drives_in, run_day, teams_of
+    from race_server.competition.race_day.day import (
+        DayPlan,
+        check_day_plan,
+        drives_in,
+        run_day,
+        teams_of,
+    )
     from race_server.competition.race_day.formats import format_named
-    from race_server.competition.race_day.picture import check_poster, draw_poster
+    from race_server.competition.race_day.picture import check_picture, draw_picture
     from race_server.competition.race_day.report import day_document
-    from race_server.competition.race_day.table import print_sheet
+    from race_server.competition.race_day.table import print_tables
     from race_server.core.kernels.jit import is_compiled
     from race_server.core.vehicles import vehicle_named
     from race_server.scenario.track.load import load_course
@@ -61,10 +67,10 @@ def day(
     car = vehicle_named(vehicle)
     files = _tracks_for(chosen.letters, tracks, format_name)
     courses = {letter: load_course(name) for letter, name in files.items()}
-    plan = Plan(chosen, teams_of(names), courses, car, seed)
-    check_plan(plan)
+    plan = DayPlan(chosen, teams_of(names), courses, car, seed)
+    check_day_plan(plan)
     if sheet is not None:
-        check_poster(sheet)
+        check_picture(sheet)
     log = Console(stderr=True)
     say = partial(log.print, style="yellow", markup=False, soft_wrap=True)
     with writer_for(results, say) as writer:
@@ -87,9 +93,9 @@ def day(
     if as_json:
         print_document(day_document(plan, ledger))
     else:
-        print_sheet(plan, ledger, Console())
+        print_tables(plan, ledger, Console())
     if sheet is not None:
-        draw_poster(plan, ledger, sheet)
+        draw_picture(plan, ledger, sheet)
         log.print(f"sheet: {sheet}", style="dim", markup=False)
 
 

@@ -74,11 +74,11 @@ def network(
 ) -> None:
     """Race over a network that loses, delays and shuffles packets both ways; needs root."""
     from race_server.cli.options import known_drivers
-    from race_server.tools.drills.lossy_link import Weather
+    from race_server.tools.drills.lossy_link import LinkConditions
     from race_server.tools.drills.network import DRIVERS, drill_network
 
     names = known_drivers(drivers) or DRIVERS
-    weather = Weather(loss, delay / 1e3, jitter / 1e3)
+    weather = LinkConditions(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
         document = drill_network(
             weather, track=track, laps=laps, drivers=names, seed=seed, tell=tell
@@ -96,10 +96,10 @@ def sites(
     as_json: AsJson = False,
 ) -> None:
     """Race four karts of two halls against each other, over a network between them; needs root."""
-    from race_server.tools.drills.lossy_link import Weather
+    from race_server.tools.drills.lossy_link import LinkConditions
     from race_server.tools.drills.sites import drill_sites
 
-    weather = Weather(loss, delay / 1e3, jitter / 1e3)
+    weather = LinkConditions(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
         document = drill_sites(weather, laps=laps, seed=seed, tell=tell)
     finish(document, as_json=as_json, rows="karts")

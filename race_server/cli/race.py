@@ -31,8 +31,8 @@ from race_server.core.messages import Phase
 from race_server.errors import RaceError, ScenarioError
 
 if TYPE_CHECKING:
-    from race_server.competition.launch import Plan
-    from race_server.live.client.link_stats import Reception
+    from race_server.competition.launch import RaceSpec
+    from race_server.live.client.link_stats import LinkStats
 
 MIXED = ("raceline", "idm", "follow_gap", "tentacles", "pure_pursuit", "avoider")
 
@@ -73,7 +73,7 @@ def start(
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race: a server, a process for each driver, and the live leaderboard."""
-    from race_server.competition.launch import Plan, Real, free_address, run_race, spread
+    from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, run_race, spread
     from race_server.core.driver import driver_names
 
     names = known_drivers(drivers)
@@ -92,13 +92,13 @@ def start(
     _check_results(results)
     console = Console(stderr=as_json)
     _prepare_line(track, vehicle, names, console)
-    plan = Plan(
+    plan = RaceSpec(
         serve=tuple(serve),
         drivers=tuple(names[seat % len(names)] for seat in range(karts)),
         address=listen or free_address(),
         session=session,
         in_process=one_process,
-        real=tuple(Real(seat) for seat in spread(mixed, karts)),
+        real=tuple(TrackedSeat(seat) for seat in spread(mixed, karts)),
         page=_shows_page(page, console),
         record=record,
     )
@@ -121,12 +121,14 @@ def _shows_page(wanted: bool | None, console: Console) -> bool:
     return is_built() if wanted is None else wanted
 
 
-def _start_series(plan: "Plan", races: int, seed: int, console: Console, *, as_json: bool) -> None:
+def _start_series(
+    plan: "RaceSpec", races: int, seed: int, console: Console, *, as_json: bool
+) -> None:
     """Run several races and show who is how strong."""
     from race_server.competition.launch import run_race
     from race_server.competition.series import rating_table, run_series
 
-    def run(one: "Plan", number: int) -> dict[str, Any]:
+    def run(one: "RaceSpec", number: int) -> dict[str, Any]:
         document = run_race(one, console)
         best = min(document["karts"], key=lambda kart: kart["rank"])
         text = f"race {number + 1} of {races}, seed {seed + number}: won by {best['driver']}"
@@ -192,11 +194,11 @@ def drive(
     # Before any kernel is imported: a driver decides 20 times a second and needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_server.core.driver import driver_named
-    from race_server.live.client.driver import drive as drive_race
-    from race_server.live.client.link_stats import Reception
+    from race_server.live.client.driver import run_driver as drive_race
+    from race_server.live.client.link_stats import LinkStats
 
     given = access(keys, connect, session)
-    reception, console = Reception(), Console(stderr=True)
+    link_stats, console = LinkStats(), Console(stderr=True)
     drive_now = partial(
         drive_race,
         driver_named(name),
@@ -207,22 +209,22 @@ def drive(
         timeout_s=patience,
         keys=given.keys,
         raw=raw,
-        reception=reception if as_json or console.is_terminal else None,
+        link_stats=link_stats if as_json or console.is_terminal else None,
     )
     if console.is_terminal:
         with console.status(f"{name}: waiting for the race") as status:
             taken = drive_now(tell=partial(_show_reception, status, name)).seat
-        console.print(f"{name}, seat {taken}: {reception.outcome or 'the race is over'}")
+        console.print(f"{name}, seat {taken}: {link_stats.outcome or 'the race is over'}")
     else:
         taken = drive_now().seat
     if as_json:
-        print_document({"driver": name, "seat": taken, **reception.as_json()})
+        print_document({"driver": name, "seat": taken, **link_stats.as_json()})
 
 
-def _show_reception(status: Spinner, name: str, reception: "Reception") -> None:
+def _show_reception(status: Spinner, name: str, link_stats: "LinkStats") -> None:
     """Show a few times a second how old it is what a driver sees."""
-    if reception.heard % 5 == 1:
-        status.update(f"{name} {reception}")
+    if link_stats.heard % 5 == 1:
+        status.update(f"{name} {link_stats}")
 
 
 def watch(
@@ -239,21 +241,21 @@ def watch(
     from dataclasses import asdict
 
     from race_server.competition.launch import board_of
-    from race_server.live.client.foxglove import LiveView
+    from race_server.live.client.foxglove import FoxgloveServer
     from race_server.live.client.seat import SILENCE_S
-    from race_server.live.client.spectator import Watcher
+    from race_server.live.client.spectator import Spectator
     from race_server.net.transport import ClientLink
 
     given = access(keys, connect, session)
     with ClientLink(given.address, given.session, keys=given.keys) as link:
-        watcher = Watcher(link)
+        watcher = Spectator(link)
         if as_json:
             print_document(asdict(watcher.standings) if watcher.standings else {})
             return
         _, items = watcher.rules()
         with ExitStack() as stack:
             if foxglove is not None:
-                view = stack.enter_context(LiveView(link, watcher, given.session, foxglove))
+                view = stack.enter_context(FoxgloveServer(link, watcher, given.session, foxglove))
                 print(f"Foxglove: open {view.address} as a Foxglove WebSocket", flush=True)
             live = stack.enter_context(Live(refresh_per_second=8))
             while watcher.standings is None or watcher.standings.phase is not Phase.FINISHED:

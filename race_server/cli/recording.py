@@ -169,9 +169,9 @@ def cat(
     channel: Annotated[str, typer.Option(help="Only this one, such as laps.")] = "",
 ) -> None:
     """Print the messages of a recording, one a line."""
-    from race_server.storage.recording.to_json import words_of
+    from race_server.storage.recording.to_json import to_json
 
-    for at_s, key, words in _messages(file, channel, words_of):
+    for at_s, key, words in _messages(file, channel, to_json):
         if as_json:
             print_document({"time_s": round(at_s, 6), "channel": key, **words})
         else:
@@ -179,7 +179,7 @@ def cat(
             print(f"{at_s:10.3f}  {key:16} {told}"[:240])
 
 
-def _messages(file: Path, channel: str, words_of: Any) -> Iterator[tuple[float, str, Any]]:
+def _messages(file: Path, channel: str, to_json: Any) -> Iterator[tuple[float, str, Any]]:
     from race_server.storage.recording.channels import CHANNELS
     from race_server.storage.recording.reader import Line, read_lines
 
@@ -192,7 +192,7 @@ def _messages(file: Path, channel: str, words_of: Any) -> Iterator[tuple[float, 
             continue
         first = line.time_ns if first is None else first
         if not channel or line.kind.key == channel:
-            yield (line.time_ns - first) / 1e9, line.kind.key, words_of(line)
+            yield (line.time_ns - first) / 1e9, line.kind.key, to_json(line)
 
 
 @app.command()
@@ -202,7 +202,7 @@ def cut(
     until: Annotated[float, typer.Option(help="End so many seconds in.")],
 ) -> None:
     """Write the first part of a recording into another file; it replays like the whole."""
-    from race_server.storage.recording.excerpt import write_part
+    from race_server.storage.recording.excerpt import write_excerpt
 
-    ticks = write_part(file, target, until)
+    ticks = write_excerpt(file, target, until)
     print(f"{target}: {ticks / TICKS_PER_SECOND:.1f} s of {file}")

@@ -21,7 +21,7 @@ from race_server.cli.options import (
     known_drivers,
 )
 from race_server.errors import KeysError, ScenarioError
-from race_server.live.server.supervisor import guarded
+from race_server.live.server.supervisor import supervised
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -102,13 +102,13 @@ def serve(
     from race_server.core.kernels.jit import is_compiled
     from race_server.live.server import LOCKSTEP, REAL
     from race_server.live.server.warm_up import warm_up
-    from race_server.net.auth.settings import Door, check_door
+    from race_server.net.auth.settings import ListenSettings, check_listen_settings
     from race_server.scenario.race import Rules
 
     held = _server_keys(keys, session, karts, is_open=is_open)
     session = held.session if held else session or SESSION
     address = listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
-    check_door(Door(address, session, karts, held))
+    check_listen_settings(ListenSettings(address, session, karts, held))
     if pace not in {REAL, LOCKSTEP}:
         raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
     log = Log(as_json=log_json)
@@ -144,7 +144,7 @@ def serve(
         serve_races(service, log, fresh=fresh)
         return
     # Only who is started by hand begins anew; who replaces a killed one takes its race up.
-    status = guarded(
+    status = supervised(
         lambda killed: serve_and_tell(service, log, fresh=fresh and killed == 0),
         log.warn,
     )

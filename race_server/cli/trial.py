@@ -14,8 +14,8 @@ from race_server.cli.options import known_drivers, names_in
 from race_server.errors import ResultsError, ScenarioError
 
 if TYPE_CHECKING:
-    from race_server.competition.time_trial.plan import Plan, Trial
-    from race_server.competition.time_trial.save import Ledger
+    from race_server.competition.time_trial.plan import Trial, TrialPlan
+    from race_server.competition.time_trial.save import RunLog
 
 REPORT_B = "report-b"
 
@@ -107,9 +107,9 @@ def trial(
     The exit status is 1 when a driver raised or stalled; the others' runs go on.
     """
     from race_server.competition.time_trial.gaps import NONE, custom_gap, gaps_named
-    from race_server.competition.time_trial.plan import Plan
-    from race_server.competition.time_trial.run_spec import Cell, cells_of
-    from race_server.competition.time_trial.save import Ledger
+    from race_server.competition.time_trial.plan import TrialPlan
+    from race_server.competition.time_trial.run_spec import RunSpec, run_specs_of
+    from race_server.competition.time_trial.save import RunLog
     from race_server.storage.results.schema import path_of
 
     settings = gaps_named(_names(gaps, "--gaps"))
@@ -119,8 +119,8 @@ def trial(
     names = known_drivers(drivers)
     if not names:
         raise ScenarioError("--drivers is empty; name one or more, separated by commas")
-    like = Cell("", "", laps=laps, start=start, decision_limit_s=decision_limit)
-    cells = cells_of(
+    like = RunSpec("", "", laps=laps, start=start, decision_limit_s=decision_limit)
+    cells = run_specs_of(
         names,
         _names(tracks, "--tracks"),
         _names(vehicles, "--vehicles"),
@@ -132,8 +132,8 @@ def trial(
         raise ScenarioError(f"--beside {beside!r} is unknown; choose {REPORT_B}")
     _check_files(plot, csv, laps_csv, save_lap)
     console = Console(stderr=True)
-    with Ledger(path_of(results)) as ledger:
-        plan = Plan(tuple(cells), tuple(settings), jobs, ghost, ledger.path)
+    with RunLog(path_of(results)) as ledger:
+        plan = TrialPlan(tuple(cells), tuple(settings), jobs, ghost, ledger.path)
         done = _hold(plan, ledger, console, quiet=as_json)
         _write_files(done, plot, csv, laps_csv, save_lap, console)
         _show(done, names if beside else (), as_json=as_json)
@@ -163,7 +163,7 @@ def _check_files(plot: Path | None, *tables: Path | None) -> None:
             raise ResultsError(f"{path}: its folder does not exist; make it first")
 
 
-def _hold(plan: "Plan", ledger: "Ledger", console: Console, *, quiet: bool) -> "Trial":
+def _hold(plan: "TrialPlan", ledger: "RunLog", console: Console, *, quiet: bool) -> "Trial":
     from race_server.competition.time_trial.plan import compile_once, prepare
     from race_server.competition.time_trial.pool import is_ready
 
@@ -179,7 +179,7 @@ def _hold(plan: "Plan", ledger: "Ledger", console: Console, *, quiet: bool) -> "
 
 @contextmanager
 def _progress(
-    plan: "Plan", console: Console, *, quiet: bool
+    plan: "TrialPlan", console: Console, *, quiet: bool
 ) -> Iterator[Callable[[int, int], None]]:
     """Show how many of all laps are driven."""
     from rich.progress import (
@@ -260,7 +260,7 @@ def _write_files(
         console.print("nobody completed a lap: there is nothing to draw or to save")
 
 
-def _finish(ledger: "Ledger", console: Console) -> None:
+def _finish(ledger: "RunLog", console: Console) -> None:
     """Write what the results file has not taken yet."""
     if beside := ledger.finish():
         text = f"{ledger.problem}. The laps are in {beside} instead"

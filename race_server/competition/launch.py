@@ -23,7 +23,7 @@ from race_server.core.kernels.jit import is_compiled
 from race_server.core.messages import Event, EventKind, Flag, Phase
 from race_server.errors import LinkError, RaceError
 from race_server.live.client.leaderboard import Headline, event_text, leaderboard
-from race_server.live.client.spectator import Watcher
+from race_server.live.client.spectator import Spectator
 from race_server.logs import last_words
 from race_server.net.transport import ClientLink
 
@@ -37,7 +37,7 @@ PAGE_PORT = 8080
 
 
 @dataclass
-class Team:
+class ProcessGroup:
     """The processes of a race: all are ended when the race is left, however it ends."""
 
     processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
@@ -75,9 +75,9 @@ class Team:
 
 
 @contextlib.contextmanager
-def team() -> Iterator[Team]:
+def process_group() -> Iterator[ProcessGroup]:
     """Return a team whose processes end with the block."""
-    group = Team()
+    group = ProcessGroup()
     try:
         yield group
     finally:
@@ -110,7 +110,7 @@ def _is_free(port: int) -> bool:
 
 
 @dataclass(frozen=True)
-class Real:
+class TrackedSeat:
     """A seat whose kart exists, and arguments of `race plant`."""
 
     seat: int
@@ -118,7 +118,7 @@ class Real:
 
 
 @dataclass(frozen=True)
-class Plan:
+class RaceSpec:
     """What is to be raced, in words of the command line."""
 
     serve: tuple[str, ...]  # arguments of `race serve`
@@ -126,18 +126,18 @@ class Plan:
     address: str
     session: str
     in_process: bool = False
-    real: tuple[Real, ...] = ()  # karts that exist, played by plants
+    real: tuple[TrackedSeat, ...] = ()  # karts that exist, played by plants
     page: bool = False  # let browsers watch
     record: str = ""  # where the server records to, in words of the command line
 
 
-def run_race(plan: Plan, console: Console) -> dict[str, Any]:
+def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
     """Run a race to its end and return the document that the server leaves.
 
     Raises:
         RaceError: the server cannot start, or ends without a result.
     """
-    with tempfile.TemporaryDirectory(prefix="race-") as folder, team() as group:
+    with tempfile.TemporaryDirectory(prefix="race-") as folder, process_group() as group:
         result, log_path = Path(folder, "result.json"), Path(folder, "server.log")
         with log_path.open("wb") as log:
             arguments = ["serve", *plan.serve, "--listen", plan.address, "--session", plan.session]
@@ -155,7 +155,7 @@ def run_race(plan: Plan, console: Console) -> dict[str, Any]:
         return document
 
 
-def _start_drivers(plan: Plan, group: Team, log: Any) -> None:
+def _start_drivers(plan: RaceSpec, group: ProcessGroup, log: Any) -> None:
     """Start a process for each seat: a driver, or a plant with a driver at its wheel."""
     plants = {real.seat: real.options for real in plan.real}
     for seat, name in enumerate(plan.drivers):
@@ -168,7 +168,7 @@ def _start_drivers(plan: Plan, group: Team, log: Any) -> None:
             group.start(["drive", name, *ask], log)
 
 
-def _start_page(plan: Plan, group: Team, log: Any) -> str:
+def _start_page(plan: RaceSpec, group: ProcessGroup, log: Any) -> str:
     """Start a gateway for browsers and return the address of its page."""
     place = f"127.0.0.1:{PAGE_PORT if _is_free(PAGE_PORT) else free_port()}"
     words = ["gateway", "--connect", plan.address, "--session", plan.session, "--listen", place]
@@ -182,7 +182,9 @@ def spread(real: int, karts: int) -> tuple[int, ...]:
     return tuple((2 * number + 1) * karts // (2 * real) for number in range(real))
 
 
-def _follow(plan: Plan, group: Team, console: Console, log_path: Path, page: str) -> None:
+def _follow(
+    plan: RaceSpec, group: ProcessGroup, console: Console, log_path: Path, page: str
+) -> None:
     """Show the leaderboard until the server ends. page: where browsers watch, "" for nowhere."""
     server = group.processes[0]
     waiting = "getting ready"
@@ -209,12 +211,12 @@ def _follow(plan: Plan, group: Team, console: Console, log_path: Path, page: str
 class _Seen:
     """A race that answers."""
 
-    watcher: Watcher
+    watcher: Spectator
     items: Sequence[str]
     link: ClientLink
 
 
-def _watch(plan: Plan, group: Team, log_path: Path) -> _Seen | None:
+def _watch(plan: RaceSpec, group: ProcessGroup, log_path: Path) -> _Seen | None:
     """Return the race once it answers; None where it was over before: a short one is, in lockstep.
 
     Raises:
@@ -232,7 +234,7 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> _Seen | None:
                 raise
             continue
         try:
-            watcher = Watcher(link)
+            watcher = Spectator(link)
             return _Seen(watcher, watcher.rules()[1], link)
         except LinkError:
             link.close()
@@ -241,7 +243,9 @@ def _watch(plan: Plan, group: Team, log_path: Path) -> _Seen | None:
     return None
 
 
-def _show(seen: _Seen, group: Team, console: Console, plan: Plan, log_path: Path) -> None:
+def _show(
+    seen: _Seen, group: ProcessGroup, console: Console, plan: RaceSpec, log_path: Path
+) -> None:
     """Draw the leaderboard a few times a second.
 
     Raises:
@@ -257,7 +261,7 @@ def _show(seen: _Seen, group: Team, console: Console, plan: Plan, log_path: Path
             time.sleep(0.12)
 
 
-def board_of(watcher: Watcher, session: str, items: Sequence[str]) -> Group:
+def board_of(watcher: Spectator, session: str, items: Sequence[str]) -> Group:
     """Return the leaderboard with the newest events below it."""
     frame = watcher.standings
     if frame is None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from race_server.competition.launch import Plan
+from race_server.competition.launch import RaceSpec
 from race_server.storage.results.ratings import ratings
 
 # A rating lies within so many standard deviations of its mean, in 19 of 20 cases.
@@ -18,7 +18,7 @@ INTERVAL = 1.96
 Document = dict[str, Any]
 
 
-def plans_of(plan: Plan, races: int, seed: int) -> Iterator[Plan]:
+def plans_of(plan: RaceSpec, races: int, seed: int) -> Iterator[RaceSpec]:
     """Return the plan of each race: seeds from `seed` on, and another order on the grid.
 
     In as many races as there are karts everybody starts once from each place; then an order is
@@ -34,7 +34,9 @@ def plans_of(plan: Plan, races: int, seed: int) -> Iterator[Plan]:
         yield replace(plan, drivers=drivers, serve=(*plan.serve, "--seed", str(seed + number)))
 
 
-def run_series(plan: Plan, races: int, seed: int, run: Callable[[Plan, int], Document]) -> Document:
+def run_series(
+    plan: RaceSpec, races: int, seed: int, run: Callable[[RaceSpec, int], Document]
+) -> Document:
     """Run the races and return their documents, with the ratings of all drivers.
 
     run: runs one race; it is told its plan and its number from 0.

@@ -2,7 +2,7 @@
 
 A scripted driver is one function of numbers. Training runs it compiled, for hundreds of karts in
 one call; a driver's own process runs the same function as plain Python and never waits for a
-compiler. `Autopilot` is what makes a `Driver` of it.
+compiler. `KernelDriver` is what makes a `Driver` of it.
 """
 
 from collections.abc import Callable, Sequence
@@ -76,7 +76,7 @@ class _Figures:
     control: Any
 
 
-class Autopilot:
+class KernelDriver:
     """A driver whose thinking is a kernel.
 
     decide: fills `control` (4,) steering, throttle, brake, buttons from `seen` (size,), where

@@ -89,7 +89,7 @@ class Trust(IntEnum):
     OUT = 4  # and for good
 
 
-class Doubt(IntEnum):
+class PoseFault(IntEnum):
     """Why a pose is not believed."""
 
     NONE = 0

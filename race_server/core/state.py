@@ -151,7 +151,7 @@ class Atlas(NamedTuple):
     spots: Floats  # (I, 2) x, y
 
 
-class Sight(NamedTuple):
+class SensorData(NamedTuple):
     """What the sensors of all karts gave last. Derived from the world: not part of its digest."""
 
     lidar: Float32s  # (W, K, 2, R) [m] newest scan, scan before
@@ -174,7 +174,7 @@ class World(NamedTuple):
     event_counts: Ints  # (W,) events since they were last taken
     items: Records  # (N,) ITEM; number 0 is no item
     sensors: Records  # (1,) SENSORS
-    sight: Sight
+    sight: SensorData
     atlas: Atlas
 
 
@@ -184,7 +184,7 @@ def empty_world(
     boxes: int,
     items: Records,
     sensors: Records,
-    sight: Sight,
+    sight: SensorData,
     atlas: Atlas,
 ) -> World:
     """Return a world in which nothing is placed yet."""

@@ -7,15 +7,20 @@ replay all call it. It is one compiled call for any number of worlds and ticks.
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.stages.contacts import move_karts, note_company, touch_karts, touch_walls
+from race_server.core.stages.contacts import (
+    find_contact_pairs,
+    move_karts,
+    touch_karts,
+    touch_walls,
+)
 from race_server.core.stages.controls import apply_effects, take_controls, use_items
 from race_server.core.stages.events import report, retire
-from race_server.core.stages.pick_ups import play
+from race_server.core.stages.pick_ups import pick_up_items
 from race_server.core.stages.placement import place
 from race_server.core.stages.progress import follow_course
-from race_server.core.stages.sensing import look
+from race_server.core.stages.sensing import sense
 from race_server.core.stages.standings import close_race, rank
-from race_server.core.stages.stewarding import watch
+from race_server.core.stages.stewarding import steward
 from race_server.core.state import Floats, World
 
 # After a red flag the karts are held for so long before they race on.
@@ -42,18 +47,18 @@ def step(world: World, w: int) -> None:
         report(world, w, codes.EVENT_GREEN, -1, -1, 0)
     apply_effects(world, w)
     use_items(world, w)
-    note_company(world, w)
+    find_contact_pairs(world, w)
     for _ in range(SUBSTEPS):
         move_karts(world, w)
         touch_karts(world, w)
         touch_walls(world, w)
     follow_course(world, w)
-    watch(world, w)
-    play(world, w)
+    steward(world, w)
+    pick_up_items(world, w)
     rank(world, w)
     close_race(world, w)
     race.tick += 1
-    look(world, w)
+    sense(world, w)
 
 
 @kernel

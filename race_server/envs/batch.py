@@ -37,9 +37,9 @@ from race_server.envs.buffers import (
     RESET_WORLD,
     ROUND,
     SETTINGS,
-    Rig,
+    Buffers,
     Templates,
-    part_of_rig,
+    part_of_buffers,
 )
 from race_server.envs.decide import decide, restart
 from race_server.envs.opponents import advised, opponents_of
@@ -182,7 +182,7 @@ class Batch:
             sensors[: self.learners] = [s | codes.LIDAR for s in sensors[: self.learners]]
         return tuple(sensors)
 
-    def _make_rig(self, worlds: int, after: int, scenarios: int, rays: int) -> Rig:
+    def _make_rig(self, worlds: int, after: int, scenarios: int, rays: int) -> Buffers:
         task, karts, learners, size = self.task, self.karts, self.learners, self.layout.size
         gap = task.gap.ranges()
         kind = action_kind(task.action)
@@ -203,7 +203,7 @@ class Batch:
         # A ring needs room for the newest and for the oldest that a draw can ask for.
         rings = [int(row[1]) + 1 if row[1] > 0 else 0 for row in gap[:2]]
         shape = (worlds, learners)
-        return Rig(
+        return Buffers(
             settings=settings.view(np.recarray),
             parts=np.array(self.layout.numbers, np.int64),
             opponent_parts=parts,
@@ -233,15 +233,15 @@ class Batch:
             memory=np.zeros((worlds, karts, memory_size(rays))),
         )
 
-    def _cut(self, parts: int) -> list[tuple[World, Rig]]:
+    def _cut(self, parts: int) -> list[tuple[World, Buffers]]:
         """Return the worlds in so many parts of nearly equal size, as views."""
         edges = np.linspace(0, self.worlds, parts + 1).astype(int)
         return [
-            (part_of(self.world, first, last), part_of_rig(self.rig, first, last))
+            (part_of(self.world, first, last), part_of_buffers(self.rig, first, last))
             for first, last in pairwise(edges)
         ]
 
-    def _bind(self, world: World, rig: Rig) -> None:
+    def _bind(self, world: World, rig: Buffers) -> None:
         """Get the calls of one part of the worlds ready: the scripted drivers', then the rest."""
         self._restarts.append(bind(restart, world, rig, self._templates))
         calls = [

@@ -86,7 +86,7 @@ class Templates(NamedTuple):
     start_counts: Ints  # (S,)
 
 
-class Rig(NamedTuple):
+class Buffers(NamedTuple):
     """All that a decision of a batch reads and writes besides the world."""
 
     settings: Records  # (1,) SETTINGS
@@ -121,12 +121,12 @@ class Rig(NamedTuple):
 # Fields with a leading world axis.
 _BY_WORLD = tuple(
     name
-    for name in Rig._fields
+    for name in Buffers._fields
     if name not in {"settings", "parts", "opponent_parts", "weights", "odds", "gap", "table"}
 )
 
 
-def part_of_rig(rig: Rig, first: int, last: int) -> Rig:
+def part_of_buffers(rig: Buffers, first: int, last: int) -> Buffers:
     """Return the rig of worlds `first` to `last` (not included) as a view."""
     cuts: dict[str, Any] = {name: getattr(rig, name)[first:last] for name in _BY_WORLD}
     return rig._replace(**cuts)

@@ -8,21 +8,21 @@ from race_server.core.stages.observe import observe
 from race_server.core.state import World
 from race_server.core.step import step
 from race_server.envs.actions import read_action
-from race_server.envs.buffers import REENTER, RESET_WORLD, Rig, Templates
-from race_server.envs.reality_gap import ACTION_DELAY, wear
-from race_server.envs.reset import begin_round, hand_out, reenter
-from race_server.envs.reward_terms import judge, remember
+from race_server.envs.buffers import REENTER, RESET_WORLD, Buffers, Templates
+from race_server.envs.reality_gap import ACTION_DELAY, apply_lag_and_backlash
+from race_server.envs.reset import begin_round, reenter, write_observation
+from race_server.envs.reward_terms import reward_terms, snapshot_counters
 
 
 @kernel
-def decide(world: World, rig: Rig, templates: Templates) -> None:
+def decide(world: World, rig: Buffers, templates: Templates) -> None:
     """Move every world on by one decision: actions in, observations, rewards and ends out."""
     settings = rig.settings[0]
     for w in range(world.karts.shape[0]):
         world.event_counts[w] = 0
         for k in range(rig.rewards.shape[1]):
             _command(world, rig, w, k)
-        remember(world, rig, w)
+        snapshot_counters(world, rig, w)
         take_controls(world, w, rig.controls[w])
         for _ in range(settings.decision_ticks):
             step(world, w)
@@ -30,20 +30,20 @@ def decide(world: World, rig: Rig, templates: Templates) -> None:
         for k in range(rig.rewards.shape[1]):
             _conclude(world, rig, w, k)
         _begin_anew(world, rig, templates, w)
-        show(world, rig, w)
+        write_all_observations(world, rig, w)
 
 
 @kernel
-def restart(world: World, rig: Rig, templates: Templates) -> None:
+def restart(world: World, rig: Buffers, templates: Templates) -> None:
     """Begin a new round in every world."""
     for w in range(world.karts.shape[0]):
         world.event_counts[w] = 0
         begin_round(world, rig, templates, w)
-        show(world, rig, w)
+        write_all_observations(world, rig, w)
 
 
 @kernel
-def _command(world: World, rig: Rig, w: int, k: int) -> None:
+def _command(world: World, rig: Buffers, w: int, k: int) -> None:
     """Turn one kart's action into a control: delayed, late and loose as its reality gap says."""
     settings, control = rig.settings[0], rig.controls[w, k]
     memory, draws = rig.commanded[w, k], rig.draws[w, k]
@@ -59,27 +59,27 @@ def _command(world: World, rig: Rig, w: int, k: int) -> None:
             # Before the first action arrives nothing is commanded.
             late = rig.delayed[w, k, (steps - age) % depth, index] if age <= steps else 0.0
             control[index] = late
-    wear(draws, memory, settings.decision_ticks * TICK_S, control)
+    apply_lag_and_backlash(draws, memory, settings.decision_ticks * TICK_S, control)
 
 
 @kernel
-def _conclude(world: World, rig: Rig, w: int, k: int) -> None:
+def _conclude(world: World, rig: Buffers, w: int, k: int) -> None:
     rig.terminated[w, k] = 0
     rig.truncated[w, k] = 0
     rig.rewards[w, k] = 0.0
     if rig.idle[w, k]:
         return
-    judge(world, rig, w, k)
+    reward_terms(world, rig, w, k)
     if rig.terminated[w, k] or rig.truncated[w, k]:
         rig.idle[w, k] = 1
         rig.ended[w, k] = rig.episodes[w, k]
-        hand_out(world, rig, w, k)
+        write_observation(world, rig, w, k)
         for index in range(rig.terminal.shape[2]):
             rig.terminal[w, k, index] = rig.observations[w, k, index]
 
 
 @kernel
-def _begin_anew(world: World, rig: Rig, templates: Templates, w: int) -> None:
+def _begin_anew(world: World, rig: Buffers, templates: Templates, w: int) -> None:
     """Reset what is over, as the settings want it."""
     after = rig.settings[0].after
     if after == RESET_WORLD:
@@ -101,12 +101,12 @@ def _begin_anew(world: World, rig: Rig, templates: Templates, w: int) -> None:
 
 
 @kernel
-def show(world: World, rig: Rig, w: int) -> None:
+def write_all_observations(world: World, rig: Buffers, w: int) -> None:
     """Fill the observations of the learning karts and of the scripted drivers."""
     learners = rig.rewards.shape[1]
     for k in range(learners):
         if rig.idle[w, k] == 0:
-            hand_out(world, rig, w, k)
+            write_observation(world, rig, w, k)
     for k in range(world.karts.shape[1]):
         # A learning kart has a scripted driver, too, where actions are advice to one.
         if rig.opponent_parts[k, 0] >= 0:
@@ -114,7 +114,7 @@ def show(world: World, rig: Rig, w: int) -> None:
 
 
 @large_kernel
-def _show_opponent(world: World, rig: Rig, w: int, k: int) -> None:
+def _show_opponent(world: World, rig: Buffers, w: int, k: int) -> None:
     observe(world, w, k, rig.opponent_parts[k], rig.row[w])
     for index in range(rig.row.shape[1]):
         rig.views[w, k, index] = float(rig.row[w, index])

@@ -76,7 +76,7 @@ def draw_gap(
 
 
 @kernel
-def wear(draws: Floats, memory: Floats, step_s: float, control: Floats) -> None:
+def apply_lag_and_backlash(draws: Floats, memory: Floats, step_s: float, control: Floats) -> None:
     """Let lag and play have their part of what was commanded."""
     if draws[LAG] > 0.0:
         share = 1.0 - math.exp(-step_s / draws[LAG])

@@ -14,10 +14,10 @@ from race_server.core.kernels.rng import (
 from race_server.core.rules.laps import microseconds
 from race_server.core.stages.grid import line_up, place_kart
 from race_server.core.stages.observe import observe
-from race_server.core.stages.sensing import look_for_the_first_time
+from race_server.core.stages.sensing import sense_first
 from race_server.core.stages.standings import rank
 from race_server.core.state import HAZARDS, World
-from race_server.envs.buffers import Rig, Templates
+from race_server.envs.buffers import Buffers, Templates
 from race_server.envs.reality_gap import OBSERVATION_DELAY, draw_gap
 
 # So often a random start is drawn again where another kart stands, before it is taken anyway.
@@ -26,7 +26,7 @@ SEED_SHIFT = 1  # a seed of 63 bits is never negative
 
 
 @large_kernel
-def begin_round(world: World, rig: Rig, templates: Templates, w: int) -> None:
+def begin_round(world: World, rig: Buffers, templates: Templates, w: int) -> None:
     """Draw a scenario for one world and put every kart at its start."""
     turn = rig.rounds[w]
     turn.number += 1
@@ -58,7 +58,7 @@ def begin_round(world: World, rig: Rig, templates: Templates, w: int) -> None:
 
 
 @kernel
-def _forget(rig: Rig, w: int, k: int) -> None:
+def _forget(rig: Buffers, w: int, k: int) -> None:
     """Let what a scripted driver remembers, and what it commanded last, be nothing."""
     for number in range(rig.memory.shape[2]):
         rig.memory[w, k, number] = 0.0
@@ -72,7 +72,7 @@ def _fresh_seed(seed: int, number: int) -> int:
 
 
 @kernel
-def _draw_scenario(rig: Rig, seed: int, number: int) -> int:
+def _draw_scenario(rig: Buffers, seed: int, number: int) -> int:
     chance = uniform(seed, SCENARIO_STREAM, number, 0)
     for scenario in range(len(rig.odds) - 1):
         if chance < rig.odds[scenario]:
@@ -95,7 +95,9 @@ def _shuffle_grid(world: World, w: int) -> None:
 
 
 @kernel
-def _find_start(world: World, rig: Rig, templates: Templates, w: int, k: int, stream: int) -> None:
+def _find_start(
+    world: World, rig: Buffers, templates: Templates, w: int, k: int, stream: int
+) -> None:
     """Put a kart at a random place of the scenario's table, clear of those placed before."""
     turn, kart = rig.rounds[w], world.karts[w, k]
     scenario = turn.scenario
@@ -128,7 +130,7 @@ def _is_clear(world: World, w: int, k: int, others: int, x: float, y: float) -> 
 
 
 @kernel
-def begin_episode(world: World, rig: Rig, w: int, k: int) -> None:
+def begin_episode(world: World, rig: Buffers, w: int, k: int) -> None:
     """Start the bookkeeping of one learning kart anew and draw its reality gap."""
     number = rig.episodes[w, k].number + 1
     episode = rig.episodes[w, k]
@@ -154,7 +156,7 @@ def begin_episode(world: World, rig: Rig, w: int, k: int) -> None:
 
 
 @large_kernel
-def reenter(world: World, rig: Rig, templates: Templates, w: int, k: int) -> None:
+def reenter(world: World, rig: Buffers, templates: Templates, w: int, k: int) -> None:
     """Let a kart whose episode is over come back as a new one, at a place that is clear."""
     scenario = rig.rounds[w].scenario
     world.karts[w, k] = templates.karts[scenario, k]
@@ -166,13 +168,13 @@ def reenter(world: World, rig: Rig, templates: Templates, w: int, k: int) -> Non
     now_us = max(microseconds(race.tick - race.start_tick, 0.0), 0)
     kart.lap_start_us = kart.sector_start_us = now_us
     rank(world, w)
-    look_for_the_first_time(world, w, k)
+    sense_first(world, w, k)
     if k < rig.rewards.shape[1]:
         begin_episode(world, rig, w, k)
 
 
 @large_kernel
-def hand_out(world: World, rig: Rig, w: int, k: int) -> None:
+def write_observation(world: World, rig: Buffers, w: int, k: int) -> None:
     """Put the observation that a learning kart is to have now into `rig.observations`."""
     depth = rig.late.shape[2]
     if depth == 0:

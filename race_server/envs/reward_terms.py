@@ -7,7 +7,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.rules.ranking import is_ahead
 from race_server.core.stages.events import retire
 from race_server.core.state import World
-from race_server.envs.buffers import Rig
+from race_server.envs.buffers import Buffers
 
 # Terms, in the order of `rewards.TERMS`.
 PROGRESS, SPEED, RANGE, CRASH, CONTACT, WALL, WRONG_WAY, OFF_TRACK = range(8)
@@ -21,7 +21,7 @@ LEAD_LENGTHS = 10.0
 
 
 @kernel
-def remember(world: World, rig: Rig, w: int) -> None:
+def snapshot_counters(world: World, rig: Buffers, w: int) -> None:
     """Note the counters of the learning karts before a decision."""
     for k in range(rig.rewards.shape[1]):
         kart, before = world.karts[w, k], rig.before[w, k]
@@ -68,7 +68,7 @@ def nearest_range(world: World, w: int, k: int) -> float:
 
 
 @kernel
-def judge(world: World, rig: Rig, w: int, k: int) -> None:
+def reward_terms(world: World, rig: Buffers, w: int, k: int) -> None:
     """Work out reward terms, reward and end of one learning kart after a decision."""
     settings = rig.settings[0]
     kart, before, terms = world.karts[w, k], rig.before[w, k], rig.terms[w, k]
@@ -105,7 +105,7 @@ def judge(world: World, rig: Rig, w: int, k: int) -> None:
 
 
 @kernel
-def _end(world: World, rig: Rig, w: int, k: int, reward: float) -> None:
+def _end(world: World, rig: Buffers, w: int, k: int, reward: float) -> None:
     kart, settings, episode = world.karts[w, k], rig.settings[0], rig.episodes[w, k]
     episode.total += reward
     episode.steps += 1

@@ -28,18 +28,18 @@ def briefing_for(session: Session, seat: Seat) -> Briefing:
 
 
 @dataclass
-class _Local:
+class _LocalDriver:
     driver: Driver
     sequence: int = 0
 
 
-class Paddock:
+class LocalDrivers:
     """The local drivers of a session, by seat."""
 
     def __init__(self, session: Session) -> None:
         """Begin with none."""
         self._session = session
-        self._locals: dict[int, _Local] = {}
+        self._locals: dict[int, _LocalDriver] = {}
 
     def __contains__(self, seat: object) -> bool:
         return seat in self._locals
@@ -56,7 +56,7 @@ class Paddock:
         self._get_ready(name, driver, taken)
 
     def _get_ready(self, name: str, driver: Driver, taken: Seat) -> None:
-        self._locals[taken.number] = _Local(driver)
+        self._locals[taken.number] = _LocalDriver(driver)
         try:
             driver.reset(briefing_for(self._session, taken))
         except (Exception, SystemExit) as error:

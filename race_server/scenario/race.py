@@ -9,7 +9,7 @@ from race_server.core import codes
 from race_server.core.clock import ticks_of
 from race_server.core.rules.items import item_table
 from race_server.core.stages.grid import line_up
-from race_server.core.state import RADAR_RAYS, Record, Sight, World, empty_world
+from race_server.core.state import RADAR_RAYS, Record, SensorData, World, empty_world
 from race_server.core.vehicles import TT02, Vehicle, vehicle_record
 from race_server.errors import ScenarioError
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
@@ -110,7 +110,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
     # A course is packed once for each reference line that is driven on it.
     lanes = list(dict.fromkeys((scenario.course, scenario.line) for scenario in scenarios))
     worlds = len(scenarios)
-    sight = Sight(
+    sight = SensorData(
         lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
         radar=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
         radar_kinds=np.zeros((worlds, first.karts, RADAR_RAYS), np.uint8),

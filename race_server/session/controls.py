@@ -6,7 +6,13 @@ from race_server.core import codes
 from race_server.core.messages import Control
 from race_server.core.state import Float32s, Floats, World
 from race_server.scenario.race import Scenario
-from race_server.session.failsafe import STOP, Silence, control_under, grace_of, silence_after
+from race_server.session.failsafe import (
+    STOP,
+    FailsafeStage,
+    control_under,
+    failsafe_stage,
+    grace_of,
+)
 from race_server.session.journal_entries import Inputs
 from race_server.session.seats import Seat, Seats
 
@@ -61,10 +67,10 @@ class Controls:
         has_spoken = seat.control_tick >= 0
         overdue = tick - seat.control_tick - self._decision_ticks
         grace = grace_of(speed, self._lengths[seat.number]) if has_spoken else 0
-        silence = silence_after(overdue - grace, is_linked=is_linked)
+        silence = failsafe_stage(overdue - grace, is_linked=is_linked)
         # A kart that slows down unheard must not be given its grace anew, and drive off again.
         seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
-        hangs = is_racing and seat.silence is Silence.STOPPED and has_spoken
+        hangs = is_racing and seat.silence is FailsafeStage.STOPPED and has_spoken
         # Of real karts the fleet knows more.
         if hangs and not seat.is_tracked and seat.away_since < 0:
             seat.away_since = tick  # its link is there, but it answers no more
@@ -75,6 +81,6 @@ def _control_of(seat: Seat, *, is_racing: bool) -> Control:
     # Nobody waits for the answers of a kart that is through: they must not matter.
     if not is_racing:
         return STOP
-    if seat.is_tracked and seat.silence is not Silence.FRESH:
+    if seat.is_tracked and seat.silence is not FailsafeStage.FRESH:
         return STOP  # it moves by its poses: there is nothing to let coast
     return control_under(seat.silence, seat.control)

@@ -9,7 +9,7 @@ from race_server.core.state import World
 RECENT_EVENTS = 256
 
 
-class Chronicle:
+class EventLog:
     """The newest events of a session and all lap times of its race."""
 
     def __init__(self) -> None:

@@ -25,7 +25,7 @@ SLOW_TICKS = ticks_of(0.75)
 STOP = Control(brake=1.0)
 
 
-class Silence(IntEnum):
+class FailsafeStage(IntEnum):
     """How far a kart has got since its driver was last heard."""
 
     FRESH = 0
@@ -40,25 +40,25 @@ def grace_of(speed: float, length: float) -> int:
     return min(max(round(alone) - FRESH_TICKS, 0), SLOW_TICKS)
 
 
-def silence_after(ticks: int, *, is_linked: bool) -> Silence:
+def failsafe_stage(ticks: int, *, is_linked: bool) -> FailsafeStage:
     """Return how far a kart is `ticks` after its driver's last control was due.
 
     is_linked: whether the driver's link is there. Where it has gone nothing can come, so the kart
     brakes at once.
     """
     if ticks > BRAKE_TICKS:
-        return Silence.STOPPED
+        return FailsafeStage.STOPPED
     if ticks > COAST_TICKS or not is_linked:
-        return Silence.BRAKING
-    return Silence.COASTING if ticks > FRESH_TICKS else Silence.FRESH
+        return FailsafeStage.BRAKING
+    return FailsafeStage.COASTING if ticks > FRESH_TICKS else FailsafeStage.FRESH
 
 
-def control_under(silence: Silence, last: Control) -> Control:
+def control_under(silence: FailsafeStage, last: Control) -> Control:
     """Return what acts on a kart in place of its driver's last control."""
-    if silence is Silence.FRESH:
+    if silence is FailsafeStage.FRESH:
         return last
-    if silence is Silence.COASTING:
+    if silence is FailsafeStage.COASTING:
         return Control(steering=last.steering)
-    if silence is Silence.BRAKING:
+    if silence is FailsafeStage.BRAKING:
         return Control(steering=last.steering, brake=BRAKE)
     return STOP

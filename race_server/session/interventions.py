@@ -14,7 +14,7 @@ from race_server.core.state import World
 from race_server.core.step import show_flag, withdraw
 
 
-class ActKind(IntEnum):
+class InterventionKind(IntEnum):
     """What is done; the numbers stand in recordings, so they keep their meaning."""
 
     WITHDRAW = 1  # a kart is out of the race
@@ -26,20 +26,25 @@ class ActKind(IntEnum):
 
 
 # Those that concern one kart.
-ON_KARTS = (ActKind.WITHDRAW, ActKind.PENALTY, ActKind.CLOSE, ActKind.OPEN)
+ON_KARTS = (
+    InterventionKind.WITHDRAW,
+    InterventionKind.PENALTY,
+    InterventionKind.CLOSE,
+    InterventionKind.OPEN,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class Intervention:
     """Something done before a tick."""
 
     tick: int
-    kind: ActKind
+    kind: InterventionKind
     kart: int = -1
     value: float = 0.0
 
 
-def carry_out(world: World, act: Act) -> None:
+def carry_out(world: World, act: Intervention) -> None:
     """Do to the only race of a world what an act does to it."""
     _ACTS[act.kind](world, act.kart, act.value)
 
@@ -60,11 +65,11 @@ def _leave(_world: World, _kart: int, _value: float) -> None:
     """Do nothing: such an act concerns the session, and karts drive no differently."""
 
 
-_ACTS: dict[ActKind, Callable[[World, int, float], None]] = {
-    ActKind.WITHDRAW: _withdraw,
-    ActKind.FLAG: _show_flag,
-    ActKind.PENALTY: _penalise,
-    ActKind.CLOSE: _leave,
-    ActKind.OPEN: _leave,
-    ActKind.CLOCK: _leave,
+_ACTS: dict[InterventionKind, Callable[[World, int, float], None]] = {
+    InterventionKind.WITHDRAW: _withdraw,
+    InterventionKind.FLAG: _show_flag,
+    InterventionKind.PENALTY: _penalise,
+    InterventionKind.CLOSE: _leave,
+    InterventionKind.OPEN: _leave,
+    InterventionKind.CLOCK: _leave,
 }

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from race_server.core.state import Float32s, Ints
-from race_server.session.interventions import Act
+from race_server.session.interventions import Intervention
 from race_server.session.replay_guard import Granted
 from race_server.session.tracked.karts import Placements
 
@@ -19,4 +19,4 @@ class Inputs:
 
 
 # What acts on a race, in the order in which it does.
-Entry = Inputs | Placements | Act | Granted
+Entry = Inputs | Placements | Intervention | Granted

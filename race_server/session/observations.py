@@ -12,7 +12,7 @@ from race_server.session.seats import Seat, Seats
 NOBODY = -1  # in place of a preset
 
 
-class Views:
+class Observations:
     """The observation vectors of all seats, worked out in one call."""
 
     def __init__(self, seats: int, rays: int) -> None:

@@ -19,7 +19,7 @@ class Granted:
 
 
 @dataclass
-class Serials:
+class ReplayGuard:
     """The serial of the last request of each sender."""
 
     last: dict[bytes, int] = field(default_factory=dict)

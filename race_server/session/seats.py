@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from race_server.core.messages import Control
 from race_server.credentials import key_of
 from race_server.errors import SeatError
-from race_server.session.failsafe import AWAY_TICKS, STOP, Silence
-from race_server.session.interventions import Act, ActKind
+from race_server.session.failsafe import AWAY_TICKS, STOP, FailsafeStage
+from race_server.session.interventions import Intervention, InterventionKind
 
 # Why a seat is closed; the place of each is the value of the act that closes it.
 CLOSED_FOR = ("by the steward", "the steward sent its driver away")
@@ -31,7 +31,7 @@ class Seat:
     answered_tick: int = -1  # tick of the observation that it answers
     sequence: int = 0  # of the newest message taken
     away_since: int = -1
-    silence: Silence = Silence.FRESH  # how the driver's silence acts on the kart
+    silence: FailsafeStage = FailsafeStage.FRESH  # how the driver's silence acts on the kart
 
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""
@@ -56,7 +56,7 @@ class Seat:
     def line_up(self) -> None:
         """Forget what was heard in the last race."""
         self.control, self.control_tick, self.answered_tick = STOP, -1, -1
-        self.sequence, self.away_since, self.silence = 0, -1, Silence.FRESH
+        self.sequence, self.away_since, self.silence = 0, -1, FailsafeStage.FRESH
 
     def hear(self, sequence: int, control: Control, tick: int) -> None:
         """Take the newest message of the driver, which arrived before a tick."""
@@ -168,7 +168,9 @@ class Seats:
         """Let a seat be taken again."""
         self.closed.pop(number, None)
 
-    def closings(self, tick: int) -> Iterator[Act]:
+    def closings(self, tick: int) -> Iterator[Intervention]:
         """Yield the acts that close what is closed, as if done before a tick."""
         for number, reason in self.closed.items():
-            yield Act(tick, ActKind.CLOSE, number, float(CLOSED_FOR.index(reason)))
+            yield Intervention(
+                tick, InterventionKind.CLOSE, number, float(CLOSED_FOR.index(reason))
+            )

@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.kernels.jit import bind
-from race_server.core.messages import Button, Control, Doubt, Event, Flag, Phase, Pose, Standing
+from race_server.core.messages import Button, Control, Event, Flag, Phase, Pose, PoseFault, Standing
 from race_server.core.observation import Layout, layout_of
 from race_server.core.stages.standings import rank
 from race_server.core.state import Float32s, Floats, World, digest
@@ -16,16 +16,16 @@ from race_server.credentials import key_of
 from race_server.errors import WireError
 from race_server.scenario.race import Scenario, line_up_race, make_world
 from race_server.session.controls import Controls
-from race_server.session.event_log import Chronicle
+from race_server.session.event_log import EventLog
 from race_server.session.failsafe import STOP
-from race_server.session.interventions import Act, ActKind, carry_out
+from race_server.session.interventions import Intervention, InterventionKind, carry_out
 from race_server.session.journal_entries import Entry, Inputs
-from race_server.session.observations import Views, fitted_for
-from race_server.session.replay_guard import Granted, Serials
+from race_server.session.observations import Observations, fitted_for
+from race_server.session.replay_guard import Granted, ReplayGuard
 from race_server.session.seating import Newcomer, free_seat, held_seat
 from race_server.session.seats import Seat, Seats
 from race_server.session.standings import table_of
-from race_server.session.tracked.karts import Fleet, Placements
+from race_server.session.tracked.karts import Placements, TrackedKarts
 
 
 @dataclass
@@ -41,20 +41,20 @@ class Session:
     is_paused: bool = False  # the clock stands
     is_recorded: bool = False
     log: list[Entry] = field(default_factory=list)  # while recorded; who records empties it
-    serials: Serials = field(default_factory=Serials)  # of requests that were granted
-    chronicle: Chronicle = field(default_factory=Chronicle)
+    serials: ReplayGuard = field(default_factory=ReplayGuard)  # of requests that were granted
+    chronicle: EventLog = field(default_factory=EventLog)
     seats: Seats = field(init=False)
     world: World = field(init=False)
-    fleet: Fleet = field(init=False)
+    fleet: TrackedKarts = field(init=False)
 
     def __post_init__(self) -> None:
         """Build the world once; each start puts it back."""
         scenario = self.scenario
         self.seats = Seats(scenario.karts)
         self.world = make_world(scenario)
-        self.fleet = Fleet(scenario.course)
+        self.fleet = TrackedKarts(scenario.course)
         self._controls = Controls(scenario, self.decision_ticks)
-        self._views = Views(scenario.karts, scenario.lidar.rays)
+        self._views = Observations(scenario.karts, scenario.lidar.rays)
         self._advances: dict[int, Callable[[], None]] = {}
 
     # Who drives
@@ -103,7 +103,7 @@ class Session:
         """Free a seat in the lobby; in a race its kart stops and is out."""
         seat = self.seat(number)
         if self.is_on:
-            self.do(ActKind.WITHDRAW, number)
+            self.do(InterventionKind.WITHDRAW, number)
             seat.is_present = False
             seat.control = STOP
         else:
@@ -209,7 +209,7 @@ class Session:
         arrived_us: int,
         acknowledged: int = 0,
         buttons: Button = Button.NONE,
-    ) -> Doubt:
+    ) -> PoseFault:
         """Take a pose of a real kart and return what speaks against it.
 
         Raises:
@@ -269,7 +269,7 @@ class Session:
         tick, statuses = self.tick, self.world.karts["status"][0]
         for seat in self.seats.taken():
             if seat.is_gone(tick) and statuses[seat.number] == codes.RACING:
-                self.do(ActKind.WITHDRAW, seat.number)
+                self.do(InterventionKind.WITHDRAW, seat.number)
                 seat.away_since = -1
         if inputs := self._controls.load(self.seats, self.world):
             self._log(inputs)
@@ -291,7 +291,7 @@ class Session:
 
     def show_flag(self, flag: Flag) -> None:
         """Show a flag to all karts."""
-        self.do(ActKind.FLAG, value=float(flag))
+        self.do(InterventionKind.FLAG, value=float(flag))
 
     def penalise(self, number: int, seconds: float) -> None:
         """Add a penalty to the race time of a seat.
@@ -299,49 +299,49 @@ class Session:
         Raises:
             SeatError: nobody sits there.
         """
-        self.do(ActKind.PENALTY, self.seat(number).number, seconds)
+        self.do(InterventionKind.PENALTY, self.seat(number).number, seconds)
 
     def penalise_late(self, number: int, seconds: float) -> list[Event]:
         """Add a penalty to a race that is over, rank its karts anew, return what happened.
 
         The recording of the race is closed, so this act is in none.
         """
-        carry_out(self.world, Act(self.tick, ActKind.PENALTY, number, seconds))
+        carry_out(self.world, Intervention(self.tick, InterventionKind.PENALTY, number, seconds))
         rank(self.world, 0)
         return self.chronicle.take(self.world)
 
     def close(self, number: int) -> None:
         """Let nobody take a seat; who has it keeps it."""
         self.seats.check(number)
-        self.do(ActKind.CLOSE, number, 0.0)
+        self.do(InterventionKind.CLOSE, number, 0.0)
 
     def unclose(self, number: int) -> None:
         """Let a seat be taken again."""
         self.seats.check(number)
-        self.do(ActKind.OPEN, number)
+        self.do(InterventionKind.OPEN, number)
 
     def kick(self, number: int) -> None:
         """Take a seat from its driver, who may not come back."""
-        self.do(ActKind.CLOSE, self.seat(number).number, 1.0)
+        self.do(InterventionKind.CLOSE, self.seat(number).number, 1.0)
         self.leave(number)
 
     def stand_still(self, *, stands: bool) -> None:
         """Stop the clock of the race, or let it go on; whoever lets time pass obeys."""
-        self.do(ActKind.CLOCK, value=float(stands))
+        self.do(InterventionKind.CLOCK, value=float(stands))
 
-    def do(self, kind: ActKind, kart: int = -1, value: float = 0.0) -> None:
+    def do(self, kind: InterventionKind, kart: int = -1, value: float = 0.0) -> None:
         """Do something to the race from outside, and log it."""
-        act = Act(self.tick, kind, kart, value)
+        act = Intervention(self.tick, kind, kart, value)
         self._log(act)
         self._carry_out(act)
 
-    def _carry_out(self, act: Act) -> None:
+    def _carry_out(self, act: Intervention) -> None:
         carry_out(self.world, act)
-        if act.kind is ActKind.CLOSE:
+        if act.kind is InterventionKind.CLOSE:
             self.seats.close(act.kart, sent_away=bool(act.value))
-        elif act.kind is ActKind.OPEN:
+        elif act.kind is InterventionKind.OPEN:
             self.seats.unclose(act.kart)
-        elif act.kind is ActKind.CLOCK:
+        elif act.kind is InterventionKind.CLOCK:
             self.is_paused = bool(act.value)
 
     # What a recording holds
@@ -364,7 +364,7 @@ class Session:
         elif isinstance(entry, Placements):
             place_karts(self.world, 0, entry.rows)
             self.fleet.recall(entry)
-        elif isinstance(entry, Act):
+        elif isinstance(entry, Intervention):
             self._carry_out(entry)
         else:
             self.serials.note(entry.key, entry.serial)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from race_agents.training import curve
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.callback import CURVE
-from race_agents.training.curriculum import Stages
+from race_agents.training.curriculum import Curriculum
 from race_agents.training.learner import world_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
@@ -29,10 +29,10 @@ def episode(*, laps: int = 1, crashes: int = 0, steps: int = 10) -> dict[str, An
     return {"l": steps, "laps": laps, "crashes": crashes}
 
 
-def begun(wanted: Settings) -> tuple[Stages, Pace]:
+def begun(wanted: Settings) -> tuple[Curriculum, Budget]:
     """Return a curriculum that has told of its first stage."""
-    pace = Pace.of(wanted)
-    stages = Stages(wanted, pace)
+    pace = Budget.of(wanted)
+    stages = Curriculum(wanted, pace)
     assert stages(0, []) == [1.0, 0.0]
     return stages, pace
 
@@ -70,7 +70,7 @@ def test_an_episode_that_began_before_the_stage_does_not_count() -> None:
 def test_a_curriculum_goes_on_where_it_was() -> None:
     stages, _ = begun(settings())
     stages(20, [episode(), episode(crashes=1), episode(crashes=1)])
-    again = Stages(settings(), Pace.of(settings()))
+    again = Curriculum(settings(), Budget.of(settings()))
     again.take_up(stages.state())
     assert again(0, []) == [1.0, 0.0]
     assert again(20, [episode()]) == [1.0, 1.0]
@@ -80,10 +80,10 @@ def stages_after(steps: int, drive: float, episode_steps: int) -> list[tuple[int
     """Return after each decision which stage runs, and the tracks that sixteen karts are on."""
     first = "tracks = ['oval'], until_success = 0.9, episodes = 24, success_laps = 0"
     wanted = settings(first, "worlds=16", f"episode.steps={episode_steps}", "gap={}")
-    world = world_of(wanted, Pace.of(wanted))
+    world = world_of(wanted, Budget.of(wanted))
     karts: KartVecEnv = world.unwrapped  # type: ignore[assignment]
     stages = karts.curriculum
-    assert isinstance(stages, Stages)
+    assert isinstance(stages, Curriculum)
     world.reset()
     found = []
     for _ in range(steps):
@@ -115,4 +115,4 @@ def test_the_curve_tells_which_stage_ran(trained: Train) -> None:
 
 def test_a_stage_that_names_a_foreign_track_is_refused() -> None:
     with pytest.raises(ScenarioError, match="curriculum: 'moon' is not trained on; choose from"):
-        Stages(settings("tracks = ['moon']"), Pace.of(settings()))
+        Curriculum(settings("tracks = ['moon']"), Budget.of(settings()))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from race_agents.drivers.follow_gap import middle_of_gap
-from race_agents.planning.scan import repair, widen_edges
+from race_agents.planning.scan import fill_dropouts, widen_edges
 from race_server.core.driver import driver_named, driver_names
 from race_server.core.messages import EventKind, Status
 from race_server.errors import DriverError
@@ -65,7 +65,7 @@ def test_the_same_race_gives_the_same_digest_again() -> None:
 
 def repaired(ranges: list[float], reach: float) -> list[float]:
     out = np.zeros(len(ranges))
-    repair(np.array(ranges), 0, len(ranges), reach, out, 0)
+    fill_dropouts(np.array(ranges), 0, len(ranges), reach, out, 0)
     return list(out)
 
 

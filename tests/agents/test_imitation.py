@@ -10,7 +10,7 @@ from stable_baselines3 import PPO
 from typer.testing import CliRunner
 
 from race_agents.planning.latency import LATENCY
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.demonstrations import (
     Demonstrations,
     pairs_for,
@@ -24,7 +24,7 @@ from race_agents.training.run import train
 from race_agents.training.schedule import Schedule
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
-from race_agents.training.supervised import Lessons, Memory, loss_of
+from race_agents.training.supervised import Memory, SupervisedSteps, loss_of
 from race_agents.training.teacher import actions_of, controls_of
 from race_server.cli.main import app
 from race_server.core.kernel_driver import SHIFT
@@ -256,9 +256,9 @@ def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate
 
 def test_deviations_for_another_number_of_actions_are_refused_before_anybody_learns() -> None:
     wanted = settings("warm_start.log_std=[-2.0, -3.0]")
-    world = world_of(wanted, Pace.of(wanted))
+    world = world_of(wanted, Budget.of(wanted))
     with pytest.raises(ScenarioError, match="the action has 3 numbers; give as many"):
-        learner_of(wanted, world, Pace.of(wanted), None)
+        learner_of(wanted, world, Budget.of(wanted), None)
     world.close()
 
 
@@ -266,7 +266,7 @@ def test_inputs_are_stretched_apart_and_no_answer_changes() -> None:
     wanted = settings("warm_start.floor=1e-4")
     _, world, learner = untrained(wanted)
     ones = np.ones(3, np.float32)
-    lessons = Lessons(wanted.warm_start, learner, world, ones, 0.5 * ones)
+    lessons = SupervisedSteps(wanted.warm_start, learner, world, ones, 0.5 * ones)
     seen = np.random.default_rng(0).normal(1.0, 0.3, (500, 44)).astype(np.float32)
     seen[:, 1] = seen[:, 0] + 0.5 * seen[:, 2]
     before, rows = lessons.answer(seen), world.normalize_obs(seen)
@@ -296,7 +296,7 @@ def test_a_careful_learner_takes_the_lower_of_answers_that_fit_alike() -> None:
     wanted = settings("warm_start={teacher = 'raceline', loss = 'absolute', learning_rate = 1e-2}")
     _, world, learner = untrained(wanted)
     quantiles = np.array([0.25, 0.5, 0.5], np.float32)
-    lessons = Lessons(wanted.warm_start, learner, world, np.ones(3, np.float32), quantiles)
+    lessons = SupervisedSteps(wanted.warm_start, learner, world, np.ones(3, np.float32), quantiles)
     labels = np.zeros((5, 3), np.float32)
     labels[:, 0] = labels[:, 1] = -0.8, -0.4, 0.0, 0.4, 0.8
     seen = np.ones((5, 44), np.float32)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import VecNormalize
 
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import companions_in, load_checkpoint, save_checkpoint
 from race_agents.training.curiosity import Curious
 from race_agents.training.demonstrations import write_demonstrations
@@ -15,7 +15,7 @@ from race_agents.training.demonstrator import demonstrate
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.gail import Discriminator
 from race_agents.training.learner import learner_of, world_of
-from race_agents.training.reward_wrapper import Rewarded, numbers_of, width_of
+from race_agents.training.reward_wrapper import RewardWrapper, numbers_of, width_of
 from race_agents.training.settings import Curiosity, Settings
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
@@ -111,7 +111,7 @@ def test_a_policy_comes_nearer_to_an_expert_without_the_race_s_reward(laps: Path
 
 def test_judges_go_on_where_a_checkpoint_left_them(laps: Path, tmp_path: Path) -> None:
     wanted = settings(f"gail.demonstrations={laps}", "curiosity.bonus=0.1", "steps=2048")
-    path, pace = tmp_path / "it.pt", Pace.of(wanted)
+    path, pace = tmp_path / "it.pt", Budget.of(wanted)
     world = world_of(wanted, pace)
     learner = learner_of(wanted, world, pace, None)
     learner.learn(wanted.steps)
@@ -139,7 +139,7 @@ def test_judges_go_on_where_a_checkpoint_left_them(laps: Path, tmp_path: Path) -
 
 def test_a_judge_that_a_checkpoint_does_not_know_begins_anew(tmp_path: Path) -> None:
     plain, curious = settings(), settings("curiosity.bonus=0.1")
-    path, pace = tmp_path / "it.pt", Pace.of(plain)
+    path, pace = tmp_path / "it.pt", Budget.of(plain)
     world = world_of(plain, pace)
     save_checkpoint(path, learner_of(plain, world, pace, None), world, pace, score=3.0)
     wider = world_of(curious, pace)
@@ -165,7 +165,7 @@ def test_a_judge_sees_where_an_episode_ended_and_not_where_the_next_began() -> N
             self.jumps.append(0.0)
 
     karts = KartVecEnv(training_task(settings("episode.steps=20")), worlds=4)
-    world = Rewarded(karts, Notes(), own_share=0.0, decisions=8)
+    world = RewardWrapper(karts, Notes(), own_share=0.0, decisions=8)
     world.reset()
     for _ in range(40):
         _, rewards, _, _ = world.step(np.tile(np.float32([1.0, 0.0, 0.0]), (4, 1)))

@@ -12,8 +12,8 @@ from race_agents.planning.tracking import tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.competition.time_trial.gaps import Gap
-from race_server.competition.time_trial.run import drive_cell
-from race_server.competition.time_trial.run_spec import Cell
+from race_server.competition.time_trial.run import drive_run
+from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernel_driver import memory_size
 from race_server.core.messages import Status
 from race_server.core.observation import PART_NUMBERS
@@ -80,16 +80,16 @@ def test_what_stands_on_the_track_is_passed_without_a_touch(name: str) -> None:
 
 @pytest.mark.parametrize("delay", [1, 2])
 def test_answers_that_act_late_cost_no_time(delay: int) -> None:
-    cell = Cell("raceline", "covapsy-test-2023", gap=Gap("late", delay=delay), laps=1)
-    (lap,) = drive_cell(cell).laps
+    cell = RunSpec("raceline", "covapsy-test-2023", gap=Gap("late", delay=delay), laps=1)
+    (lap,) = drive_run(cell).laps
     limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
     assert lap.is_clean
     assert lap.time_s < 1.05 * limit
 
 
 def test_a_car_on_tyres_that_hardly_slip_touches_nothing_either() -> None:
-    cell = Cell("raceline", "covapsy-test-2023", vehicle="tt02-facts", laps=1)
-    (lap,) = drive_cell(cell).laps
+    cell = RunSpec("raceline", "covapsy-test-2023", vehicle="tt02-facts", laps=1)
+    (lap,) = drive_run(cell).laps
     assert lap.is_clean
 
 

@@ -9,7 +9,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from race_agents.onboard import ekf
 from race_agents.onboard.control_unit import UNSEEN_S, ControlUnit, Fence, Fix, Readings
-from race_agents.onboard.ekf import Fusion, antenna_at, antenna_jacobian, drive_on, jacobian_of
+from race_agents.onboard.ekf import KartFilter, antenna_at, antenna_jacobian, drive_on, jacobian_of
 from race_agents.onboard.safety import (
     Cause,
     Echoes,
@@ -78,7 +78,7 @@ def simulated(
 
 
 def test_the_filter_is_that_of_filterpy() -> None:
-    ours = Fusion(1.0, 2.0, 0.2, lever=LEVER)
+    ours = KartFilter(1.0, 2.0, 0.2, lever=LEVER)
     ours.state[3] = 5.0
     theirs = ExtendedKalmanFilter(dim_x=7, dim_z=2)
     theirs.x, theirs.P = ours.state.copy(), ours.covariance.copy()
@@ -134,7 +134,7 @@ def test_the_jacobian_does_not_jump_where_bends_become_straight() -> None:
 
 def test_the_filter_knows_the_place_better_than_the_fixes_and_finds_the_bias() -> None:
     rows = simulated(40.0)
-    filtered = Fusion(1.0, 2.0, 0.2, lever=LEVER)  # at rest, as it believes
+    filtered = KartFilter(1.0, 2.0, 0.2, lever=LEVER)  # at rest, as it believes
     errors = []
     for truth, speed, rate, fix in rows:
         filtered.predict(0.02)
@@ -148,7 +148,7 @@ def test_the_filter_knows_the_place_better_than_the_fixes_and_finds_the_bias() -
 
 
 def test_a_fix_ten_metres_off_is_refused_and_a_row_of_them_is_believed_in_the_end() -> None:
-    filtered = Fusion(0.0, 0.0, 0.0, lever=0.0)
+    filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0)
     for _ in range(50):
         filtered.predict(0.1)
         filtered.see_speed(0.0, 0.05)
@@ -160,12 +160,14 @@ def test_a_fix_ten_metres_off_is_refused_and_a_row_of_them_is_believed_in_the_en
     assert filtered.state[0] == pytest.approx(10.0, abs=0.3)
 
 
-def driven(*, until_s: float, push: float, blow: float) -> tuple[Fusion, list[float], list[bool]]:
+def driven(
+    *, until_s: float, push: float, blow: float
+) -> tuple[KartFilter, list[float], list[bool]]:
     """Drive east at 8 m/s; two seconds on the kart is pushed `push` m to the left within 0.1 s.
 
     Returns the filter, how far it was off each 0.02 s since, and which fixes it believed.
     """
-    filtered, chance = Fusion(0.0, 0.0, 0.0, lever=LEVER), np.random.default_rng(2)
+    filtered, chance = KartFilter(0.0, 0.0, 0.0, lever=LEVER), np.random.default_rng(2)
     errors, believed = [], []
     for turn in range(1, round(50 * until_s)):
         time_s = turn * 0.02
@@ -228,7 +230,7 @@ def test_a_spin_does_not_lose_the_place() -> None:
 
 
 def test_the_heading_is_wrapped_where_it_turns_over() -> None:
-    filtered = Fusion(0.0, 0.0, 3.1, lever=0.0)
+    filtered = KartFilter(0.0, 0.0, 3.1, lever=0.0)
     filtered.state[4] = 1.0
     filtered.predict(0.1)
     assert filtered.state[2] == pytest.approx(3.2 - 2.0 * math.pi)

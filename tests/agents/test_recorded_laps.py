@@ -15,7 +15,7 @@ from race_agents.training.settings_toml import read_settings
 from race_server.cli.main import app
 from race_server.competition.launch import free_address
 from race_server.competition.time_trial.run import Attempt
-from race_server.competition.time_trial.run_spec import Cell, scenario_of
+from race_server.competition.time_trial.run_spec import RunSpec, scenario_of
 from race_server.core.driver import driver_named
 from race_server.errors import RecordingError
 from race_server.live.server import LOCKSTEP, RaceServer
@@ -30,7 +30,7 @@ from race_server.storage.recording.reader import read_recording
 
 pytestmark = pytest.mark.net
 
-CELL = Cell("follow_gap", "oval", seed=1, laps=1)
+CELL = RunSpec("follow_gap", "oval", seed=1, laps=1)
 
 
 def record(scenario: Scenario, folder: Path) -> Path:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_agents.training.budget import Pace
+from race_agents.training.budget import Budget
 from race_agents.training.run import train
 from race_agents.training.settings_toml import as_toml, preset_names, read_settings
 from race_agents.training.tasks import training_task
@@ -99,10 +99,10 @@ def test_a_reversed_course_is_found_by_its_name() -> None:
 
 
 def test_the_share_of_a_training_goes_by_what_it_is_measured_in() -> None:
-    assert Pace(None, 1000, done=250).share == 0.25
-    assert Pace(2.0, None, spent_s=60.0).share == pytest.approx(0.5)
-    assert Pace(None, 1000, done=750).share_since(0.5) == 0.5
-    assert Pace(None, 1000, done=250).share_since(0.5) == 0.0
+    assert Budget(None, 1000, done=250).share == 0.25
+    assert Budget(2.0, None, spent_s=60.0).share == pytest.approx(0.5)
+    assert Budget(None, 1000, done=750).share_since(0.5) == 0.5
+    assert Budget(None, 1000, done=250).share_since(0.5) == 0.0
 
 
 def test_a_view_shows_logarithms_and_fills_in_what_did_not_come_back() -> None:

@@ -20,7 +20,7 @@ from race_agents.training import curve, folder
 from race_agents.training.callback import BEST, CURVE, LATEST
 from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
 from race_agents.training.evaluation import Examiner
-from race_agents.training.export import difference, export_policy, nature_from
+from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
 from race_agents.training.run import Outcome, train, warn_of_lidar
 from race_agents.training.settings_toml import read_settings
@@ -116,7 +116,7 @@ def test_sac_with_noise_that_depends_on_the_state_is_exported(tmp_path: Path) ->
     changes = (*QUICK, "worlds=2", "algorithm={name = 'sac', options = {use_sde = true}}")
     settings, path = read_settings("time-trial-ppo", changes), tmp_path / "it.onnx"
     _, world, learner = untrained(settings)
-    export_policy(path, learner, world, nature_from(settings, ("oval",)))
+    export_policy(path, learner, world, metadata_from(settings, ("oval",)))
     seen = np.random.default_rng(1).uniform(0.0, 8.0, (64, 44)).astype(np.float32)
     assert difference(Policy(path), learner, world, seen) <= 1e-5
     world.close()

@@ -10,12 +10,18 @@ from typer.testing import CliRunner
 
 from race_server.cli.main import app
 from race_server.competition.race_day import race as race_module
-from race_server.competition.race_day.day import Plan, check_plan, drives_in, run_day, teams_of
+from race_server.competition.race_day.day import (
+    DayPlan,
+    check_day_plan,
+    drives_in,
+    run_day,
+    teams_of,
+)
 from race_server.competition.race_day.formats import Format, Obstacles, Races, TimeTrial
-from race_server.competition.race_day.picture import check_poster
+from race_server.competition.race_day.picture import check_picture
 from race_server.competition.race_day.race import LocalRace, Team
 from race_server.competition.race_day.report import day_document
-from race_server.competition.race_day.time_limit import OutOfTime, time_limit
+from race_server.competition.race_day.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
@@ -114,11 +120,11 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(race_module, "DECISION_S", 0.3)
 
 
-def plan_of(*drivers: str, form: Format = TINY, seed: int = 1) -> Plan:
-    return Plan(form, teams_of(drivers), {"A": COURSE}, TT02, seed)
+def plan_of(*drivers: str, form: Format = TINY, seed: int = 1) -> DayPlan:
+    return DayPlan(form, teams_of(drivers), {"A": COURSE}, TT02, seed)
 
 
-def run(plan: Plan) -> tuple[dict[str, object], list[str]]:
+def run(plan: DayPlan) -> tuple[dict[str, object], list[str]]:
     """Return the document of a day and what was announced."""
     heard: list[str] = []
     ledger = run_day(plan, None, heard.append)
@@ -199,7 +205,7 @@ def test_the_same_seed_gives_the_same_sheet() -> None:
 
 def test_a_sheet_of_an_unknown_kind_is_refused() -> None:
     with pytest.raises(ScenarioError, match=r"sheet.doc: draw the sheet as .png, .svg, .pdf"):
-        check_poster(Path("sheet.doc"))
+        check_picture(Path("sheet.doc"))
 
 
 def test_every_race_and_lap_of_the_day_is_in_the_results(tmp_path: Path) -> None:
@@ -217,7 +223,7 @@ def test_every_race_and_lap_of_the_day_is_in_the_results(tmp_path: Path) -> None
 def test_a_course_without_room_for_a_race_is_refused_before_anything_runs() -> None:
     plan = plan_of(*["circler"] * 11, form=Format("x", "X", (Races("Race", "A", 1, most=11),)))
     with pytest.raises(ScenarioError, match="ring has 10 places on its grid, race needs 11"):
-        check_plan(plan)
+        check_day_plan(plan)
 
 
 def test_obstacles_of_a_trial_are_the_same_for_all_and_other_with_another_seed() -> None:
@@ -233,7 +239,7 @@ def test_somebody_elses_alarm_goes_on_after_ours() -> None:
     import signal
 
     before = signal.getitimer(signal.ITIMER_REAL)[0]
-    with pytest.raises(OutOfTime), time_limit(0.05):
+    with pytest.raises(TimeLimitExceeded), time_limit(0.05):
         time.sleep(5.0)
     after = signal.getitimer(signal.ITIMER_REAL)[0]
     assert (before > 0.0) == (after > 0.0)

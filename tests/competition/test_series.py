@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from race_server.competition.launch import Plan
+from race_server.competition.launch import RaceSpec
 from race_server.competition.series import plans_of, rated, run_series
 
-PLAN = Plan(serve=("--seed", "1"), drivers=("a", "b", "c"), address="", session="race")
+PLAN = RaceSpec(serve=("--seed", "1"), drivers=("a", "b", "c"), address="", session="race")
 
 
 def document(*drivers: str) -> dict[str, Any]:

@@ -29,19 +29,19 @@ from race_server.competition.time_trial.lap import (
     time_at,
 )
 from race_server.competition.time_trial.limits import limits_of, trace_of_line
-from race_server.competition.time_trial.plan import Plan, prepare
+from race_server.competition.time_trial.plan import TrialPlan, prepare
 from race_server.competition.time_trial.pool import run_cells
-from race_server.competition.time_trial.run import Attempt, Run, Tell, drive_cell, numbers_of
+from race_server.competition.time_trial.run import Attempt, Run, Tell, drive_run, numbers_of
 from race_server.competition.time_trial.run_spec import (
     STANDING,
-    Cell,
-    cells_of,
+    RunSpec,
     on_the_mark,
+    run_specs_of,
     scenario_of,
 )
-from race_server.competition.time_trial.save import Ledger, changes_of
+from race_server.competition.time_trial.save import RunLog, changes_of
 from race_server.competition.time_trial.table import beside_report_b, lap_rows, write_csv
-from race_server.competition.time_trial.time_limit import Stalled, patience
+from race_server.competition.time_trial.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.clock import MICROSECONDS
 from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.messages import Control
@@ -53,14 +53,14 @@ from race_server.session import Session
 from race_server.storage.results.queries import all_laps, best_laps, laps_on, races, trace_of
 from race_server.storage.results.store import Store, Trace
 
-OVAL = Cell("follow_gap", "oval", laps=1)
+OVAL = RunSpec("follow_gap", "oval", laps=1)
 PLACE = ("oval", "tt02")
 
 
 @pytest.fixture(scope="module")
 def driven() -> Run:
     """Return one run of two laps on the oval."""
-    return drive_cell(replace(OVAL, laps=2))
+    return drive_run(replace(OVAL, laps=2))
 
 
 class Faulty:
@@ -81,8 +81,8 @@ class Faulty:
         return self.fault() if self.left < 0 else self.inner.act(observation)
 
 
-def drive_faulty(fault: Callable[[], Control], cell: Cell = OVAL) -> Run:
-    return drive_cell(cell, make=lambda _: Faulty(fault))
+def drive_faulty(fault: Callable[[], Control], cell: RunSpec = OVAL) -> Run:
+    return drive_run(cell, make=lambda _: Faulty(fault))
 
 
 def raise_an_error() -> Control:
@@ -122,7 +122,7 @@ def test_a_trial_runs_the_very_race_that_a_live_session_runs() -> None:
     assert session.digest() == attempt.batch.digest()
 
 
-def briefing_of(scenario: Any, driver: Driver, cell: Cell) -> Briefing:
+def briefing_of(scenario: Any, driver: Driver, cell: RunSpec) -> Briefing:
     return Briefing(
         0,
         scenario.vehicle_of(0),
@@ -137,8 +137,8 @@ def briefing_of(scenario: Any, driver: Driver, cell: Cell) -> Briefing:
 
 def test_the_same_cell_gives_the_same_run_and_another_seed_another(driven: Run) -> None:
     cell = driven.cell
-    assert drive_cell(cell).digest == driven.digest
-    assert drive_cell(replace(cell, seed=2)).digest != driven.digest
+    assert drive_run(cell).digest == driven.digest
+    assert drive_run(replace(cell, seed=2)).digest != driven.digest
 
 
 def test_before_a_flying_start_comes_a_lap_that_does_not_count(driven: Run) -> None:
@@ -148,7 +148,7 @@ def test_before_a_flying_start_comes_a_lap_that_does_not_count(driven: Run) -> N
 
 
 def test_a_standing_start_counts_as_lap_1_but_not_as_a_flying_lap() -> None:
-    run = drive_cell(replace(OVAL, laps=2, start=STANDING))
+    run = drive_run(replace(OVAL, laps=2, start=STANDING))
     first, second = run.laps
     assert not first.is_flying
     assert second.is_flying
@@ -199,7 +199,7 @@ def test_a_driver_cannot_hide_that_it_stalls() -> None:
         except Exception:
             time.sleep(60.0)
 
-    with pytest.raises(Stalled), patience(0.05):
+    with pytest.raises(TimeLimitExceeded), time_limit(0.05):
         swallow()
 
 
@@ -246,7 +246,7 @@ def a_lap(time_s: float, number: int = 1, *, clean: bool = True) -> TrialLap:
 
 
 def a_run(*times: float, gap: Gap = NONE, seed: int = 1, **more: Any) -> Run:
-    cell = Cell("ann", "oval", gap=gap, seed=seed, laps=4)
+    cell = RunSpec("ann", "oval", gap=gap, seed=seed, laps=4)
     laps = tuple(a_lap(time_s, number) for number, time_s in enumerate(times, 1))
     return Run(cell, laps=laps, **more)
 
@@ -316,21 +316,21 @@ def test_an_unknown_gap_or_start_is_named_with_the_known_ones() -> None:
     with pytest.raises(ScenarioError, match="'rain' is unknown; choose from none, noise"):
         gaps_named(["rain"])
     with pytest.raises(ScenarioError, match="choose flying or standing"):
-        cells_of(["ann"], ["oval"], ["tt02"], [NONE], [1], Cell("", "", start="rolling"))
+        run_specs_of(["ann"], ["oval"], ["tt02"], [NONE], [1], RunSpec("", "", start="rolling"))
 
 
 def test_a_delay_makes_another_run_and_the_battery_draws_a_speed(driven: Run) -> None:
-    late = drive_cell(replace(OVAL, gap=GAPS["delay"]))
+    late = drive_run(replace(OVAL, gap=GAPS["delay"]))
     assert late.digest != driven.digest
     assert late.draws["action_delay"] == 1.0
-    weak = drive_cell(replace(OVAL, gap=GAPS["battery"]))
+    weak = drive_run(replace(OVAL, gap=GAPS["battery"]))
     assert 0.9 <= weak.draws["speed_coefficient"] <= 1.1
 
 
 # Side by side
 
 
-def drive_as_named(cell: Cell, tell: Tell) -> Run:
+def drive_as_named(cell: RunSpec, tell: Tell) -> Run:
     """Do what the driver's name says, in a process of the pool."""
     tell(0)
     if cell.driver == "dies":
@@ -346,7 +346,7 @@ def test_a_process_that_dies_or_is_stuck_takes_no_other_run_with_it(
 ) -> None:
     monkeypatch.setattr("race_server.competition.time_trial.pool.SLACK_S", 0.2)
     names = ("dies", "ann", "is_stuck", "bob")
-    cells = [Cell(name, "oval", decision_limit_s=0.2) for name in names]
+    cells = [RunSpec(name, "oval", decision_limit_s=0.2) for name in names]
     remarks = {number: run.remark for number, run in run_cells(cells, 2, drive=drive_as_named)}
     assert remarks[0] == "its process died (exit status 3)"
     assert remarks[2] == "stuck in machine code, its process was ended"
@@ -357,7 +357,7 @@ def test_a_process_that_dies_or_is_stuck_takes_no_other_run_with_it(
 
 
 def keep(path: Path, *runs: Run) -> None:
-    with Ledger(path) as ledger:
+    with RunLog(path) as ledger:
         for run in runs:
             ledger.add(run)
         assert ledger.finish() is None
@@ -387,7 +387,7 @@ def test_a_file_that_is_locked_in_the_middle_loses_no_lap(driven: Run, tmp_path:
     path = tmp_path / "results.sqlite"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("race_server.storage.results.schema.BUSY_S", 0.05)
-        with Ledger(path) as ledger, closing(sqlite3.connect(path)) as other:
+        with RunLog(path) as ledger, closing(sqlite3.connect(path)) as other:
             other.execute("begin immediate")
             ledger.add(driven)
             beside = ledger.finish()
@@ -513,7 +513,7 @@ def test_a_trial_against_an_unknown_ghost_does_not_begin(tmp_path: Path) -> None
     path = tmp_path / "results.sqlite"
     keep(path)
     with pytest.raises(ResultsError, match="none: run a trial first"):
-        prepare(Plan((OVAL,), (NONE,), ghost="best", results=path))
+        prepare(TrialPlan((OVAL,), (NONE,), ghost="best", results=path))
 
 
 def test_the_page_on_time_trials_names_every_figure_and_gap() -> None:

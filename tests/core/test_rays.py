@@ -19,7 +19,7 @@ from race_server.core.kernels.geometry import (
 from race_server.core.kernels.rays import cast_ray
 from race_server.core.kernels.rng import bits, normal_of, uniform
 from race_server.core.kernels.sensors import see_body
-from race_server.core.kernels.wall_scan import sweep_body, sweep_walls
+from race_server.core.kernels.wall_scan import scan_body, scan_walls
 from race_server.scenario.sensors import fan
 from race_server.scenario.track.atlas import pack
 from support.courses import ring
@@ -71,7 +71,7 @@ def test_a_fan_laid_over_the_walls_sees_what_each_ray_sees(
     field = math.radians(shape[1])
     rays = fan(shape[0], field)
     ranges = np.zeros(shape[0], np.float32)
-    sweep_walls(ATLAS, HEADER, x, y, cos, sin, rays, field, 8.0, ranges)
+    scan_walls(ATLAS, HEADER, x, y, cos, sin, rays, field, 8.0, ranges)
     for (c, s), found in zip(rays, ranges, strict=True):
         alone, _ = cast_ray(ATLAS, HEADER, x, y, cos * c - sin * s, sin * c + cos * s, 8.0)
         assert found == pytest.approx(alone, abs=1e-5)
@@ -129,7 +129,7 @@ def test_a_fan_sees_a_body_exactly_where_its_rays_meet_the_box(
         assert found == pytest.approx(min(alone, 5.0), abs=1e-5)
         assert kind == (codes.KART_HIT if alone < 5.0 else codes.NOTHING)
     laid = np.full(shape[0], 5.0, np.float32)
-    sweep_body(0.0, 0.0, cos, sin, rays, field, 5.0, *body, laid)
+    scan_body(0.0, 0.0, cos, sin, rays, field, 5.0, *body, laid)
     assert laid == pytest.approx(ranges, abs=1e-5)
 
 

@@ -9,9 +9,9 @@ from functools import partial
 import pytest
 
 from race_server.competition.launch import free_address
-from race_server.live.client.foxglove import LiveView
+from race_server.live.client.foxglove import FoxgloveServer
 from race_server.live.client.seat import insist
-from race_server.live.client.spectator import Watcher
+from race_server.live.client.spectator import Spectator
 from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire.spectate import decode_snapshot
@@ -36,8 +36,8 @@ def test_a_viewer_is_told_the_channels_and_sees_course_and_karts() -> None:
         race.start()
         try:
             with ClientLink(address, "cup") as spectator:
-                watcher = insist(partial(Watcher, spectator), time.monotonic() + 60.0)
-                with LiveView(spectator, watcher, "cup", 0) as view:
+                watcher = insist(partial(Spectator, spectator), time.monotonic() + 60.0)
+                with FoxgloveServer(spectator, watcher, "cup", 0) as view:
                     assert view.address.startswith("ws://127.0.0.1:")
                     entities, tick = _look(view.address)
         finally:

@@ -16,23 +16,23 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from race_server.competition.launch import free_address, team
+from race_server.competition.launch import free_address, process_group
 from race_server.core import codes
 from race_server.core.messages import Event, EventKind
 from race_server.errors import GatewayError, KeysError, LinkError, RecordingError
 from race_server.live.gateway.audience import Viewer
-from race_server.live.gateway.connection import Pipe, Porch
-from race_server.live.gateway.driver_seat import Wheel
-from race_server.live.gateway.event_frames import KnownEvents, Roll, event_frames
+from race_server.live.gateway.connection import ConnectionLimiter, WebSocketConnection
+from race_server.live.gateway.driver_seat import DriverSeat
+from race_server.live.gateway.event_frames import EventFrames, KnownEvents, event_frames
 from race_server.live.gateway.handshake import Role, read_hello
 from race_server.live.gateway.key_ring import KeyRing
 from race_server.live.gateway.library import Library
-from race_server.live.gateway.limits import Allowance
+from race_server.live.gateway.limits import RateLimiter
 from race_server.live.gateway.origins import check_origin, is_known_host
 from race_server.live.gateway.outbox import MOST_WAITING, Outbox
 from race_server.live.gateway.page import NOT_BUILT, Page
 from race_server.live.gateway.rays import Caster
-from race_server.live.gateway.roles import Identity, Passes, Tokens
+from race_server.live.gateway.roles import Identity, ResumeTokens, Tokens
 from race_server.live.gateway.settings import Settings, addresses_of, check_settings, place_of
 from race_server.live.server.publisher import snapshot_of
 from race_server.net.wire.line import decode_line
@@ -50,7 +50,7 @@ from race_server.scenario.track.course import Obstacle
 from race_server.session import Session
 from race_server.storage.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
 from race_server.storage.recording.reader import read_lines
-from race_server.storage.recording.seekable import Tape
+from race_server.storage.recording.seekable import SeekableRecording
 from support.browsers import Browser
 from support.courses import ring
 from support.halls import Hall, gated, record_race
@@ -75,16 +75,16 @@ def test_who_comes_back_while_a_seat_is_asked_for_leaves_no_second_one_behind(
 ) -> None:
     asked, may_sit = list[str](), threading.Event()
 
-    def sit_down(wheel: Wheel, name: str, wanted: int) -> object:
+    def sit_down(wheel: DriverSeat, name: str, wanted: int) -> object:
         asked.append(name)
         assert may_sit.wait(5.0)
         return SimpleNamespace(number=3)
 
-    monkeypatch.setattr(Wheel, "_sit_down", sit_down)
-    monkeypatch.setattr(Wheel, "_begin", lambda *_: b"briefing")
+    monkeypatch.setattr(DriverSeat, "_sit_down", sit_down)
+    monkeypatch.setattr(DriverSeat, "_begin", lambda *_: b"briefing")
 
     async def play(pool: ThreadPoolExecutor) -> None:
-        wheel = Wheel(0, lambda _: pytest.fail("no link is needed"), lambda _: (), pool)
+        wheel = DriverSeat(0, lambda _: pytest.fail("no link is needed"), lambda _: (), pool)
         first, second = Someone(), Someone()
         slow = asyncio.create_task(wheel.take(first, "Ada", -1))
         await asyncio.sleep(0)
@@ -126,7 +126,7 @@ class SlowPipe:
 
 
 def outbox_of(pipe: SlowPipe) -> Outbox:
-    return Outbox(cast("Pipe", pipe))
+    return Outbox(cast("WebSocketConnection", pipe))
 
 
 def test_a_slow_browser_gets_the_newest_snapshot_and_every_event() -> None:
@@ -174,7 +174,7 @@ def test_events_are_written_once_for_all_who_want_to_know_them(
 
     monkeypatch.setattr("race_server.live.gateway.event_frames.encode_events", write)
     events = [Event(number, number, EventKind.LAP, 0, 1, 1) for number in range(1, 2501)]
-    roll, known = Roll(3), KnownEvents(3, events)
+    roll, known = EventFrames(3), KnownEvents(3, events)
     for event in events:
         roll.add([event])
     assert [roll.frames() for _ in range(10)] == 10 * [known.frames(2500)]
@@ -195,7 +195,7 @@ def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, s
 
 
 def test_a_porch_lets_one_address_in_only_so_often() -> None:
-    porch = Porch()
+    porch = ConnectionLimiter()
     assert all(porch.enter("192.0.2.1") for _ in range(64))
     assert not porch.enter("192.0.2.1")
     assert porch.enter("192.0.2.2")
@@ -219,13 +219,13 @@ def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> 
         check=True,
     )
     assert said.stdout.split() == ["512", "1024", "1024"]
-    porch = Porch(2)
+    porch = ConnectionLimiter(2)
     assert [porch.enter(f"192.0.2.{number}") for number in range(3)] == [True, True, False]
 
 
 def test_an_allowance_fills_up_again() -> None:
     now = [0.0]
-    allowance = Allowance(10.0, "texts", clock=lambda: now[0])
+    allowance = RateLimiter(10.0, "texts", clock=lambda: now[0])
     for _ in range(20):
         allowance.spend()
     with pytest.raises(GatewayError, match="more than 10 texts a second"):
@@ -278,7 +278,7 @@ def test_each_token_opens_its_own_role() -> None:
 
 
 def test_spectators_cannot_push_out_the_words_of_drivers() -> None:
-    passes = Passes()
+    passes = ResumeTokens()
     driver = passes.issue(Identity(Role.DRIVE, 0))
     words = [passes.issue(Identity(Role.SPECTATE)) for _ in range(1100)]
     assert passes.look(driver).wheel == 0
@@ -358,7 +358,7 @@ def test_a_page_serves_its_own_files_and_no_others(tmp_path: Path) -> None:
 
 
 def test_a_gateway_that_fails_does_not_fail_the_race() -> None:
-    with team() as group:
+    with process_group() as group:
         fails = group.start(["gateway", "--listen", "nowhere"], subprocess.DEVNULL, aside=True)
         assert fails.wait(20.0) == 2
         assert not group.fallen()
@@ -410,7 +410,7 @@ def hall(recording: Path) -> Iterator[Hall]:
 def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
     kinds = (SNAPSHOTS, EVENTS, STANDINGS)
     lines = [line for line in read_lines(recording) if line is not None and line.kind in kinds]
-    with Tape(recording) as tape:
+    with SeekableRecording(recording) as tape:
         shown = tape.between(-1, tape.last_tick)
         assert [(m.kind, m.data) for m in shown] == [(line.kind, line.data) for line in lines]
         assert tape.is_finished()
@@ -426,13 +426,13 @@ def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
     data = recording.read_bytes()
     short = tmp_path / "short.mcap"
     short.write_bytes(data[: len(data) * 2 // 3])
-    with Tape(short) as tape, Tape(recording) as whole:
+    with SeekableRecording(short) as tape, SeekableRecording(recording) as whole:
         assert 0 < tape.last_tick < whole.last_tick
         assert not tape.is_finished()
     for damaged in (b"", b"rubbish" * 50, data[:300]):
         short.write_bytes(damaged)
         with pytest.raises(RecordingError, match=r"short.mcap"):
-            Tape(short)
+            SeekableRecording(short)
 
 
 def test_only_recordings_of_the_folder_are_listed_and_opened(

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import pytest
 from rich.console import Console
 
-from race_server.competition.launch import Plan, free_address, run_race
+from race_server.competition.launch import RaceSpec, free_address, run_race
 from race_server.core.driver import driver_named
 from race_server.core.messages import Control, Phase, Status
 from race_server.errors import DriverError, LinkError, SeatError
-from race_server.live.client.driver import drive
+from race_server.live.client.driver import run_driver
 from race_server.live.client.seat import take_seat
-from race_server.live.client.spectator import Watcher
+from race_server.live.client.spectator import Spectator
 from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
@@ -70,7 +70,7 @@ def served(karts: int = 2, *, pace: str = LOCKSTEP, drivers: int = 0) -> Iterato
 def drive_all(address: str, names: list[str]) -> None:
     threads = [
         threading.Thread(
-            target=drive,
+            target=run_driver,
             args=(driver_named(name), name),
             kwargs={"address": address, "wanted": seat},
         )
@@ -104,7 +104,7 @@ def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None
         server = RaceServer(session, link, LOCKSTEP, ("avoider", "pure_pursuit"))
         for seat in (0, 2):
             thread = threading.Thread(
-                target=drive,
+                target=run_driver,
                 args=(driver_named("follow_gap"), "guest"),
                 kwargs={"address": address, "wanted": seat},
             )
@@ -128,7 +128,7 @@ def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> 
         server = RaceServer(session, link, LOCKSTEP)
         threads = [
             threading.Thread(
-                target=drive,
+                target=run_driver,
                 args=(driver_named(name), name),
                 kwargs={"address": address, "wanted": seat},
             )
@@ -181,7 +181,7 @@ def test_a_late_spectator_gets_course_rules_standings_and_recent_events() -> Non
         while live.server.session.phase is not Phase.RUNNING:
             time.sleep(0.01)
         with ClientLink(live.address, "race") as link:
-            watcher = Watcher(link)
+            watcher = Spectator(link)
             rules, items = watcher.rules()
             assert watcher.course().name == "ring"
             assert rules["laps"] == "1"
@@ -217,13 +217,13 @@ class Faulty:
 def test_a_driver_that_raises_is_out_and_the_race_goes_on() -> None:
     with served() as live:
         other = threading.Thread(
-            target=drive,
+            target=run_driver,
             args=(driver_named("pure_pursuit"), "good"),
             kwargs={"address": live.address, "wanted": 0},
         )
         other.start()
         with pytest.raises(DriverError, match="'bad' failed in act: RuntimeError: my wheels came"):
-            drive(Faulty(), "bad", address=live.address, wanted=1)
+            run_driver(Faulty(), "bad", address=live.address, wanted=1)
         other.join(90.0)
     good, bad = sorted(live.results[0].standings, key=lambda row: row.seat)
     assert good.status is Status.FINISHED
@@ -236,7 +236,7 @@ def test_rubbish_on_the_control_topic_is_counted_and_the_race_goes_on() -> None:
         stranger = link.sender(0, "no badge of that seat")
         rude.act(topics.READY)
         other = threading.Thread(
-            target=drive,
+            target=run_driver,
             args=(driver_named("pure_pursuit"), "good"),
             kwargs={"address": live.address, "wanted": 0},
         )
@@ -331,7 +331,7 @@ def test_a_race_that_is_over_before_anyone_can_look_has_its_result_all_the_same(
 
     monkeypatch.setattr("race_server.competition.launch.ClientLink", late)
     serve = ["--track", "oval", "--karts", "1", "--laps", "1", "--pace", "lockstep", "--fresh"]
-    plan = Plan(tuple(serve), ("avoider",), free_address(), "unseen", in_process=True)
+    plan = RaceSpec(tuple(serve), ("avoider",), free_address(), "unseen", in_process=True)
     document = run_race(plan, Console(quiet=True))
     assert [kart["status"] for kart in document["karts"]] == ["finished"]
 
@@ -344,7 +344,10 @@ def test_a_race_that_is_over_before_anyone_can_look_has_its_result_all_the_same(
         (["start", "--drivers", "schumacher"], "driver schumacher is unknown; installed drivers"),
         (["start", "--pace", "warp"], "pace 'warp' is unknown; choose real or lockstep"),
         (["start", "--karts", "3", "--session", "a b"], "session name 'a b': use up to 32"),
-        (["drive", "avoider", "--connect", "tcp/127.0.0.1:9", "--patience", "0.5"], "no server"),
+        (
+            ["drive", "avoider", "--connect", "tcp/127.0.0.1:9", "--patience", "0.5"],
+            "no server",
+        ),
         (["track", "check", "nowhere.toml"], "nowhere.toml: cannot be read"),
     ],
 )

@@ -16,9 +16,9 @@ import pytest
 from race_server.core.clock import TICK_S
 from race_server.core.messages import Control, Event, EventKind, Retirement
 from race_server.errors import LinkError, RaceError, SeatError, WireError
-from race_server.live.client.link_stats import ClockOffset, Reception
+from race_server.live.client.link_stats import ClockOffset, LinkStats
 from race_server.live.server import RaceServer
-from race_server.live.server.counters import Histogram, Meters
+from race_server.live.server.counters import Counters, Histogram
 from race_server.live.server.metrics import exposed
 from race_server.live.server.requests import reason_of
 from race_server.logs import Log, words_of
@@ -27,7 +27,7 @@ from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.tools.drills.damage import decode_all
-from race_server.tools.drills.lossy_link import Weather, Wire
+from race_server.tools.drills.lossy_link import LinkConditions, LossyLink
 from race_server.tools.drills.network import drill_network
 from race_server.tools.drills.server_process import quantile
 from support.courses import ring
@@ -61,11 +61,11 @@ def racing() -> RaceServer:
         session.start()
         for sequence in (1, 2, 5):
             frame = ControlFrame(1, sequence, session.tick, Control(throttle=0.1))
-            server._ear.take_control(0, encode_control(frame))
+            server._inbox.take_control(0, encode_control(frame))
             server._hear()
             server._advance(30)
-            server.meters.note_tick(0.0003, 0.00001, missed=1)
-        server._ear.take_control(0, b"rubbish")
+            server.counters.note_tick(0.0003, 0.00001, missed=1)
+        server._inbox.take_control(0, b"rubbish")
         yield server
 
 
@@ -96,7 +96,7 @@ def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
     with exposed(racing, 0) as port:
         racing._hear()
         assert get(port, "/healthz") == (200, "ok\n")
-        racing.meters.turned_at -= 7.0
+        racing.counters.turned_at -= 7.0
         status, text = get(port, "/healthz")
         assert status == 503
         assert text.startswith("the loop has not turned for 7.")
@@ -118,10 +118,10 @@ def test_a_time_falls_into_the_first_bin_that_holds_it() -> None:
 
 
 def test_the_first_control_of_a_race_and_a_repeated_one_lose_nothing() -> None:
-    meters = Meters(1)
-    meters.note_control(0, before=0, sequence=9)
-    meters.note_control(0, before=9, sequence=10)
-    assert meters.lost == [0]
+    counters = Counters(1)
+    counters.note_control(0, before=0, sequence=9)
+    counters.note_control(0, before=9, sequence=10)
+    assert counters.lost == [0]
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
         )
         for now, step in enumerate(steps):
             step()
-            server._diary.look(float(now + 1))
+            server._session_log.look(float(now + 1))
     events = [json.loads(line)["event"] for line in stream.getvalue().splitlines()]
     assert events == [
         "joined",
@@ -213,27 +213,27 @@ def test_a_clock_that_drifts_is_followed() -> None:
 
 
 def test_a_driver_knows_what_it_missed_and_how_old_it_was() -> None:
-    reception = Reception()
+    link_stats = LinkStats()
     for tick in (0, 3, 6, 15, 18):  # 9 and 12 never came
-        reception.note(tick, 100.0 + tick * TICK_S, decision_ticks=3)
-    assert (reception.heard, reception.missing) == (5, 2)
-    assert reception.longest_gap_s == pytest.approx(9 * TICK_S)
-    assert reception.worst_age_s == pytest.approx(9 * TICK_S)
+        link_stats.note(tick, 100.0 + tick * TICK_S, decision_ticks=3)
+    assert (link_stats.heard, link_stats.missing) == (5, 2)
+    assert link_stats.longest_gap_s == pytest.approx(9 * TICK_S)
+    assert link_stats.worst_age_s == pytest.approx(9 * TICK_S)
 
 
 def test_where_the_world_waits_there_are_no_ages() -> None:
-    reception = Reception()
+    link_stats = LinkStats()
     for turn in range(5):
-        reception.note(3 * turn, 100.0 + turn, decision_ticks=3)
-    assert reception.as_json()["worst_age_s"] is None
+        link_stats.note(3 * turn, 100.0 + turn, decision_ticks=3)
+    assert link_stats.as_json()["worst_age_s"] is None
 
 
 def test_a_driver_is_told_why_it_is_out() -> None:
-    reception = Reception()
-    reception.note_event(Event(1, 9, EventKind.RETIRED, 4, Retirement.WITHDREW, 0), seat=3)
-    assert reception.outcome == ""
-    reception.note_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
-    assert reception.outcome == "out: stood for too long"
+    link_stats = LinkStats()
+    link_stats.note_event(Event(1, 9, EventKind.RETIRED, 4, Retirement.WITHDREW, 0), seat=3)
+    assert link_stats.outcome == ""
+    link_stats.note_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
+    assert link_stats.outcome == "out: stood for too long"
 
 
 # What is damaged
@@ -261,14 +261,14 @@ def test_a_quantile_is_the_end_of_its_bin(share: float, end: float) -> None:
 # A bad wire
 
 
-def ends_of(weather: Weather) -> tuple[Wire, socket.socket, socket.socket]:
+def ends_of(weather: LinkConditions) -> tuple[LossyLink, socket.socket, socket.socket]:
     pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in range(2)]
     devices = (pairs[0][1].detach(), pairs[1][1].detach())
-    return Wire(("a", "b"), devices, weather, random.Random(5)), pairs[0][0], pairs[1][0]
+    return LossyLink(("a", "b"), devices, weather, random.Random(5)), pairs[0][0], pairs[1][0]
 
 
 def test_a_wire_delays_every_packet_and_carries_it_to_the_other_end() -> None:
-    wire, here, there = ends_of(Weather(delay_s=0.05))
+    wire, here, there = ends_of(LinkConditions(delay_s=0.05))
     thread = threading.Thread(target=wire.carry)
     thread.start()
     begun = time.monotonic()
@@ -283,7 +283,7 @@ def test_a_wire_delays_every_packet_and_carries_it_to_the_other_end() -> None:
 
 
 def test_a_wire_loses_the_share_of_packets_that_it_is_told() -> None:
-    wire, here, there = ends_of(Weather(loss=0.2))
+    wire, here, there = ends_of(LinkConditions(loss=0.2))
     for _ in range(2000):
         here.send(b"x")
         wire._take(wire.devices[0])
@@ -297,5 +297,5 @@ def test_without_root_the_drill_of_the_network_is_skipped_with_a_word(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 1000)
-    document = drill_network(Weather(0.2, 0.1, 0.05))
+    document = drill_network(LinkConditions(0.2, 0.1, 0.05))
     assert document == {"ok": True, "why": "", "skipped": "network namespaces need root"}

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from race_agents.onboard.client import Onboard, fence_of, take_part
+from race_agents.onboard.client import KartProgram, fence_of, take_part
 from race_agents.onboard.control_unit import ControlUnit
 from race_agents.onboard.safety import Command
 from race_agents.plant.body import Body
@@ -20,7 +20,7 @@ from race_server.core.messages import Control, Trust
 from race_server.core.observation import Observation
 from race_server.core.vehicles import KART_30, TT02
 from race_server.errors import SeatError
-from race_server.live.client.seat import Seat, take_seat
+from race_server.live.client.seat import ClientSeat, take_seat
 from race_server.live.server import LOCKSTEP, REAL, RaceServer
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
@@ -47,7 +47,7 @@ class Gentle:
         return Control(0.0, 0.3 if seen.scalar("lights") == 0.0 else 0.0)
 
 
-def hardware_of(seat: Seat, sheet: CourseSheet, link: ClientLink) -> Plant:
+def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant:
     del link
     x, y, heading = (float(value) for value in sheet.grid[seat.number])
     vehicle = seat.welcome.briefing.vehicle
@@ -63,7 +63,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
         race = threading.Thread(target=server.run, args=(1,))
         race.start()
 
-        def turn(onboard: Onboard, unit: ControlUnit, now_s: float) -> bool:
+        def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
             del now_s
             tracker = session.fleet.trackers[0]
             if tracker.trust is Trust.TRUSTED and session.tick > 90:

@@ -11,8 +11,8 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control, Event, EventKind, Status
 from race_server.core.observation import Observation
-from race_server.live.client.driver import drive
-from race_server.live.client.link_stats import Reception
+from race_server.live.client.driver import run_driver
+from race_server.live.client.link_stats import LinkStats
 from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
@@ -87,7 +87,7 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
     rules = Rules(laps=1, countdown_s=0.3, limit_s=8.0)
     course = ring(radius=4.0, half_width=0.8)
     session = Session("race", Scenario(course, karts=1, rules=rules))
-    address, reception = free_address(), Reception()
+    address, link_stats = free_address(), LinkStats()
     with ServerLink(address, "race", 1, real_time=True) as link:
         server = RaceServer(session, link, REAL)
         race = threading.Thread(target=server.run, args=(1,))
@@ -95,28 +95,28 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
         stall = Stall(address)
         driver = Stepper(stall)
         began = time.monotonic()
-        drive(driver, "stepper", address=stall.address, wanted=0, reception=reception)
+        run_driver(driver, "stepper", address=stall.address, wanted=0, link_stats=link_stats)
         assert time.monotonic() - began < 20.0
         race.join()
         stall.close()
         away = max(b - a for a, b in zip(driver.ticks, driver.ticks[1:], strict=False))
         assert 20 < away < 240  # half a second of silence, and what a fresh link takes
         assert driver.ticks == sorted(driver.ticks)
-        assert reception.reconnects >= 1
+        assert link_stats.reconnects >= 1
         assert not Counter(link.dropped)  # nobody was taken for a second login
         assert session.seats[0].driver == "stepper"
         retired = [event for event in server.events if event.kind is EventKind.RETIRED]
         assert session.world.karts["status"][0, 0] == Status.RETIRED
         assert [event.kart for event in retired] == [0]  # when the time was over, not before
         assert retired[0].tick > 400
-        assert reception.outcome
+        assert link_stats.outcome
 
 
 def test_events_that_are_told_again_count_once() -> None:
-    reception = Reception()
+    link_stats = LinkStats()
     lap = Event(7, 300, EventKind.LAP, 2, 1, 5_000_000)
-    reception.note_events(1, [lap], seat=2)
-    reception.note_events(1, [lap, Event(8, 600, EventKind.LAP, 2, 2, 5_000_000)], seat=2)
-    assert reception.laps == 2
-    reception.note_events(2, [lap], seat=2)  # another race counts anew
-    assert reception.laps == 3
+    link_stats.note_events(1, [lap], seat=2)
+    link_stats.note_events(1, [lap, Event(8, 600, EventKind.LAP, 2, 2, 5_000_000)], seat=2)
+    assert link_stats.laps == 2
+    link_stats.note_events(2, [lap], seat=2)  # another race counts anew
+    assert link_stats.laps == 3

@@ -12,8 +12,8 @@ from race_server.core.messages import Control
 from race_server.core.observation import Observation, layout_of
 from race_server.core.vehicles import TT02
 from race_server.errors import RaceError
-from race_server.live.client.bridge import Guest, Site, relay
-from race_server.live.client.latency_limiter import FRESH_S, REACH, Caution
+from race_server.live.client.bridge import GhostKart, Site, relay
+from race_server.live.client.latency_limiter import FRESH_S, REACH, LatencyLimiter
 from race_server.live.client.predictor import Predictor, moved_scan
 from race_server.live.server import RaceServer
 from race_server.net.transport import ServerLink
@@ -22,7 +22,7 @@ from race_server.net.wire.pose import decode_pose
 from race_server.scenario.race import Scenario
 from race_server.session import Session
 from race_server.session.failsafe import FRESH_TICKS, SLOW_TICKS, grace_of
-from race_server.tools.drills.lossy_link import Weather
+from race_server.tools.drills.lossy_link import LinkConditions
 from race_server.tools.drills.sites import drill_sites
 from support.courses import ring
 
@@ -40,8 +40,8 @@ def observation(speed: float = 0.0, yaw_rate: float = 0.0) -> Observation:
     return Observation(60, layout, values)
 
 
-def late(age_s: float) -> Caution:
-    caution = Caution(TT02)
+def late(age_s: float) -> LatencyLimiter:
+    caution = LatencyLimiter(TT02)
     for _ in range(200):
         caution.note(age_s + 0.05, 0.1)
     return caution
@@ -128,7 +128,7 @@ class FakeSeat:
 
 def test_a_guest_is_told_of_as_a_real_kart_that_acknowledges_what_it_heard() -> None:
     seat = FakeSeat()
-    guest = Guest(seat)  # type: ignore[arg-type]
+    guest = GhostKart(seat)  # type: ignore[arg-type]
     names = ("x", "y", "heading", "speed", "lateral_speed", "yaw_rate", "steering")
     row = {name: 0.1 * place for place, name in enumerate(names)}
     guest.tell(row, 1234)
@@ -169,5 +169,5 @@ def test_without_root_the_drill_of_two_halls_is_skipped_with_a_word(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 1000)
-    document = drill_sites(Weather())
+    document = drill_sites(LinkConditions())
     assert document == {"ok": True, "why": "", "skipped": "network namespaces need root"}

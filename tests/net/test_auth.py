@@ -17,8 +17,8 @@ from race_server.core.messages import Event, EventKind, Phase
 from race_server.credentials import badge_of, key_of, key_of_badge
 from race_server.errors import KeysError, LinkError, SeatError, WireError
 from race_server.live.client.seat import take_seat
-from race_server.live.client.spectator import Watcher
-from race_server.live.client.steward import Marshal
+from race_server.live.client.spectator import Spectator
+from race_server.live.client.steward import StewardClient
 from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer
 from race_server.live.server.refusals import MOST_LINES, Refusals
 from race_server.live.server.steward import Steward
@@ -27,8 +27,13 @@ from race_server.net.auth.access import ANYONE, access_control, keys_allowed, ro
 from race_server.net.auth.issue import Order, issue_keys
 from race_server.net.auth.keys import read_client_keys, read_server_keys
 from race_server.net.auth.limits import rate_limit, size_filter
-from race_server.net.auth.seat_owners import Holders
-from race_server.net.auth.settings import Door, check_door, is_local, server_settings
+from race_server.net.auth.seat_owners import SeatOwners
+from race_server.net.auth.settings import (
+    ListenSettings,
+    check_listen_settings,
+    is_local,
+    server_settings,
+)
 from race_server.net.auth.token import local_token, read_token
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
@@ -133,7 +138,7 @@ def test_an_address_that_others_can_reach_needs_keys(address: str, *, local: boo
     assert is_local(address) is local
     if not local:
         with pytest.raises(LinkError, match="without keys anybody there could race"):
-            check_door(Door(address, "race", 2))
+            check_listen_settings(ListenSettings(address, "race", 2))
 
 
 # Badges
@@ -146,7 +151,7 @@ def test_the_key_tells_neither_badge_nor_secret() -> None:
 
 def test_only_the_badge_that_fits_holds_a_seat_whichever_comes_first() -> None:
     own, thief = badge_of(7).encode(), badge_of(8).encode()
-    holders = Holders(2)
+    holders = SeatOwners(2)
     assert holders.note_link(1, own, is_there=True)
     assert not holders.news
     holders.admit(1, key_of(7))
@@ -217,11 +222,11 @@ def test_keys_that_expired_or_do_not_belong_together_are_refused(tmp_path: Path)
 
 
 def test_settings_without_keys_ask_for_no_credentials(keys: Path) -> None:
-    closed = server_settings(Door("tcp/127.0.0.1:7447", "cup", 2))
+    closed = server_settings(ListenSettings("tcp/127.0.0.1:7447", "cup", 2))
     assert "transport/auth/usrpwd" not in closed
     assert closed["transport/shared_memory/enabled"] is False
     held = read_server_keys(keys, "cup", 2)
-    opened = server_settings(Door("tls/0.0.0.0:7447", "cup", 2, held))
+    opened = server_settings(ListenSettings("tls/0.0.0.0:7447", "cup", 2, held))
     assert opened["transport/link/tls"]["enable_mtls"] is True
     assert opened["transport/unicast/max_sessions"] == 2 * 2 + 1 + 4
 
@@ -383,7 +388,7 @@ def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
         thread.start()
         try:
             winner, second = (row.seat for row in result.standings)
-            line = Marshal(steward, "token").decide("penalty", seat=winner, value=60.0)
+            line = StewardClient(steward, "token").decide("penalty", seat=winner, value=60.0)
         finally:
             server.stop()
             thread.join(10.0)
@@ -435,7 +440,7 @@ def test_an_open_session_lets_in_who_has_keys_and_says_why_others_are_out(
             with pytest.raises(LinkError, match="it does not let us ask that"):
                 link.ask(topics.JOIN, encode_join(Join("ann", "track", 0)), 0)
         with ClientLink(address, "cup", keys=watcher) as link:
-            standings = Watcher(link).standings
+            standings = Spectator(link).standings
             assert standings is not None
             assert standings.phase is Phase.LOBBY
         with pytest.raises(LinkError, match="the password is not"):
@@ -464,8 +469,12 @@ def test_copies_forgeries_and_other_versions_are_refused_with_a_reason(keys: Pat
             with pytest.raises(SeatError, match=message):
                 check_reply(link.ask(topic, data, place))
         with pytest.raises(SeatError, match="the token does not fit"):
-            Marshal(link, "guess").log()
-        assert Marshal(link, "token", "ann").decide("close", seat=0).endswith("ann: seat 0 closed")
+            StewardClient(link, "guess").log()
+        assert (
+            StewardClient(link, "token", "ann")
+            .decide("close", seat=0)
+            .endswith("ann: seat 0 closed")
+        )
 
 
 @pytest.mark.net
@@ -478,7 +487,7 @@ def test_the_steward_stops_the_clock_and_starts_the_race_anew() -> None:
         thread.start()
         try:
             with ClientLink(address, "cup") as client:
-                marshal = Marshal(client, "token")
+                marshal = StewardClient(client, "token")
                 wait_until(lambda: session.tick > 5)
                 marshal.decide("pause")
                 tick = session.tick

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from race_server.core.messages import (
     Button,
     Control,
-    Doubt,
     Flag,
     Phase,
     Pose,
+    PoseFault,
     Source,
     Trust,
 )
@@ -149,7 +149,7 @@ def test_rules_come_back_as_they_were_sent() -> None:
 
 HUD = drive.HudFrame(
     *(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT)),
-    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, Doubt.JUMP),
+    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, PoseFault.JUMP),
 )
 
 

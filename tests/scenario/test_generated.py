@@ -5,10 +5,10 @@ import pytest
 from race_server.core.vehicles import KART_60, TT02, Vehicle
 from race_server.errors import TrackError
 from race_server.scenario.track.blocks import HALF_THICKNESS, lay, pieces_of
-from race_server.scenario.track.build import SCALES, Plan, build, periodic_spline
+from race_server.scenario.track.build import SCALES, TrackSpec, build, periodic_spline
 from race_server.scenario.track.check import check_course
 from race_server.scenario.track.generated import generated_file
-from race_server.scenario.track.load import load_course, own_tracks, plan_of
+from race_server.scenario.track.load import load_course, own_tracks, spec_of
 from race_server.scenario.track.polyline import (
     derivatives,
     is_inside,
@@ -21,11 +21,11 @@ from race_server.scenario.track.polyline import (
 SEEDS = range(100)
 
 
-def plan_named(name: str) -> Plan:
-    return plan_of(name, name, generated_file(name))
+def plan_named(name: str) -> TrackSpec:
+    return spec_of(name, name, generated_file(name))
 
 
-def pieces(plan: Plan) -> str:
+def pieces(plan: TrackSpec) -> str:
     """Return the pieces of the outer border, begun at whichever comes first in the alphabet."""
     assert plan.outer is not None
     words = "".join(pieces_of(plan.outer))
@@ -33,7 +33,7 @@ def pieces(plan: Plan) -> str:
 
 
 @pytest.fixture(scope="module")
-def plans() -> dict[str, list[Plan]]:
+def plans() -> dict[str, list[TrackSpec]]:
     return {
         kind: [plan_named(f"generated:{kind}:{seed}") for seed in SEEDS]
         for kind in ("block", "spline")
@@ -41,7 +41,7 @@ def plans() -> dict[str, list[Plan]]:
 
 
 def test_a_hundred_block_courses_close_and_leave_room_for_a_kart(
-    plans: dict[str, list[Plan]],
+    plans: dict[str, list[TrackSpec]],
 ) -> None:
     for plan in plans["block"]:
         assert plan.outer is not None
@@ -52,7 +52,7 @@ def test_a_hundred_block_courses_close_and_leave_room_for_a_kart(
 
 
 def test_a_hundred_spline_courses_bend_no_tighter_than_a_kart_turns(
-    plans: dict[str, list[Plan]],
+    plans: dict[str, list[TrackSpec]],
 ) -> None:
     for plan in plans["spline"]:
         curve = periodic_spline(plan.points, SCALES["1/10"].spacing)[:, :2]
@@ -76,7 +76,7 @@ def test_the_loaders_own_check_finds_nothing_wrong(name: str, vehicle: Vehicle) 
     assert len(course.grid) >= 8
 
 
-def test_different_seeds_give_different_courses(plans: dict[str, list[Plan]]) -> None:
+def test_different_seeds_give_different_courses(plans: dict[str, list[TrackSpec]]) -> None:
     blocks = {(p.outer and p.outer.blocks, p.inner and p.inner.blocks) for p in plans["block"]}
     splines = {plan.points.tobytes() for plan in plans["spline"]}
     assert len(blocks) == len(splines) == len(SEEDS)
@@ -91,9 +91,9 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     assert plan_named("generated:spline:4").digest == "93369bef6e177451"
 
 
-def test_no_generated_course_is_one_that_is_shipped(plans: dict[str, list[Plan]]) -> None:
+def test_no_generated_course_is_one_that_is_shipped(plans: dict[str, list[TrackSpec]]) -> None:
     files = [(path.stem, path.name, path.read_bytes()) for path in own_tracks().glob("*.toml")]
-    shipped = {pieces(plan) for plan in (plan_of(*file) for file in files) if plan.outer}
+    shipped = {pieces(plan) for plan in (spec_of(*file) for file in files) if plan.outer}
     assert len(shipped) >= 3
     assert not shipped & {pieces(plan) for plan in plans["block"]}
 

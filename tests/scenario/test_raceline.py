@@ -15,11 +15,11 @@ from race_server.errors import RaceError, TrackError, VehicleError
 from race_server.scenario.raceline import reference
 from race_server.scenario.raceline.baselines import centre_line
 from race_server.scenario.raceline.bounds import Bounds, bounds_of
-from race_server.scenario.raceline.bundled import limits_folder, read_shipped, shipped_name
-from race_server.scenario.raceline.export import shipments
+from race_server.scenario.raceline.bundled import bundled_name, limits_folder, read_bundled
+from race_server.scenario.raceline.export import exports
 from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import driving, grip_left, lap_time, speeds_on
-from race_server.scenario.raceline.reference import Limit, Reference, reference_limit, solve
+from race_server.scenario.raceline.reference import Limit, Raceline, reference_limit, solve
 from race_server.scenario.raceline.result import limit_of
 from race_server.scenario.raceline.tyres import cornering_drag
 from race_server.scenario.track.course import Course
@@ -39,7 +39,7 @@ CASES = [(track, cap) for track, row in KNOWN.items() for cap in row]
 @pytest.fixture(autouse=True)
 def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(reference, "cache_root", lambda: tmp_path)
-    monkeypatch.setattr(reference, "read_shipped", lambda course, bounds: None)
+    monkeypatch.setattr(reference, "read_bundled", lambda course, bounds: None)
     return tmp_path / "limits"
 
 
@@ -51,7 +51,7 @@ def ring(folder: Path, radius: float, half_width: float = 0.6) -> Course:
     return read_course(path)
 
 
-def grip_used(line: Reference, bounds: Bounds) -> np.ndarray:
+def grip_used(line: Raceline, bounds: Bounds) -> np.ndarray:
     """Return the share of the grip in use at each point, driving away or braking towards it."""
     losses = bounds.rolling + bounds.drag * line.speed**2
     lateral = line.speed**2 * line.curvature
@@ -154,7 +154,7 @@ def test_turned_wheels_have_less_grip_and_slipping_ones_turn_less() -> None:
     bounds = replace(bounds_of(TT02_FACTS), slide=1e-9)
     speeds = speeds_on(np.full(62, 0.1), np.ones(62), bounds)
     assert speeds.max() ** 2 == pytest.approx(5.0 * math.cos(math.atan(0.257)), rel=1e-3)
-    limit = read_shipped(load_course("covapsy-train-2023"), bounds_of(TT02))
+    limit = read_bundled(load_course("covapsy-train-2023"), bounds_of(TT02))
     assert limit is not None
     tightest = np.abs(limit.minimum_time.curvature).max() / bounds_of(TT02).curvature
     assert 0.9 < tightest < 0.97
@@ -185,7 +185,7 @@ def test_the_speeds_of_the_best_line_are_those_of_the_best_lap(
     track: str, vehicle: Vehicle
 ) -> None:
     bounds = bounds_of(vehicle)
-    limit = read_shipped(load_course(track), bounds)
+    limit = read_bundled(load_course(track), bounds)
     assert limit is not None
     best = limit.minimum_time
     steps = np.append(np.diff(best.distance), best.length - best.distance[-1])
@@ -274,7 +274,7 @@ def test_a_damaged_file_is_solved_again(shelf: Path, damage: bytes) -> None:
 
 
 def test_every_track_of_ours_comes_with_its_limits() -> None:
-    wanted = {shipped_name(course, bounds_of(vehicle)) for course, vehicle in shipments()}
+    wanted = {bundled_name(course, bounds_of(vehicle)) for course, vehicle in exports()}
     assert wanted == {path.name for path in limits_folder().glob("*.npz")}, "run `make limits`"
     assert sum(path.stat().st_size for path in limits_folder().iterdir()) < 400_000
 
@@ -282,7 +282,7 @@ def test_every_track_of_ours_comes_with_its_limits() -> None:
 @pytest.mark.parametrize(("track", "vehicle"), [("oval", TT02), ("hangar-400", KART_60)])
 def test_a_shipped_limit_is_what_the_solver_finds(track: str, vehicle: Vehicle) -> None:
     course, bounds = load_course(track), bounds_of(vehicle)
-    shipped = read_shipped(course, bounds)
+    shipped = read_bundled(course, bounds)
     assert shipped is not None
     found = limit_of(frame_of(course, bounds), bounds, solve(course, bounds), 0.0)
     for name in LINES:
@@ -294,9 +294,9 @@ def test_a_shipped_limit_is_what_the_solver_finds(track: str, vehicle: Vehicle) 
 
 def test_another_cap_or_track_is_not_shipped() -> None:
     course = load_course("oval")
-    assert read_shipped(course, bounds_of(TT02)) is not None
-    assert read_shipped(course, bounds_of(TT02, 3.0)) is None
-    assert read_shipped(replace(course, digest="another"), bounds_of(TT02)) is None
+    assert read_bundled(course, bounds_of(TT02)) is not None
+    assert read_bundled(course, bounds_of(TT02, 3.0)) is None
+    assert read_bundled(replace(course, digest="another"), bounds_of(TT02)) is None
 
 
 def test_a_shipped_limit_needs_no_casadi(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from race_server.scenario.track.blocks import Loop, lay
 from race_server.scenario.track.check import check_course
 from race_server.scenario.track.draw import draw_course
 from race_server.scenario.track.importers import import_course
-from race_server.scenario.track.load import load_course, plan_of, read_course, summary, track_names
+from race_server.scenario.track.load import load_course, read_course, spec_of, summary, track_names
 from race_server.scenario.track.polyline import area_of, crossings, lengths_of, nearest_on
 from support.courses import ring
 
@@ -72,7 +72,7 @@ def test_border_loops_measure_what_others_measured_on_them(
     name: str, outer: float, inner: float, area: float
 ) -> None:
     path = Path(__file__).parents[2] / "tracks" / f"{name}.toml"
-    plan = plan_of(name, path.name, path.read_bytes())
+    plan = spec_of(name, path.name, path.read_bytes())
     assert plan.outer is not None
     assert plan.inner is not None
     loops = [lay(plan.outer, 0.0), lay(plan.inner, 0.0)]
@@ -175,7 +175,7 @@ def test_a_damaged_file_gives_a_course_or_one_clear_error(data: st.DataObject) -
     for _ in range(data.draw(st.integers(1, 4))):
         text[data.draw(st.integers(0, len(text) - 1))] = data.draw(st.integers(0, 255))
     with contextlib.suppress(TrackError):
-        plan_of("fuzz", "fuzz.toml", bytes(text))
+        spec_of("fuzz", "fuzz.toml", bytes(text))
 
 
 @settings(max_examples=15, deadline=None)
@@ -189,7 +189,7 @@ def test_borders_of_a_bumpy_ring_never_cross_and_keep_their_distance(
     rows = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1).tolist()
     words = ('form = "spline"', 'scale = "kart"', f"half_width = {half_width}")
     text = "\n".join([*words, f"points = {json.dumps(rows)}"])
-    plan = plan_of("bumpy", "bumpy.toml", text.encode())
+    plan = spec_of("bumpy", "bumpy.toml", text.encode())
     from race_server.scenario.track.build import build
 
     course = build(plan)

@@ -13,9 +13,9 @@ from race_server.session.failsafe import (
     FRESH_TICKS,
     SLOW_TICKS,
     STOP,
-    Silence,
+    FailsafeStage,
     control_under,
-    silence_after,
+    failsafe_stage,
 )
 from support.courses import ring
 
@@ -149,26 +149,26 @@ def test_the_kart_of_a_driver_that_drops_stops() -> None:
 @pytest.mark.parametrize(
     ("ticks", "silence"),
     [
-        (FRESH_TICKS, Silence.FRESH),
-        (FRESH_TICKS + 1, Silence.COASTING),
-        (COAST_TICKS + 1, Silence.BRAKING),
-        (BRAKE_TICKS + 1, Silence.STOPPED),
+        (FRESH_TICKS, FailsafeStage.FRESH),
+        (FRESH_TICKS + 1, FailsafeStage.COASTING),
+        (COAST_TICKS + 1, FailsafeStage.BRAKING),
+        (BRAKE_TICKS + 1, FailsafeStage.STOPPED),
     ],
 )
-def test_silence_grows_from_fresh_to_stopped(ticks: int, silence: Silence) -> None:
-    assert silence_after(ticks, is_linked=True) is silence
+def test_silence_grows_from_fresh_to_stopped(ticks: int, silence: FailsafeStage) -> None:
+    assert failsafe_stage(ticks, is_linked=True) is silence
 
 
 def test_a_kart_whose_link_has_gone_brakes_at_once() -> None:
-    assert silence_after(0, is_linked=False) is Silence.BRAKING
+    assert failsafe_stage(0, is_linked=False) is FailsafeStage.BRAKING
 
 
 def test_a_kart_steers_on_until_it_is_to_stand() -> None:
     last = Control(steering=0.3, throttle=0.8, buttons=Button.USE_ITEM)
-    assert control_under(Silence.FRESH, last) is last
-    assert control_under(Silence.COASTING, last) == Control(steering=0.3)
-    assert control_under(Silence.BRAKING, last) == Control(steering=0.3, brake=0.5)
-    assert control_under(Silence.STOPPED, last) == STOP
+    assert control_under(FailsafeStage.FRESH, last) is last
+    assert control_under(FailsafeStage.COASTING, last) == Control(steering=0.3)
+    assert control_under(FailsafeStage.BRAKING, last) == Control(steering=0.3, brake=0.5)
+    assert control_under(FailsafeStage.STOPPED, last) == STOP
 
 
 def test_a_slow_kart_goes_on_longer_unheard_but_never_drives_off_again() -> None:
@@ -192,7 +192,7 @@ def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
         session.advance(1)
         brakes.append(float(session.world.karts["brake"][0, 0]))
     assert [brakes[tick] for tick in (10, 25, 40, 110)] == [0.0, 0.0, 0.5, 1.0]
-    assert session.seats[0].silence is Silence.STOPPED
+    assert session.seats[0].silence is FailsafeStage.STOPPED
 
 
 def test_a_driver_that_hangs_with_its_link_open_has_withdrawn() -> None:
@@ -219,7 +219,7 @@ def test_who_is_back_within_the_grace_keeps_place_laps_and_penalties() -> None:
     session.advance(1)
     assert session.world.karts["status"][0, 1] == Status.RACING
     assert session.world.karts[["laps", "penalties", "rank"]][0, 1].item() == before
-    assert session.seats[1].silence is Silence.FRESH
+    assert session.seats[1].silence is FailsafeStage.FRESH
 
 
 def test_a_control_of_another_epoch_is_refused() -> None:

@@ -10,9 +10,9 @@ from race_server.core import codes
 from race_server.core.messages import (
     Button,
     Control,
-    Doubt,
     EventKind,
     Pose,
+    PoseFault,
     Retirement,
     Status,
     Trust,
@@ -25,11 +25,11 @@ from race_server.scenario.race import Scenario
 from race_server.session import Session
 from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
-from race_server.session.tracked.plausibility import Gates, doubt_of, is_jump, predict
+from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 from race_server.session.tracked.tracker import Tracker
 from support.tracked import COURSE, RADIUS, TICK_US, Real, drive, mixed
 
-GATES = Gates.of(TT02)
+GATES = PlausibilityLimits.of(TT02)
 
 
 def test_a_kart_that_goes_straight_is_two_metres_on_after_half_a_second_at_four() -> None:
@@ -51,21 +51,23 @@ def test_a_slow_turn_is_nearly_straight() -> None:
 @pytest.mark.parametrize(
     ("pose", "age_s", "inside", "doubt"),
     [
-        (Pose(0, 0, 0, 0, 5.0), 0.09, True, Doubt.NONE),
-        (Pose(0, 0, 0, 0, 5.0), 0.5, True, Doubt.STALE),
-        (Pose(0, 0, 0, 0, 14.0), 0.0, True, Doubt.SPEED),  # 36 km/h are 10 m/s
-        (Pose(0, 0, 0, 0, -3.0), 0.0, True, Doubt.SPEED),
-        (Pose(0, 0, 0, 0, 5.0), 0.0, False, Doubt.OFF_WORLD),
-        (Pose(0, 0, 0, 0, 5.0, quality=0.1), 0.0, True, Doubt.POOR),
-        (Pose(0, 0, 0, 0, 5.0, deviation=0.5), 0.0, True, Doubt.POOR),
+        (Pose(0, 0, 0, 0, 5.0), 0.09, True, PoseFault.NONE),
+        (Pose(0, 0, 0, 0, 5.0), 0.5, True, PoseFault.STALE),
+        (Pose(0, 0, 0, 0, 14.0), 0.0, True, PoseFault.SPEED),  # 36 km/h are 10 m/s
+        (Pose(0, 0, 0, 0, -3.0), 0.0, True, PoseFault.SPEED),
+        (Pose(0, 0, 0, 0, 5.0), 0.0, False, PoseFault.OFF_WORLD),
+        (Pose(0, 0, 0, 0, 5.0, quality=0.1), 0.0, True, PoseFault.POOR),
+        (Pose(0, 0, 0, 0, 5.0, deviation=0.5), 0.0, True, PoseFault.POOR),
     ],
 )
-def test_what_speaks_against_a_pose(pose: Pose, age_s: float, inside: bool, doubt: Doubt) -> None:
+def test_what_speaks_against_a_pose(
+    pose: Pose, age_s: float, inside: bool, doubt: PoseFault
+) -> None:
     assert doubt_of(pose, age_s, GATES, is_inside=inside) is doubt
 
 
 def test_a_kart_may_miss_its_prediction_by_half_a_length_but_not_by_ten() -> None:
-    gates, before = Gates.of(KART_60), Pose(0, 0.0, 0.0, 0.0, 10.0)
+    gates, before = PlausibilityLimits.of(KART_60), Pose(0, 0.0, 0.0, 0.0, 10.0)
     assert not is_jump(before, Pose(0, 1.0 + 0.9, 0.0, 0.0, 10.0), 0.1, gates)
     assert is_jump(before, Pose(0, 1.0 + 10.0, 0.0, 0.0, 10.0), 0.1, gates)
 
@@ -139,11 +141,11 @@ def test_one_pose_that_jumps_is_dropped_and_nothing_else_happens() -> None:
     tracker = Tracker(GATES)
     standing(tracker, 0.0, 1.0)
     assert tracker.take(Pose(1_000_000, 30.0, 0.0, 0.0, 0.0), 1_000_000, is_inside=True) is (
-        Doubt.JUMP
+        PoseFault.JUMP
     )
     standing(tracker, 1.02, 1.5)
     assert tracker.trust is Trust.TRUSTED
-    assert tracker.refused == {Doubt.JUMP: 1}
+    assert tracker.refused == {PoseFault.JUMP: 1}
     pose = tracker.pose_at(1_500_000)
     assert pose is not None
     assert pose.x == 0.0
@@ -161,7 +163,7 @@ def test_silence_makes_a_kart_doubtful_then_parks_it_then_ends_its_race() -> Non
     assert first[Trust.DOUBTFUL] == pytest.approx(1.4, abs=0.11)
     assert first[Trust.PARKED] == pytest.approx(3.5, abs=0.11)
     assert first[Trust.OUT] == pytest.approx(23.6, abs=0.11)
-    assert tracker.doubt is Doubt.SILENT
+    assert tracker.doubt is PoseFault.SILENT
 
 
 def test_at_the_start_a_kart_has_until_the_lights_go_out_to_be_heard() -> None:
@@ -185,7 +187,7 @@ def test_poses_that_all_come_late_are_named_as_what_they_are() -> None:
     standing(tracker, 0.0, 1.0)
     tracker.take(Pose(1_000_000, 0.0, 0.0, 0.0, 0.0), 1_380_000, is_inside=True)
     tracker.follow(1_450_000)
-    assert (tracker.trust, tracker.doubt) == (Trust.DOUBTFUL, Doubt.STALE)
+    assert (tracker.trust, tracker.doubt) == (Trust.DOUBTFUL, PoseFault.STALE)
 
 
 def test_a_kart_comes_back_elsewhere_once_its_poses_agree_for_a_while() -> None:
@@ -296,7 +298,7 @@ def test_a_pose_off_the_world_never_gets_into_it() -> None:
     kart = session.world.karts[0, 0]
     assert kart.trust == codes.DOUBTFUL
     assert math.hypot(kart.x, kart.y) == pytest.approx(RADIUS, abs=0.3)
-    assert session.fleet.trackers[0].doubt is Doubt.OFF_WORLD
+    assert session.fleet.trackers[0].doubt is PoseFault.OFF_WORLD
 
 
 def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
@@ -361,7 +363,7 @@ def test_a_kart_that_never_acknowledges_is_doubtful() -> None:
         session.take_pose(0, 1, real.sequence, pose, arrived_us=round(now_us))
         session.follow(round(now_us))
         session.advance(1)
-    assert session.fleet.trackers[0].doubt is Doubt.DEAF
+    assert session.fleet.trackers[0].doubt is PoseFault.DEAF
 
 
 def test_the_same_placements_give_the_same_race_again() -> None:

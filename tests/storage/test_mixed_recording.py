@@ -17,7 +17,7 @@ from race_server.net.wire.placement import PLACED, decode_placements, encode_pla
 from race_server.net.wire.spectate import SnapshotWriter
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from race_server.session.interventions import ActKind
+from race_server.session.interventions import InterventionKind
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording, read_recording
@@ -174,7 +174,7 @@ def test_a_real_kart_that_does_not_come_back_is_doubtful_a_second_later(raced: R
 
 def test_a_real_kart_that_was_home_is_not_missed_after_the_kill(raced: Recorded) -> None:
     raced.run(60)
-    raced.session.do(ActKind.WITHDRAW, 0)
+    raced.session.do(InterventionKind.WITHDRAW, 0)
     raced.run(2)
     session, _ = take_up(read_recording(raced.kill()), None)
     session.fleet.take_up(session.world, 0)

@@ -23,7 +23,7 @@ from race_server.live.server.resume import take_up
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from race_server.session.interventions import Act, ActKind
+from race_server.session.interventions import Intervention, InterventionKind
 from race_server.session.journal_entries import Inputs
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording, read_recording
@@ -93,12 +93,12 @@ def test_a_race_driven_again_has_the_same_digest_at_every_second(recorded: Path)
 
 
 def test_what_is_done_from_outside_is_recorded(recorded: Path) -> None:
-    acts = [entry for entry in read_recording(recorded).entries if isinstance(entry, Act)]
+    acts = [entry for entry in read_recording(recorded).entries if isinstance(entry, Intervention)]
     assert [(act.kind, act.value) for act in acts] == [
-        (ActKind.FLAG, float(Flag.YELLOW)),
-        (ActKind.PENALTY, 2.5),
-        (ActKind.FLAG, float(Flag.GREEN)),
-        (ActKind.PENALTY, 2.5),
+        (InterventionKind.FLAG, float(Flag.YELLOW)),
+        (InterventionKind.PENALTY, 2.5),
+        (InterventionKind.FLAG, float(Flag.GREEN)),
+        (InterventionKind.PENALTY, 2.5),
     ]
 
 

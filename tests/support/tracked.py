@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from race_server.core.messages import (
     Button,
-    Doubt,
     EventKind,
     Pose,
+    PoseFault,
 )
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
@@ -36,7 +36,7 @@ class Real:
         where = (RADIUS * cos, RADIUS * sin, heading)
         return Pose(round(now_us), *where, self.speed, yaw_rate=rate)
 
-    def send(self, pose: Pose, buttons: Button = Button.NONE) -> Doubt:
+    def send(self, pose: Pose, buttons: Button = Button.NONE) -> PoseFault:
         self.sequence += 1
         return self.session.take_pose(
             self.seat,

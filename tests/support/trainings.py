@@ -8,8 +8,8 @@ import numpy as np
 
 from race_agents.drivers.learned import Learned
 from race_agents.policies.session import Policy
-from race_agents.training.budget import Pace
-from race_agents.training.export import export_policy, nature_from
+from race_agents.training.budget import Budget
+from race_agents.training.export import export_policy, metadata_from
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.run import Outcome
@@ -43,9 +43,9 @@ QUICK = (
 )
 
 
-def untrained(settings: Settings) -> tuple[Pace, Normaliser, Any]:
+def untrained(settings: Settings) -> tuple[Budget, Normaliser, Any]:
     """Return a learner that has learned nothing, the world that it is to learn in, and its pace."""
-    pace = Pace.of(settings)
+    pace = Budget.of(settings)
     world = world_of(settings, pace)
     return pace, world, learner_of(settings, world, pace, None)
 
@@ -97,5 +97,5 @@ def write_lapping_policy(path: Path) -> None:
     for ray in range(21):
         hidden.weight.data[1, ray] = WHEEL * side[ray]
     answer.weight.data[0, 0] = answer.weight.data[1, 1] = 1.0
-    export_policy(path, learner, world, nature_from(settings, ("oval",)))
+    export_policy(path, learner, world, metadata_from(settings, ("oval",)))
     world.close()

@@ -29,7 +29,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Plan:
+class DayPlan:
     """A race day before it begins."""
 
     format: Format
@@ -81,7 +81,7 @@ def teams_of(drivers: Sequence[str]) -> tuple[Team, ...]:
     return tuple(teams)
 
 
-def drives_in(plan: Plan) -> int:
+def drives_in(plan: DayPlan) -> int:
     """Return how many attempts and races the day has."""
     count = 0
     for stage in plan.format.stages:
@@ -93,7 +93,7 @@ def drives_in(plan: Plan) -> int:
     return count
 
 
-def check_plan(plan: Plan) -> None:
+def check_day_plan(plan: DayPlan) -> None:
     """See before anything is driven that every stage can be run.
 
     Raises:
@@ -120,13 +120,13 @@ def check_plan(plan: Plan) -> None:
                 )
 
 
-def run_day(plan: Plan, keeper: Keeper | None, tell: Tell) -> Ledger:
+def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:
     """Run the stages one after the other; `tell` hears before each attempt and race what it is.
 
     Raises:
         ScenarioError: a stage cannot be run.
     """
-    check_plan(plan)
+    check_day_plan(plan)
     _rehearse(plan)
     ledger = Ledger(plan.format, plan.teams)
     for stage in plan.format.stages:
@@ -139,14 +139,14 @@ def run_day(plan: Plan, keeper: Keeper | None, tell: Tell) -> Ledger:
     return ledger
 
 
-def _rehearse(plan: Plan) -> None:
+def _rehearse(plan: DayPlan) -> None:
     stage = plan.format.stages[0]
     course = plan.courses[plan.format.letters[0]]
     scenario = _scenario(plan, stage, course, min(len(course.grid), len(plan.teams)))
     rehearse([team.driver for team in plan.teams], scenario)
 
 
-def _scenario(plan: Plan, stage: TimeTrial | Races, course: Course, karts: int) -> Scenario:
+def _scenario(plan: DayPlan, stage: TimeTrial | Races, course: Course, karts: int) -> Scenario:
     """Return one race of a stage, with the line to drive along if a driver wants it."""
     scenario = Scenario(course, karts, vehicles=(plan.vehicle,), rules=plan.rules(stage))
     return with_line(scenario, solve=any(_wants_line(team.driver) for team in plan.teams))
@@ -159,7 +159,7 @@ def _wants_line(driver: str) -> bool:
         return False
 
 
-def _run_trial(plan: Plan, stage: TimeTrial, keeper: Keeper | None, tell: Tell) -> TrialResult:
+def _run_trial(plan: DayPlan, stage: TimeTrial, keeper: Keeper | None, tell: Tell) -> TrialResult:
     course = plan.course_of(stage)
     scenario = _scenario(plan, stage, course, 1)
     race = LocalRace(f"{plan.session}-{_slug(stage.name)}", scenario, keeper)
@@ -169,7 +169,7 @@ def _run_trial(plan: Plan, stage: TimeTrial, keeper: Keeper | None, tell: Tell) 
 
 
 def _run_round(
-    plan: Plan, stage: Races, turn: int, ledger: Ledger, keeper: Keeper | None, tell: Tell
+    plan: DayPlan, stage: Races, turn: int, ledger: Ledger, keeper: Keeper | None, tell: Tell
 ) -> None:
     """Run the races of one round. The groups stay together; the grid follows the standings."""
     groups = _groups(stage, ledger.order())
@@ -186,7 +186,7 @@ def _run_round(
 
 
 def _run_heat(
-    plan: Plan,
+    plan: DayPlan,
     stage: Races,
     grid: list[Team],
     letter: str,

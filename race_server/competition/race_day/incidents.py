@@ -10,7 +10,7 @@ from race_server.scenario.race import Rules
 MOST_LETTERS = 60
 
 
-class Remarks:
+class Incidents:
     """Remarks on the seats of one race."""
 
     def __init__(self) -> None:

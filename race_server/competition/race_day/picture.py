@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from race_server.competition.race_day.day import Plan
+from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Ledger
 from race_server.competition.race_day.tables import NOT_CLASSIFIED, Sheet, subtitle, tables_of
 from race_server.errors import ScenarioError
@@ -23,7 +23,7 @@ _STEPS = {1: "#d9a521", 2: "#9aa3ad", 3: "#b5763a"}
 _PODIUM = {2: (0.0, 0.72), 1: (1.0, 1.0), 3: (2.0, 0.5)}
 
 
-def check_poster(path: Path) -> None:
+def check_picture(path: Path) -> None:
     """See before the day that its sheet can be drawn into a file.
 
     Raises:
@@ -35,7 +35,7 @@ def check_poster(path: Path) -> None:
         raise ScenarioError(f"{path}: the folder {path.parent} does not exist; make it first")
 
 
-def draw_poster(plan: Plan, ledger: Ledger, path: Path) -> None:
+def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
     """Draw the sheet of a day into a file.
 
     Raises:
@@ -73,7 +73,7 @@ def draw_poster(plan: Plan, ledger: Ledger, path: Path) -> None:
         pyplot.close(figure)
 
 
-def courses_of(plan: Plan, ledger: Ledger) -> list[tuple[str, Course]]:
+def courses_of(plan: DayPlan, ledger: Ledger) -> list[tuple[str, Course]]:
     """Return the courses of the day under their letters, with obstacles where there were any."""
     shown = dict(plan.courses)
     for trial in ledger.trials():
@@ -89,7 +89,7 @@ def _undated(path: Path) -> dict[str, Any]:
     return dates.get(path.suffix.lower(), {})
 
 
-def _draw_head(page: Any, plan: Plan) -> None:
+def _draw_head(page: Any, plan: DayPlan) -> None:
     page.fill([0, WIDTH, WIDTH, 0], [0, 0, HEAD, HEAD], color=_INK)
     squares = 0.09
     for column in range(round(WIDTH / squares) + 1):

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
-from race_server.competition.race_day.incidents import Remarks
-from race_server.competition.race_day.time_limit import OutOfTime, time_limit
+from race_server.competition.race_day.incidents import Incidents
+from race_server.competition.race_day.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import driver_named
 from race_server.core.messages import Phase, Status
 from race_server.errors import RaceError
-from race_server.live.local_drivers import Paddock
+from race_server.live.local_drivers import LocalDrivers
 from race_server.net.wire.drive import ControlFrame, decode_control
 from race_server.scenario.race import Scenario
 from race_server.session import Session
@@ -69,9 +69,9 @@ class LocalRace:
         """Let the teams race from the grid, the first on pole, and return how it went."""
         session = self._session
         session.scenario = replace(session.scenario, seed=seed)
-        paddock, remarks = Paddock(session), Remarks()
+        local_drivers, remarks = LocalDrivers(session), Incidents()
         for seat, team in enumerate(teams):
-            self._admit(paddock, seat, team, remarks)
+            self._admit(local_drivers, seat, team, remarks)
         session.start()
         if self._keeper:
             self._keeper.begin(session, "lockstep")
@@ -79,7 +79,7 @@ class LocalRace:
             for seat in remarks.absent:
                 session.leave(seat)
             while session.is_on:
-                self._decide(paddock, remarks)
+                self._decide(local_drivers, remarks)
                 self._advance(remarks)
         finally:
             self._close_book()
@@ -89,11 +89,13 @@ class LocalRace:
             session.leave(taken.number)
         return record
 
-    def _admit(self, paddock: Paddock, seat: int, team: Team, remarks: Remarks) -> None:
+    def _admit(
+        self, local_drivers: LocalDrivers, seat: int, team: Team, remarks: Incidents
+    ) -> None:
         """Seat a driver; one that cannot be made or made ready is out before the start."""
 
         def get_ready() -> bool:
-            paddock.admit(team.driver, driver_named(team.driver), seat)
+            local_drivers.admit(team.driver, driver_named(team.driver), seat)
             return True
 
         if not _answer(get_ready, READY_S, seat, remarks):
@@ -101,18 +103,18 @@ class LocalRace:
             if not self._session.seats[seat].is_taken:
                 self._session.join(team.driver, "track", wanted=seat)
 
-    def _decide(self, paddock: Paddock, remarks: Remarks) -> None:
+    def _decide(self, local_drivers: LocalDrivers, remarks: Incidents) -> None:
         """Ask every driver that still races for its control."""
         session = self._session
         session.look()
         for seat in session.waits_for():
-            think = partial(_control, paddock, seat)
+            think = partial(_control, local_drivers, seat)
             if (frame := _answer(think, DECISION_S, seat, remarks)) is None:
                 session.leave(seat)
                 continue
             session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
 
-    def _advance(self, remarks: Remarks) -> None:
+    def _advance(self, remarks: Incidents) -> None:
         if self._keeper:
             self._keeper.look(self._session)
         events = self._session.advance(self._session.decision_ticks)
@@ -124,7 +126,7 @@ class LocalRace:
         if self._keeper:
             self._keeper.end(self._session)
 
-    def _record(self, teams: Sequence[Team], remarks: Remarks) -> RaceRecord:
+    def _record(self, teams: Sequence[Team], remarks: Incidents) -> RaceRecord:
         session = self._session
         karts = session.world.karts[0]
         drives = []
@@ -149,18 +151,18 @@ class LocalRace:
         return RaceRecord(session.digest(), tuple(drives))
 
 
-def _control(paddock: Paddock, seat: int) -> ControlFrame:
-    return decode_control(paddock.answer(seat))
+def _control(local_drivers: LocalDrivers, seat: int) -> ControlFrame:
+    return decode_control(local_drivers.answer(seat))
 
 
 def _answer(
-    ask: Callable[[], Answer], limit_s: float, seat: int, remarks: Remarks
+    ask: Callable[[], Answer], limit_s: float, seat: int, remarks: Incidents
 ) -> Answer | None:
     """Return what a driver answers; if it raises, or takes too long, note why it is out."""
     try:
         with time_limit(limit_s):
             return ask()
-    except OutOfTime:
+    except TimeLimitExceeded:
         remarks.note(seat, f"no answer within {limit_s:g} s")
     except RaceError as error:
         cause = error.__cause__
@@ -175,15 +177,15 @@ def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
     """
     session = Session("rehearsal", replace(scenario, karts=1))
     for name in dict.fromkeys(drivers):
-        paddock = Paddock(session)
+        local_drivers = LocalDrivers(session)
         try:
-            paddock.admit(name, driver_named(name), 0)
+            local_drivers.admit(name, driver_named(name), 0)
             session.start()
             session.look()
             with time_limit(10.0 * READY_S):
-                paddock.answer(0)
+                local_drivers.answer(0)
             session.advance(session.decision_ticks)
-        except (RaceError, OutOfTime):
+        except (RaceError, TimeLimitExceeded):
             pass
         session.phase = Phase.LOBBY
         session.seats.free(0)

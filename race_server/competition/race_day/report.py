@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from race_server.competition.race_day.day import Plan
+from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Heat, Ledger, TrialResult
 from race_server.competition.race_day.race import Drive
 from race_server.core.clock import seconds_of
 from race_server.scenario.track.course import Course
 
 
-def day_document(plan: Plan, ledger: Ledger) -> dict[str, Any]:
+def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
     """Return everything that a sheet shows, and every lap; times in seconds, null where none."""
     stages: list[dict[str, Any]] = []
     for stage in ledger.stages:

@@ -4,14 +4,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from race_server.competition.race_day.day import Plan
+from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import Ledger
 from race_server.competition.race_day.tables import NOT_CLASSIFIED, Sheet, subtitle, tables_of
 
 _STEPS = ("gold3", "grey74", "orange3")
 
 
-def print_sheet(plan: Plan, ledger: Ledger, console: Console) -> None:
+def print_tables(plan: DayPlan, ledger: Ledger, console: Console) -> None:
     """Print all tables of a day and its podium."""
     console.print(Text(f"{plan.format.title} race day", style="bold"))
     console.print(Text(subtitle(plan), style="dim"))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from race_server.competition.race_day.day import Plan
+from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import Heat, Ledger, RacesResult, TrialResult
 from race_server.core.clock import lap_text
 
@@ -22,7 +22,7 @@ class Sheet:
     words: frozenset[str] = frozenset({"team", "driver", "remarks"})  # columns set left
 
 
-def tables_of(plan: Plan, ledger: Ledger) -> list[Sheet]:
+def tables_of(plan: DayPlan, ledger: Ledger) -> list[Sheet]:
     """Return all tables in order: each stage, then the final classification."""
     tables = []
     for stage in ledger.stages:
@@ -146,7 +146,7 @@ def _place(place: int) -> str:
     return str(place) if place > 0 else NOT_CLASSIFIED
 
 
-def subtitle(plan: Plan) -> str:
+def subtitle(plan: DayPlan) -> str:
     """Return what, where and with which seed, in one line."""
     tracks = ", ".join(f"{letter} {course.name}" for letter, course in plan.courses.items())
     teams = f"{len(plan.teams)} team" + ("s" if len(plan.teams) != 1 else "")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class OutOfTime(BaseException):  # no Exception, lest a driver catches it with its own
+class TimeLimitExceeded(BaseException):  # no Exception, lest a driver catches it with its own
     """A driver thinks for too long."""
 
 
@@ -23,7 +23,7 @@ def time_limit(seconds: float) -> Iterator[None]:
         return
 
     def ring(_number: int, _frame: object) -> None:
-        raise OutOfTime
+        raise TimeLimitExceeded
 
     began = time.monotonic()
     handler = signal.signal(signal.SIGALRM, ring)

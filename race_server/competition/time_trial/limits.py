@@ -10,7 +10,7 @@ from race_server.competition.time_trial.lap import COLUMNS
 from race_server.core.state import Floats
 from race_server.core.vehicles import vehicle_named
 from race_server.errors import RaceError
-from race_server.scenario.raceline.reference import Reference, reference_limit
+from race_server.scenario.raceline.reference import Raceline, reference_limit
 from race_server.scenario.track.load import load_course
 
 
@@ -19,7 +19,7 @@ class Limits:
     """The limits of all tracks and vehicles of a trial."""
 
     times: dict[tuple[str, str], LimitTime] = field(default_factory=dict)  # by track and vehicle
-    lines: dict[tuple[str, str], Reference] = field(default_factory=dict)
+    lines: dict[tuple[str, str], Raceline] = field(default_factory=dict)
 
 
 def limits_of(places: Sequence[tuple[str, str]]) -> Limits:
@@ -36,7 +36,7 @@ def limits_of(places: Sequence[tuple[str, str]]) -> Limits:
     return limits
 
 
-def trace_of_line(line: Reference, length: float) -> Floats:
+def trace_of_line(line: Raceline, length: float) -> Floats:
     """Return the limit's lap as the trace of a lap, shape (C, N); `length` of the course [m].
 
     It knows no steering angle: zero.

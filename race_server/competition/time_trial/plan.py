@@ -12,8 +12,8 @@ from race_server.competition.time_trial.lap import TrialLap
 from race_server.competition.time_trial.limits import Limits, limits_of, trace_of_line
 from race_server.competition.time_trial.pool import Report, is_ready, run_cells
 from race_server.competition.time_trial.run import Run
-from race_server.competition.time_trial.run_spec import Cell, task_of
-from race_server.competition.time_trial.save import Ledger
+from race_server.competition.time_trial.run_spec import RunSpec, task_of
+from race_server.competition.time_trial.save import RunLog
 from race_server.competition.time_trial.table import lap_rows
 from race_server.core.state import Floats
 from race_server.core.vehicles import vehicle_named
@@ -24,10 +24,10 @@ Place = tuple[str, str]  # track and vehicle
 
 
 @dataclass(frozen=True)
-class Plan:
+class TrialPlan:
     """What is to be driven, and against what."""
 
-    cells: tuple[Cell, ...]
+    cells: tuple[RunSpec, ...]
     gaps: tuple[Gap, ...]
     jobs: int = 0
     ghost: str = ""
@@ -43,7 +43,7 @@ class Plan:
 class Trial:
     """A trial under way, or over: what is known of it so far."""
 
-    plan: Plan
+    plan: TrialPlan
     limits: Limits
     ghosts: dict[Place, Ghost]
     runs: dict[int, Run] = field(default_factory=dict)  # by number of the cell
@@ -69,7 +69,7 @@ class Trial:
         """Whether a driver raised or stalled."""
         return any(run.failed for run in self.runs.values())
 
-    def drive(self, ledger: Ledger, report: Report) -> None:
+    def drive(self, ledger: RunLog, report: Report) -> None:
         """Drive the cells and keep each run as it comes in; Ctrl-C ends it early."""
         outcomes = run_cells(self.plan.cells, self.plan.jobs, report)
         try:
@@ -200,7 +200,7 @@ def _run_row(run: Run) -> dict[str, Any]:
     }
 
 
-def prepare(plan: Plan) -> Trial:
+def prepare(plan: TrialPlan) -> Trial:
     """Return the trial, ready to be driven: limits and ghosts are found.
 
     Raises:
@@ -217,7 +217,7 @@ def prepare(plan: Plan) -> Trial:
     return Trial(plan, limits_of(plan.places), ghosts)
 
 
-def compile_once(cell: Cell) -> None:
+def compile_once(cell: RunSpec) -> None:
     """Compile the training world before several processes would do so at the same time."""
     if not is_ready():
         batch = Batch(task_of(cell, load_course(cell.track), "full"))

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from race_server.competition.time_trial.run import START_LIMIT_S, Run, Tell, drive_cell, now
-from race_server.competition.time_trial.run_spec import Cell
+from race_server.competition.time_trial.run import START_LIMIT_S, Run, Tell, drive_run, now
+from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernels.jit import kernel_cache
 
 # A process that says nothing for so long beyond the limit of its driver is ended.
@@ -25,7 +25,7 @@ SLACK_S = 8.0
 # The same before it says anything: it may have to compile the simulation first.
 PREPARATION_S = 600.0
 
-Drive = Callable[[Cell, Tell], Run]
+Drive = Callable[[RunSpec, Tell], Run]
 Report = Callable[[int, int], None]  # number of a cell, laps that it has driven
 
 
@@ -40,10 +40,10 @@ class _Worker:
 
 
 def run_cells(
-    cells: Sequence[Cell],
+    cells: Sequence[RunSpec],
     jobs: int = 0,
     report: Report = lambda _number, _laps: None,
-    drive: Drive = drive_cell,
+    drive: Drive = drive_run,
 ) -> Generator[tuple[int, Run], None, None]:
     """Yield the number and the outcome of each cell as it is done.
 
@@ -91,7 +91,7 @@ def _start(drive: Drive) -> _Worker:
     return _Worker(process, ours)
 
 
-def _hand_over(worker: _Worker, number: int, cells: Sequence[Cell]) -> _Worker:
+def _hand_over(worker: _Worker, number: int, cells: Sequence[RunSpec]) -> _Worker:
     worker.number, worker.laps, worker.begun_at = number, -1, now()
     worker.deadline = time.monotonic() + PREPARATION_S + START_LIMIT_S
     with contextlib.suppress(OSError):  # it has died: the next look at it says so
@@ -106,7 +106,7 @@ def _heard(workers: Sequence[_Worker]) -> list[_Worker]:
     return [w for w in workers if w.pipe in ready or w.deadline < late]
 
 
-def _take(worker: _Worker, cells: Sequence[Cell], report: Report) -> Run | None:
+def _take(worker: _Worker, cells: Sequence[RunSpec], report: Report) -> Run | None:
     """Return the outcome of a worker's cell, None while it is under way."""
     cell = cells[worker.number]
     if not worker.pipe.poll():
@@ -128,7 +128,7 @@ def _take(worker: _Worker, cells: Sequence[Cell], report: Report) -> Run | None:
     return None
 
 
-def _lost(worker: _Worker, cell: Cell, remark: str) -> Run:
+def _lost(worker: _Worker, cell: RunSpec, remark: str) -> Run:
     laps = f"after {max(worker.laps, 0)} laps: " if worker.laps > 0 else ""
     return Run(cell, worker.begun_at, remark=f"{laps}{remark}", failed=True)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from race_server.competition.time_trial.gaps import DECISION_S
 from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
-from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, Cell, task_of
-from race_server.competition.time_trial.time_limit import Stalled, patience
+from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, RunSpec, task_of
+from race_server.competition.time_trial.time_limit import TimeLimitExceeded, time_limit
 from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named
@@ -39,7 +39,7 @@ Make = Callable[[str], Driver]
 class Run:
     """What came of a cell."""
 
-    cell: Cell
+    cell: RunSpec
     started_at: str = ""  # UTC, ISO 8601
     laps: tuple[TrialLap, ...] = ()
     crashes: int = 0  # wall contacts, those of laps that do not count included
@@ -56,7 +56,7 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def drive_cell(cell: Cell, tell: Tell = lambda _: None, make: Make = driver_named) -> Run:
+def drive_run(cell: RunSpec, tell: Tell = lambda _: None, make: Make = driver_named) -> Run:
     """Drive one cell to its end, whatever the driver does.
 
     Raises:
@@ -65,10 +65,10 @@ def drive_cell(cell: Cell, tell: Tell = lambda _: None, make: Make = driver_name
     started_at = now()
     course = load_course(cell.track)
     try:
-        with patience(START_LIMIT_S):
+        with time_limit(START_LIMIT_S):
             driver = make(cell.driver)
             attempt = Attempt(cell, course, driver)
-    except Stalled:
+    except TimeLimitExceeded:
         return Run(cell, started_at, remark=f"not ready after {START_LIMIT_S:g} s", failed=True)
     except RaceError as error:
         return Run(cell, started_at, remark=str(error), failed=True)
@@ -76,7 +76,7 @@ def drive_cell(cell: Cell, tell: Tell = lambda _: None, make: Make = driver_name
         return Run(cell, started_at, remark=f"raised {_in_words(error)}", failed=True)
     try:
         remark, failed = attempt.drive(tell), False
-    except Stalled:
+    except TimeLimitExceeded:
         remark, failed = f"stalled for {cell.decision_limit_s:g} s", True
     except (Exception, SystemExit) as error:
         remark, failed = f"raised {_in_words(error)}", True
@@ -91,7 +91,7 @@ def _in_words(error: BaseException) -> str:
 class Attempt:
     """A driver in its world, decision by decision."""
 
-    def __init__(self, cell: Cell, course: Course, driver: Driver) -> None:
+    def __init__(self, cell: RunSpec, course: Course, driver: Driver) -> None:
         """Put the kart on its mark and brief the driver.
 
         Raises:
@@ -137,7 +137,7 @@ class Attempt:
             if time.monotonic() - told > HEARTBEAT_S:
                 tell(self.laps_done)
                 told = time.monotonic()
-            with patience(limit_s):
+            with time_limit(limit_s):
                 control = self.driver.act(self._look())
                 numbers = numbers_of(control)
             self._move(numbers)

@@ -27,7 +27,7 @@ MARK_ANGLE = np.radians(2.0)
 
 
 @dataclass(frozen=True)
-class Cell:
+class RunSpec:
     """One run: a driver alone on a course, from the start to the last lap."""
 
     driver: str
@@ -45,14 +45,14 @@ class Cell:
         return self.laps + (1 if self.start == FLYING else 0)
 
 
-def cells_of(
+def run_specs_of(
     drivers: Sequence[str],
     tracks: Sequence[str],
     vehicles: Sequence[str],
     gaps: Sequence[Gap],
     seeds: Sequence[int],
-    like: Cell,
-) -> list[Cell]:
+    like: RunSpec,
+) -> list[RunSpec]:
     """Return one cell for each combination, with the laps and the start of `like`.
 
     Raises:
@@ -71,7 +71,7 @@ def cells_of(
     ]
 
 
-def rules_of(cell: Cell, course: Course, vehicle: Vehicle) -> Rules:
+def rules_of(cell: RunSpec, course: Course, vehicle: Vehicle) -> Rules:
     """Return the rules of a trial: alone, no items, walls push back, who stands is out."""
     longest_s = course.length / (CRAWL_SHARE * vehicle.top_speed)
     return Rules(
@@ -84,7 +84,7 @@ def rules_of(cell: Cell, course: Course, vehicle: Vehicle) -> Rules:
     )
 
 
-def scenario_of(cell: Cell, course: Course) -> Scenario:
+def scenario_of(cell: RunSpec, course: Course) -> Scenario:
     """Return the scenario of a cell. The seed decides the sensors' noise and the start's pose."""
     vehicle = vehicle_named(cell.vehicle)
     return Scenario(
@@ -97,7 +97,7 @@ def scenario_of(cell: Cell, course: Course) -> Scenario:
     )
 
 
-def task_of(cell: Cell, course: Course, preset: str) -> Task:
+def task_of(cell: RunSpec, course: Course, preset: str) -> Task:
     """Return the same as a task of the training world, for a driver that wants `preset`."""
     return Task(
         (scenario_of(cell, course),),

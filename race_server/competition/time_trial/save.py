@@ -30,7 +30,7 @@ from race_server.storage.results.store import (
 PACE = "trial"
 
 
-class Ledger:
+class RunLog:
     """Writes runs as they come in; what a file does not take now is tried again, never dropped."""
 
     def __init__(self, path: Path | None) -> None:

@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from types import FrameType
 
 
-class Stalled(BaseException):
+class TimeLimitExceeded(BaseException):
     """A driver thought for too long. No `Exception`: a driver that catches all must not hide it."""
 
 
 @contextmanager
-def patience(limit_s: float) -> Iterator[None]:
-    """Raise `Stalled` in a block that takes longer than `limit_s`.
+def time_limit(limit_s: float) -> Iterator[None]:
+    """Raise `TimeLimitExceeded` in a block that takes longer than `limit_s`.
 
     It interrupts Python and sleep, not a call into machine code that never returns; the pool ends
     a process that is stuck in one. Outside a main thread there is no limit.
@@ -32,4 +32,4 @@ def patience(limit_s: float) -> Iterator[None]:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    raise Stalled
+    raise TimeLimitExceeded

@@ -7,7 +7,7 @@ from race_server.core.kernels.geometry import cos_sin, ray_to_box
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.rays import cast_ray
 from race_server.core.kernels.rng import bits, normal_of, uniform
-from race_server.core.kernels.wall_scan import FEW_RAYS, sweep_walls
+from race_server.core.kernels.wall_scan import FEW_RAYS, scan_walls
 from race_server.core.state import Atlas, Bytes, Float32s, Floats, Record
 
 # More rays than any sensor has: keeps the counters of two karts apart.
@@ -34,7 +34,7 @@ def cast_fan(
     each ray in its frame. `kinds` may be empty where nobody asks.
     """
     if len(rays) > FEW_RAYS and len(kinds) == 0:
-        sweep_walls(atlas, course, x, y, cos, sin, rays, field, reach, ranges)
+        scan_walls(atlas, course, x, y, cos, sin, rays, field, reach, ranges)
         return
     for ray in range(len(rays)):
         c = cos * rays[ray, 0] - sin * rays[ray, 1]

@@ -17,7 +17,7 @@ FEW_RAYS = 24
 
 
 @kernel
-def sweep_walls(
+def scan_walls(
     atlas: Atlas,
     course: Record,
     x: float,
@@ -64,7 +64,7 @@ def sweep_walls(
 
 
 @kernel
-def sweep_body(
+def scan_body(
     x: float,
     y: float,
     cos: float,
@@ -80,7 +80,7 @@ def sweep_body(
     half_width: float,
     ranges: Float32s,
 ) -> None:
-    """Shorten the rays of a fan that meet the body of a kart, as `sweep_walls` does for walls.
+    """Shorten the rays of a fan that meet the body of a kart, as `scan_walls` does for walls.
 
     The body is an oriented box, `offset` [m] ahead of (body_x, body_y) along `heading` [rad].
     """

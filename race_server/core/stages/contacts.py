@@ -197,7 +197,7 @@ def _is_solid(world: World, w: int, k: int) -> bool:
 
 
 @kernel
-def note_company(world: World, w: int) -> None:
+def find_contact_pairs(world: World, w: int) -> None:
     """Note for every kart, as bits, which of those after it may meet it within this tick."""
     karts = world.karts.shape[1]
     for k in range(karts):

@@ -4,7 +4,7 @@ from race_server.core import codes
 from race_server.core.kernels.course import nearest_sample_anywhere, progress_of
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.stages.sensing import look
+from race_server.core.stages.sensing import sense
 from race_server.core.stages.standings import rank
 from race_server.core.state import World
 
@@ -17,8 +17,8 @@ def line_up(world: World, w: int) -> None:
             place_kart(world, w, k)
     rank(world, w)
     # The scan now and the scan before are the same at the start.
-    look(world, w)
-    look(world, w)
+    sense(world, w)
+    sense(world, w)
 
 
 @kernel

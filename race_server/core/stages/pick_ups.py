@@ -11,7 +11,7 @@ from race_server.core.state import HAZARDS, Record, World
 
 
 @kernel
-def play(world: World, w: int) -> None:
+def pick_up_items(world: World, w: int) -> None:
     """Let karts pick up boxes and suffer hazards."""
     rules, race = world.rules[w], world.races[w]
     if rules.items == 0 or race.tick < race.start_tick:

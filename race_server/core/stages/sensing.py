@@ -5,12 +5,12 @@ from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.core.kernels.sensors import cast_fan, disturb, see_body, see_disc
-from race_server.core.kernels.wall_scan import FEW_RAYS, sweep_body
+from race_server.core.kernels.wall_scan import FEW_RAYS, scan_body
 from race_server.core.state import HAZARDS, Bytes, Float32s, Floats, World
 
 
 @large_kernel
-def look(world: World, w: int) -> None:
+def sense(world: World, w: int) -> None:
     """Take the scans that are due at this tick."""
     sensors, tick = world.sensors[0], world.races[w].tick
     lidar_due = tick % sensors.lidar_period_ticks == 0
@@ -30,7 +30,7 @@ def look(world: World, w: int) -> None:
 
 
 @large_kernel
-def look_for_the_first_time(world: World, w: int, k: int) -> None:
+def sense_first(world: World, w: int, k: int) -> None:
     """Give one kart its first scans; the scan before is the same."""
     if world.karts[w, k].sensors & codes.LIDAR:
         scan_lidar(world, w, k)
@@ -114,7 +114,7 @@ def _scan(
         vehicle = world.vehicles[w, other]
         half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
         if len(rays) > FEW_RAYS and len(kinds) == 0:
-            sweep_body(
+            scan_body(
                 x,
                 y,
                 cos,

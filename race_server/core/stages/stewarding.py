@@ -20,7 +20,7 @@ RESCUE_TRIES = 16
 
 
 @kernel
-def watch(world: World, w: int) -> None:
+def steward(world: World, w: int) -> None:
     """Judge every racing kart."""
     race = world.races[w]
     for k in range(world.karts.shape[1]):

@@ -20,7 +20,7 @@ import numpy as np
 
 from race_server.core.messages import Phase, Pose, Source, Status
 from race_server.errors import LinkError, RaceError, SeatError, WireError
-from race_server.live.client.seat import Seat, insist, take_seat
+from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.access import SPECTATOR, seat_name
 from race_server.net.auth.keys import ClientKeys, read_client_keys
 from race_server.net.transport import ClientLink, Mailbox
@@ -53,10 +53,10 @@ class Site:
 
 
 @dataclass
-class Guest:
+class GhostKart:
     """A kart of the other hall on its seat in this one."""
 
-    seat: Seat
+    seat: ClientSeat
     hud: HudFrame | None = None
     heard_us: int = 0
     sequence: int = 0
@@ -101,7 +101,7 @@ class Guest:
         }
 
 
-class Hall:
+class RemoteSite:
     """One end of the relay."""
 
     def __init__(self, site: Site, stack: ExitStack, deadline: float) -> None:
@@ -118,7 +118,7 @@ class Hall:
         self.newest: SnapshotFrame | None = None
         self.heard_s = time.monotonic()
         self.has_raced = False
-        self.guests: dict[int, Guest] = {}
+        self.guests: dict[int, GhostKart] = {}
 
     def _connect(self, role: str) -> ClientLink:
         keys = self.site.keys_of(role)
@@ -134,7 +134,7 @@ class Hall:
         table = decode_standings(insist(partial(self._watch.ask, topics.TABLE), self._deadline))
         return {row.seat: row.driver for row in table.rows}
 
-    def invite(self, other: "Hall") -> None:
+    def invite(self, other: "RemoteSite") -> None:
         """Take the seats that are kept for karts of the other hall."""
         names = other.names()
         for number in self.site.guests:
@@ -142,7 +142,7 @@ class Hall:
             link = self._connect(seat_name(number))
             join = Join(name, "track", number, tracked=True)
             seat = insist(partial(take_seat, link, join), self._deadline)
-            guest = self.guests[number] = Guest(seat)
+            guest = self.guests[number] = GhostKart(seat)
             link.listen(topics.HUD, guest.hear, number)
 
     def get_ready(self) -> None:
@@ -203,7 +203,7 @@ def relay(
     """
     deadline = time.monotonic() + timeout_s
     with ExitStack() as stack:
-        halls = [Hall(site, stack, deadline) for site in (first, second)]
+        halls = [RemoteSite(site, stack, deadline) for site in (first, second)]
         _check_courses(halls)
         halls[0].invite(halls[1])
         halls[1].invite(halls[0])
@@ -214,7 +214,7 @@ def relay(
         return {hall.site.session: [g.figures() for g in hall.guests.values()] for hall in halls}
 
 
-def _check_courses(halls: list[Hall]) -> None:
+def _check_courses(halls: list[RemoteSite]) -> None:
     sheets = [hall.course() for hall in halls]
     if sheets[0].digest != sheets[1].digest:
         raise RaceError(
@@ -223,7 +223,7 @@ def _check_courses(halls: list[Hall]) -> None:
         )
 
 
-def _carry(halls: list[Hall]) -> None:
+def _carry(halls: list[RemoteSite]) -> None:
     """Tell each hall where the karts of the other one are, until both races are over."""
     counts, dismissed = [0, 0], [False, False]
     while not all(hall.is_over for hall in halls):
@@ -241,7 +241,7 @@ def _carry(halls: list[Hall]) -> None:
         time.sleep(POLL_S)
 
 
-def _tell(frame: SnapshotFrame, other: Hall) -> None:
+def _tell(frame: SnapshotFrame, other: RemoteSite) -> None:
     """Tell the other hall where its guests are."""
     for number, guest in other.guests.items():
         row = _row_of(frame, number)

@@ -11,11 +11,11 @@ from race_server.core.driver import Briefing, Driver
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.errors import DriverError, LinkError, WireError
-from race_server.live.client.latency_limiter import Caution
-from race_server.live.client.link_stats import Reception
+from race_server.live.client.latency_limiter import LatencyLimiter
+from race_server.live.client.link_stats import LinkStats
 from race_server.live.client.predictor import Predictor
-from race_server.live.client.reconnect import FRESH_LINK_S, Renewal
-from race_server.live.client.seat import SILENCE_S, Seat, insist, take_seat
+from race_server.live.client.reconnect import FRESH_LINK_S, Reconnect
+from race_server.live.client.seat import SILENCE_S, ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.net.wire import topics
@@ -30,7 +30,7 @@ RETRY_S = 30.0
 OUTCOME_S = 1.0
 
 
-def drive(
+def run_driver(
     driver: Driver,
     name: str,
     *,
@@ -39,8 +39,8 @@ def drive(
     wanted: int = -1,
     timeout_s: float = 20.0,
     keys: ClientKeys | None = None,
-    reception: Reception | None = None,
-    tell: Callable[[Reception], None] = lambda _: None,
+    link_stats: LinkStats | None = None,
+    tell: Callable[[LinkStats], None] = lambda _: None,
     raw: bool = False,
 ) -> Briefing:
     """Drive one race to its end and return the briefing that the driver had.
@@ -59,11 +59,11 @@ def drive(
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
         _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
-        heard = reception or Reception()
-        if reception is not None:
-            _listen(link, seat.number, reception)
+        heard = link_stats or LinkStats()
+        if link_stats is not None:
+            _listen(link, seat.number, link_stats)
         catch_up = partial(_catch_up, seat.number, heard)
-        with Renewal(seat, partial(connect, timeout_s=FRESH_LINK_S), catch_up) as renewal:
+        with Reconnect(seat, partial(connect, timeout_s=FRESH_LINK_S), catch_up) as renewal:
             try:
                 persist(partial(_get_ready, seat, heard))
                 _answer(driver, name, seat, renewal, heard, tell, raw=raw)
@@ -73,51 +73,51 @@ def drive(
         return seat.welcome.briefing
 
 
-def _get_ready(seat: Seat, reception: Reception) -> None:
+def _get_ready(seat: ClientSeat, link_stats: LinkStats) -> None:
     begun = time.monotonic()
     seat.act(topics.READY)
-    reception.offset.note_round_trip(time.monotonic() - begun)
+    link_stats.offset.note_round_trip(time.monotonic() - begun)
 
 
-def _listen(link: ClientLink, seat: int, reception: Reception) -> Callable[[bytes], None]:
+def _listen(link: ClientLink, seat: int, link_stats: LinkStats) -> Callable[[bytes], None]:
     """Let somebody take note of the events of a race; return what takes them."""
 
     def hear_events(data: bytes) -> None:
         with suppress(WireError):
-            reception.note_events(*decode_events(data), seat)
+            link_stats.note_events(*decode_events(data), seat)
 
     link.listen(topics.EVENTS, hear_events)
-    reception.hears_events = True
+    link_stats.hears_events = True
     return hear_events
 
 
-def _catch_up(seat: int, reception: Reception, link: ClientLink, deadline: float) -> None:
+def _catch_up(seat: int, link_stats: LinkStats, link: ClientLink, deadline: float) -> None:
     """Listen on a fresh link too, and ask for what the old one owes."""
-    if reception.hears_events:
-        _listen(link, seat, reception)(insist(partial(link.ask, topics.RECENT), deadline))
+    if link_stats.hears_events:
+        _listen(link, seat, link_stats)(insist(partial(link.ask, topics.RECENT), deadline))
 
 
 def _answer(
     driver: Driver,
     name: str,
-    seat: Seat,
-    renewal: Renewal,
-    reception: Reception,
-    tell: Callable[[Reception], None],
+    seat: ClientSeat,
+    renewal: Reconnect,
+    link_stats: LinkStats,
+    tell: Callable[[LinkStats], None],
     *,
     raw: bool,
 ) -> None:
     """Answer observations until the race is over for this kart."""
     briefing = seat.welcome.briefing
     decision_ticks = max(ticks_of(briefing.decision_s), 1)
-    caution = Caution(briefing.vehicle)
+    caution = LatencyLimiter(briefing.vehicle)
     predictor = Predictor(briefing.vehicle, briefing.lidar_field)
     sequence = 0
     epoch = answered = -1
     last = time.monotonic()
     while True:
         frame = seat.hear(SILENCE_S)
-        reception.reconnects += renewal.end()
+        link_stats.reconnects += renewal.end()
         if frame is None:
             if time.monotonic() - last > RETRY_S:
                 raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
@@ -125,24 +125,24 @@ def _answer(
                 continue
             with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
                 seat.come_back()
-                reception.reconnects += epoch >= 0
+                link_stats.reconnects += epoch >= 0
             continue
         last = time.monotonic()
         if frame.epoch == epoch and frame.tick < answered:
             continue  # late, from a link that was given up
         if frame.epoch != epoch:
             epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
-            reception.begin()
-        reception.note(frame.tick, last, decision_ticks)
-        if not raw and reception.is_in_real_time():
-            caution.note(reception.last_age_s, reception.last_gap_s)
-        tell(reception)
+            link_stats.begin()
+        link_stats.note(frame.tick, last, decision_ticks)
+        if not raw and link_stats.is_in_real_time():
+            caution.note(link_stats.last_age_s, link_stats.last_gap_s)
+        tell(link_stats)
         if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
             answered = frame.tick
             observation = Observation(frame.tick, seat.layout, frame.values)
             shown = observation
             if caution.is_needed:
-                age_s = reception.offset.age_s(frame.tick * TICK_S, last)
+                age_s = link_stats.offset.age_s(frame.tick * TICK_S, last)
                 shown = predictor.ahead(observation, last, age_s, caution.late_s)
             control = _call(name, "act", partial(driver.act, shown))
             control = caution.temper(control, shown.scalar("speed"))
@@ -150,7 +150,7 @@ def _answer(
         sequence += 1
         seat.answer(frame.epoch, sequence, frame.tick, control)
         if observation.scalar("finished") > 0.0:
-            reception.wait_for_outcome(OUTCOME_S)
+            link_stats.wait_for_outcome(OUTCOME_S)
             return
 
 
@@ -185,4 +185,4 @@ class KartClient:
 
     def run(self, address: str = DEFAULT_ADDRESS, *, session: str = "race", name: str = "") -> None:
         """Drive one race on the server at `address`."""
-        drive(self, name or type(self).__name__, address=address, session=session)
+        run_driver(self, name or type(self).__name__, address=address, session=session)

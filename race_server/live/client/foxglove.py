@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.errors import LinkError, RaceError
-from race_server.live.client.spectator import Watcher
+from race_server.live.client.spectator import Spectator
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.storage.recording.channels import EVENTS, SCENE, SNAPSHOTS, STANDINGS, ChannelKind
@@ -22,10 +22,10 @@ MOST_WAITING = 256
 _HANDED_ON = ((topics.SNAPSHOT, SNAPSHOTS), (topics.EVENTS, EVENTS), (topics.STANDINGS, STANDINGS))
 
 
-class LiveView:
+class FoxgloveServer:
     """Serves Foxglove on a port of this machine for as long as it is open."""
 
-    def __init__(self, link: ClientLink, watcher: Watcher, session: str, port: int) -> None:
+    def __init__(self, link: ClientLink, watcher: Spectator, session: str, port: int) -> None:
         """Serve viewers. port: 0 takes any that is free.
 
         Raises:

@@ -22,7 +22,7 @@ MEMORY_S = 3.0
 
 
 @dataclass
-class Caution:
+class LatencyLimiter:
     """Holds a kart's speed to what the age of its driver's view allows."""
 
     vehicle: Vehicle

@@ -8,11 +8,11 @@ from rich.text import Text
 
 from race_server.core.clock import lap_text, seconds_of
 from race_server.core.messages import (
-    Doubt,
     Event,
     EventKind,
     Flag,
     Phase,
+    PoseFault,
     Retirement,
     Standing,
     Status,
@@ -135,7 +135,7 @@ def _item(number: int, items: Sequence[str]) -> str:
 
 
 def _pose(event: Event) -> str:
-    why = f" ({Doubt(event.value).name.lower().replace('_', ' ')})" if event.value else ""
+    why = f" ({PoseFault(event.value).name.lower().replace('_', ' ')})" if event.value else ""
     return f"{Trust(event.other).name.lower()}{why}"
 
 

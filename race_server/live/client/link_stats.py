@@ -66,7 +66,7 @@ _RETIREMENTS = {
 
 
 @dataclass
-class Reception:
+class LinkStats:
     """What one driver has heard."""
 
     heard: int = 0

@@ -12,19 +12,19 @@ from functools import partial
 from typing import Self
 
 from race_server.errors import RaceError
-from race_server.live.client.seat import Seat, insist, take_seat
+from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
 
 # A fresh link that is not through after so long will not be: another one is tried.
 FRESH_LINK_S = 5.0
 
 
-class Renewal:
+class Reconnect:
     """Moves a seat to a fresh link, while its driver goes on listening to the old one."""
 
     def __init__(
         self,
-        seat: Seat,
+        seat: ClientSeat,
         connect: Callable[[], ClientLink],
         prepare: Callable[[ClientLink, float], None],
     ) -> None:
@@ -36,7 +36,7 @@ class Renewal:
         self._seat = seat
         self._connect = connect
         self._prepare = prepare
-        self._fresh: Seat | None = None
+        self._fresh: ClientSeat | None = None
         self._attempt: threading.Thread | None = None
 
     def __enter__(self) -> Self:

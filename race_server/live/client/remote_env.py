@@ -19,7 +19,7 @@ from race_server.envs.rewards import TERMS, reward_weights
 from race_server.envs.spaces import action_space, observation_space
 from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_kart import News, RemoteKart
-from race_server.live.client.seat import SILENCE_S, Seat, insist, take_seat
+from race_server.live.client.seat import SILENCE_S, ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, decode_course
@@ -280,7 +280,7 @@ def _known_terms(preset: str, weights: Floats) -> dict[str, int]:
     return known
 
 
-def _is_refused(seat: Seat) -> bool:
+def _is_refused(seat: ClientSeat) -> bool:
     """Ask for a silent seat again; True if the server no longer knows it as ours."""
     try:
         seat.come_back()

@@ -15,7 +15,7 @@ from race_server.envs import reward_terms
 from race_server.envs.actions import MEMORY, WIDTHS, discrete_table, read_action
 from race_server.envs.rewards import TERMS
 from race_server.errors import WireError
-from race_server.live.client.seat import Seat
+from race_server.live.client.seat import ClientSeat
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.spectate import decode_events
@@ -38,7 +38,7 @@ class RemoteKart:
     seen: Observation  # newest
     before: Observation  # when the newest control was sent
 
-    def __init__(self, seat: Seat) -> None:
+    def __init__(self, seat: ClientSeat) -> None:
         briefing = seat.welcome.briefing
         self.seat = seat
         self.epoch = seat.welcome.epoch  # of the race before; the next one is ours

@@ -36,7 +36,7 @@ SILENCE_S = 3.0
 
 
 @dataclass
-class Seat:
+class ClientSeat:
     """What a driver holds while it takes part."""
 
     welcome: Welcome
@@ -93,7 +93,7 @@ class Seat:
         return decode_welcome(self.link.ask(topics.JOIN, encode_join(request), self.number))
 
 
-def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> Seat:
+def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> ClientSeat:
     """Return a seat in the session; the same request again gives the same seat.
 
     mailbox: of a seat that the driver has on another link, to go on listening there.
@@ -108,7 +108,9 @@ def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> S
     request = replace(join, wanted=number, secret=welcome.secret)
     badge = badge_of(welcome.secret)
     topic = topics.POSE if join.tracked else topics.CONTROL
-    seat = Seat(welcome, mailbox or Mailbox(), link, request, link.sender(number, badge, topic))
+    seat = ClientSeat(
+        welcome, mailbox or Mailbox(), link, request, link.sender(number, badge, topic)
+    )
     link.listen(topics.OBSERVATION, seat.mailbox.put, number)
     link.announce(number, badge)
     return seat

@@ -19,7 +19,7 @@ from race_server.net.wire.spectate import (
 )
 
 
-class Watcher:
+class Spectator:
     """What a spectator knows. Late comers are told the standings and the recent events first."""
 
     def __init__(self, link: ClientLink) -> None:

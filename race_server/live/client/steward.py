@@ -6,7 +6,7 @@ from race_server.net.wire.admin import Decision, decode_log, encode_decision
 from race_server.net.wire.lobby import check_reply
 
 
-class Marshal:
+class StewardClient:
     """Tells a server what the steward decided."""
 
     def __init__(self, link: ClientLink, token: str, who: str = "steward") -> None:

@@ -10,7 +10,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from race_server.live.gateway.browser import Browser
+from race_server.live.gateway.browser import BrowserSession
 from race_server.live.gateway.hub import Hub
 from race_server.live.gateway.origins import is_known_host
 from race_server.live.gateway.page import ASSETS, File, Page
@@ -69,7 +69,7 @@ def make_app(hub: Hub, page: Page) -> Guarded:
 
     async def meet(websocket: WebSocket) -> None:
         try:
-            await Browser(hub, websocket).serve()
+            await BrowserSession(hub, websocket).serve()
         except WebSocketDisconnect:
             return  # it went while it was told something
 

@@ -12,23 +12,29 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from race_server import __version__
 from race_server.errors import GatewayError, RaceError, WireError
 from race_server.live.gateway.audience import Viewer
-from race_server.live.gateway.connection import PIPE, Pipe
-from race_server.live.gateway.driver_seat import PRESET, Wheel
+from race_server.live.gateway.connection import PIPE, WebSocketConnection
+from race_server.live.gateway.driver_seat import PRESET, DriverSeat
 from race_server.live.gateway.handshake import (
     MOST_HZ,
     MOST_SEAT,
     SUBPROTOCOL,
     Hello,
     Role,
-    claim_in,
-    number_in,
+    read_bool,
     read_hello,
+    read_int,
+    read_number,
+    read_text,
     read_words,
-    text_in,
-    whole_in,
 )
 from race_server.live.gateway.hub import Hub
-from race_server.live.gateway.limits import CONTROLS_HZ, HELLO_S, MOST_CONTROL, TEXTS_HZ, Allowance
+from race_server.live.gateway.limits import (
+    CONTROLS_HZ,
+    HELLO_S,
+    MOST_CONTROL,
+    TEXTS_HZ,
+    RateLimiter,
+)
 from race_server.live.gateway.origins import check_origin
 from race_server.live.gateway.outbox import Outbox
 from race_server.live.gateway.playback import WORDS, Player
@@ -44,23 +50,23 @@ FAREWELL_S = 1.0
 MOST_VALUE, MOST_MOMENT = 1e6, 1e15
 
 
-class Browser:
+class BrowserSession:
     """A browser that is connected."""
 
     def __init__(self, hub: Hub, websocket: WebSocket) -> None:
         """Know nobody yet."""
         self._hub, self._websocket = hub, websocket
         self._host = websocket.client.host if websocket.client else ""
-        self.outbox = Outbox(cast("Pipe", websocket.scope["extensions"][PIPE]))
+        self.outbox = Outbox(cast("WebSocketConnection", websocket.scope["extensions"][PIPE]))
         self.heard_at = time.monotonic()
         self._ended = asyncio.Event()
         self._why: GatewayError | None = None
         self._identity = Identity(Role.SPECTATE)
         self._viewer = Viewer(self.outbox, MOST_HZ)
-        self._wheel: Wheel | None = None
+        self._wheel: DriverSeat | None = None
         self._player: Player | None = None
-        self._texts = Allowance(TEXTS_HZ, "texts")
-        self._controls = Allowance(CONTROLS_HZ, "controls")
+        self._texts = RateLimiter(TEXTS_HZ, "texts")
+        self._controls = RateLimiter(CONTROLS_HZ, "controls")
 
     def let_go(self, error: GatewayError) -> None:
         """End, with a reason."""
@@ -200,17 +206,17 @@ class Browser:
     async def _take_words(self, words: dict[str, Any]) -> bool:
         """Do what is asked for; False where the browser leaves."""
         self._texts.spend()
-        kind = text_in(words, "type", 16)
+        kind = read_text(words, "type", 16)
         if kind == "ping":
-            moment = number_in(words, "t", -MOST_MOMENT, MOST_MOMENT, default=0.0)
+            moment = read_number(words, "t", -MOST_MOMENT, MOST_MOMENT, default=0.0)
             self._tell(type="pong", t=moment, server_us=self._hub.live.server_us())
         elif kind == "follow":
-            self._viewer.seat = whole_in(words, "seat", -1, MOST_SEAT, default=-1)
-            self._viewer.wants_rays = claim_in(words, "rays") and self._viewer.seat >= 0
+            self._viewer.seat = read_int(words, "seat", -1, MOST_SEAT, default=-1)
+            self._viewer.wants_rays = read_bool(words, "rays") and self._viewer.seat >= 0
             if self._player is not None:
                 self._player.turn()
         elif kind == "rate":
-            self._viewer.rate = number_in(words, "rate", 1.0, MOST_HZ, default=MOST_HZ)
+            self._viewer.rate = read_number(words, "rate", 1.0, MOST_HZ, default=MOST_HZ)
         elif kind in WORDS and self._player is not None:
             self._player.obey(words)
         elif kind in {"ready", "leave"} and self._wheel is not None:
@@ -221,12 +227,14 @@ class Browser:
             raise GatewayError("malformed", f"{kind!r} means nothing from you here")
         return True
 
-    async def _take_drivers_words(self, kind: str, words: dict[str, Any], wheel: Wheel) -> bool:
+    async def _take_drivers_words(
+        self, kind: str, words: dict[str, Any], wheel: DriverSeat
+    ) -> bool:
         if kind == "leave":
             await wheel.leave()
             await self._websocket.close()
             return False
-        ready, reason = claim_in(words, "ready"), ""
+        ready, reason = read_bool(words, "ready"), ""
         try:
             await wheel.get_ready(ready=ready)
         except RaceError as error:
@@ -242,11 +250,11 @@ class Browser:
             except RaceError as error:
                 self._tell(type="log", lines=[], reason=str(error))
             return
-        number = whole_in(words, "id", 0, 1 << 53, default=0)
+        number = read_int(words, "id", 0, 1 << 53, default=0)
         reason = await stewarding.decide(
-            text_in(words, "act", 16),
-            whole_in(words, "seat", -1, MOST_SEAT, default=-1),
-            number_in(words, "value", -MOST_VALUE, MOST_VALUE, default=0.0),
+            read_text(words, "act", 16),
+            read_int(words, "seat", -1, MOST_SEAT, default=-1),
+            read_number(words, "value", -MOST_VALUE, MOST_VALUE, default=0.0),
             who,
         )
         self._tell(type="acted", id=number, accepted=not reason, reason=reason)

@@ -23,7 +23,7 @@ from race_server.live.gateway.limits import (
     MOST_CONNECTIONS,
     MOST_CONNECTIONS_OF_ADDRESS,
     MOST_PIECES,
-    Allowance,
+    RateLimiter,
 )
 from race_server.live.gateway.origins import is_loopback
 
@@ -47,7 +47,7 @@ def frame_of(payload: bytes | str) -> bytes:
     return Frame(Opcode.BINARY, payload).serialize(mask=False)
 
 
-class Pipe(WebSocketsSansIOProtocol):
+class WebSocketConnection(WebSocketsSansIOProtocol):
     """A WebSocket into which frames may be put that were written once for everybody."""
 
     on_writable: Callable[[], None] | None = None
@@ -56,7 +56,7 @@ class Pipe(WebSocketsSansIOProtocol):
         """Bound what may wait."""
         super().connection_made(transport)
         self.transport.set_write_buffer_limits(high=WRITE_BUFFER)
-        self._bytes = Allowance(BYTES_HZ, "bytes")
+        self._bytes = RateLimiter(BYTES_HZ, "bytes")
 
     async def run_asgi(self) -> None:
         """Let the application find this connection, and end it for sure after that."""
@@ -136,7 +136,7 @@ class Pipe(WebSocketsSansIOProtocol):
         self.transport.write(frame)
 
 
-class Porch:
+class ConnectionLimiter:
     """How many connections are open, and from where."""
 
     def __init__(self, most: int = MOST_CONNECTIONS) -> None:
@@ -160,10 +160,10 @@ class Porch:
             del self._of[host]
 
 
-class Visit(H11Protocol):
+class PendingConnection(H11Protocol):
     """A connection before it becomes a WebSocket, if it does."""
 
-    def __init__(self, *words: Any, porch: Porch, **named: Any) -> None:
+    def __init__(self, *words: Any, porch: ConnectionLimiter, **named: Any) -> None:
         """Stand on a porch."""
         super().__init__(*words, **named)
         self._porch = porch

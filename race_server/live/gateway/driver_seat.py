@@ -16,7 +16,7 @@ from race_server.errors import (
     SeatError,
     WireError,
 )
-from race_server.live.client.seat import SILENCE_S, Seat, take_seat
+from race_server.live.client.seat import SILENCE_S, ClientSeat, take_seat
 from race_server.live.gateway.audience import HUD
 from race_server.live.gateway.connection import frame_of
 from race_server.live.gateway.live import notice_frame
@@ -39,7 +39,7 @@ STALLED_S = 2.0
 NO_HAND = "no control for a quarter of a second: the kart coasts, then brakes"
 
 
-class Rider(Protocol):
+class DriverConnection(Protocol):
     """A browser at the wheel."""
 
     outbox: Outbox
@@ -49,7 +49,7 @@ class Rider(Protocol):
         """End, with a reason."""
 
 
-class Wheel:
+class DriverSeat:
     """What one drive token opens: a seat, once somebody has taken it, and who drives it."""
 
     def __init__(
@@ -67,8 +67,8 @@ class Wheel:
         self.number = number
         self._connect, self._seats, self._pool = connect, seats, pool
         self._loop = asyncio.get_running_loop()
-        self.rider: Rider | None = None
-        self.seat: Seat | None = None
+        self.rider: DriverConnection | None = None
+        self.seat: ClientSeat | None = None
         self.sequence = 0  # of the newest control that was sent; a browser counts on from it
         self._moment: tuple[int, int] | None = None  # epoch and tick of the newest heads-up data
         self._hud_at = self._control_at = self._left_at = 0.0
@@ -83,7 +83,7 @@ class Wheel:
 
     # Who sits there
 
-    async def take(self, rider: Rider, name: str, wanted: int) -> bytes:
+    async def take(self, rider: DriverConnection, name: str, wanted: int) -> bytes:
         """Let a browser take the wheel, and return its briefing.
 
         Raises:
@@ -105,7 +105,7 @@ class Wheel:
             raise _displaced()
         return self._begin(seat)
 
-    async def _hold_seat(self, name: str, wanted: int) -> Seat:
+    async def _hold_seat(self, name: str, wanted: int) -> ClientSeat:
         """Return the seat that is held, asked for where there is none."""
         async with self._turn:
             if self.seat is None:
@@ -113,7 +113,7 @@ class Wheel:
                 self._hud_at = time.monotonic()
             return self.seat
 
-    def take_over(self, rider: Rider) -> bytes | None:
+    def take_over(self, rider: DriverConnection) -> bytes | None:
         """Give the wheel back to a browser that comes back; None where no seat is held.
 
         Raises:
@@ -130,17 +130,17 @@ class Wheel:
         self.rider = rider
         return self._begin(self.seat)
 
-    def _begin(self, seat: Seat) -> bytes:
+    def _begin(self, seat: ClientSeat) -> bytes:
         self._is_dead = True
         # The secret by which the server knows this seat stays here.
         return encode_welcome(replace(seat.welcome, secret=0))
 
-    def release(self, rider: Rider) -> None:
+    def release(self, rider: DriverConnection) -> None:
         """Take note that a browser has gone; its seat is kept for a while."""
         if self.rider is rider:
             self.rider, self._left_at = None, time.monotonic()
 
-    def _sit_down(self, name: str, wanted: int) -> Seat:
+    def _sit_down(self, name: str, wanted: int) -> ClientSeat:
         """Take the first seat that is to be had; runs in the pool."""
         refused: SeatError | None = None
         for seat in self._seats(wanted):
@@ -150,7 +150,7 @@ class Wheel:
                 refused = error
         raise refused or SeatError("there is no seat")
 
-    def _try_seat(self, name: str, wanted: int) -> Seat:
+    def _try_seat(self, name: str, wanted: int) -> ClientSeat:
         """Take a seat over a link of its own."""
         link = self._connect(wanted)
         try:
@@ -224,7 +224,7 @@ class Wheel:
             self._hud_at = now
             self._asking = self._loop.create_task(self._ask_whether_it_is_ours(self.seat))
 
-    async def _ask_whether_it_is_ours(self, seat: Seat) -> None:
+    async def _ask_whether_it_is_ours(self, seat: ClientSeat) -> None:
         """Ask for the seat again: a lobby is silent, but so is a server that gave it away."""
         try:
             await self._wait_for(seat.come_back)
@@ -245,7 +245,7 @@ class Wheel:
         return await self._loop.run_in_executor(self._pool, ask)
 
 
-def _stand_up(seat: Seat) -> None:
+def _stand_up(seat: ClientSeat) -> None:
     """Leave a seat and end its link; runs in the pool."""
     with seat.link:
         try:

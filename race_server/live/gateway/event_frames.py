@@ -10,7 +10,7 @@ from race_server.net.wire.spectate import encode_events
 EVENTS_AT_ONCE, MOST_WHOLE = 1024, 8
 
 
-class Roll:
+class EventFrames:
     """What has happened in one race, oldest first; the oldest is forgotten where it gets long."""
 
     def __init__(self, epoch: int) -> None:

@@ -67,27 +67,27 @@ def read_hello(text: str | bytes | None) -> Hello:
         GatewayError: too long, no JSON, or not what a first message holds.
     """
     words = read_words(text)
-    role = text_in(words, "role", 16) or Role.SPECTATE
+    role = read_text(words, "role", 16) or Role.SPECTATE
     if role not in set(Role):
         raise GatewayError("malformed", f"role {role!r} is unknown; choose {', '.join(Role)}")
-    name = text_in(words, "name", 32)
+    name = read_text(words, "name", 32)
     if not name.isprintable():
         raise GatewayError("malformed", "name: use up to 32 printable characters")
-    source = text_in(words, "source", 160) or LIVE
+    source = read_text(words, "source", 160) or LIVE
     if source != LIVE and not source.startswith(RECORDING):
         raise GatewayError("malformed", f"source {source!r}: choose live or recording:NAME")
     return Hello(
         role=Role(role),
-        token=text_in(words, "token", 128),
-        seat=whole_in(words, "seat", -1, MOST_SEAT, default=-1),
+        token=read_text(words, "token", 128),
+        seat=read_int(words, "seat", -1, MOST_SEAT, default=-1),
         name=name,
         source=source,
-        rate=number_in(words, "rate", 1.0, MOST_HZ, default=DEFAULT_HZ),
-        resume=text_in(words, "resume", 128),
+        rate=read_number(words, "rate", 1.0, MOST_HZ, default=DEFAULT_HZ),
+        resume=read_text(words, "resume", 128),
     )
 
 
-def text_in(words: dict[str, Any], name: str, most: int) -> str:
+def read_text(words: dict[str, Any], name: str, most: int) -> str:
     """Return a text of at most `most` characters, empty where it is not there.
 
     Raises:
@@ -99,7 +99,7 @@ def text_in(words: dict[str, Any], name: str, most: int) -> str:
     return value
 
 
-def number_in(
+def read_number(
     words: dict[str, Any], name: str, least: float, most: float, *, default: float
 ) -> float:
     """Return a number within bounds; what lies outside of them is moved to the nearest.
@@ -113,7 +113,7 @@ def number_in(
     return float(min(max(value, least), most))
 
 
-def whole_in(words: dict[str, Any], name: str, least: int, most: int, *, default: int) -> int:
+def read_int(words: dict[str, Any], name: str, least: int, most: int, *, default: int) -> int:
     """Return a whole number within bounds.
 
     Raises:
@@ -125,7 +125,7 @@ def whole_in(words: dict[str, Any], name: str, least: int, most: int, *, default
     return value
 
 
-def claim_in(words: dict[str, Any], name: str) -> bool:
+def read_bool(words: dict[str, Any], name: str) -> bool:
     """Return a true or false, false where it is not there.
 
     Raises:

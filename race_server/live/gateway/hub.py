@@ -9,7 +9,7 @@ from typing import Protocol
 from race_server.errors import GatewayError
 from race_server.live.gateway.audience import RAYS
 from race_server.live.gateway.connection import frame_of
-from race_server.live.gateway.driver_seat import Wheel
+from race_server.live.gateway.driver_seat import DriverSeat
 from race_server.live.gateway.library import Library
 from race_server.live.gateway.limits import MOST_BROWSERS, MOST_OF_ADDRESS
 from race_server.live.gateway.listener import Listener
@@ -17,7 +17,7 @@ from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.origins import is_loopback
 from race_server.live.gateway.outbox import Outbox
 from race_server.live.gateway.rays import Caster
-from race_server.live.gateway.roles import Passes
+from race_server.live.gateway.roles import ResumeTokens
 from race_server.live.gateway.settings import Settings
 from race_server.live.gateway.stewarding import Stewarding
 from race_server.logs import Log
@@ -38,7 +38,7 @@ LOOK_S, CHECK_S = 0.1, 1.0
 MOST_TOLD = 1024
 
 
-class Guest(Protocol):
+class Connection(Protocol):
     """A browser that was let in."""
 
     outbox: Outbox
@@ -59,13 +59,13 @@ class Hub:
         self.listener = Listener(self._watch, self._hear)
         self.live = LiveRace(asyncio.get_running_loop(), log, self.listener.ask_again)
         self.library = Library(settings.recordings)
-        self.passes = Passes()
+        self.passes = ResumeTokens()
         self.wheels = [
-            Wheel(number, self._drive, settings.ring.seats, self.pool)
+            DriverSeat(number, self._drive, settings.ring.seats, self.pool)
             for number in range(len(settings.tokens.drive))
         ]
         self.stewarding = Stewarding(self._steward, self._token, self.pool)
-        self.guests: set[Guest] = set()
+        self.guests: set[Connection] = set()
         self._hosts: Counter[str] = Counter()
         self._told: set[tuple[str, str]] = set()
         self._caster: Caster | None = None
@@ -96,7 +96,7 @@ class Hub:
 
     # Who is here
 
-    def admit(self, guest: Guest, host: str) -> None:
+    def admit(self, guest: Connection, host: str) -> None:
         """Let a browser in.
 
         Raises:
@@ -111,7 +111,7 @@ class Hub:
         self.guests.add(guest)
         self._hosts[host] += 1
 
-    def dismiss(self, guest: Guest, host: str) -> None:
+    def dismiss(self, guest: Connection, host: str) -> None:
         """Take note that a browser has gone."""
         if guest in self.guests:
             self.guests.discard(guest)

@@ -10,7 +10,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import GatewayError, RecordingError, WireError
 from race_server.net.wire.spectate import decode_events
-from race_server.storage.recording.seekable import Tape
+from race_server.storage.recording.seekable import SeekableRecording
 
 ENDING = ".mcap"
 # A race that is being driven, and one that is taken up: not yet a recording.
@@ -50,7 +50,7 @@ class Library:
             found = [self._title(path, stamp) for path, stamp in files[:MOST_LISTED]]
         return [asdict(title) for title in found if title is not None]
 
-    def open(self, name: str) -> tuple[Tape, list[Event]]:
+    def open(self, name: str) -> tuple[SeekableRecording, list[Event]]:
         """Return a recording and all events of its race.
 
         Raises:
@@ -60,7 +60,7 @@ class Library:
         for path, stamp in self._files().items():
             if path.name.removesuffix(ENDING) == name:
                 try:
-                    tape = Tape(path)
+                    tape = SeekableRecording(path)
                 except RecordingError as error:
                     raise GatewayError("no-recording", str(error)) from error
                 return tape, self._events_of(stamp, tape)
@@ -83,7 +83,7 @@ class Library:
             self._titles[stamp] = _title_of(path)
         return self._titles[stamp]
 
-    def _events_of(self, stamp: Stamp, tape: Tape) -> list[Event]:
+    def _events_of(self, stamp: Stamp, tape: SeekableRecording) -> list[Event]:
         with self._lock:
             if stamp not in self._events:
                 while len(self._events) >= MOST_KEPT:
@@ -109,7 +109,7 @@ def _stamp(path: Path) -> Stamp | None:
 def _title_of(path: Path) -> Title | None:
     """Return the line of a recording, None for a file that is none."""
     try:
-        tape = Tape(path)
+        tape = SeekableRecording(path)
     except RecordingError:
         return None
     try:
@@ -127,7 +127,7 @@ def _title_of(path: Path) -> Title | None:
         tape.close()
 
 
-def _all_events(tape: Tape) -> list[Event]:
+def _all_events(tape: SeekableRecording) -> list[Event]:
     """Return all events of a recording, each once; damaged messages are left out."""
     events: dict[int, Event] = {}
     for moment in tape.all_events():

@@ -27,7 +27,7 @@ HEARTBEAT_S = 20.0
 
 
 @dataclass
-class Allowance:
+class RateLimiter:
     """Fills up at a rate; each message, or byte, takes one from it."""
 
     rate_hz: float

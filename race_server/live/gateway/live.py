@@ -12,7 +12,7 @@ from race_server.errors import WireError
 from race_server.live.client.link_stats import ClockOffset
 from race_server.live.gateway.audience import LINKS, STANDINGS, Audience, Viewer
 from race_server.live.gateway.connection import frame_of
-from race_server.live.gateway.event_frames import Roll, event_frames
+from race_server.live.gateway.event_frames import EventFrames, event_frames
 from race_server.logs import Log
 from race_server.net.wire import topics
 from race_server.net.wire.line import decode_line
@@ -60,7 +60,7 @@ class LiveRace:
         self.left_at: float | None = None  # when a race that was there has gone
         self.damaged = 0
         self.epoch = -1
-        self._roll = Roll(self.epoch)
+        self._roll = EventFrames(self.epoch)
         self.snapshot: SnapshotFrame | None = None
         self.course: CourseSheet | None = None
         self._takers: dict[Topic, Callable[[bytes], None]] = {
@@ -151,7 +151,7 @@ class LiveRace:
             self._refresh()
             self.offset.restart()
         self.epoch, self.snapshot, self._last = epoch, None, 0
-        self._roll = Roll(epoch)
+        self._roll = EventFrames(epoch)
 
     def _keep(self, topic: Topic, data: bytes) -> bytes | None:
         """Return a message as a frame and keep it for newcomers; None where it is known."""

@@ -4,7 +4,7 @@ import time
 from collections import deque
 
 from race_server.errors import GatewayError
-from race_server.live.gateway.connection import Pipe, frame_of
+from race_server.live.gateway.connection import WebSocketConnection, frame_of
 from race_server.live.gateway.limits import DRAIN_S
 
 # Messages that must all arrive; more wait for nobody.
@@ -14,7 +14,7 @@ MOST_WAITING = 256
 class Outbox:
     """Sends at once while the browser reads, and keeps what counts while it does not."""
 
-    def __init__(self, pipe: Pipe) -> None:
+    def __init__(self, pipe: WebSocketConnection) -> None:
         """Send into a pipe."""
         self.pipe = pipe
         self._waiting: deque[bytes] = deque()

@@ -16,7 +16,7 @@ from race_server.errors import GatewayError, RecordingError, WireError
 from race_server.live.gateway.audience import POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
 from race_server.live.gateway.connection import frame_of
 from race_server.live.gateway.event_frames import KnownEvents, event_frames
-from race_server.live.gateway.handshake import number_in, whole_in
+from race_server.live.gateway.handshake import read_int, read_number
 from race_server.live.gateway.rays import Caster
 from race_server.net.wire.line import encode_line
 from race_server.net.wire.lobby import encode_course, encode_rules
@@ -26,7 +26,7 @@ from race_server.net.wire.spectate import SnapshotFrame, decode_snapshot, decode
 from race_server.storage.recording.channels import SNAPSHOTS
 from race_server.storage.recording.channels import STANDINGS as TABLES
 from race_server.storage.recording.scenario_codec import unpack_scenario
-from race_server.storage.recording.seekable import Moment, Tape
+from race_server.storage.recording.seekable import Moment, SeekableRecording
 
 Answer = TypeVar("Answer")
 
@@ -40,7 +40,9 @@ WORDS = ("play", "pause", "seek", "step")
 class Player:
     """Plays one recording to one viewer."""
 
-    def __init__(self, viewer: Viewer, tape: Tape, events: list[Event], pool: Executor) -> None:
+    def __init__(
+        self, viewer: Viewer, tape: SeekableRecording, events: list[Event], pool: Executor
+    ) -> None:
         """Stand at the beginning. events: all of the race; pool: for what has to wait."""
         self._viewer, self._tape, self._events, self._pool = viewer, tape, events, pool
         self._ticks = [event.tick for event in events]
@@ -62,16 +64,16 @@ class Player:
         """
         kind = words["type"]
         if kind == "play":
-            self._speed = number_in(words, "speed", LEAST_SPEED, MOST_SPEED, default=1.0)
+            self._speed = read_number(words, "speed", LEAST_SPEED, MOST_SPEED, default=1.0)
             if self._tick >= self._tape.last_tick:
                 self._sought = 0
             self._is_playing = True
         elif kind == "pause":
             self._is_playing = False
         elif kind == "seek":
-            self._sought = whole_in(words, "tick", 0, MOST_TICK, default=0)
+            self._sought = read_int(words, "tick", 0, MOST_TICK, default=0)
         else:
-            ticks = whole_in(words, "ticks", -MOST_TICK, MOST_TICK, default=1)
+            ticks = read_int(words, "ticks", -MOST_TICK, MOST_TICK, default=1)
             self._is_playing = False
             self._sought = (self._tick if self._sought is None else self._sought) + ticks
         self._anchor = (float(self._tick), time.monotonic())

@@ -67,7 +67,7 @@ def _fits(shown: str, token: str) -> bool:
     return secrets.compare_digest(shown.encode(errors="surrogatepass"), token.encode())
 
 
-class Passes:
+class ResumeTokens:
     """Words by which browsers come back after a break, each good for one time."""
 
     def __init__(self) -> None:

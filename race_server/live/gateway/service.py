@@ -12,7 +12,12 @@ import uvicorn
 
 from race_server.errors import LinkError
 from race_server.live.gateway.app import make_app
-from race_server.live.gateway.connection import WRITE_BUFFER, Pipe, Porch, Visit
+from race_server.live.gateway.connection import (
+    WRITE_BUFFER,
+    ConnectionLimiter,
+    PendingConnection,
+    WebSocketConnection,
+)
 from race_server.live.gateway.hub import Hub
 from race_server.live.gateway.limits import HEARTBEAT_S, MOST_CONNECTIONS, MOST_MESSAGE
 from race_server.live.gateway.live import LiveRace
@@ -81,8 +86,8 @@ class Gateway:
             self._server.should_exit = True
 
     def _config(self, hub: Hub) -> uvicorn.Config:
-        visit: Any = partial(Visit, porch=Porch(_room_for_connections()))
-        pipe: Any = Pipe
+        visit: Any = partial(PendingConnection, porch=ConnectionLimiter(_room_for_connections()))
+        pipe: Any = WebSocketConnection
         settings = self._settings
         app: Any = make_app(hub, Page.read())
         return uvicorn.Config(

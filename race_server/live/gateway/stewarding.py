@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeVar
 
 from race_server.errors import RaceError, SeatError
-from race_server.live.client.steward import Marshal
+from race_server.live.client.steward import StewardClient
 from race_server.net.transport import ClientLink
 
 Answer = TypeVar("Answer")
@@ -43,24 +43,24 @@ class Stewarding:
         Raises:
             RaceError: the race does not tell.
         """
-        return await self._ask(Marshal.log, who)
+        return await self._ask(StewardClient.log, who)
 
     async def close(self) -> None:
         """End the link."""
         async with self._turn:
             self._drop()
 
-    async def _ask(self, ask: Callable[[Marshal], Answer], who: str) -> Answer:
+    async def _ask(self, ask: Callable[[StewardClient], Answer], who: str) -> Answer:
         async with self._turn:
             work = partial(self._ask_over_link, ask, who or "steward")
             return await asyncio.get_running_loop().run_in_executor(self._pool, work)
 
-    def _ask_over_link(self, ask: Callable[[Marshal], Answer], who: str) -> Answer:
+    def _ask_over_link(self, ask: Callable[[StewardClient], Answer], who: str) -> Answer:
         """Ask; runs in the pool, one at a time."""
         if self._link is None:
             self._link = self._connect()
         try:
-            return ask(Marshal(self._link, self._token(), who))
+            return ask(StewardClient(self._link, self._token(), who))
         except SeatError:
             raise  # the race has answered
         except RaceError:

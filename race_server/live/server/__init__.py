@@ -1,4 +1,4 @@
-"""The live server: `live` is its loop, `ear` hears, `desk` answers, `herald` tells everybody."""
+"""The live server: `loop` runs it, `inbox` receives, `requests` answers, `publisher` publishes."""
 
 from race_server.live.server.loop import LOCKSTEP, REAL, RaceServer
 from race_server.live.server.result import RaceResult

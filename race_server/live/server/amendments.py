@@ -11,24 +11,24 @@ from dataclasses import replace
 
 from race_server.core.messages import Standing
 from race_server.errors import SeatError
-from race_server.live.server.publisher import Herald
+from race_server.live.server.publisher import Publisher
 from race_server.live.server.result import RaceResult
 from race_server.session import Session
 from race_server.storage.results.keeper import Keeper
 
 
-class Verdict:
+class Amendments:
     """What may still be changed about a race that is over."""
 
     def __init__(
         self,
         session: Session,
-        herald: Herald,
+        publisher: Publisher,
         keeper: Keeper | None,
         amended: Callable[[RaceResult], None],
     ) -> None:
         """Have no result yet. amended: is told each result that replaces an earlier one."""
-        self._session, self._herald, self._keeper = session, herald, keeper
+        self._session, self._publisher, self._keeper = session, publisher, keeper
         self._amended = amended
         self.result: RaceResult | None = None
 
@@ -53,8 +53,8 @@ class Verdict:
         self.result = replace(result, standings=standings, events=[*result.events, *events])
         if self._keeper:
             self._keeper.amend(standings)
-        self._herald.tell_events(events)
-        self._herald.tell_standings()
+        self._publisher.publish_events(events)
+        self._publisher.publish_standings()
         self._amended(self.result)
         return driver
 

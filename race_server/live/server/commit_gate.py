@@ -24,7 +24,7 @@ class Keeps(Protocol):
 Tickets = tuple[tuple[Keeps, int], ...]
 
 
-class Gate:
+class CommitGate:
     """Holds events back, in order, until those who keep them have written them down."""
 
     def __init__(self) -> None:

@@ -32,7 +32,7 @@ class Histogram:
 
 
 @dataclass
-class Meters:
+class Counters:
     """All that the loop counts. It never waits here: readers may see one number before another."""
 
     seats: int

@@ -9,7 +9,7 @@ from race_server.net.wire.journal import StartFrame
 from race_server.net.wire.spectate import SnapshotFrame, encode_events
 from race_server.session import Session
 from race_server.storage.recording.channels import EVENTS, SCENE, SNAPSHOTS, STANDINGS
-from race_server.storage.recording.header import beginning_of
+from race_server.storage.recording.header import header_of
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.recorder import Recorder
@@ -40,7 +40,7 @@ class Journal:
         cls, logbook: Logbook, session: Session, pace: str, started_at: str, locals_: Container[int]
     ) -> "Journal":
         """Begin the recording of a race that has just been started."""
-        return cls(logbook, session, beginning_of(session, pace, started_at, locals_), old=False)
+        return cls(logbook, session, header_of(session, pace, started_at, locals_), old=False)
 
     @classmethod
     def of_old_race(cls, logbook: Logbook, session: Session, recording: Recording) -> "Journal":

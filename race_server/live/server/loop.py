@@ -10,16 +10,16 @@ from race_server.core.clock import Pacer, ticks_of
 from race_server.core.driver import driver_named
 from race_server.core.messages import Event
 from race_server.errors import DriverError
-from race_server.live.local_drivers import Paddock
-from race_server.live.server.amendments import Verdict
-from race_server.live.server.counters import Meters
-from race_server.live.server.inbox import Ear
-from race_server.live.server.persistence import Book
-from race_server.live.server.publisher import Herald
+from race_server.live.local_drivers import LocalDrivers
+from race_server.live.server.amendments import Amendments
+from race_server.live.server.counters import Counters
+from race_server.live.server.inbox import Inbox
+from race_server.live.server.persistence import Persistence
+from race_server.live.server.publisher import Publisher
 from race_server.live.server.refusals import Refusals
-from race_server.live.server.requests import Desk
+from race_server.live.server.requests import RequestHandler
 from race_server.live.server.result import RaceResult
-from race_server.live.server.session_log import Diary
+from race_server.live.server.session_log import SessionLog
 from race_server.live.server.steward import Steward
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
@@ -58,19 +58,26 @@ class RaceServer:
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Open the desk and send for the herald."""
+        """Make the parts that receive, answer, publish and write down."""
         self.session.takes_tracked = self.pace == REAL
-        self.meters = Meters(len(self.session.seats))
+        self.counters = Counters(len(self.session.seats))
         self.refused = Refusals(self.log)
-        self._diary = Diary(self.session, self.meters, self.log)
-        self._paddock = Paddock(self.session)
-        self._herald = Herald(self.session, self.link)
-        self._book = Book(self.session, self._herald, self.keeper, self.logbook)
-        self._verdict = Verdict(self.session, self._herald, self.keeper, self.amended)
-        self._steward = Steward(self.session, self.token, self._verdict.penalise)
-        self._desk = Desk(self.session, self.link, self._steward, self.refused, self._book.told)
-        self._ear = Ear(
-            self.session, self.link, self._desk, self._paddock, self.meters, self.refused
+        self._session_log = SessionLog(self.session, self.counters, self.log)
+        self._local_drivers = LocalDrivers(self.session)
+        self._publisher = Publisher(self.session, self.link)
+        self._persistence = Persistence(self.session, self._publisher, self.keeper, self.logbook)
+        self._amendments = Amendments(self.session, self._publisher, self.keeper, self.amended)
+        self._steward = Steward(self.session, self.token, self._amendments.penalise)
+        self._requests = RequestHandler(
+            self.session, self.link, self._steward, self.refused, self._persistence.told
+        )
+        self._inbox = Inbox(
+            self.session,
+            self.link,
+            self._requests,
+            self._local_drivers,
+            self.counters,
+            self.refused,
         )
         self._stop = False
 
@@ -105,8 +112,8 @@ class RaceServer:
     def reopen(self) -> None:
         """Go back to the lobby after a race; the seats that were filled are free again."""
         self.session.reopen()
-        self._paddock.clear()
-        self._herald.tell_standings()
+        self._local_drivers.clear()
+        self._publisher.publish_standings()
 
     def see_off(self, review_s: float = 0.0) -> None:
         """Tell drivers the end until they have gone: on a bad network the first word gets lost.
@@ -125,14 +132,14 @@ class RaceServer:
             self.link.wait(LOBBY_POLL_S)
 
     def _is_linked(self, seat: Seat) -> bool:
-        return seat.is_taken and seat.is_present and seat.number not in self._paddock
+        return seat.is_taken and seat.is_present and seat.number not in self._local_drivers
 
     def wait_in_lobby(self, drivers: int) -> None:
         """Serve the lobby until `drivers` seats are taken and all who sit there are ready."""
         while not self._stop:
             self._hear()
             self.refused.note_dropped(self.link.dropped)
-            self._desk.free_deserted_seats()
+            self._requests.free_deserted_seats()
             taken = sum(seat.is_taken for seat in self.session.seats)
             if taken >= drivers and (taken == 0 or self.session.can_start()):
                 return
@@ -140,9 +147,9 @@ class RaceServer:
 
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
-        self._verdict.lapse()
+        self._amendments.lapse()
         self.session.start(_now_us())
-        self._book.open(self.pace, self._paddock)
+        self._persistence.open(self.pace, self._local_drivers)
         return self._race_on(list(self.session.chronicle.recent))
 
     def go_on(self, recording: Recording, events: list[Event]) -> RaceResult:
@@ -150,10 +157,10 @@ class RaceServer:
 
         The session stands there already, see `race_server.live.server.resume`; events: so far.
         """
-        self._book.take_up(recording)
+        self._persistence.take_up(recording)
         for row in recording.start.seats:
             if row.is_local:
-                self._paddock.readmit(row.driver, driver_named(row.driver), row.number)
+                self._local_drivers.readmit(row.driver, driver_named(row.driver), row.number)
             else:
                 # As it is now: who was sent away has none.
                 self.link.holders.admit(row.number, self.session.seats[row.number].key)
@@ -173,7 +180,7 @@ class RaceServer:
 
     def _race_on(self, events: list[Event]) -> RaceResult:
         self.events = events
-        self._herald.tell_standings()
+        self._publisher.publish_standings()
         try:
             with _no_garbage_collected():
                 if self.pace == LOCKSTEP:
@@ -181,10 +188,10 @@ class RaceServer:
                 else:
                     self._race_in_real_time()
         finally:
-            self._book.close()
+            self._persistence.close()
         self._tell_seats()
-        self._herald.tell_watchers()
-        self._herald.tell_standings()
+        self._publisher.publish_snapshot()
+        self._publisher.publish_standings()
         result = RaceResult(
             self.session.digest(),
             self.session.tick,
@@ -194,13 +201,13 @@ class RaceServer:
             self.refusals(),
             self.session.fleet.figures(_now_us()),
         )
-        self._diary.close(result)
-        self._verdict.result = result
+        self._session_log.close(result)
+        self._amendments.result = result
         return result
 
     def recorder_backlog(self) -> int:
         """Return how many messages wait to be recorded."""
-        return self._book.backlog
+        return self._persistence.backlog
 
     def refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
@@ -219,14 +226,14 @@ class RaceServer:
             if session.tick % session.decision_ticks == 0:
                 self._tell_seats()
             else:
-                self._herald.repeat_orders()
+                self._publisher.repeat_orders()
             self._hear()
             self.session.follow(_now_us())
             self._advance(1)
             duration = time.perf_counter() - begun
             pacer.wait()
             missed = self.missed_ticks + pacer.missed
-            self.meters.note_tick(duration, pacer.lateness_s, missed)
+            self.counters.note_tick(duration, pacer.lateness_s, missed)
         self.missed_ticks += pacer.missed
 
     def _race_in_lockstep(self) -> None:
@@ -246,31 +253,31 @@ class RaceServer:
         again = 0.0
         while self.session.is_paused and self._goes_on():
             self._hear()
-            self._book.note_acts()
+            self._persistence.note_acts()
             if time.monotonic() > again:
                 again = time.monotonic() + REPEAT_S
-                self._herald.repeat(self.session.seats, but=self._paddock)
+                self._publisher.repeat(self.session.seats, but=self._local_drivers)
             self.link.wait(LOBBY_POLL_S)
 
     def _advance(self, ticks: int) -> None:
         before = self.session.tick
-        self._book.look()
+        self._persistence.look()
         events = self.session.advance(ticks)
         self._measure(ticks)
         self.events += events
-        self._book.note(before, events)
+        self._persistence.note(before, events)
         # In real time no tick waits for the disk. In lock-step the world does, as for a driver.
-        self._book.announce(events, wait=self.pace == LOCKSTEP)
-        self._herald.tell_watchers()
+        self._persistence.announce(events, wait=self.pace == LOCKSTEP)
+        self._publisher.publish_snapshot()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
-            self._herald.tell_standings()
+            self._publisher.publish_standings()
             self.refused.note_dropped(self.link.dropped)
 
     def _measure(self, ticks: int) -> None:
-        self.meters.ticks += ticks
+        self.counters.ticks += ticks
         for seat in self.session.seats:
             if seat.silence and seat.is_taken:
-                self.meters.silent[seat.number] += ticks
+                self.counters.silent[seat.number] += ticks
 
     # Hearing and telling
 
@@ -291,20 +298,20 @@ class RaceServer:
             if now > again:
                 again = now + REPEAT_S
                 late = [self.session.seats[number] for number in waiting]
-                self._herald.repeat(late, but=self._paddock)
+                self._publisher.repeat(late, but=self._local_drivers)
             self.link.wait(0.05)
 
     def _hear(self) -> None:
-        self.meters.turned_at = time.monotonic()
-        self._diary.look(self.meters.turned_at)
-        self._ear.listen()
+        self.counters.turned_at = time.monotonic()
+        self._session_log.look(self.counters.turned_at)
+        self._inbox.listen()
 
     def _tell_seats(self) -> None:
         """Send every seat what it sees, and let the local drivers answer at once."""
         self.session.look()
-        self._herald.tell_seats(but=self._paddock)
+        self._publisher.publish_seats(but=self._local_drivers)
         for seat in self.session.seats.taken():
-            if seat.number in self._paddock:
+            if seat.number in self._local_drivers:
                 self._drive_locally(seat)
 
     # Seats that are driven from inside
@@ -314,16 +321,16 @@ class RaceServer:
         for seat in list(self.session.seats):
             if self.fillers and not seat.is_taken:
                 name = self.fillers[seat.number % len(self.fillers)]
-                self._paddock.admit(name, driver_named(name), seat.number)
+                self._local_drivers.admit(name, driver_named(name), seat.number)
 
     def _drive_locally(self, seat: Seat) -> None:
         try:
-            control = self._paddock.answer(seat.number)
+            control = self._local_drivers.answer(seat.number)
         except DriverError:
             self.refused.note(f"driver {seat.driver} failed", seat.number)
             self.session.drop(seat.number)
             return
-        self._ear.take_control(seat.number, control)
+        self._inbox.take_control(seat.number, control)
 
 
 def _now_us() -> int:

@@ -56,25 +56,27 @@ class RaceCollector(Collector):
         yield _gauge("race_epoch", "Races begun so far.", server.session.epoch)
 
     def _of_ticks(self) -> Iterator[Metric]:
-        meters = self._server.meters
-        yield _counter("race_ticks", "Ticks of the world.", meters.ticks)
-        yield _counter("race_ticks_missed", "Ticks that came too late and fell out.", meters.missed)
-        yield _histogram("race_tick_duration_seconds", "Work of a tick.", meters.duration)
+        counters = self._server.counters
+        yield _counter("race_ticks", "Ticks of the world.", counters.ticks)
+        yield _counter(
+            "race_ticks_missed", "Ticks that came too late and fell out.", counters.missed
+        )
+        yield _histogram("race_tick_duration_seconds", "Work of a tick.", counters.duration)
         yield _histogram(
-            "race_tick_lateness_seconds", "How late a tick began after its time.", meters.lateness
+            "race_tick_lateness_seconds", "How late a tick began after its time.", counters.lateness
         )
 
     def _of_seats(self) -> Iterator[Metric]:
-        session, meters = self._server.session, self._server.meters
+        session, counted = self._server.session, self._server.counters
         age = GaugeMetricFamily(
             "race_input_age_seconds", "Since a driver was last heard.", labels=["seat"]
         )
         counters = {
-            "race_inputs": ("Controls taken.", meters.controls, 1.0),
-            "race_inputs_lost": ("Controls sent that never arrived.", meters.lost, 1.0),
+            "race_inputs": ("Controls taken.", counted.controls, 1.0),
+            "race_inputs_lost": ("Controls sent that never arrived.", counted.lost, 1.0),
             "race_silent_seconds": (
                 "Time in which a kart had no fresh control.",
-                meters.silent,
+                counted.silent,
                 1.0 / TICKS_PER_SECOND,
             ),
         }
@@ -124,7 +126,7 @@ def answer_of(server: RaceServer) -> _Answer:
         if path == "/metrics":
             return metrics(environ, start_response)
         if path == "/healthz":
-            reason = server.meters.stillness()
+            reason = server.counters.stillness()
             status, text = ("503 Service Unavailable", reason) if reason else ("200 OK", "ok")
         else:
             status, text = "404 Not Found", "there are /metrics and /healthz"

@@ -3,26 +3,26 @@
 from collections.abc import Container, Iterable
 
 from race_server.core.messages import Event
-from race_server.live.server.commit_gate import Gate, Tickets
+from race_server.live.server.commit_gate import CommitGate, Tickets
 from race_server.live.server.journal import Journal
-from race_server.live.server.publisher import Herald
+from race_server.live.server.publisher import Publisher
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper, utc_now
 
 
-class Book:
+class Persistence:
     """The race in the results file and its recording, where there are such."""
 
     def __init__(
-        self, session: Session, herald: Herald, keeper: Keeper | None, logbook: Logbook | None
+        self, session: Session, publisher: Publisher, keeper: Keeper | None, logbook: Logbook | None
     ) -> None:
-        """Keep races with `keeper`, recordings in `logbook`; `herald` tells what is written."""
-        self._session, self._herald = session, herald
+        """Keep races with `keeper`, recordings in `logbook`; `publisher` tells what is written."""
+        self._session, self._publisher = session, publisher
         self._keeper, self._logbook = keeper, logbook
         self._journal: Journal | None = None
-        self._gate = Gate()
+        self._commit_gate = CommitGate()
 
     def open(self, pace: str, locals_: Container[int]) -> None:
         """Begin to write down: the race with its laps, and everything that acts on it.
@@ -30,11 +30,11 @@ class Book:
         locals_: seats that are driven from inside the server.
         """
         started_at = utc_now()
-        self._gate.clear()
+        self._commit_gate.clear()
         if self._keeper:
             self._keeper.begin(self._session, pace, started_at)
         if self._logbook:
-            self._journal = self._herald.journal = Journal.of_new_race(
+            self._journal = self._publisher.journal = Journal.of_new_race(
                 self._logbook, self._session, pace, started_at, locals_
             )
 
@@ -42,7 +42,7 @@ class Book:
         """Go on with the recording of a race whose server was killed."""
         assert self._logbook is not None
         self._journal = Journal.of_old_race(self._logbook, self._session, recording)
-        self._herald.journal = self._journal
+        self._publisher.journal = self._journal
 
     def look(self) -> None:
         """Note before a tick what must be known after it."""
@@ -70,12 +70,12 @@ class Book:
                 tickets += ((self._keeper, self._keeper.keep(events)),)
             if self._journal:
                 tickets += (self._journal.ticket(),)
-            self._gate.hold(events, tickets)
+            self._commit_gate.hold(events, tickets)
         self._tell_released(wait=wait)
 
     def told(self, events: Iterable[Event]) -> list[Event]:
         """Return those of the events that everybody may know of."""
-        return self._gate.told(events)
+        return self._commit_gate.told(events)
 
     def close(self) -> None:
         """Tell the last events and write how the race ended."""
@@ -84,7 +84,7 @@ class Book:
             self._keeper.end(self._session)
         if self._journal:
             self._journal.end()
-        self._journal = self._herald.journal = None
+        self._journal = self._publisher.journal = None
 
     @property
     def backlog(self) -> int:
@@ -92,5 +92,5 @@ class Book:
         return self._journal.backlog if self._journal else 0
 
     def _tell_released(self, *, wait: bool) -> None:
-        for events in self._gate.released(wait=wait):
-            self._herald.tell_events(events)
+        for events in self._commit_gate.released(wait=wait):
+            self._publisher.publish_events(events)

@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.messages import Doubt, Event, Flag, Trust
+from race_server.core.messages import Event, Flag, PoseFault, Trust
 from race_server.core.state import EFFECTS
 from race_server.live.server.journal import Journal
 from race_server.net.transport import ServerLink
@@ -30,7 +30,7 @@ from race_server.session.seats import Seat
 VALID_S = 0.5
 
 
-class Herald:
+class Publisher:
     """Puts the race into messages and sends them."""
 
     def __init__(self, session: Session, link: ServerLink) -> None:
@@ -41,7 +41,7 @@ class Herald:
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
 
-    def tell_seats(self, *, but: Container[int]) -> None:
+    def publish_seats(self, *, but: Container[int]) -> None:
         """Send every seat whose driver is there what it sees, and what acts on its kart."""
         for seat in self._session.seats.taken():
             if seat.is_present and seat.number not in but:
@@ -75,7 +75,7 @@ class Herald:
         data = writer.write(session.epoch, session.tick, seat.sequence, seat.number, values)
         self._link.publish(topics.OBSERVATION, data, seat.number)
 
-    def tell_watchers(self) -> None:
+    def publish_snapshot(self) -> None:
         """Send the race as spectators see it now."""
         frame = snapshot_of(self._session)
         data = self._snapshots.write(frame)
@@ -83,7 +83,7 @@ class Herald:
         if self.journal:
             self.journal.note_snapshot(frame, data)
 
-    def tell_standings(self) -> None:
+    def publish_standings(self) -> None:
         """Send the table, and while a race is on how its drivers are heard."""
         data = encode_standings(standings_of(self._session))
         self._link.publish(topics.STANDINGS, data)
@@ -92,7 +92,7 @@ class Herald:
         if self._session.is_on:
             self._link.publish(topics.LINKS, encode_links(links_of(self._session)))
 
-    def tell_events(self, events: list[Event]) -> None:
+    def publish_events(self, events: list[Event]) -> None:
         """Send what happened."""
         self._link.publish(topics.EVENTS, encode_events(self._session.epoch, events))
 
@@ -123,7 +123,7 @@ def hud_of(session: Session, seat: Seat) -> HudFrame:
         lights_s=lights_s(session),
         flag=Flag(max(int(race.flag), int(kart.yellow))),
         trust=tracker.trust if tracker else Trust.SIMULATED,
-        doubt=tracker.doubt if tracker else Doubt.NONE,
+        doubt=tracker.doubt if tracker else PoseFault.NONE,
     )
 
 
@@ -197,7 +197,7 @@ def links_of(session: Session) -> LinksFrame:
         row["seat"], row["silence"] = seat.number, seat.silence
         row["age"] = (tick - seat.control_tick) * 1000 // TICKS_PER_SECOND if is_heard else -1
         row["trust"] = tracker.trust if tracker else Trust.SIMULATED
-        row["doubt"] = tracker.doubt if tracker else Doubt.NONE
+        row["doubt"] = tracker.doubt if tracker else PoseFault.NONE
     return LinksFrame(session.epoch, tick, rows)
 
 

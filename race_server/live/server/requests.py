@@ -36,7 +36,7 @@ SHOW_UP_S = 10.0
 _QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
-class Desk:
+class RequestHandler:
     """Answers the requests of drivers and spectators."""
 
     def __init__(

@@ -1,6 +1,6 @@
 """What becomes of a session, for the log: who comes and goes, how races start and end.
 
-The diary looks at the session a few times a second and says what has changed, so nothing that is
+The log looks at the session a few times a second and says what has changed, so nothing that is
 said costs a tick anything. What is refused tells `refusals`.
 """
 
@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
-from race_server.live.server.counters import Meters
+from race_server.live.server.counters import Counters
 from race_server.live.server.result import RaceResult
 from race_server.logs import Log
 from race_server.session import Session
-from race_server.session.failsafe import Silence
+from race_server.session.failsafe import FailsafeStage
 
 LOOK_S = 0.1
 # Ticks that were missed are summed up so often.
@@ -30,12 +30,12 @@ class _Known:
     stands: bool = False
 
 
-class Diary:
+class SessionLog:
     """Says what happens in a session."""
 
-    def __init__(self, session: Session, meters: Meters, log: Log | None) -> None:
+    def __init__(self, session: Session, counters: Counters, log: Log | None) -> None:
         """Look at nothing yet."""
-        self._session, self._meters, self._log = session, meters, log
+        self._session, self._counters, self._log = session, counters, log
         self._known = [_Known() for _ in session.seats]
         self._phase = session.phase
         self._missed = 0
@@ -67,7 +67,7 @@ class Diary:
                     log.warn("dropped: its link is gone", seat=seat.number, driver=who)
                 else:
                     log.say("gone after its race", seat=seat.number, driver=who)
-            stands = bool(driver) and races and seat.silence is Silence.STOPPED
+            stands = bool(driver) and races and seat.silence is FailsafeStage.STOPPED
             if stands and not known.stands and seat.is_present and seat.control_tick >= 0:
                 log.warn("silent: its kart stands", seat=seat.number, driver=who)
             known.driver, known.is_present, known.stands = driver, seat.is_present, stands
@@ -80,8 +80,8 @@ class Diary:
         self._phase = phase
 
     def _sum_up(self, log: Log) -> None:
-        if new := self._meters.missed - self._missed:
-            self._missed = self._meters.missed
+        if new := self._counters.missed - self._missed:
+            self._missed = self._counters.missed
             log.warn("missed ticks", new=new, all=self._missed)
 
     def close(self, result: RaceResult) -> None:

@@ -18,7 +18,7 @@ MOST_QUICK = 5
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
-def guarded(work: Callable[[int], int], say: Callable[[str], None]) -> int:
+def supervised(work: Callable[[int], int], say: Callable[[str], None]) -> int:
     """Do the work in a process of its own and return its exit status.
 
     work: is told how often it was killed so far. Who is killed by a signal is replaced at once,
@@ -45,7 +45,7 @@ def guarded(work: Callable[[int], int], say: Callable[[str], None]) -> int:
 
 def _work_and_exit(work: Callable[[], int]) -> None:
     """Do the work, and end this process whatever happens."""
-    die_with(os.getppid())
+    end_with(os.getppid())
     code = 1
     try:
         code = work()
@@ -76,7 +76,7 @@ def _wait_for(child: int) -> tuple[int, bool]:
     return status, bool(asked)
 
 
-def die_with(parent: int) -> None:
+def end_with(parent: int) -> None:
     """Have this process asked to end when its parent dies, where the system can do that."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -10,7 +10,7 @@ from race_server.core.driver import driver_named
 from race_server.core.messages import Flag
 from race_server.core.state import PLACEMENT
 from race_server.errors import DriverError
-from race_server.live.local_drivers import Paddock
+from race_server.live.local_drivers import LocalDrivers
 from race_server.scenario.race import Scenario
 from race_server.session import Session
 
@@ -37,8 +37,8 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
 
 def _let_decide(name: str, scenario: Scenario) -> None:
     alone = Session("rehearsal", replace(scenario, karts=1))
-    paddock = Paddock(alone)
-    paddock.admit(name, driver_named(name), 0)
+    local_drivers = LocalDrivers(alone)
+    local_drivers.admit(name, driver_named(name), 0)
     alone.start()
     alone.look()
-    paddock.answer(0)
+    local_drivers.answer(0)

@@ -10,7 +10,7 @@ from race_server.net.auth.settings import host_of, is_encrypted
 LISTEN_S = 1.0
 
 
-def reason_out(address: str, keys: ClientKeys | None) -> str:
+def explain_refusal(address: str, keys: ClientKeys | None) -> str:
     """Return in a sentence what a plain attempt to connect finds."""
     protocol, _, place = address.partition("/")
     if protocol not in {"tcp", "tls"}:

@@ -13,7 +13,7 @@ MOST_NEWS = 256
 MOST_BADGES = 8
 
 
-class Holders:
+class SeatOwners:
     """The holders of a session's seats."""
 
     def __init__(self, seats: int) -> None:

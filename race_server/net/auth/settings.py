@@ -36,7 +36,7 @@ _ENCRYPTED = ("tls", "quic")
 
 
 @dataclass(frozen=True)
-class Door:
+class ListenSettings:
     """How a server lets clients in."""
 
     address: str
@@ -46,13 +46,13 @@ class Door:
     real_time: bool = False  # controls are limited in number too
 
 
-def server_settings(door: Door) -> dict[str, Any]:
+def server_settings(door: ListenSettings) -> dict[str, Any]:
     """Return the settings of a server's session.
 
     Raises:
         LinkError: the address is open to other machines and there are no keys.
     """
-    check_door(door)
+    check_listen_settings(door)
     keys, encrypted = door.keys, is_encrypted(door.address)
     roles = (ANYONE,) if keys is None else roles_of(door.seats)
     settings: dict[str, Any] = {
@@ -139,13 +139,13 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
     }
 
 
-def most_sessions(door: Door) -> int:
+def most_sessions(door: ListenSettings) -> int:
     """Return how many clients may be connected at once: drivers twice, while a link stalls."""
     spectators = door.keys.spectators if door.keys else LOCAL_SPECTATORS
     return 2 * door.seats + spectators + SPARE_SESSIONS
 
 
-def check_door(door: Door) -> None:
+def check_listen_settings(door: ListenSettings) -> None:
     """Do nothing for a server that only lets in whom it should.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import Any
 import zenoh
 
 from race_server.errors import LinkError
-from race_server.net.auth.diagnosis import reason_out
+from race_server.net.auth.diagnosis import explain_refusal
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.auth.settings import client_settings
 from race_server.net.transport.link import Link, open_session
@@ -45,7 +45,7 @@ class ClientLink(Link):
         except zenoh.ZError as error:
             raise LinkError(
                 f"no server answers at {address} within {timeout_s:g} s. "
-                + reason_out(address, keys)
+                + explain_refusal(address, keys)
             ) from error
         self._name = session_name
         self._kept: list[Any] = []

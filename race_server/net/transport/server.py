@@ -14,8 +14,8 @@ import zenoh
 from race_server.errors import LinkError
 from race_server.net.auth.access import common_name, seat_name
 from race_server.net.auth.keys import ServerKeys
-from race_server.net.auth.seat_owners import Holders
-from race_server.net.auth.settings import Door, server_settings
+from race_server.net.auth.seat_owners import SeatOwners
+from race_server.net.auth.settings import ListenSettings, server_settings
 from race_server.net.transport.link import Link, open_session
 from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
@@ -74,7 +74,7 @@ class ServerLink(Link):
             WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
-        door = Door(address, session_name, seats, keys, real_time)
+        door = ListenSettings(address, session_name, seats, keys, real_time)
         settings = server_settings(door)
         try:
             super().__init__(open_session(settings))
@@ -84,7 +84,7 @@ class ServerLink(Link):
                 "choose another address with --listen, such as tcp/127.0.0.1:7448"
             ) from error
         self.address = address
-        self.holders = Holders(seats)
+        self.holders = SeatOwners(seats)
         self.is_open = keys is not None
         self.dropped: Counter[tuple[str, int]] = Counter()  # by reason and seat
         self._name = session_name

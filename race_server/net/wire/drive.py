@@ -12,7 +12,7 @@ import flatbuffers
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.core.messages import Button, Control, Doubt, Flag, Trust
+from race_server.core.messages import Button, Control, Flag, PoseFault, Trust
 from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.drive import Control as ControlStruct
@@ -67,7 +67,7 @@ class HudFrame:
     lights_s: float = 0.0
     flag: Flag = Flag.GREEN
     trust: Trust = Trust.SIMULATED
-    doubt: Doubt = Doubt.NONE
+    doubt: PoseFault = PoseFault.NONE
 
 
 def encode_control(frame: ControlFrame) -> bytes:
@@ -237,7 +237,7 @@ def decode_hud(data: bytes) -> HudFrame:
     if min(cap, thrust, grip, immune, valid, lights) < 0.0 or not math.isfinite(cap):
         raise WireError("heads-up data out of range")
     flag, trust, doubt = (table.scalar(slot, U8) for slot in (12, 13, 14))
-    if flag > max(Flag) or trust > max(Trust) or doubt > max(Doubt):
+    if flag > max(Flag) or trust > max(Trust) or doubt > max(PoseFault):
         raise WireError(f"heads-up data of flag {flag}, trust {trust} and doubt {doubt}")
     return HudFrame(
         epoch=table.scalar(0, U32),
@@ -254,5 +254,5 @@ def decode_hud(data: bytes) -> HudFrame:
         lights_s=lights,
         flag=Flag(flag),
         trust=Trust(trust),
-        doubt=Doubt(doubt),
+        doubt=PoseFault(doubt),
     )

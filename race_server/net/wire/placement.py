@@ -6,7 +6,7 @@ import flatbuffers
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.core.messages import Doubt, Trust
+from race_server.core.messages import PoseFault, Trust
 from race_server.errors import WireError
 from race_server.net.wire.generated.journal import Placement as PlacementStruct
 from race_server.net.wire.generated.journal import Placements
@@ -54,6 +54,6 @@ def decode_placements(data: bytes) -> tuple[int, Rows]:
     for name in NUMBERS:
         if not np.isfinite(rows[name]).all():
             raise WireError(f"{name} of a real kart is not finite")
-    if (rows["trust"] > max(Trust)).any() or (rows["doubt"] > max(Doubt)).any():
+    if (rows["trust"] > max(Trust)).any() or (rows["doubt"] > max(PoseFault)).any():
         raise WireError("a real kart's trust or doubt is unknown")
     return table.scalar(0, U32), rows

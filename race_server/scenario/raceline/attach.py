@@ -13,7 +13,7 @@ from race_server.scenario.raceline.detour import around
 from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import speeds_on
 from race_server.scenario.raceline.reference import known_limit, reference_limit
-from race_server.scenario.raceline.result import Reference
+from race_server.scenario.raceline.result import Raceline
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.line import ReferenceLine
 
@@ -65,7 +65,7 @@ def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) ->
     return line_of(course, bounds, limit.minimum_time)
 
 
-def line_of(course: Course, bounds: Bounds, reference: Reference) -> ReferenceLine:
+def line_of(course: Course, bounds: Bounds, reference: Raceline) -> ReferenceLine:
     """Return a line of the reference limit at equal steps."""
     frame = frame_of(course, bounds)
     count = len(course.line)
@@ -118,7 +118,7 @@ def _between(at: Floats, values: Floats, wanted: Floats) -> Floats:
     return np.asarray(np.interp(wanted, at, values))
 
 
-def _curve(at: Floats, reference: Reference, wanted: Floats) -> tuple[Floats, Floats]:
+def _curve(at: Floats, reference: Raceline, wanted: Floats) -> tuple[Floats, Floats]:
     """Return x and y at distances along a line: cubics that keep its points and headings."""
     index = np.clip(np.searchsorted(at, wanted, side="right") - 1, 0, len(reference.x) - 1)
     following = (index + 1) % len(reference.x)

@@ -30,7 +30,7 @@ def limits_folder() -> Path:
     return own_tracks() / "limits"
 
 
-def shipped_name(course: Course, bounds: Bounds) -> str:
+def bundled_name(course: Course, bounds: Bounds) -> str:
     """Return the name of the file that holds a limit.
 
     Six digits of each bound: the last bits of a sine differ from machine to machine. Obstacles
@@ -42,9 +42,9 @@ def shipped_name(course: Course, bounds: Bounds) -> str:
     return f"{course.name}-{digest[:12]}.npz"
 
 
-def read_shipped(course: Course, bounds: Bounds) -> Limit | None:
+def read_bundled(course: Course, bounds: Bounds) -> Limit | None:
     """Return the limit that was shipped, or None if there is none that can be read."""
-    path = limits_folder() / shipped_name(course, bounds)
+    path = limits_folder() / bundled_name(course, bounds)
     if not path.is_file():
         return None
     with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
@@ -56,11 +56,11 @@ def read_shipped(course: Course, bounds: Bounds) -> Limit | None:
     return None
 
 
-def write_shipped(course: Course, bounds: Bounds, solution: Solution) -> Path:
+def write_bundled(course: Course, bounds: Bounds, solution: Solution) -> Path:
     """Write what the solver found into the folder of the shipped limits."""
     lines = (solution.best.line, solution.calm, solution.near)
     rows = [row for line in lines for row in (line.offset, line.bearing, line.curvature)]
-    path = limits_folder() / shipped_name(course, bounds)
+    path = limits_folder() / bundled_name(course, bounds)
     path.parent.mkdir(exist_ok=True)
     table = np.stack([*rows, solution.best.speed]).astype(np.float32)
     np.savez_compressed(path, allow_pickle=False, rows=table)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
-from race_server.scenario.raceline.result import Limit, Reference
+from race_server.scenario.raceline.result import Limit, Raceline
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import SUFFIXES, draw_on
 
@@ -35,7 +35,7 @@ def draw_limit(course: Course, limit: Limit, title: str, path: Path) -> None:
     figure, axes = pyplot.subplots(figsize=(10.5, height + 1.6), layout="constrained")
     draw_on(axes, course)
     for name, words, colour, dashes in _OTHERS:
-        line: Reference = getattr(limit, name)
+        line: Raceline = getattr(limit, name)
         axes.plot(
             np.append(line.x, line.x[0]),
             np.append(line.y, line.y[0]),
@@ -63,7 +63,7 @@ def draw_limit(course: Course, limit: Limit, title: str, path: Path) -> None:
         pyplot.close(figure)
 
 
-def _speed_line(axes: Any, line: Reference) -> Any:
+def _speed_line(axes: Any, line: Raceline) -> Any:
     from matplotlib.collections import LineCollection
 
     points = np.stack([line.x, line.y], axis=1)

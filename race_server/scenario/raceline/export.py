@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from race_server.core.vehicles import KART_30, KART_60, TT02, TT02_FACTS, Vehicle
 from race_server.scenario.raceline.bounds import bounds_of
-from race_server.scenario.raceline.bundled import limits_folder, write_shipped
+from race_server.scenario.raceline.bundled import limits_folder, write_bundled
 from race_server.scenario.raceline.reference import solve
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import own_tracks, read_course
@@ -13,7 +13,7 @@ from race_server.scenario.track.load import own_tracks, read_course
 _CLOSE = 0.2
 
 
-def shipments() -> Iterator[tuple[Course, Vehicle]]:
+def exports() -> Iterator[tuple[Course, Vehicle]]:
     """Yield each of our tracks with each vehicle that fits its scale."""
     for path in sorted(own_tracks().glob("*.toml")):
         course = read_course(path)
@@ -21,16 +21,16 @@ def shipments() -> Iterator[tuple[Course, Vehicle]]:
             yield course, vehicle
 
 
-def ship() -> None:
+def export() -> None:
     """Solve every limit and write it; files of earlier tracks and vehicles go."""
     before = set(limits_folder().glob("*.npz"))
     written = set()
-    for course, vehicle in shipments():
+    for course, vehicle in exports():
         bounds = bounds_of(vehicle)
-        written.add(write_shipped(course, bounds, solve(course, bounds)))
+        written.add(write_bundled(course, bounds, solve(course, bounds)))
     for path in before - written:
         path.unlink()
 
 
 if __name__ == "__main__":
-    ship()
+    export()

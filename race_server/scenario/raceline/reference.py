@@ -15,14 +15,14 @@ from race_server.core.kernels.jit import cache_root
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.raceline.baselines import least_curved, shortest
 from race_server.scenario.raceline.bounds import Bounds, bounds_of
-from race_server.scenario.raceline.bundled import read_shipped
+from race_server.scenario.raceline.bundled import read_bundled
 from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.minimum_time import fastest_lap
 from race_server.scenario.raceline.program import load_casadi
 from race_server.scenario.raceline.result import (
     NAMES,
     Limit,
-    Reference,
+    Raceline,
     Solution,
     Zone,
     limit_of,
@@ -30,7 +30,7 @@ from race_server.scenario.raceline.result import (
 )
 from race_server.scenario.track.course import Course
 
-__all__ = ["NAMES", "Limit", "Reference", "Zone", "known_limit", "reference_limit"]
+__all__ = ["NAMES", "Limit", "Raceline", "Zone", "known_limit", "reference_limit"]
 
 
 def reference_limit(
@@ -64,7 +64,7 @@ def reference_limit(
 
 def known_limit(course: Course, bounds: Bounds) -> Limit | None:
     """Return a limit that needs no solver: shipped, or in the user's cache; None if neither."""
-    return read_shipped(course, bounds) or _read(_cached(course, bounds))
+    return read_bundled(course, bounds) or _read(_cached(course, bounds))
 
 
 def solve(course: Course, bounds: Bounds) -> Solution:
@@ -131,7 +131,7 @@ def _read(path: Path) -> Limit | None:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as tables:
             *times, solve_s = tables["times"].tolist()
             lines = [
-                Reference(time_s, **dict(zip(_COLUMNS, tables[name], strict=True)))
+                Raceline(time_s, **dict(zip(_COLUMNS, tables[name], strict=True)))
                 for name, time_s in zip(NAMES, times, strict=True)
             ]
         return Limit(solve_s, *lines)

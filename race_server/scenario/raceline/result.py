@@ -26,7 +26,7 @@ class Zone:
 
 
 @dataclass(frozen=True)
-class Reference:
+class Raceline:
     """A closed line with the speed at each of its N points, for one vehicle."""
 
     time_s: float  # of the flying lap
@@ -65,10 +65,10 @@ class Limit:
     """What a vehicle can reach on a course, along four lines."""
 
     solve_s: float  # that it took to find them, when they were found; zero if they were shipped
-    minimum_time: Reference
-    minimum_curvature: Reference
-    centre_line: Reference
-    shortest: Reference
+    minimum_time: Raceline
+    minimum_curvature: Raceline
+    centre_line: Raceline
+    shortest: Raceline
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,9 @@ def _steps(frame: Frame, line: Line) -> Floats:
     return np.asarray(0.5 * frame.step * (stretch + np.roll(stretch, -1)))
 
 
-def _reference(frame: Frame, line: Line, speed: Floats, time_s: float) -> Reference:
+def _reference(frame: Frame, line: Line, speed: Floats, time_s: float) -> Raceline:
     steps = _steps(frame, line)
-    return Reference(
+    return Raceline(
         time_s=time_s,
         progress=frame.progress,
         distance=np.cumsum(steps) - steps,

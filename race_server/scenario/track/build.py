@@ -53,7 +53,7 @@ SCALES = {
 
 
 @dataclass(frozen=True)
-class Plan:
+class TrackSpec:
     """A track file, checked word by word."""
 
     name: str
@@ -76,7 +76,7 @@ class Plan:
     starts: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # the last two [deg]
 
 
-def build(plan: Plan) -> Course:
+def build(plan: TrackSpec) -> Course:
     """Return the course that a plan describes.
 
     Raises:
@@ -126,7 +126,7 @@ def build(plan: Plan) -> Course:
     )
 
 
-def _from_blocks(plan: Plan) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
+def _from_blocks(plan: TrackSpec) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats]]:
     """Return line with half-widths, borders, free widths, and the two border polylines."""
     if plan.outer is None or plan.inner is None:
         raise TrackError(f"{plan.name}: the form 'blocks' needs an outer and an inner border")
@@ -173,7 +173,7 @@ def _start_near(line: Floats, point: tuple[float, float] | None) -> Floats:
     return np.roll(line, -int(np.argmin(np.hypot(*(line - point).T))), axis=0)
 
 
-def _from_points(plan: Plan, scale: Scale) -> Floats:
+def _from_points(plan: TrackSpec, scale: Scale) -> Floats:
     points = plan.points
     if len(points) < 4:
         raise TrackError(f"{plan.name}: {len(points)} points make no course; give 4 or more")
@@ -237,7 +237,7 @@ def _line(
     return line, np.column_stack([np.interp(wanted, at, sides[:, side]) for side in (0, 1)])
 
 
-def _borders_beside(plan: Plan, line: Floats, heading: Floats, half_widths: Floats) -> Floats:
+def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths: Floats) -> Floats:
     beyond = plan.kerb + plan.grass
     left = border_beside(line, heading, half_widths[:, 0] + beyond)
     right = border_beside(line, heading, -half_widths[:, 1] - beyond)

@@ -21,7 +21,7 @@ def _sources() -> str:
     return digest.hexdigest()[:16]
 
 
-def remembered(digest: str, build: Callable[[], Course]) -> Course:
+def cached(digest: str, build: Callable[[], Course]) -> Course:
     """Return the course of a file's digest from the shelf, or build it and put it there."""
     path = cache_root() / "courses" / f"{digest}-{_sources()}.pickle"
     # The shelf is our own and in the user's folder; what cannot be read is built again.

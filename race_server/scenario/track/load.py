@@ -14,8 +14,8 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.scenario.track.blocks import Loop
-from race_server.scenario.track.build import GATES, MOST_PLACES, SCALES, SECTORS, Plan, build
-from race_server.scenario.track.cache import remembered
+from race_server.scenario.track.build import GATES, MOST_PLACES, SCALES, SECTORS, TrackSpec, build
+from race_server.scenario.track.cache import cached
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.generated import FORMS as DRAWN
 from race_server.scenario.track.generated import PREFIX, generated_file
@@ -84,14 +84,14 @@ def read_course(path: Path) -> Course:
 
 @cache
 def _course_of(name: str, file: str, data: bytes) -> Course:
-    plan = plan_of(name, file, data)
+    plan = spec_of(name, file, data)
     try:
-        return remembered(plan.digest, lambda: build(plan))
+        return cached(plan.digest, lambda: build(plan))
     except TrackError as error:
         raise TrackError(f"{file}: {error}") from error
 
 
-def plan_of(name: str, file: str, data: bytes) -> Plan:
+def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
     """Return what a track file says.
 
     Raises:
@@ -101,9 +101,9 @@ def plan_of(name: str, file: str, data: bytes) -> Plan:
         words = tomllib.loads(data.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise TrackError(f"{file}: no TOML: {error}") from error
-    sheet = _Sheet(file, words)
+    sheet = _TrackReader(file, words)
     form = sheet.choice("form", FORMS, "")
-    plan = Plan(
+    plan = TrackSpec(
         name=name,
         title=sheet.text("title", name),
         form=form,
@@ -130,7 +130,7 @@ def plan_of(name: str, file: str, data: bytes) -> Plan:
 
 
 @dataclass
-class _Sheet:
+class _TrackReader:
     """The words of a track file, taken out one by one."""
 
     file: str

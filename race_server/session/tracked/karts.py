@@ -7,12 +7,12 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
-from race_server.core.messages import Doubt, Pose, Trust
+from race_server.core.messages import Pose, PoseFault, Trust
 from race_server.core.state import PLACEMENT, Floats, Ints, World
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 from race_server.session.tracked.orders import Orders
-from race_server.session.tracked.plausibility import Gates
+from race_server.session.tracked.plausibility import PlausibilityLimits
 from race_server.session.tracked.tracker import Tracker
 
 # A point this many kart lengths beyond the borders is not on the course.
@@ -30,7 +30,7 @@ class Placements:
     orders: Ints  # (n, 2) numbers of the newest orders given, and of the newest acknowledged
 
 
-class Fleet:
+class TrackedKarts:
     """The trackers of all real karts, by seat."""
 
     def __init__(self, course: Course) -> None:
@@ -47,7 +47,7 @@ class Fleet:
 
     def admit(self, seat: int, vehicle: Vehicle) -> None:
         """Expect a real kart on a seat."""
-        self.trackers[seat] = Tracker(Gates.of(vehicle))
+        self.trackers[seat] = Tracker(PlausibilityLimits.of(vehicle))
         self._lengths[seat] = vehicle.length
 
     def dismiss(self, seat: int) -> None:
@@ -66,7 +66,7 @@ class Fleet:
         """Know again what was known of the karts that a recording places."""
         for row, orders in zip(placements.rows, placements.orders, strict=True):
             if tracker := self.trackers.get(int(row[0])):
-                tracker.trust, tracker.doubt = Trust(int(row[1])), Doubt(int(row[2]))
+                tracker.trust, tracker.doubt = Trust(int(row[1])), PoseFault(int(row[2]))
                 tracker.orders.sequence, tracker.orders.acknowledged = map(int, orders)
 
     def take_up(self, world: World, now_us: int) -> None:
@@ -80,7 +80,7 @@ class Fleet:
         numbers = [(known.sequence, known.acknowledged) for known in orders]
         return Placements(tick, rows, np.array(numbers, np.int64))
 
-    def take(self, seat: int, pose: Pose, arrived_us: int) -> Doubt:
+    def take(self, seat: int, pose: Pose, arrived_us: int) -> PoseFault:
         """Take a pose that arrived and return what speaks against it."""
         is_inside = self.is_inside(pose.x, pose.y, BEYOND_LENGTHS * self._lengths[seat])
         return self.trackers[seat].take(pose, arrived_us, is_inside=is_inside)

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
-from race_server.core.messages import Doubt, Pose
+from race_server.core.messages import Pose, PoseFault
 from race_server.core.vehicles import GRAVITY, Vehicle
 
 # A pose older than this is of no use; one lost message and 90 ms of delay at 10 Hz are less.
@@ -15,7 +15,7 @@ STRAIGHT = 1e-4  # [rad/s] turns slower than this are driven as straight lines
 
 
 @dataclass(frozen=True)
-class Gates:
+class PlausibilityLimits:
     """What a kart of a kind can do at most."""
 
     speed: float  # [m/s] ahead
@@ -25,7 +25,7 @@ class Gates:
     deviation: float  # [m] a position less certain than this is of no use
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> "Gates":
+    def of(cls, vehicle: Vehicle) -> "PlausibilityLimits":
         """Return the gates of a vehicle: its limits, a boost, and some room."""
         return cls(
             speed=1.3 * vehicle.top_speed + 0.5,
@@ -56,7 +56,7 @@ def predict(pose: Pose, dt: float) -> Pose:
     )
 
 
-def is_jump(before: Pose, after: Pose, dt: float, gates: Gates) -> bool:
+def is_jump(before: Pose, after: Pose, dt: float, gates: PlausibilityLimits) -> bool:
     """Return whether a kart cannot have got from one pose to the other in `dt` seconds."""
     if dt < 0.0:
         return True
@@ -66,12 +66,12 @@ def is_jump(before: Pose, after: Pose, dt: float, gates: Gates) -> bool:
     return miss > room + JITTER_S * abs(before.speed)
 
 
-def doubt_of(pose: Pose, age_s: float, gates: Gates, *, is_inside: bool) -> Doubt:
+def doubt_of(pose: Pose, age_s: float, gates: PlausibilityLimits, *, is_inside: bool) -> PoseFault:
     """Return what speaks against a pose, looked at alone."""
     if age_s > STALE_S:
-        return Doubt.STALE
+        return PoseFault.STALE
     if pose.quality < LEAST_QUALITY or pose.deviation > gates.deviation:
-        return Doubt.POOR
+        return PoseFault.POOR
     if not -gates.reverse <= pose.speed <= gates.speed:
-        return Doubt.SPEED
-    return Doubt.NONE if is_inside else Doubt.OFF_WORLD
+        return PoseFault.SPEED
+    return PoseFault.NONE if is_inside else PoseFault.OFF_WORLD

@@ -4,10 +4,10 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 
 from race_server.core.clock import MICROSECONDS
-from race_server.core.messages import Doubt, Pose, Trust
+from race_server.core.messages import Pose, PoseFault, Trust
 from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
-from race_server.session.tracked.plausibility import Gates, doubt_of, is_jump, predict
+from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 
 # So long without a pose that is believed makes a kart doubtful, then parks it, then ends its race.
 DOUBT_S, PARK_S, OUT_S = 0.4, 2.0, 20.0
@@ -21,13 +21,13 @@ FIRST_S = 1.0
 class Tracker:
     """One real kart: what is known of it, and how far that is believed."""
 
-    gates: Gates
+    gates: PlausibilityLimits
     clock: LinkClock = field(default_factory=LinkClock)
     orders: Orders = field(default_factory=Orders)
     trust: Trust = Trust.SIMULATED
-    doubt: Doubt = Doubt.NONE
+    doubt: PoseFault = PoseFault.NONE
     poses: int = 0
-    refused: Counter[Doubt] = field(default_factory=Counter)
+    refused: Counter[PoseFault] = field(default_factory=Counter)
     _known: Pose | None = None  # the last one believed, and when the kart was there
     _known_us: float = 0.0
     _last: Pose | None = None  # the last one that came, good or bad
@@ -62,7 +62,7 @@ class Tracker:
             _changed_us=now_us,
         )
 
-    def take(self, pose: Pose, arrived_us: int, *, is_inside: bool) -> Doubt:
+    def take(self, pose: Pose, arrived_us: int, *, is_inside: bool) -> PoseFault:
         """Take a pose that arrived and return what speaks against it."""
         self.poses += 1
         self._heard_us = arrived_us
@@ -70,17 +70,17 @@ class Tracker:
         at_us = pose.stamp_us + self.clock.offset_us
         age_s = (arrived_us - at_us) / MICROSECONDS
         doubt = doubt_of(pose, age_s, self.gates, is_inside=is_inside)
-        if doubt is Doubt.NONE:
+        if doubt is PoseFault.NONE:
             doubt = self._compare(pose, at_us)
         else:
             self._agreeing = 0
-        if doubt is not Doubt.NONE:
+        if doubt is not PoseFault.NONE:
             self.refused[doubt] += 1
-        if doubt is not Doubt.NONE or self.trust is Trust.TRUSTED:
+        if doubt is not PoseFault.NONE or self.trust is Trust.TRUSTED:
             self.doubt = doubt
         return doubt
 
-    def _compare(self, pose: Pose, at_us: float) -> Doubt:
+    def _compare(self, pose: Pose, at_us: float) -> PoseFault:
         """Hold a pose against the one before, and against what is known."""
         before, self._last = self._last, pose
         before_us, self._last_us = self._last_us, at_us
@@ -92,9 +92,9 @@ class Tracker:
         if self.trust is Trust.TRUSTED and self._known is not None:
             since = (at_us - self._known_us) / MICROSECONDS
             if is_jump(self._known, pose, since, self.gates):
-                return Doubt.JUMP
+                return PoseFault.JUMP
             self._known, self._known_us = pose, at_us
-        return Doubt.NONE
+        return PoseFault.NONE
 
     def follow(self, now_us: int, *, is_racing: bool = True) -> None:
         """Work out how far the kart is believed now.
@@ -107,16 +107,16 @@ class Tracker:
         waited = (now_us - self._changed_us) / MICROSECONDS
         if self.trust is Trust.TRUSTED:
             if is_deaf:
-                self._turn(Trust.DOUBTFUL, Doubt.DEAF, now_us)
+                self._turn(Trust.DOUBTFUL, PoseFault.DEAF, now_us)
             elif self.age_s(now_us) > DOUBT_S:
                 heard = now_us - self._heard_us < DOUBT_S * MICROSECONDS
-                why = (self.doubt or Doubt.STALE) if heard else Doubt.SILENT
+                why = (self.doubt or PoseFault.STALE) if heard else PoseFault.SILENT
                 self._turn(Trust.DOUBTFUL, why, now_us)
         elif not is_deaf and self._agrees(now_us):
             self._known, self._known_us = self._last, self._last_us
-            self._turn(Trust.TRUSTED, Doubt.NONE, now_us)
+            self._turn(Trust.TRUSTED, PoseFault.NONE, now_us)
         elif self.trust is Trust.SIMULATED and is_racing and waited > FIRST_S:
-            self._turn(Trust.DOUBTFUL, self.doubt or Doubt.SILENT, now_us)
+            self._turn(Trust.DOUBTFUL, self.doubt or PoseFault.SILENT, now_us)
         elif self.trust is Trust.DOUBTFUL and waited > PARK_S:
             self._turn(Trust.PARKED, self.doubt, now_us)
         elif self.trust is Trust.PARKED and waited > OUT_S:
@@ -128,7 +128,7 @@ class Tracker:
         lasted_s = (self._last_us - self._agreeing_since_us) / MICROSECONDS
         return is_fresh and self._agreeing >= AGREEING and lasted_s >= AGREEING_S
 
-    def _turn(self, trust: Trust, doubt: Doubt, now_us: int) -> None:
+    def _turn(self, trust: Trust, doubt: PoseFault, now_us: int) -> None:
         self.trust, self.doubt, self._changed_us = trust, doubt, now_us
 
     def age_s(self, now_us: float) -> float:

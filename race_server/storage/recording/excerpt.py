@@ -10,7 +10,7 @@ from race_server.storage.recording.reader import NANOSECONDS, Line, read_lines
 from race_server.storage.recording.recorder import Recorder
 
 
-def write_part(source: Path, target: Path, until_s: float) -> int:
+def write_excerpt(source: Path, target: Path, until_s: float) -> int:
     """Copy what lies before a time [s] and return how many ticks that are.
 
     Raises:

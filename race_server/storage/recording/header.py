@@ -13,7 +13,7 @@ from race_server.storage.recording.scenario_codec import pack_scenario
 COMPUTES = ("numpy", "numba", "llvmlite")
 
 
-def beginning_of(
+def header_of(
     session: Session, pace: str, started_at: str, local_seats: Container[int]
 ) -> StartFrame:
     """Return the beginning of a race that has just been started.

@@ -21,7 +21,7 @@ from race_server.net.wire.journal import (
     decode_start,
 )
 from race_server.net.wire.placement import NUMBERS, decode_placements
-from race_server.session.interventions import Act, ActKind
+from race_server.session.interventions import Intervention, InterventionKind
 from race_server.session.journal_entries import Entry, Inputs
 from race_server.session.replay_guard import Granted
 from race_server.session.tracked.karts import Placements
@@ -164,7 +164,7 @@ def _take(recording: Recording, line: Line) -> None:
         )
     elif line.kind is ACTS:
         for value, tick, kind, kart in decode_acts(line.data).tolist():
-            recording.entries.append(Act(tick, ActKind(kind), kart, value))
+            recording.entries.append(Intervention(tick, InterventionKind(kind), kart, value))
     elif line.kind is PLACEMENTS:
         tick, rows = decode_placements(line.data)
         columns = [rows[name].astype("f8") for name in ("seat", "trust", "doubt", *NUMBERS)]

@@ -32,7 +32,7 @@ from race_server.net.wire.journal import (
     encode_start,
 )
 from race_server.net.wire.placement import NUMBERS, PLACED, encode_placements
-from race_server.session.interventions import Act
+from race_server.session.interventions import Intervention
 from race_server.session.journal_entries import Entry, Inputs
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.channels import (
@@ -136,7 +136,7 @@ class Recorder:
                 self.write(INPUTS, entry.tick, partial(_encode_inputs, entry))
             elif isinstance(entry, Placements):
                 self.write(PLACEMENTS, entry.tick, partial(_encode_placements, entry))
-            elif isinstance(entry, Act):
+            elif isinstance(entry, Intervention):
                 self.write(ACTS, entry.tick, partial(_encode_act, entry))
             else:
                 numbers = (entry.tick, entry.key, entry.serial)
@@ -233,7 +233,7 @@ def _encode_placements(placements: Placements) -> bytes:
     return encode_placements(placements.tick, rows)
 
 
-def _encode_act(act: Act) -> bytes:
+def _encode_act(act: Intervention) -> bytes:
     row = np.zeros(1, ACT)
     row["value"], row["tick"], row["kind"], row["kart"] = act.value, act.tick, act.kind, act.kart
     return encode_acts(row)

@@ -7,7 +7,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import RecordingError, ScenarioError, SeatError
 from race_server.session import Session
-from race_server.session.interventions import ON_KARTS, Act
+from race_server.session.interventions import ON_KARTS, Intervention
 from race_server.session.journal_entries import Entry, Inputs
 from race_server.session.seats import Seat
 from race_server.session.tracked.karts import Placements
@@ -58,7 +58,7 @@ def _check_seats(entry: Entry, recording: Recording, seats: int) -> None:
         numbers = entry.seats.tolist()
     elif isinstance(entry, Placements):
         numbers = entry.rows[:, 0].astype(int).tolist()
-    elif isinstance(entry, Act):
+    elif isinstance(entry, Intervention):
         numbers = [entry.kart] if entry.kind in ON_KARTS else []
     if other := [number for number in numbers if not 0 <= number < seats]:
         raise RecordingError(

@@ -64,7 +64,7 @@ class _Place:
     last_ns: int
 
 
-class Tape:
+class SeekableRecording:
     """A recorded race that is open at any tick. Not for two threads at once."""
 
     def __init__(self, path: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-from race_server.core.messages import Doubt, Trust
+from race_server.core.messages import PoseFault, Trust
 from race_server.net.wire.journal import (
     decode_acts,
     decode_digest,
@@ -16,7 +16,7 @@ from race_server.net.wire.journal import (
 )
 from race_server.net.wire.placement import decode_placements
 from race_server.net.wire.spectate import decode_events, decode_snapshot, decode_standings
-from race_server.session.interventions import ActKind
+from race_server.session.interventions import InterventionKind
 from race_server.storage.recording.channels import (
     ACTS,
     DIGEST,
@@ -35,7 +35,7 @@ from race_server.storage.recording.reader import Line
 Words = dict[str, Any]
 
 
-def words_of(line: Line) -> Words:
+def to_json(line: Line) -> Words:
     """Return a message as a dictionary of numbers, text and lists.
 
     Raises:
@@ -69,7 +69,7 @@ def _placements(data: bytes) -> Words:
     karts = [dict(zip(names, row, strict=True)) for row in rows.tolist()]
     for kart in karts:
         kart["trust"] = Trust(kart["trust"]).name.lower()
-        kart["doubt"] = Doubt(kart["doubt"]).name.lower()
+        kart["doubt"] = PoseFault(kart["doubt"]).name.lower()
     return {"tick": tick, "placements": karts}
 
 
@@ -81,7 +81,7 @@ def _granted(data: bytes) -> Words:
 def _acts(data: bytes) -> Words:
     return {
         "acts": [
-            {"tick": tick, "act": ActKind(kind).name.lower(), "kart": kart, "value": value}
+            {"tick": tick, "act": InterventionKind(kind).name.lower(), "kart": kart, "value": value}
             for value, tick, kind, kart in decode_acts(data).tolist()
         ]
     }

@@ -11,14 +11,19 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS, TICK_S
 from race_server.core.kernels.jit import kernel
-from race_server.core.stages.contacts import move_karts, note_company, touch_karts, touch_walls
+from race_server.core.stages.contacts import (
+    find_contact_pairs,
+    move_karts,
+    touch_karts,
+    touch_walls,
+)
 from race_server.core.stages.controls import apply_effects, use_items
 from race_server.core.stages.grid import line_up
-from race_server.core.stages.pick_ups import play
+from race_server.core.stages.pick_ups import pick_up_items
 from race_server.core.stages.progress import follow_course
 from race_server.core.stages.sensing import scan_lidar, scan_radar
 from race_server.core.stages.standings import close_race, rank
-from race_server.core.stages.stewarding import watch
+from race_server.core.stages.stewarding import steward
 from race_server.core.state import Floats, World
 from race_server.core.step import advance
 from race_server.core.vehicles import TT02
@@ -124,7 +129,7 @@ def _walls(world: World, rounds: int) -> None:
 def _karts(world: World, rounds: int) -> None:
     for _ in range(rounds):
         for w in range(world.karts.shape[0]):
-            note_company(world, w)
+            find_contact_pairs(world, w)
             for _ in range(SUBSTEPS):
                 touch_karts(world, w)
 
@@ -142,8 +147,8 @@ def _rules(world: World, rounds: int) -> None:
         for w in range(world.karts.shape[0]):
             apply_effects(world, w)
             use_items(world, w)
-            watch(world, w)
-            play(world, w)
+            steward(world, w)
+            pick_up_items(world, w)
             rank(world, w)
             close_race(world, w)
 

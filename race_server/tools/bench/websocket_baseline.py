@@ -51,7 +51,7 @@ class PeerServer:
 
     def __init__(self, karts: int, track: str) -> None:
         """Put the karts on the grid."""
-        from race_server.live.server.counters import Meters
+        from race_server.live.server.counters import Counters
         from race_server.scenario.race import Rules, Scenario
         from race_server.scenario.track.load import load_course
         from race_server.session import Session
@@ -64,7 +64,7 @@ class PeerServer:
         self.drivers: dict[int, ServerConnection] = {}
         self.watchers: set[ServerConnection] = set()
         self.inbox: dict[int, str | bytes] = {}
-        self.meters = Meters(karts)
+        self.counters = Counters(karts)
         self.before: dict[str, Any] = {}
 
     async def meet(self, connection: ServerConnection) -> None:
@@ -84,7 +84,7 @@ class PeerServer:
         """Run ticks for as long as this task lives, paced as the race server is."""
         from race_server.live.server.publisher import snapshot_of, standings_of
 
-        session, meters = self.session, self.meters
+        session, counters = self.session, self.counters
         session.start()
         session.look()
         gc.collect()
@@ -116,8 +116,8 @@ class PeerServer:
             late = time.perf_counter() - deadline
             skipped = int(late / TICK_S) if late > TICK_S else 0
             deadline += (1 + skipped) * TICK_S
-            meters.ticks += 1
-            meters.note_tick(duration, late, meters.missed + skipped)
+            counters.ticks += 1
+            counters.note_tick(duration, late, counters.missed + skipped)
 
     def _tell_drivers(self) -> None:
         from race_server.live.server.publisher import hud_of
@@ -152,10 +152,10 @@ class PeerServer:
 
     def _now(self) -> dict[str, Any]:
         return {
-            "ticks": self.meters.ticks,
-            "missed": self.meters.missed,
-            "duration": list(self.meters.duration.counts),
-            "lateness": list(self.meters.lateness.counts),
+            "ticks": self.counters.ticks,
+            "missed": self.counters.missed,
+            "duration": list(self.counters.duration.counts),
+            "lateness": list(self.counters.lateness.counts),
             "cpu": time.process_time(),
             "wall": time.perf_counter(),
             "memory": memory_mb(),

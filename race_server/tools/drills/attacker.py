@@ -18,7 +18,7 @@ import zenoh
 from race_server.competition.launch import START_S
 from race_server.core.messages import Control, Pose
 from race_server.credentials import badge_of
-from race_server.live.client.seat import Seat, insist, take_seat
+from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
@@ -69,7 +69,7 @@ def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> No
         insider.link.close()
 
 
-def _take(address: str, number: int, *, tracked: bool) -> Seat:
+def _take(address: str, number: int, *, tracked: bool) -> ClientSeat:
     deadline = time.monotonic() + START_S
     link = insist(partial(ClientLink, address, SESSION, timeout_s=1.0), deadline)
     join = Join(f"mallory {number}", "track", number, tracked=tracked)

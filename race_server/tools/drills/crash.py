@@ -20,7 +20,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from race_server.competition.launch import START_S, Team, free_address, spread, team
+from race_server.competition.launch import (
+    START_S,
+    ProcessGroup,
+    free_address,
+    process_group,
+    spread,
+)
 from race_server.core.messages import EventKind, Phase
 from race_server.errors import LinkError, RaceError, WireError
 from race_server.logs import last_words
@@ -126,7 +132,7 @@ def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
 def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
     """Run one race, killing its server up to `most` times, and check what is left of it."""
     report = RaceReport()
-    with tempfile.TemporaryDirectory(prefix="drill-") as folder, team() as group:
+    with tempfile.TemporaryDirectory(prefix="drill-") as folder, process_group() as group:
         place = Path(folder)
         address = free_address()
         with (place / "log").open("wb") as log:
@@ -142,7 +148,7 @@ def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], Non
     return report
 
 
-def _start(group: Team, address: str, real: int, place: Path, log: Any) -> None:
+def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) -> None:
     serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(LAPS), "--once"]
     serve += ["--listen", address, "--session", "drill", "--record", str(place)]
     serve += ["--results", str(place / "results.sqlite"), "--result", str(place / "result.json")]
@@ -171,7 +177,7 @@ def _watch(address: str) -> tuple[Spectator, ClientLink]:
 
 
 def _kill_and_wait(
-    group: Team,
+    group: ProcessGroup,
     spectator: Spectator,
     report: RaceReport,
     most: int,

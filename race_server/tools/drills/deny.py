@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from race_server.errors import LinkError
-from race_server.live.client.seat import Seat, take_seat
+from race_server.live.client.seat import ClientSeat, take_seat
 from race_server.logs import Log
-from race_server.net.auth.settings import Door, check_door
+from race_server.net.auth.settings import ListenSettings, check_listen_settings
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
 from race_server.tools.drills import logins, messages, requests
 from race_server.tools.drills.intruder import Ears
 from race_server.tools.drills.report import Finding, matrix_of
-from race_server.tools.drills.served_session import Stage, staged
+from race_server.tools.drills.served_session import ServedSession, served_session
 
 SEATS, SPECTATORS = 3, 4
 
@@ -31,8 +31,8 @@ SEATS, SPECTATORS = 3, 4
 class Scene:
     """The session under attack, who races honestly there, and what was found."""
 
-    stage: Stage
-    drivers: list[Seat]
+    stage: ServedSession
+    drivers: list[ClientSeat]
     watcher: ClientLink
     arrived: Ears  # what reached the server
     told: Ears  # what reached an honest spectator and an honest driver
@@ -64,7 +64,7 @@ def drill_deny() -> dict[str, Any]:
             refused = dict(scene.stage.server.refused)
         findings += scene.findings
     findings.append(_told_once(said.getvalue()))
-    with staged(1, 1, "tcp") as stage:
+    with served_session(1, 1, "tcp") as stage:
         findings += logins.try_passwords_only(stage)
     seconds = round(time.perf_counter() - begun, 1)
     return matrix_of(findings, acts=len(findings), seconds=seconds, refused=refused)
@@ -88,7 +88,7 @@ _PARTS: tuple[Callable[[Scene], None], ...] = (
 @contextlib.contextmanager
 def _scene(log: Log) -> Iterator[Scene]:
     """Start a race of honest drivers with an honest spectator."""
-    with staged(SEATS, SPECTATORS, log=log) as stage, contextlib.ExitStack() as stack:
+    with served_session(SEATS, SPECTATORS, log=log) as stage, contextlib.ExitStack() as stack:
         arrived, told = Ears(), Ears()
         stage.server.link.overhear(arrived.hear_at)
         links = [stack.enter_context(stage.link(f"seat-{seat}")) for seat in range(SEATS)]
@@ -109,7 +109,7 @@ def _closed_doors() -> Iterator[Finding]:
     """Yield what a server without keys does with addresses that others can reach."""
     for address in ("tcp/0.0.0.0:7447", "tcp/192.168.1.10:7447", "tls/127.0.0.1:7447"):
         try:
-            check_door(Door(address, "race", 2))
+            check_listen_settings(ListenSettings(address, "race", 2))
             seen = "it would listen"
         except LinkError:
             seen = ""

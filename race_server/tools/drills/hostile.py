@@ -18,9 +18,9 @@ from race_server.tools.drills.damage import decode_all
 from race_server.tools.drills.report import document_of
 from race_server.tools.drills.server_process import (
     Figures,
-    hall,
     milliseconds,
     quantile,
+    server_process,
     ticks_between,
 )
 
@@ -69,7 +69,7 @@ def _attack(
 ) -> dict[str, Any]:
     """Attack a race and return what became of it; what should not be goes into `faults`."""
     words = ["--track", TRACK, "--karts", str(KARTS + INSIDERS), "--laps", "1000"]
-    with hall([*words, "--record", "none"]) as place:
+    with server_process([*words, "--record", "none"]) as place:
         for seat in range(KARTS):
             place.drive(DRIVERS[seat % len(DRIVERS)], seat)
         command = [sys.executable, "-m", "race_server.tools.drills.attacker", place.address]

@@ -20,7 +20,13 @@ from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.live.server.counters import DURATIONS, LATENESSES
 from race_server.tools.drills.report import document_of
-from race_server.tools.drills.server_process import Figures, Hall, hall, pace_between, ticks_between
+from race_server.tools.drills.server_process import (
+    Figures,
+    ServerProcess,
+    pace_between,
+    server_process,
+    ticks_between,
+)
 
 TRACK = "covapsy-test-2023"
 MISSED = 0.001  # share of ticks
@@ -29,7 +35,7 @@ MOST_MINUTES = 14.0  # a race is over after 15
 DURATION, LATENESS = "race_tick_duration_seconds", "race_tick_lateness_seconds"
 
 
-class Crowd:
+class LoadClients:
     """A process that plays many clients and obeys on stdin."""
 
     def __init__(self, words: Sequence[str]) -> None:
@@ -76,12 +82,12 @@ class Crowd:
 
 
 @contextmanager
-def crowds(*all_words: Sequence[str]) -> Iterator[list[Crowd]]:
+def load_clients(*all_words: Sequence[str]) -> Iterator[list[LoadClients]]:
     """Start crowds, one for each list of words; they end with the block."""
     with ExitStack() as stack:
         started = []
         for words in all_words:
-            started.append(crowd := Crowd(words))
+            started.append(crowd := LoadClients(words))
             stack.callback(crowd.kill)
         yield started
 
@@ -122,8 +128,8 @@ def _load_race_server(
     words = ["--track", TRACK, "--karts", str(karts), "--laps", "1000", "--record", "none"]
     crowd = "race_server.tools.drills.load_clients"
     with (
-        hall(words) as place,
-        crowds(
+        server_process(words) as place,
+        load_clients(
             [crowd, "spectators", place.address, str(spectators)],
             [crowd, "drivers", place.address, str(karts)],
         ) as (watching, driving),
@@ -142,7 +148,7 @@ def _load_race_server(
     return _column(before, after, told, cpu / wall, memory) | {"machine_busy": busy}
 
 
-def _mark(place: Hall, all_crowds: Sequence[Crowd]) -> tuple[Figures, float]:
+def _mark(place: ServerProcess, all_crowds: Sequence[LoadClients]) -> tuple[Figures, float]:
     for crowd in all_crowds:
         crowd.tell("mark")
     return place.figures(), time.perf_counter()
@@ -152,9 +158,9 @@ def _load_peer(
     karts: int, spectators: int, seconds: float, tell: Callable[[int], None]
 ) -> dict[str, Any]:
     port, peer = str(free_port()), "race_server.tools.bench.websocket_baseline"
-    with crowds([peer, "server", port, str(karts), str(spectators), TRACK]) as (server,):
+    with load_clients([peer, "server", port, str(karts), str(spectators), TRACK]) as (server,):
         server.wait_until_ready()
-        with crowds(
+        with load_clients(
             [peer, "spectators", port, str(spectators)], [peer, "drivers", port, str(karts)]
         ) as (watching, driving):
             watching.wait_until_ready()

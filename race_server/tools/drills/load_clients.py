@@ -18,7 +18,7 @@ from race_server.competition.launch import START_S
 from race_server.core.messages import Control
 from race_server.core.observation import Layout
 from race_server.errors import LinkError, WireError
-from race_server.live.client.seat import Seat, insist, take_seat
+from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
@@ -97,7 +97,7 @@ def drive_all(address: str, karts: int) -> None:
     spectator.close()
 
 
-def _answer(seat: Seat, sequence: int, watch: Stopwatch) -> int:
+def _answer(seat: ClientSeat, sequence: int, watch: Stopwatch) -> int:
     frame = seat.hear(0.0)
     if frame is None:
         return sequence

@@ -19,7 +19,7 @@ from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
 from race_server.tools.drills.report import Finding
 from race_server.tools.drills.requests import refusal_of
-from race_server.tools.drills.served_session import SESSION, Stage
+from race_server.tools.drills.served_session import SESSION, ServedSession
 
 if TYPE_CHECKING:
     from race_server.tools.drills.deny import Scene
@@ -129,7 +129,7 @@ def _connections(
             return
 
 
-def try_passwords_only(stage: Stage) -> list[Finding]:
+def try_passwords_only(stage: ServedSession) -> list[Finding]:
     """Return what an open session without encryption does: passwords alone tell who is who."""
     own = stage.keys("seat-0")
     findings = []

@@ -48,7 +48,7 @@ def why_not() -> str:
 
 
 @dataclass(frozen=True)
-class Weather:
+class LinkConditions:
     """What a wire does to each packet, in each direction."""
 
     loss: float = 0.0  # share of packets
@@ -65,12 +65,12 @@ class Weather:
 
 
 @dataclass
-class Wire:
+class LossyLink:
     """Two namespaces and what passes between them."""
 
     names: tuple[str, str]
     devices: tuple[int, int]  # file descriptors
-    weather: Weather
+    weather: LinkConditions
     chance: random.Random
     passed: int = 0
     lost: int = 0
@@ -114,7 +114,7 @@ def within(name: str) -> list[str]:
 
 
 @contextmanager
-def bad_wire(weather: Weather, seed: int) -> Iterator[Wire]:
+def lossy_link(weather: LinkConditions, seed: int) -> Iterator[LossyLink]:
     """Return two namespaces with a wire between them; all is gone after the block.
 
     Raises:
@@ -126,7 +126,7 @@ def bad_wire(weather: Weather, seed: int) -> Iterator[Wire]:
         for end, name in enumerate(names):
             _ip("netns", "add", name)
             devices.append(_plug_in(name, f"wire{end}p{os.getpid() % 100000}", end))
-        wire = Wire(names, (devices[0], devices[1]), weather, random.Random(seed))
+        wire = LossyLink(names, (devices[0], devices[1]), weather, random.Random(seed))
         thread = threading.Thread(target=wire.carry, name="wire", daemon=True)
         thread.start()
         try:

@@ -13,8 +13,8 @@ from typing import Any
 
 from rich.console import Console
 
-from race_server.competition.launch import Plan, Real, free_address, run_race, spread
-from race_server.core.messages import Doubt, EventKind, Flag, Status, Trust
+from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, run_race, spread
+from race_server.core.messages import EventKind, Flag, PoseFault, Status, Trust
 from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_named
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import read_recording
@@ -30,7 +30,7 @@ TRUSTED = Trust.TRUSTED.name.lower()
 # A machine that had no time for a kart's program for 0.3 s, or for so many ticks, may make poses
 # come late; nothing else excuses a doubt.
 MOST_MISSED = 18
-LATE = (Doubt.SILENT.name.lower(), Doubt.STALE.name.lower())
+LATE = (PoseFault.SILENT.name.lower(), PoseFault.STALE.name.lower())
 # A kart that stands further from the pedestrian did not stop for it [lengths].
 NEAR_LENGTHS = 2.0
 # A kart that obeys is no faster than this above the cap, once it had time to brake [share].
@@ -62,7 +62,7 @@ def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
             cut: ("--cut-link", str(setting.cut_s)),
         }
         real = tuple(
-            Real(seat, (*more, "--report", str(reports[seat]), *_link(setting)))
+            TrackedSeat(seat, (*more, "--report", str(reports[seat]), *_link(setting)))
             for seat, more in options.items()
         )
         document = run_race(_plan(setting, free_address(), real, folder), console)
@@ -110,13 +110,13 @@ def _link(setting: Setting) -> tuple[str, ...]:
     return ("--delay-ms", str(setting.delay_ms)) if setting.delay_ms else ()
 
 
-def _plan(setting: Setting, address: str, real: tuple[Real, ...], folder: str) -> Plan:
+def _plan(setting: Setting, address: str, real: tuple[TrackedSeat, ...], folder: str) -> RaceSpec:
     serve = ["--track", setting.track, "--vehicle", setting.vehicle, "--results", "none"]
     serve += ["--record", folder, "--fresh"]
     serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
     serve += ["--seed", str(setting.seed), "--items", "on"]
     drivers = (setting.driver,) * setting.karts
-    return Plan(tuple(serve), drivers, address, SESSION, real=real)
+    return RaceSpec(tuple(serve), drivers, address, SESSION, real=real)
 
 
 def _figures_of(document: dict[str, Any], seat: int, report: dict[str, Any]) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def _figures_of(document: dict[str, Any], seat: int, report: dict[str, Any]) -> 
             if event["kind"] == EventKind.POSE.name.lower()
         ],
         "doubts": [
-            Doubt(event["value"]).name.lower()
+            PoseFault(event["value"]).name.lower()
             for event in events
             if event["kind"] == EventKind.POSE.name.lower() and event["other"] == Trust.DOUBTFUL
         ],

@@ -17,7 +17,14 @@ from typing import Any
 from race_server.competition.launch import START_S
 from race_server.errors import RaceError
 from race_server.logs import last_words
-from race_server.tools.drills.lossy_link import ADDRESSES, Weather, Wire, bad_wire, why_not, within
+from race_server.tools.drills.lossy_link import (
+    ADDRESSES,
+    LinkConditions,
+    LossyLink,
+    lossy_link,
+    why_not,
+    within,
+)
 from race_server.tools.drills.report import document_of, skipped
 from race_server.tools.drills.server_process import SESSION
 
@@ -30,7 +37,7 @@ PORT = 7447
 
 
 def drill_network(
-    weather: Weather,
+    weather: LinkConditions,
     *,
     track: str = TRACK,
     laps: int = LAPS,
@@ -48,7 +55,10 @@ def drill_network(
     faults: list[str] = []
     figures: dict[str, Any] = {}
     try:
-        with bad_wire(weather, seed) as wire, tempfile.TemporaryDirectory(prefix="drill-") as name:
+        with (
+            lossy_link(weather, seed) as wire,
+            tempfile.TemporaryDirectory(prefix="drill-") as name,
+        ):
             document, told = _race(wire, Path(name), track, laps, drivers, tell)
             figures = {"packets": wire.passed + wire.lost, "packets_lost": wire.lost}
         figures |= _compare(document, told, laps, faults)
@@ -66,7 +76,7 @@ def drill_network(
 
 
 def _race(
-    wire: Wire,
+    wire: LossyLink,
     place: Path,
     track: str,
     laps: int,

@@ -19,10 +19,15 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.tools.drills.browsers import RATE, socket_of, welcomed
-from race_server.tools.drills.load import LATENESS, MISSED, crowds
+from race_server.tools.drills.load import LATENESS, MISSED, load_clients
 from race_server.tools.drills.report import Finding, matrix_of
-from race_server.tools.drills.server_process import SESSION, Hall, hall, pace_between
-from race_server.tools.drills.slow_reader import trickle
+from race_server.tools.drills.server_process import (
+    SESSION,
+    ServerProcess,
+    pace_between,
+    server_process,
+)
+from race_server.tools.drills.slow_reader import read_slowly
 
 TRACK, KARTS = "covapsy-test-2023", 8
 # Before the browsers come, so many seconds are measured for comparison.
@@ -51,18 +56,18 @@ def drill_page(
     seconds = 60.0 * min(minutes, MOST_MINUTES)
     words = ["--track", TRACK, "--karts", str(KARTS), "--laps", "1000", "--record", "none"]
     words += ["--fill", "pure_pursuit,follow_gap,avoider", "--wait-for", "1"]
-    with hall(words) as place:
+    with server_process(words) as place:
         place.wait_for(Phase.LOBBY)
         gateway, addresses = _start_gateway(place)
         base, token = addresses["base"], addresses["drive"][0].partition("token=")[2]
-        with crowds([_CROWD, "driver", base, token]) as (driving,):
+        with load_clients([_CROWD, "driver", base, token]) as (driving,):
             driving.wait_until_ready()
             place.wait_for(Phase.RUNNING)
             time.sleep(WARM_UP_S)
             before = place.figures()
             time.sleep(min(CALM_S, seconds))
             calm = place.figures()
-            with crowds([_CROWD, "watchers", base, str(clients)]) as (watching,):
+            with load_clients([_CROWD, "watchers", base, str(clients)]) as (watching,):
                 watching.wait_until_ready()
                 time.sleep(WARM_UP_S)
                 begun = Usage.of(gateway.pid)
@@ -115,7 +120,7 @@ class Usage:
         return cls(ticks / os.sysconf("SC_CLK_TCK"), memory_mb)
 
 
-def _start_gateway(place: Hall) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+def _start_gateway(place: ServerProcess) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     words = ["gateway", "--connect", place.address, "--session", SESSION, "--port", "0"]
     words += ["--drivers", "1", "--recordings", "none", "--json"]
     command = [sys.executable, "-m", "race_server", *words]
@@ -137,7 +142,7 @@ def _pass_time(seconds: float, base: str, token: str, tell: Callable[[int], None
 
     async def both() -> list[Finding]:
         begun = time.monotonic()
-        slow = asyncio.create_task(trickle(base, seconds))
+        slow = asyncio.create_task(read_slowly(base, seconds))
         misdeeds = asyncio.create_task(trouble())
         while (gone := time.monotonic() - begun) < seconds:
             tell(round(gone))

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from race_server.core.messages import Flag
 from race_server.errors import SeatError
-from race_server.live.client.steward import Marshal
+from race_server.live.client.steward import StewardClient
 from race_server.net.wire import topics
 from race_server.net.wire.admin import Decision, decode_log, encode_decision
 from race_server.net.wire.lobby import (
@@ -95,7 +95,7 @@ def try_steward(scene: "Scene") -> None:
     """What is the steward's, asked by others, without the token, and again."""
     session, token = scene.stage.server.session, scene.stage.keys("steward").token
     with scene.stage.link("steward") as link:
-        marshal = Marshal(link, token)
+        marshal = StewardClient(link, token)
         challenge, _ = decode_log(link.ask(topics.ACTS, encode_decision(Decision(token))))
         decision = Decision(token, "flag", value=float(Flag.YELLOW), challenge=challenge)
         message = encode_decision(decision)

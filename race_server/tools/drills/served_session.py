@@ -23,7 +23,7 @@ SESSION = "drill"
 
 
 @dataclass
-class Stage:
+class ServedSession:
     """An open session with its keys."""
 
     address: str
@@ -41,9 +41,9 @@ class Stage:
 
 
 @contextmanager
-def staged(
+def served_session(
     seats: int, spectators: int, protocol: str = "tls", log: Log | None = None
-) -> Iterator[Stage]:
+) -> Iterator[ServedSession]:
     """Serve an open session in its lobby; drivers who get ready race without end of laps."""
     with tempfile.TemporaryDirectory(prefix="race-drill-") as name:
         folder, port = Path(name, "keys"), free_port()
@@ -59,7 +59,7 @@ def staged(
             thread = threading.Thread(target=server.run, args=(seats,))
             thread.start()
             try:
-                yield Stage(address, folder, server, seats)
+                yield ServedSession(address, folder, server, seats)
             finally:
                 server.stop()
                 thread.join(10.0)

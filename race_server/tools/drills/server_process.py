@@ -16,7 +16,13 @@ from typing import Any
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from race_server.competition.launch import START_S, Team, free_address, free_port, team
+from race_server.competition.launch import (
+    START_S,
+    ProcessGroup,
+    free_address,
+    free_port,
+    process_group,
+)
 from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.logs import last_words
@@ -39,13 +45,13 @@ def wait_until(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
 
 
 @dataclass
-class Hall:
+class ServerProcess:
     """A server that runs, and the processes around it."""
 
     address: str
     port: int  # of its metrics
     place: Path
-    group: Team
+    group: ProcessGroup
     server: subprocess.Popen[bytes]
     log: Any
 
@@ -119,18 +125,18 @@ class Hall:
 
 
 @contextmanager
-def hall(words: Sequence[str]) -> Iterator[Hall]:
+def server_process(words: Sequence[str]) -> Iterator[ServerProcess]:
     """Serve one race without a guard; all processes end with the block.
 
     words: more arguments of ``race serve``.
     """
-    with tempfile.TemporaryDirectory(prefix="drill-") as folder, team() as group:
+    with tempfile.TemporaryDirectory(prefix="drill-") as folder, process_group() as group:
         place, address, port = Path(folder), free_address(), free_port()
         with (place / "log").open("wb") as log:
             serve = ["serve", "--once", "--no-guard", "--fresh", "--session", SESSION]
             serve += ["--listen", address, "--metrics", str(port), "--results", "none"]
             serve += ["--result", str(place / "result.json"), *words]
-            yield Hall(address, port, place, group, group.start(serve, log), log)
+            yield ServerProcess(address, port, place, group, group.start(serve, log), log)
 
 
 def quantile(before: Figures, after: Figures, name: str, share: float) -> float | None:

@@ -14,7 +14,13 @@ from typing import Any
 from race_server.competition.launch import START_S
 from race_server.errors import RaceError
 from race_server.logs import last_words
-from race_server.tools.drills.lossy_link import ADDRESSES, Weather, Wire, bad_wire, why_not
+from race_server.tools.drills.lossy_link import (
+    ADDRESSES,
+    LinkConditions,
+    LossyLink,
+    lossy_link,
+    why_not,
+)
 from race_server.tools.drills.network import PORT, start_within, wait_for_end
 from race_server.tools.drills.report import document_of, skipped
 
@@ -28,7 +34,7 @@ MISS_M = 0.5
 
 
 def drill_sites(
-    weather: Weather,
+    weather: LinkConditions,
     *,
     laps: int = 2,
     seed: int = 1,
@@ -40,7 +46,10 @@ def drill_sites(
     faults: list[str] = []
     karts: list[dict[str, Any]] = []
     try:
-        with bad_wire(weather, seed) as wire, tempfile.TemporaryDirectory(prefix="drill-") as name:
+        with (
+            lossy_link(weather, seed) as wire,
+            tempfile.TemporaryDirectory(prefix="drill-") as name,
+        ):
             results, told = _race(wire, Path(name), laps, tell)
         karts = _compare(results, told, laps, faults)
     except RaceError as error:
@@ -55,7 +64,7 @@ def drill_sites(
 
 
 def _race(
-    wire: Wire, place: Path, laps: int, tell: Callable[[int], None]
+    wire: LossyLink, place: Path, laps: int, tell: Callable[[int], None]
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Run both races; return the result of each hall and what the relay says."""
     processes = []

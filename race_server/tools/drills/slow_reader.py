@@ -20,7 +20,7 @@ END = b"\r\n\r\n"  # of what HTTP says first
 FILL_S = 15.0
 
 
-async def trickle(base: str, seconds: float) -> Finding:
+async def read_slowly(base: str, seconds: float) -> Finding:
     """Watch at one byte a second, and return when the gateway had enough."""
     act, expected = "a byte a second", "is let go"
     if seconds < FILL_S + DRAIN_S:
