@@ -71,6 +71,6 @@ def test_a_learned_driver_without_pytorch_laps_and_misses_no_decision(
     assert (told["laps"], told["outcome"]) == (1, "finished")
     # It heard every observation, the server took every answer, and none was so late that the kart
     # was left to coast.
-    assert told["missing"] == server.meters.lost[0] == 0
-    assert server.meters.controls[0] >= told["observations"] - 1
-    assert server.meters.silent == [0]
+    assert told["missing"] == server.counters.lost[0] == 0
+    assert server.counters.controls[0] >= told["observations"] - 1
+    assert server.counters.silent == [0]

@@ -47,7 +47,7 @@ def test_every_draw_gives_an_item(chance: float) -> None:
     assert 1 <= draw_item(item_table(), 3, 8, 1, chance) <= 4
 
 
-RULE_BOOK = Path(__file__).parent.parent / "docs/rules.md"
+RULE_BOOK = Path(__file__).parents[2] / "docs/rules.md"
 
 
 def _figures(item: Item) -> str:

@@ -1,10 +1,12 @@
 """The three invariants, and the rules as they act in a whole world."""
 
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,8 +91,14 @@ def test_the_number_of_threads_makes_no_difference() -> None:
 
 def test_another_process_gives_the_same_digest() -> None:
     code = "import test_world; print(test_world.wild_digest(1, 5))"
-    where = __file__.rsplit("/", 1)[0]
-    done = subprocess.run([sys.executable, "-c", code], cwd=where, capture_output=True, check=True)
+    here = Path(__file__).parent
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=here,
+        env={**os.environ, "PYTHONPATH": str(here.parent)},  # for `support`
+        capture_output=True,
+        check=True,
+    )
     assert done.stdout.decode().strip() == wild_digest(1, 5)
 
 

@@ -240,13 +240,13 @@ def test_the_commands_tell_of_a_recording(recorded: Path, tmp_path: Path) -> Non
 
 GUARD = """
 import os, signal, sys
-from race_server.live.server.supervisor import guarded
+from race_server.live.server.supervisor import supervised
 most = int(sys.argv[1])
 def work(killed):
     if killed < most:
         os.kill(os.getpid(), signal.SIGKILL)
     return 7
-sys.exit(guarded(work, print))
+sys.exit(supervised(work, print))
 """
 
 
