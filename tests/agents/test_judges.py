@@ -79,9 +79,12 @@ def test_what_is_known_is_worth_less_than_what_is_new() -> None:
 
 
 def test_curiosity_drives_further_where_only_a_lap_is_rewarded() -> None:
-    without, _ = learned(settings("reward={lap = 1.0}"))
-    curious, _ = learned(settings("reward={lap = 1.0}", "curiosity.bonus=0.1"))
-    assert curious.speed > 1.5 * max(without.speed, 0.1)
+    # One training may be lucky or not, differently on each processor: three of each are compared.
+    def speed(*changes: str) -> float:
+        wanted = ("reward={lap = 1.0}", "steps=40000", *changes)
+        return sum(learned(settings(*wanted, f"seed={seed}"))[0].speed for seed in (1, 2, 3)) / 3.0
+
+    assert speed("curiosity.bonus=0.5") > 1.5 * speed()
 
 
 # Adversarial imitation
