@@ -23,9 +23,16 @@ from race_server.core.kernels.jit import bind, kernel
 from race_server.core.messages import Button, Control
 from race_server.core.observation import PRESETS, Layout, Observation
 from race_server.core.rules.items import items
-from race_server.core.state import KART, Float32s, Floats, Ints, Records
+from race_server.core.state import Float32s, Floats, Ints, Records
 from race_server.core.vehicles import vehicle_record
-from race_server.envs.actions import MEMORY, action_kind, advice_of, discrete_table, read_action
+from race_server.envs.actions import (
+    MEMORY,
+    Driven,
+    action_kind,
+    advice_of,
+    discrete_table,
+    read_action,
+)
 from race_server.errors import DriverError
 
 # Lidars that differ by less, in rad or m, are the same.
@@ -136,12 +143,11 @@ class Learned:
 
             return advise
         at = np.array([layout.slices[part].start for part in TOLD], np.int64)
-        karts = np.zeros(len(seats), KART)
 
         def drive() -> None:
             seen = views[worlds, numbers]
             actions = self.policy.decide(seen[:, places].astype(np.float32))
-            told = (seats, seen, at, actions, self._table, karts, vehicles)
+            told = (seats, seen, at, actions, self._table, vehicles)
             command_all(self._kind, *told, memory, controls)
 
         return drive
@@ -155,7 +161,6 @@ def command_all(
     at: Ints,
     actions: Float32s,
     table: Floats,
-    karts: Records,
     vehicles: Records,
     memory: Floats,
     controls: Floats,
@@ -166,13 +171,12 @@ def command_all(
     """
     for row in range(len(seats)):
         w, k = seats[row, 0], seats[row, 1]
-        control, kept, kart = controls[w, k], memory[w, k], karts[row]
+        control, kept = controls[w, k], memory[w, k]
         if seen[row, at[LIGHTS]] > 0.0 or seen[row, at[FINISHED]] > 0.0:
             control[0], control[1], control[2], control[3] = 0.0, 0.0, 1.0, 0.0
             kept[MEMORY] = 0.0
             continue
-        kart.speed = seen[row, at[SPEED]]
-        kart.buttons_before = int(kept[MEMORY])
+        kart = Driven(seen[row, at[SPEED]], int(kept[MEMORY]), 0)
         read_action(kind, actions[row], table, kart, vehicles[w, k], kept, control)
         control[0] = min(max(control[0], -1.0), 1.0)
         control[1] = min(max(control[1], -1.0), 1.0)

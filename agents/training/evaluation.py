@@ -84,7 +84,7 @@ class Examiner:
         batch = self._batch(name)
         seen = batch.reset(self.first_seed)
         learners = batch.learners
-        begun = batch.world.karts["distance"][:, :learners].copy()
+        begun = batch.world.racers["distance"][:, :learners].copy()
         times, cut = np.zeros(begun.shape), np.zeros(begun.shape, np.bool_)
         horizon = self.settings.evaluation.seconds
         for step in range(round(horizon / decision_s())):
@@ -99,7 +99,7 @@ class Examiner:
         # Who crashed, or stood until he was out, would have had the rest of the time; who came to
         # the finish is done.
         done = cut | (ended["status"] == codes.FINISHED)
-        metres = batch.world.karts["distance"][:, :learners] - begun
+        metres = batch.world.racers["distance"][:, :learners] - begun
         speeds = metres / np.where(done, np.maximum(times, decision_s()), horizon)
         laps = ended["best_lap_us"][ended["best_lap_us"] > 0]
         return Marks(

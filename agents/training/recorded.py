@@ -122,7 +122,7 @@ def _seeing_everything(recording: Recording, seat: int) -> Recording:
 
 
 def _races(session: Session, seat: int) -> bool:
-    return bool(session.world.karts[0, seat].status == codes.RACING)
+    return bool(session.world.bodies[0, seat].status == codes.RACING)
 
 
 def _look(session: Session, seat: int) -> Float32s | None:

@@ -131,7 +131,7 @@ def raced(task: Task, policy: Policy, name: str, races: int, seed: int) -> list[
         if batch.world.races["over"].all():
             break
     names = [name, *(short_name(driver) for driver in task.opponents)]
-    ranks = batch.world.karts["rank"].tolist()
+    ranks = batch.world.racers["rank"].tolist()
     batch.close()
     return [list(zip(names, row, strict=True)) for row in ranks]
 

@@ -1,8 +1,9 @@
-"""The world as arrays: one record per world, kart, box and hazard, with a leading world axis.
+"""The world as arrays: one record per world, body, racer, player, box and hazard.
 
-Records keep all numbers of one kart side by side in memory, and a kernel is handed ten arrays
-instead of a hundred. Every field is eight bytes wide, so that nothing is padded and the bytes
-of a world are its digest. Axis letters: W worlds, K karts, I item boxes, H hazards, R rays.
+All have a leading world axis. A record keeps its numbers side by side in memory, and a kernel is
+handed ten arrays instead of a hundred. Every field is eight bytes wide, so that nothing is padded
+and the bytes of a world are its digest. Axis letters: W worlds, K karts, I item boxes, H hazards,
+R rays.
 """
 
 import hashlib
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from race_server.core.vehicles import VEHICLE
 
-# Arrays of records: kernels read fields as attributes, other code as `karts["x"]`.
+# Arrays of records: kernels read fields as attributes, other code as `bodies["x"]`.
 Records = NDArray[Any]
 Record = Any  # one record: its fields are attributes
 Floats = NDArray[np.float64]
@@ -40,39 +41,59 @@ def _record(fields: list[Any]) -> np.dtype[Any]:
 
 EFFECT = _record(_fields("speed_scale thrust_scale grip_scale", "source until_tick"))
 
-# One kart. Angles [rad], lengths [m], speeds [m/s]; fields ending in _us are microseconds since
-# tick 0, fields ending in _tick or _until are ticks.
-KART = _record(
+# One body: what moves, steers, meets others and carries sensors, in a race as in a car park. Angles
+# [rad], lengths [m], speeds [m/s]; fields ending in _tick or _until are ticks.
+BODY = _record(
+    _fields(
+        # Motion: position of the centre of gravity; speeds along and across the body.
+        "x y heading speed lateral_speed yaw_rate steering "
+        # What the driver asked for last: shares of the limits.
+        "steering_command throttle brake "
+        # What flags, effects and surface leave of speed [m/s], motor force and grip.
+        "speed_cap thrust_scale grip_scale",
+        # `company`: bits of the bodies that it may meet; `sensors`: bits of Sensor; `trust`: how
+        # far the pose of a real kart is believed, see Trust.
+        "status buttons surface company ghost_until sensors trust",
+    )
+)
+
+# One kart's race: its place on the course, gates, laps and what the stewards watch. Fields ending
+# in _us are microseconds since tick 0.
+RACER = _record(
+    _fields(
+        # `distance` counts on over the laps, from a negative start; `ranked` is the part of it
+        # that counts.
+        "progress lateral_offset heading_error distance ranked start_x start_y backward",
+        # Place on the centre line; gates and laps.
+        "line_index zone next_gate started cutting laps "
+        "lap_start_us sector_start_us last_lap_us best_lap_us finish_us rank grid_place "
+        # What the stewards watch; `yellow` is 1 where a yellow flag is near.
+        "wrong_way off_track still_ticks stopped_ticks rescue_offered lap_clean false_started "
+        "contact_kart_tick contact_wall_tick contacts wall_contacts warnings "
+        "penalties penalty_us retired_for yellow",
+    )
+)
+
+# One kart's game: the item it holds and the effects on it.
+PLAYER = _record(
     [
-        *_fields(
-            # Motion: position of the centre of gravity; speeds along and across the body.
-            "x y heading speed lateral_speed yaw_rate steering "
-            # What the driver asked for last: shares of the limits.
-            "steering_command throttle brake "
-            # Where it is on the course; `distance` counts on over the laps, from a
-            # negative start; `ranked` is the part of it that counts.
-            "progress lateral_offset heading_error distance ranked "
-            "start_x start_y backward "
-            # What flags, effects and surface leave of speed [m/s], motor force and grip.
-            "speed_cap thrust_scale grip_scale",
-            "status buttons buttons_before "
-            # Place on the centre line; gates and laps.
-            "line_index zone next_gate started cutting laps "
-            "lap_start_us sector_start_us last_lap_us best_lap_us finish_us "
-            "rank grid_place surface "
-            # What the stewards watch.
-            "wrong_way off_track still_ticks stopped_ticks rescue_offered lap_clean false_started "
-            "company contact_kart_tick contact_wall_tick contacts wall_contacts warnings hits "
-            # The game.
-            "held items_used immune_until shield_until ghost_until "
-            "penalties penalty_us retired_for "
-            # Which sensors it carries, bits of Sensor.
-            "sensors "
-            # Real karts: how far the pose is believed, see Trust; 1 where a yellow flag is near.
-            "trust yellow",
-        ),
+        *_fields("", "held items_used immune_until shield_until hits buttons_before"),
         ("effects", EFFECT, (EFFECTS,)),
     ]
+)
+
+# The order in which the fields of a kart enter the digest. Recordings hold digests, so a field
+# keeps its place here, whichever record it is in.
+HASHED = (
+    "x y heading speed lateral_speed yaw_rate steering steering_command throttle brake "
+    "progress lateral_offset heading_error distance ranked start_x start_y backward "
+    "speed_cap thrust_scale grip_scale "
+    "status buttons buttons_before line_index zone next_gate started cutting laps "
+    "lap_start_us sector_start_us last_lap_us best_lap_us finish_us rank grid_place surface "
+    "wrong_way off_track still_ticks stopped_ticks rescue_offered lap_clean false_started "
+    "company contact_kart_tick contact_wall_tick contacts wall_contacts warnings hits "
+    "held items_used immune_until shield_until ghost_until penalties penalty_us retired_for "
+    "sensors trust yellow effects"
 )
 
 RACE = _record(
@@ -166,7 +187,9 @@ class World(NamedTuple):
 
     races: Records  # (W,) RACE
     rules: Records  # (W,) RULES
-    karts: Records  # (W, K) KART
+    bodies: Records  # (W, K) BODY
+    racers: Records  # (W, K) RACER
+    players: Records  # (W, K) PLAYER
     vehicles: Records  # (W, K) VEHICLE
     boxes: Records  # (W, I) BOX
     hazards: Records  # (W, H) HAZARD
@@ -191,7 +214,9 @@ def empty_world(
     return World(
         races=np.zeros(worlds, RACE),
         rules=np.zeros(worlds, RULES),
-        karts=np.zeros((worlds, karts), KART),
+        bodies=np.zeros((worlds, karts), BODY),
+        racers=np.zeros((worlds, karts), RACER),
+        players=np.zeros((worlds, karts), PLAYER),
         vehicles=np.zeros((worlds, karts), VEHICLE),
         boxes=np.zeros((worlds, boxes), BOX),
         hazards=np.zeros((worlds, HAZARDS), HAZARD),
@@ -215,7 +240,9 @@ def part_of(world: World, first: int, last: int) -> World:
     return world._replace(
         races=world.races[cut],
         rules=world.rules[cut],
-        karts=world.karts[cut],
+        bodies=world.bodies[cut],
+        racers=world.racers[cut],
+        players=world.players[cut],
         vehicles=world.vehicles[cut],
         boxes=world.boxes[cut],
         hazards=world.hazards[cut],
@@ -225,9 +252,46 @@ def part_of(world: World, first: int, last: int) -> World:
     )
 
 
+def _hashed_columns() -> Ints:
+    """Return the places of the numbers of `HASHED` in a kart's records, laid end to end."""
+    columns: dict[str, range] = {}
+    first = 0
+    for record in (BODY, RACER, PLAYER):
+        for name in record.names or ():
+            last = first + record[name].itemsize // 8
+            columns[name] = range(first, last)
+            first = last
+    return np.array([column for name in HASHED.split() for column in columns[name]], np.int64)
+
+
+_HASHED_COLUMNS = _hashed_columns()
+
+
+def hashed_karts(world: World, index: int = 0) -> Ints:
+    """Return the karts of one world, shape (K, n), as the digest takes them: see `HASHED`."""
+    records = (world.bodies[index], world.racers[index], world.players[index])
+    numbers = [np.ascontiguousarray(rows).view(np.int64) for rows in records]
+    karts = len(world.bodies[index])
+    return np.concatenate([row.reshape(karts, -1) for row in numbers], axis=1)[:, _HASHED_COLUMNS]
+
+
+def field_of(world: World, name: str) -> Records:
+    """Return a field of all karts, shape (W, K), from the record that has it.
+
+    Raises:
+        KeyError: no record has such a field.
+    """
+    for records in (world.bodies, world.racers, world.players):
+        if name in (records.dtype.names or ()):
+            return records[name]
+    raise KeyError(name)
+
+
 def digest(world: World, index: int = 0) -> str:
     """Return a digest of one world: equal for equal seeds and inputs, wherever it ran."""
     result = hashlib.blake2b(digest_size=16)
-    for records in (world.races, world.karts, world.boxes, world.hazards):
+    result.update(np.ascontiguousarray(world.races[index]).tobytes())
+    result.update(hashed_karts(world, index).tobytes())
+    for records in (world.boxes, world.hazards):
         result.update(np.ascontiguousarray(records[index]).tobytes())
     return result.hexdigest()

@@ -33,7 +33,7 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
 
     controls: (W, K, 4) steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons.
     """
-    for w in range(world.karts.shape[0]):
+    for w in range(world.bodies.shape[0]):
         take_controls(world, w, controls[w])
         for _ in range(ticks):
             step(world, w)

@@ -1,6 +1,7 @@
 """Actions: what a policy's numbers mean for pedals, wheel and button."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,12 +79,20 @@ def advice_of(actions: Float32s, width: float) -> Floats:
     return np.clip(actions.astype(np.float64), lows, 1.0) * scales
 
 
+class Driven(NamedTuple):
+    """What the meaning of an action depends on, of the kart that takes it."""
+
+    speed: float  # [m/s]
+    buttons_before: int  # bits of Button
+    rescue_offered: int  # 0 or 1
+
+
 @kernel
 def read_action(
     kind: int,
     action: Float32s,
     table: Floats,
-    kart: Record,
+    kart: Driven,
     vehicle: Record,
     memory: Floats,
     control: Floats,
@@ -119,7 +128,7 @@ def read_action(
 
 
 @kernel
-def _press(drive: float, kart: Record, control: Floats) -> None:
+def _press(drive: float, kart: Driven, control: Floats) -> None:
     if drive < 0.0 and kart.speed > REVERSE_BELOW:
         control[1] = 0.0
         control[2] = -drive
@@ -130,7 +139,7 @@ def _press(drive: float, kart: Record, control: Floats) -> None:
 
 @kernel
 def _add_increments(
-    action: Float32s, least: float, kart: Record, vehicle: Record, memory: Floats, control: Floats
+    action: Float32s, least: float, kart: Driven, vehicle: Record, memory: Floats, control: Floats
 ) -> None:
     speed = memory[SET_SPEED] + SPEED_STEP * min(max(float(action[0]), least), 1.0)
     memory[SET_SPEED] = min(max(speed, SLOWEST), vehicle.top_speed)

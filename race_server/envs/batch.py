@@ -134,7 +134,9 @@ class Batch:
         self._templates = Templates(
             templates.races,
             templates.rules,
-            templates.karts,
+            templates.bodies,
+            templates.racers,
+            templates.players,
             templates.vehicles,
             templates.boxes,
             starts,

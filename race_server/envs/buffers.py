@@ -79,7 +79,9 @@ class Templates(NamedTuple):
 
     races: Records  # (S,) RACE
     rules: Records  # (S,) RULES
-    karts: Records  # (S, K) KART
+    bodies: Records  # (S, K) BODY
+    racers: Records  # (S, K) RACER
+    players: Records  # (S, K) PLAYER
     vehicles: Records  # (S, K) VEHICLE
     boxes: Records  # (S, I) BOX
     starts: Floats  # (S, B, 6) x0, x1, y0, y1 [m], heading, spread [rad]

@@ -7,7 +7,7 @@ from race_server.core.stages.controls import take_controls
 from race_server.core.stages.observe import observe
 from race_server.core.state import World
 from race_server.core.step import step
-from race_server.envs.actions import read_action
+from race_server.envs.actions import Driven, read_action
 from race_server.envs.buffers import REENTER, RESET_WORLD, Buffers, Templates
 from race_server.envs.reality_gap import ACTION_DELAY, apply_lag_and_backlash
 from race_server.envs.reset import begin_round, reenter, write_observation
@@ -18,7 +18,7 @@ from race_server.envs.reward_terms import reward_terms, snapshot_counters
 def decide(world: World, rig: Buffers, templates: Templates) -> None:
     """Move every world on by one decision: actions in, observations, rewards and ends out."""
     settings = rig.settings[0]
-    for w in range(world.karts.shape[0]):
+    for w in range(world.bodies.shape[0]):
         world.event_counts[w] = 0
         for k in range(rig.rewards.shape[1]):
             _command(world, rig, w, k)
@@ -36,7 +36,7 @@ def decide(world: World, rig: Buffers, templates: Templates) -> None:
 @kernel
 def restart(world: World, rig: Buffers, templates: Templates) -> None:
     """Begin a new round in every world."""
-    for w in range(world.karts.shape[0]):
+    for w in range(world.bodies.shape[0]):
         world.event_counts[w] = 0
         begin_round(world, rig, templates, w)
         write_all_observations(world, rig, w)
@@ -47,7 +47,11 @@ def _command(world: World, rig: Buffers, w: int, k: int) -> None:
     """Turn one kart's action into a control: delayed, late and loose as its reality gap says."""
     settings, control = rig.settings[0], rig.controls[w, k]
     memory, draws = rig.commanded[w, k], rig.draws[w, k]
-    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+    body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
+    kart, vehicle = (
+        Driven(body.speed, player.buttons_before, racer.rescue_offered),
+        world.vehicles[w, k],
+    )
     read_action(settings.action, rig.actions[w, k], rig.table, kart, vehicle, memory, control)
     depth = rig.delayed.shape[2]
     if depth > 0:
@@ -93,8 +97,8 @@ def _begin_anew(world: World, rig: Buffers, templates: Templates, w: int) -> Non
             begin_round(world, rig, templates, w)
             return
         learners = rig.rewards.shape[1]
-        for k in range(world.karts.shape[1]):
-            status = world.karts[w, k].status
+        for k in range(world.bodies.shape[1]):
+            status = world.bodies[w, k].status
             over = rig.idle[w, k] == 1 if k < learners else status != codes.RACING
             if over and status != codes.ABSENT:
                 reenter(world, rig, templates, w, k)
@@ -107,7 +111,7 @@ def write_all_observations(world: World, rig: Buffers, w: int) -> None:
     for k in range(learners):
         if rig.idle[w, k] == 0:
             write_observation(world, rig, w, k)
-    for k in range(world.karts.shape[1]):
+    for k in range(world.bodies.shape[1]):
         # A learning kart has a scripted driver, too, where actions are advice to one.
         if rig.opponent_parts[k, 0] >= 0:
             _show_opponent(world, rig, w, k)

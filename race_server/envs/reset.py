@@ -41,16 +41,18 @@ def begin_round(world: World, rig: Buffers, templates: Templates, w: int) -> Non
         world.boxes[w, box] = templates.boxes[scenario, box]
     for index in range(HAZARDS):
         world.hazards[w, index].until_tick = 0
-    for k in range(world.karts.shape[1]):
-        world.karts[w, k] = templates.karts[scenario, k]
+    for k in range(world.bodies.shape[1]):
+        world.bodies[w, k] = templates.bodies[scenario, k]
+        world.racers[w, k] = templates.racers[scenario, k]
+        world.players[w, k] = templates.players[scenario, k]
         world.vehicles[w, k] = templates.vehicles[scenario, k]
         _forget(rig, w, k)
     if rig.settings[0].random_grid:
         _shuffle_grid(world, w)
     # Entry 0: those of the places begin at 1.
     is_spread = uniform(world.races[w].seed, START_STREAM, 0, 0) < rig.settings[0].random_start
-    for k in range(world.karts.shape[1]):
-        if is_spread and world.karts[w, k].status != codes.ABSENT:
+    for k in range(world.bodies.shape[1]):
+        if is_spread and world.bodies[w, k].status != codes.ABSENT:
             _find_start(world, rig, templates, w, k, START_STREAM)
     line_up(world, w)
     for k in range(rig.rewards.shape[1]):
@@ -83,15 +85,16 @@ def _draw_scenario(rig: Buffers, seed: int, number: int) -> int:
 @kernel
 def _shuffle_grid(world: World, w: int) -> None:
     """Let the karts of one world change places on the grid (Fisher and Yates)."""
-    karts, seed = world.karts, world.races[w].seed
-    for last in range(karts.shape[1] - 1, 0, -1):
+    bodies, seed = world.bodies, world.races[w].seed
+    for last in range(bodies.shape[1] - 1, 0, -1):
         other = int(uniform(seed, GRID_STREAM, last, 0) * (last + 1))
-        one, two = karts[w, last], karts[w, other]
+        one, two = bodies[w, last], bodies[w, other]
         if one.status != codes.ABSENT and two.status != codes.ABSENT:
             one.x, two.x = two.x, one.x
             one.y, two.y = two.y, one.y
             one.heading, two.heading = two.heading, one.heading
-            one.grid_place, two.grid_place = two.grid_place, one.grid_place
+            one_place, two_place = world.racers[w, last], world.racers[w, other]
+            one_place.grid_place, two_place.grid_place = two_place.grid_place, one_place.grid_place
 
 
 @kernel
@@ -99,9 +102,9 @@ def _find_start(
     world: World, rig: Buffers, templates: Templates, w: int, k: int, stream: int
 ) -> None:
     """Put a kart at a random place of the scenario's table, clear of those placed before."""
-    turn, kart = rig.rounds[w], world.karts[w, k]
+    turn, body = rig.rounds[w], world.bodies[w, k]
     scenario = turn.scenario
-    others = world.karts.shape[1] if stream == RESPAWN_STREAM else k
+    others = world.bodies.shape[1] if stream == RESPAWN_STREAM else k
     for attempt in range(START_TRIES):
         turn.entries += 1
         first = turn.entries * 4
@@ -111,15 +114,15 @@ def _find_start(
         x = start[0] + uniform(seed, stream, first, 1) * (start[1] - start[0])
         y = start[2] + uniform(seed, stream, first, 2) * (start[3] - start[2])
         if attempt == START_TRIES - 1 or _is_clear(world, w, k, others, x, y):
-            kart.x, kart.y = x, y
-            kart.heading = start[4] + (2.0 * uniform(seed, stream, first, 3) - 1.0) * start[5]
+            body.x, body.y = x, y
+            body.heading = start[4] + (2.0 * uniform(seed, stream, first, 3) - 1.0) * start[5]
             return
 
 
 @kernel
 def _is_clear(world: World, w: int, k: int, others: int, x: float, y: float) -> bool:
     for other in range(others):
-        rival = world.karts[w, other]
+        rival = world.bodies[w, other]
         if other == k or rival.status == codes.ABSENT:
             continue
         near = 1.5 * world.vehicles[w, other].length
@@ -142,10 +145,10 @@ def begin_episode(world: World, rig: Buffers, w: int, k: int) -> None:
     episode.contacts = 0
     episode.wall_contacts = 0
     episode.crashes = 0
-    episode.status = world.karts[w, k].status
-    episode.rank = world.karts[w, k].rank
+    episode.status = world.bodies[w, k].status
+    episode.rank = world.racers[w, k].rank
     episode.number = number
-    rig.idle[w, k] = 1 if world.karts[w, k].status == codes.ABSENT else 0
+    rig.idle[w, k] = 1 if world.bodies[w, k].status == codes.ABSENT else 0
     for index in range(rig.commanded.shape[2]):
         rig.commanded[w, k, index] = 0.0
     for late in range(rig.delayed.shape[2]):
@@ -159,14 +162,16 @@ def begin_episode(world: World, rig: Buffers, w: int, k: int) -> None:
 def reenter(world: World, rig: Buffers, templates: Templates, w: int, k: int) -> None:
     """Let a kart whose episode is over come back as a new one, at a place that is clear."""
     scenario = rig.rounds[w].scenario
-    world.karts[w, k] = templates.karts[scenario, k]
+    world.bodies[w, k] = templates.bodies[scenario, k]
+    world.racers[w, k] = templates.racers[scenario, k]
+    world.players[w, k] = templates.players[scenario, k]
     world.vehicles[w, k] = templates.vehicles[scenario, k]
     _forget(rig, w, k)
     _find_start(world, rig, templates, w, k, RESPAWN_STREAM)
     place_kart(world, w, k)
-    kart, race = world.karts[w, k], world.races[w]
+    racer, race = world.racers[w, k], world.races[w]
     now_us = max(microseconds(race.tick - race.start_tick, 0.0), 0)
-    kart.lap_start_us = kart.sector_start_us = now_us
+    racer.lap_start_us = racer.sector_start_us = now_us
     rank(world, w)
     sense_first(world, w, k)
     if k < rig.rewards.shape[1]:

@@ -199,12 +199,13 @@ def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
 
 
 def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
-    world.karts[w, k] = np.zeros((), world.karts.dtype)
-    kart = world.karts[w, k]
+    for records in (world.bodies, world.racers, world.players):
+        records[w, k] = np.zeros((), records.dtype)
+    body, racer = world.bodies[w, k], world.racers[w, k]
     if fitted == ABSENT:
         return
-    kart.status = codes.RACING
-    kart.grid_place = place
-    kart.sensors = fitted
+    body.status = codes.RACING
+    racer.grid_place = place
+    body.sensors = fitted
     course = world.atlas.courses[world.rules[w].course]
-    kart.x, kart.y, kart.heading = world.atlas.grid[course.grid_start + place]
+    body.x, body.y, body.heading = world.atlas.grid[course.grid_start + place]

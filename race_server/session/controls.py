@@ -36,8 +36,8 @@ class Controls:
         """Let act what the seats give now, and return it as far as it changed."""
         tick = int(world.races[0].tick)
         # All at once: to ask a record for a field takes a microsecond.
-        racing = (world.karts["status"][0] == codes.RACING).tolist()
-        speeds = world.karts["speed"][0].tolist()
+        racing = (world.bodies["status"][0] == codes.RACING).tolist()
+        speeds = world.bodies["speed"][0].tolist()
         for seat in seats.taken():
             is_racing = racing[seat.number]
             self._listen(seat, tick, speeds[seat.number], is_racing=is_racing)

@@ -232,7 +232,7 @@ class Session:
 
     def waits_for(self) -> list[int]:
         """Return the racing seats that have not yet answered the observation of this tick."""
-        statuses = self.world.karts["status"][0]
+        statuses = self.world.bodies["status"][0]
         return [
             seat.number
             for seat in self.seats.taken()
@@ -266,7 +266,7 @@ class Session:
         The same control acts for all `ticks`; see `race_server.session.failsafe` for karts whose
         driver is not heard.
         """
-        tick, statuses = self.tick, self.world.karts["status"][0]
+        tick, statuses = self.tick, self.world.bodies["status"][0]
         for seat in self.seats.taken():
             if seat.is_gone(tick) and statuses[seat.number] == codes.RACING:
                 self.do(InterventionKind.WITHDRAW, seat.number)
@@ -397,7 +397,7 @@ class Session:
 
     def table(self) -> list[Standing]:
         """Return one row for each seat, whether or not somebody still sits there."""
-        return table_of(self.seats, self.world.karts[0], self.chronicle.laps_us)
+        return table_of(self.seats, self.world, self.chronicle.laps_us)
 
     def digest(self) -> str:
         """Return the digest of the world."""

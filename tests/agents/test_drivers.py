@@ -44,9 +44,9 @@ def test_alone_each_driver_laps_without_touching_a_wall(name: str) -> None:
     scenario = Scenario(COURSE, karts=1, rules=Rules(laps=2, items=False, limit_s=120.0))
     scenario = with_line(scenario)
     session, _ = run_race(scenario, [name])
-    kart = session.world.karts[0, 0]
-    assert kart.status == Status.FINISHED
-    assert kart.wall_contacts == 0
+    body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
+    assert body.status == Status.FINISHED
+    assert racer.wall_contacts == 0
 
 
 def test_six_mixed_drivers_race_to_the_end_with_items() -> None:

@@ -44,25 +44,28 @@ def test_a_driver_on_the_line_laps_the_oval_nearly_as_fast_as_can_be(name: str) 
     scenario = with_line(Scenario(load_course("oval"), karts=1, rules=rules))
     session, _ = run_race(scenario, [name])
     limit = reference_limit(scenario.course, TT02).minimum_time.time_s
-    kart = session.world.karts[0, 0]
-    assert kart.wall_contacts == 0
-    assert 0.98 * limit < kart.best_lap_us / 1e6 < 1.05 * limit
+    racer = session.world.racers[0, 0]
+    assert racer.wall_contacts == 0
+    assert 0.98 * limit < racer.best_lap_us / 1e6 < 1.05 * limit
 
 
 @pytest.mark.parametrize("name", ["raceline", "idm"])
 def test_a_slower_kart_is_passed_where_there_is_room(name: str) -> None:
     session = chase(name, half_width=1.0)
-    chaser, slow = session.world.karts[0]
-    assert chaser.status == Status.FINISHED
-    assert chaser.rank == 1
-    assert (chaser.contacts, slow.contacts) == (0, 0)
-    assert chaser.wall_contacts == 0
+    (chaser_body, _), (chaser_racer, slow_racer) = (
+        session.world.bodies[0],
+        session.world.racers[0],
+    )
+    assert chaser_body.status == Status.FINISHED
+    assert chaser_racer.rank == 1
+    assert (chaser_racer.contacts, slow_racer.contacts) == (0, 0)
+    assert chaser_racer.wall_contacts == 0
 
 
 @pytest.mark.parametrize("name", ["raceline", "idm"])
 def test_a_slower_kart_is_followed_where_there_is_none(name: str) -> None:
     session = chase(name, half_width=0.3)
-    chaser, slow = session.world.karts[0]
+    chaser, slow = session.world.racers[0]
     assert slow.rank == 1
     assert (chaser.contacts, slow.contacts) == (0, 0)
     assert chaser.wall_contacts == 0
@@ -73,9 +76,9 @@ def test_what_stands_on_the_track_is_passed_without_a_touch(name: str) -> None:
     course = with_obstacles(load_course("covapsy-train-2023"), Obstacles(), TT02, seed=4)
     rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=60.0)
     session, _ = run_race(with_line(Scenario(course, karts=1, rules=rules)), [name])
-    kart = session.world.karts[0, 0]
-    assert kart.status == Status.FINISHED
-    assert kart.wall_contacts == 0
+    body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
+    assert body.status == Status.FINISHED
+    assert racer.wall_contacts == 0
 
 
 @pytest.mark.parametrize("delay", [1, 2])
@@ -115,7 +118,7 @@ def test_how_the_wheels_turn_tells_how_late_commands_act(delay: int) -> None:
 def test_without_a_line_nobody_drives_by_one() -> None:
     rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=3.0)
     session, _ = run_race(Scenario(ring(6.0, 0.7), karts=1, rules=rules), ["raceline"])
-    assert session.world.karts[0, 0].distance < 1.0
+    assert session.world.racers[0, 0].distance < 1.0
 
 
 def test_far_behind_another_kart_only_the_own_speed_counts() -> None:

@@ -470,14 +470,14 @@ def test_a_plant_drives_laps_where_the_server_says_it_is(scale: str) -> None:
     errors = []
     for _ in range(60):
         loop.run(1 / 60)
-        kart = loop.session.world.karts[0, 0]
-        errors.append(math.hypot(kart.x - loop.plant.body.x, kart.y - loop.plant.body.y))
+        body = loop.session.world.bodies[0, 0]
+        errors.append(math.hypot(body.x - loop.plant.body.x, body.y - loop.plant.body.y))
     speed = loop.plant.body.speed
     assert speed > 1.0
     # The server shows the kart as of the tick that comes, the body is one tick on.
     assert np.median(errors) < 0.1 + 2.0 * speed / 60.0
     loop.run(24.0 if scale == "1/10" else 30.0)
-    assert loop.session.world.karts["laps"][0, 0] >= 1
+    assert loop.session.world.racers["laps"][0, 0] >= 1
     assert loop.session.fleet.trackers[0].trust is Trust.TRUSTED
     assert loop.plant.scrapes == 0
 
@@ -489,7 +489,7 @@ def test_a_plant_obeys_an_effect() -> None:
     before = loop.plant.body.speed
     pulse = world.items[names.index("pulse") + 1]
     assert before > 1.0
-    effect = world.karts[0, 0].effects[0]
+    effect = world.players[0, 0].effects[0]
     effect["source"], effect["until_tick"] = names.index("pulse") + 1, loop.session.tick + 120
     effect["speed_scale"], effect["thrust_scale"] = 0.1, pulse.thrust_scale
     effect["grip_scale"] = 1.0
@@ -530,12 +530,12 @@ def test_a_plant_whose_link_is_cut_stops_by_itself_and_is_parked() -> None:
     assert math.hypot(body.x - x, body.y - y) < speed + speed**2 / 3.0
     assert EventKind.FLAG in [event.kind for event in loop.events]
     loop.run(2.5)
-    kart = loop.session.world.karts[0, 0]
-    assert kart.trust == Trust.PARKED
-    assert kart.status == Status.RACING
+    raced = loop.session.world.bodies[0, 0]
+    assert raced.trust == Trust.PARKED
+    assert raced.status == Status.RACING
     loop.hears = True
     loop.run(2.0)
-    assert kart.trust == Trust.TRUSTED
+    assert raced.trust == Trust.TRUSTED
     assert body.speed > 0.5
 
 

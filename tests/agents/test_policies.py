@@ -155,16 +155,16 @@ def test_the_policy_that_knows_the_course_comes_before_its_teacher(full: Policy)
     task = task_on("covapsy-base", full, karts=5, rules=rules)
     task = replace(task, opponents=opponents, random_grid=True)
     batch = drive(full, task, worlds=24, decisions=900)
-    places = batch.world.karts["rank"].mean(axis=0)
+    places = batch.world.racers["rank"].mean(axis=0)
     assert places[0] < places[1] - 0.4
 
 
 def test_the_policy_that_knows_the_course_laps_alone_off_the_walls(full: Policy) -> None:
     rules = Rules(laps=3, countdown_s=0.2, items=False)
     batch = drive(full, task_on("covapsy-base", full, karts=1, rules=rules), 1, 700)
-    kart = batch.world.karts[0, 0]
-    assert (int(kart["laps"]), int(kart["wall_contacts"])) == (3, 0)
-    assert kart["best_lap_us"] / 1e6 < 10.2
+    racer = batch.world.racers[0, 0]
+    assert (int(racer["laps"]), int(racer["wall_contacts"])) == (3, 0)
+    assert racer["best_lap_us"] / 1e6 < 10.2
 
 
 def task_on(track: str, policy: Policy, *, karts: int, rules: Rules) -> Task:

@@ -131,8 +131,8 @@ def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
         seen = Observation(3 * step, driven.layout, driven.observations[0, 0].copy())
         driven.step(numbers_of(driver.act(seen)))
         advised.step(np.zeros((1, 1, 6)))
-    assert advised.world.karts["x"][0] == pytest.approx(driven.world.karts["x"][0], abs=1e-5)
-    assert advised.world.karts["distance"][0, 0] > 1.0
+    assert advised.world.bodies["x"][0] == pytest.approx(driven.world.bodies["x"][0], abs=1e-5)
+    assert advised.world.racers["distance"][0, 0] > 1.0
 
 
 def test_advice_shifts_the_lane_to_its_side() -> None:
@@ -149,14 +149,17 @@ def test_advice_to_follow_closely_brakes_less_behind_another_kart() -> None:
     for close in (0.0, 0.8):
         others = {"learners": 1, "opponents": ("pure_pursuit",)}
         batch = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
-        behind, ahead = batch.world.karts[0]
-        behind.x = ahead.x - 2.0 * np.cos(ahead.heading)
-        behind.y = ahead.y - 2.0 * np.sin(ahead.heading)
-        behind.heading, behind.line_index = ahead.heading, ahead.line_index
-        behind.speed = 2.0
+        (behind_body, ahead_body), (behind_racer, ahead_racer) = (
+            batch.world.bodies[0],
+            batch.world.racers[0],
+        )
+        behind_body.x = ahead_body.x - 2.0 * np.cos(ahead_body.heading)
+        behind_body.y = ahead_body.y - 2.0 * np.sin(ahead_body.heading)
+        behind_body.heading, behind_racer.line_index = ahead_body.heading, ahead_racer.line_index
+        behind_body.speed = 2.0
         for _ in range(3):
             batch.step([[[0.0, 0.0, 0.0, 0.0, close, 0.0]]])
-        speeds.append(float(behind.speed))
+        speeds.append(float(behind_body.speed))
     assert speeds[1] > speeds[0] + 0.1
 
 
@@ -166,14 +169,14 @@ def test_a_boost_carries_a_kart_beyond_the_line_only_if_it_is_told_to_dash() -> 
         scenario = replace(oval(1), rules=replace(LEARNING_RULES, items=False))
         batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
         batch.step([[[0.0] * 6]])
-        effect = batch.world.karts["effects"][0, 0, 0]
+        effect = batch.world.players["effects"][0, 0, 0]
         effect["source"], effect["until_tick"] = 1, 10_000
         effect["speed_scale"], effect["thrust_scale"], effect["grip_scale"] = 1.25, 1.6, 1.0
         fastest = 0.0
         for _ in range(160):
             batch.step([[[0.0, 0.0, 0.0, dash, 0.0, 0.0]]])
-            fastest = max(fastest, float(batch.world.karts["speed"][0, 0]))
-        assert batch.world.karts["wall_contacts"][0, 0] == 0
+            fastest = max(fastest, float(batch.world.bodies["speed"][0, 0]))
+        assert batch.world.racers["wall_contacts"][0, 0] == 0
         speeds.append(fastest)
     assert speeds[1] > 1.1 * speeds[0]
 
@@ -186,8 +189,8 @@ def test_advice_to_fetch_a_box_drives_over_one() -> None:
         taken = 0
         for _ in range(200):
             batch.step([[[0.0, 0.0, -1.0, 0.0, 0.0, fetch]]])
-            taken += int(batch.world.karts["held"][0, 0] > 0)
-            batch.world.karts["held"] = 0
+            taken += int(batch.world.players["held"][0, 0] > 0)
+            batch.world.players["held"] = 0
         held.append(taken)
     assert held[1] > held[0]
 
@@ -205,7 +208,7 @@ def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
         random_grid=True,
     )
     batch = Batch(task, worlds=6, seed=4, after=STAY)
-    ranked = batch.world.karts["ranked"].copy()
+    ranked = batch.world.racers["ranked"].copy()
     gaps = ranked[:, :1] - ranked[:, 1:]
     before = (gaps / (abs(gaps) + 10.0 * TT02.length)).sum(axis=1)
     gained = np.zeros(6)
@@ -213,7 +216,7 @@ def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
         batch.step(np.zeros((6, 1, 6)))
         gained += batch.rewards[:, 0]
     # Of three rivals so many are behind, less those who are ahead.
-    at_the_end = 5 - 2 * batch.world.karts["rank"][:, 0]
+    at_the_end = 5 - 2 * batch.world.racers["rank"][:, 0]
     assert before + gained == pytest.approx(at_the_end, abs=1e-3)
 
 
@@ -237,7 +240,7 @@ def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Outcom
     assert len(places) == 80
     for there, here in places:
         assert here == pytest.approx(there, abs=1e-5)
-    assert trained.world.karts[0, 0].speed > 0.5
+    assert trained.world.bodies[0, 0].speed > 0.5
 
 
 def _shared(task: Task, observation: object) -> dict[str, object]:
@@ -271,5 +274,5 @@ def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
     batch = Batch(task, worlds=24, seed=7, after=STAY)
     for _ in range(900):
         batch.step(policy.decide(batch.observations[:, 0]))
-    places = batch.world.karts["rank"].mean(axis=0)
+    places = batch.world.racers["rank"].mean(axis=0)
     assert places[0] < places[1:].min() - 0.4

@@ -70,7 +70,7 @@ def test_races_are_drawn_with_so_many_karts() -> None:
     changes = ("race.karts=4", "race.opponents=['idm']", "race.fields=[4, 1]")
     wanted = read_settings("time-trial-ppo", [*QUICK, *changes])
     batch = Batch(training_task(wanted), worlds=40, seed=1)
-    racing = (batch.world.karts["status"] == codes.RACING).sum(axis=1)
+    racing = (batch.world.bodies["status"] == codes.RACING).sum(axis=1)
     assert set(racing.tolist()) == {1, 4}
     assert 10 < (racing == 1).sum() < 30
 

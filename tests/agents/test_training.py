@@ -152,9 +152,9 @@ def test_who_stands_until_he_is_out_was_slow_all_the_time() -> None:
 
     (marks, _) = examiner.examine(drives_a_second)
     batch = examiner.batches["oval"]
-    end = batch.world.karts["distance"][:, 0].copy()
+    end = batch.world.racers["distance"][:, 0].copy()
     batch.reset(1)
-    metres = float((end - batch.world.karts["distance"][:, 0]).mean())
+    metres = float((end - batch.world.racers["distance"][:, 0]).mean())
     assert marks.crash_rate == 0.0
     assert decisions < 400  # they were out before the end
     assert metres > 0.1
@@ -289,7 +289,7 @@ def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Pat
         own = numbers_of(driver.act(seen))
         batch.step(np.zeros((2, 1, 4)))
         assert batch.rig.controls[1, 2] == pytest.approx(own, abs=1e-6)
-    assert batch.world.karts[1, 2].speed > 0.1
+    assert batch.world.bodies[1, 2].speed > 0.1
 
 
 def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:

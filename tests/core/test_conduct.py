@@ -71,10 +71,10 @@ def test_anything_less_is_racing(but: dict[str, float]) -> None:
 def world_of(*places: tuple[float, float], rules: Rules = RULES) -> World:
     """Return a world with a kart at each place: degrees on the ring, turned by radians."""
     world = make_world(Scenario(COURSE, karts=len(places), rules=rules))
-    for kart, (degrees, turn) in zip(world.karts[0], places, strict=True):
+    for body, (degrees, turn) in zip(world.bodies[0], places, strict=True):
         angle = math.radians(degrees)
-        kart.x, kart.y = 6.0 * math.cos(angle), 6.0 * math.sin(angle)
-        kart.heading = angle + 0.5 * math.pi + turn
+        body.x, body.y = 6.0 * math.cos(angle), 6.0 * math.sin(angle)
+        body.heading = angle + 0.5 * math.pi + turn
     return world
 
 
@@ -91,59 +91,59 @@ def drive(world: World, seconds: float, *controls: tuple[float, float, float, fl
 def test_a_kart_that_stands_is_removed_after_the_limit() -> None:
     world = world_of((20.0, 0.0))
     drive(world, 1.9, STAND)
-    assert world.karts["status"][0, 0] == Status.RACING
+    assert world.bodies["status"][0, 0] == Status.RACING
     drive(world, 0.2, STAND)
-    assert world.karts["retired_for"][0, 0] == Retirement.STOPPED
+    assert world.racers["retired_for"][0, 0] == Retirement.STOPPED
 
 
 def test_a_kart_that_is_blocked_is_removed_only_when_the_way_is_free() -> None:
     world = world_of((20.0, 0.0), (25.0, 0.0))  # half a metre apart, 0.07 m between them
     drive(world, 2.1, STAND, STAND)
-    assert list(world.karts["status"][0]) == [Status.RACING, Status.RETIRED]
+    assert list(world.bodies["status"][0]) == [Status.RACING, Status.RETIRED]
     drive(world, 2.1, STAND, STAND)
-    assert world.karts["retired_for"][0, 0] == Retirement.STOPPED
+    assert world.racers["retired_for"][0, 0] == Retirement.STOPPED
 
 
 def test_of_two_karts_nose_to_nose_the_one_that_faces_the_wrong_way_is_removed() -> None:
     world = world_of((20.0, 0.0), (25.0, math.pi))
     drive(world, 2.1, STAND, STAND)
-    assert list(world.karts["status"][0]) == [Status.RACING, Status.RETIRED]
+    assert list(world.bodies["status"][0]) == [Status.RACING, Status.RETIRED]
 
 
 def test_two_metres_the_wrong_way_and_a_kart_is_out() -> None:
     world = world_of((20.0, 0.0))
     reverse = (0.14, -1.0, 0.0, 0.0)
     drive(world, 1.5, reverse)
-    assert world.karts["status"][0, 0] == Status.RACING
+    assert world.bodies["status"][0, 0] == Status.RACING
     drive(world, 2.0, reverse)
-    assert world.karts["retired_for"][0, 0] == Retirement.WRONG_WAY
+    assert world.racers["retired_for"][0, 0] == Retirement.WRONG_WAY
 
 
 def test_without_the_limit_it_is_only_told_so() -> None:
     world = world_of((20.0, 0.0), rules=replace(RULES, wrong_way_removal=0.0))
     assert EventKind.WRONG_WAY in drive(world, 3.5, (0.14, -1.0, 0.0, 0.0))
-    assert world.karts["status"][0, 0] == Status.RACING
+    assert world.bodies["status"][0, 0] == Status.RACING
 
 
 def bump(world: World, *, speed: float, control: tuple[float, float, float, float]) -> list[int]:
     """Let kart 0 set out at a speed while kart 1 stands; events are told from half a second on."""
     drive(world, 0.6, STAND, STAND)
-    world.karts[0, 0].speed = speed
+    world.bodies[0, 0].speed = speed
     return drive(world, 0.8, control, STAND)
 
 
 def test_who_drives_into_a_standing_kart_is_warned() -> None:
     world = world_of((0.0, 0.0), (15.0, 0.0))
     assert EventKind.WARNING in bump(world, speed=3.0, control=(0.14, 0.3, 0.0, 0.0))
-    assert list(world.karts["warnings"][0]) == [1, 0]
-    assert world.karts["status"][0, 0] == Status.RACING
+    assert list(world.racers["warnings"][0]) == [1, 0]
+    assert world.bodies["status"][0, 0] == Status.RACING
 
 
 def test_the_last_warning_is_the_end_of_the_race() -> None:
     world = world_of((0.0, 0.0), (15.0, 0.0), rules=replace(RULES, ram_warnings=1))
     bump(world, speed=3.0, control=(0.14, 0.3, 0.0, 0.0))
-    assert world.karts["retired_for"][0, 0] == Retirement.RAMMING
-    assert world.karts["status"][0, 1] == Status.RACING
+    assert world.racers["retired_for"][0, 0] == Retirement.RAMMING
+    assert world.bodies["status"][0, 1] == Status.RACING
 
 
 def test_a_kart_that_is_reversed_into_is_not_at_fault() -> None:

@@ -8,6 +8,7 @@ import pytest
 from race_server.core.messages import Phase
 from race_server.core.observation import PARTS, PRESETS, Observation, layout_of
 from race_server.core.stages import observe
+from race_server.core.state import field_of
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
@@ -58,12 +59,13 @@ def test_every_part_lies_within_its_stated_range(part: object) -> None:
 
 def test_each_scalar_shows_the_field_of_its_name() -> None:
     session, _ = seen()
-    kart = session.world.karts[0, 1]
+    world = session.world
+    body, racer, player = world.bodies[0, 1], world.racers[0, 1], world.players[0, 1]
     for number, name in enumerate(
         ("speed", "lateral_speed", "yaw_rate", "steering", "progress", "lateral_offset")
     ):
-        setattr(kart, name, 0.1 + number)
-    kart.speed_cap, kart.held, kart.laps, kart.wrong_way = 3.5, 2, 4, 1
+        field_of(world, name)[0, 1] = 0.1 + number
+    body.speed_cap, player.held, racer.laps, racer.wrong_way = 3.5, 2, 4, 1
     session.look()
     view = Observation(0, session.layout("full"), session.view(1))
     for number, name in enumerate(
@@ -111,5 +113,5 @@ def test_a_lidar_driver_is_told_nothing_of_the_map() -> None:
 def test_a_seat_carries_only_the_sensors_that_its_preset_needs() -> None:
     session, _ = seen("track")
     assert session.phase is Phase.COUNTDOWN
-    assert session.world.karts["sensors"].max() == 0
+    assert session.world.bodies["sensors"].max() == 0
     assert session.world.sight.lidar.max() == 0.0

@@ -13,7 +13,7 @@ import pytest
 
 from race_server.core.messages import EventKind, Flag, Retirement, Status
 from race_server.core.rules.items import items
-from race_server.core.state import World, digest, part_of
+from race_server.core.state import World, digest, field_of, part_of
 from race_server.core.step import advance, show_flag, withdraw
 from race_server.scenario.race import Rules, Scenario, make_world
 from support.courses import ring
@@ -29,10 +29,10 @@ def scenario(karts: int = 1, rules: Rules = QUICK, seed: int = 7) -> Scenario:
 
 def follow(world: World, *, throttle: float = 0.5, button: int = 0) -> np.ndarray:
     """Return controls that keep every kart on the ring."""
-    karts = world.karts
-    controls = np.zeros((*karts.shape, 4))
-    heading_error = karts["heading_error"] if throttle >= 0.0 else -karts["heading_error"]
-    wanted = 0.044 - 0.5 * karts["lateral_offset"] - 1.0 * heading_error
+    racers = world.racers
+    controls = np.zeros((*racers.shape, 4))
+    heading_error = racers["heading_error"] if throttle >= 0.0 else -racers["heading_error"]
+    wanted = 0.044 - 0.5 * racers["lateral_offset"] - 1.0 * heading_error
     controls[..., 0] = np.clip(wanted / 0.314, -1.0, 1.0)
     controls[..., 1] = throttle
     controls[..., 3] = button
@@ -92,13 +92,9 @@ def test_the_number_of_threads_makes_no_difference() -> None:
 def test_another_process_gives_the_same_digest() -> None:
     code = "import test_world; print(test_world.wild_digest(1, 5))"
     here = Path(__file__).parent
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=here,
-        env={**os.environ, "PYTHONPATH": str(here.parent)},  # for `support`
-        capture_output=True,
-        check=True,
-    )
+    paths = {"PYTHONPATH": os.pathsep.join((str(here), str(here.parent)))}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=os.environ | paths, capture_output=True, check=True)
     assert done.stdout.decode().strip() == wild_digest(1, 5)
 
 
@@ -125,9 +121,11 @@ def test_no_input_of_one_kart_changes_another(bad: float) -> None:
         controls = follow(attacked)
         controls[0, 0] = bad
         advance(attacked, controls, 3)
-    assert np.isfinite(attacked.karts["x"]).all()
+    assert np.isfinite(attacked.bodies["x"]).all()
     for name in ("progress", "laps", "status", "penalty_us"):
-        assert attacked.karts[name][0, 1] == pytest.approx(alone.karts[name][0, 1], abs=30.0)
+        assert field_of(attacked, name)[0, 1] == pytest.approx(
+            field_of(alone, name)[0, 1], abs=30.0
+        )
 
 
 def test_no_kart_ever_leaves_the_borders() -> None:
@@ -135,7 +133,7 @@ def test_no_kart_ever_leaves_the_borders() -> None:
     rng = np.random.default_rng(1)
     for _ in range(300):
         advance(world, wild(rng, (8, 6)), 3)
-    assert np.abs(world.karts["lateral_offset"]).max() < 0.7
+    assert np.abs(world.racers["lateral_offset"]).max() < 0.7
 
 
 def test_three_laps_finish_the_race() -> None:
@@ -143,14 +141,14 @@ def test_three_laps_finish_the_race() -> None:
     events = run(world, 60.0)
     assert kinds(events).count(EventKind.LAP) == 3
     assert EventKind.FINISH in kinds(events)
-    assert world.karts["status"][0, 0] == Status.FINISHED
+    assert world.bodies["status"][0, 0] == Status.FINISHED
 
 
 def test_lap_times_add_up_to_the_race_time() -> None:
     world = make_world(scenario())
     events = run(world, 60.0)
     laps = [value for kind, _, _, value in events if kind is EventKind.LAP]
-    assert world.karts["finish_us"][0, 0] == sum(laps)
+    assert world.racers["finish_us"][0, 0] == sum(laps)
 
 
 def test_three_sectors_add_up_to_the_lap() -> None:
@@ -166,7 +164,7 @@ def test_who_moves_before_the_lights_gets_a_penalty() -> None:
     world = make_world(scenario(rules=replace(QUICK, countdown_s=3.0)))
     events = run(world, 2.0)
     assert EventKind.FALSE_START in kinds(events)
-    assert world.karts["penalty_us"][0, 0] == 5_000_000
+    assert world.racers["penalty_us"][0, 0] == 5_000_000
 
 
 def test_who_waits_for_the_lights_gets_none() -> None:
@@ -179,7 +177,7 @@ def test_a_kart_that_drives_backwards_is_told_so() -> None:
     world = make_world(scenario())
     run(world, 3.0, throttle=0.0)
     assert EventKind.WRONG_WAY in kinds(run(world, 6.0, throttle=-1.0))
-    assert world.karts["laps"][0, 0] == 0
+    assert world.racers["laps"][0, 0] == 0
 
 
 def test_driving_over_the_line_backwards_and_forwards_again_gives_no_lap() -> None:
@@ -187,46 +185,46 @@ def test_driving_over_the_line_backwards_and_forwards_again_gives_no_lap() -> No
     run(world, 2.5)
     run(world, 6.0, throttle=-1.0)
     run(world, 3.0)
-    assert world.karts["laps"][0, 0] == 0
+    assert world.racers["laps"][0, 0] == 0
 
 
 def put(world: World, kart: int, degrees: float) -> None:
     """Carry a kart to another place on the ring, without telling the rules."""
     angle = np.radians(degrees)
-    row = world.karts[0, kart]
+    row = world.bodies[0, kart]
     row.x, row.y, row.heading = 6 * np.cos(angle), 6 * np.sin(angle), angle + np.pi / 2
 
 
 def test_a_kart_carried_past_gates_gets_a_penalty_and_no_lap() -> None:
     world = make_world(scenario())
     run(world, 4.0)
-    assert world.karts["started"][0, 0] == 1
+    assert world.racers["started"][0, 0] == 1
     put(world, 0, 170.0)
     events = run(world, 4.0)
     assert EventKind.SHORT_CUT in kinds(events)
-    assert world.karts["laps"][0, 0] == 0
+    assert world.racers["laps"][0, 0] == 0
 
 
 def test_a_stuck_kart_may_accept_a_rescue_for_a_penalty() -> None:
     world = make_world(scenario())
     run(world, 2.0)
-    world.karts[0, 0].lateral_offset = 0.0
+    world.racers[0, 0].lateral_offset = 0.0
     assert EventKind.STUCK in kinds(run(world, 8.0, throttle=0.0))
     events = run(world, 1.0, throttle=0.0, button=2)
     assert EventKind.RESCUED in kinds(events)
-    assert world.karts["penalty_us"][0, 0] == 5_000_000
-    assert world.karts["lateral_offset"][0, 0] == pytest.approx(0.0, abs=0.01)
-    assert world.karts["wrong_way"][0, 0] == 0
+    assert world.racers["penalty_us"][0, 0] == 5_000_000
+    assert world.racers["lateral_offset"][0, 0] == pytest.approx(0.0, abs=0.01)
+    assert world.racers["wrong_way"][0, 0] == 0
 
 
 def test_yellow_caps_the_speed_and_green_frees_it() -> None:
     world = make_world(scenario(rules=replace(QUICK, laps=0)))
     show_flag(world, 0, int(Flag.YELLOW))
     run(world, 10.0, throttle=1.0)
-    assert world.karts["speed"][0, 0] <= 4.0
+    assert world.bodies["speed"][0, 0] <= 4.0
     show_flag(world, 0, int(Flag.GREEN))
     run(world, 5.0, throttle=1.0)
-    assert world.karts["speed_cap"][0, 0] == pytest.approx(10.0)
+    assert world.bodies["speed_cap"][0, 0] == pytest.approx(10.0)
 
 
 def test_red_stops_all_and_green_restarts_after_three_seconds() -> None:
@@ -234,37 +232,37 @@ def test_red_stops_all_and_green_restarts_after_three_seconds() -> None:
     run(world, 5.0)
     show_flag(world, 0, int(Flag.RED))
     run(world, 5.0, throttle=1.0)
-    assert np.abs(world.karts["speed"][0]).max() < 0.01
+    assert np.abs(world.bodies["speed"][0]).max() < 0.01
     show_flag(world, 0, int(Flag.GREEN))
     run(world, 2.9, throttle=1.0)
-    assert np.abs(world.karts["speed"][0]).max() < 0.01
+    assert np.abs(world.bodies["speed"][0]).max() < 0.01
     run(world, 2.0, throttle=1.0)
-    assert world.karts["speed"][0].min() > 1.0
+    assert world.bodies["speed"][0].min() > 1.0
 
 
 def test_retire_policy_takes_a_kart_out_at_the_first_wall() -> None:
     world = make_world(scenario(rules=replace(QUICK, wall_contact="retire")))
     advance(world, np.array([[[-1.0, 1.0, 0.0, 0.0]]]), 300)
-    assert world.karts["status"][0, 0] == Status.RETIRED
-    assert world.karts["retired_for"][0, 0] == Retirement.CRASH
+    assert world.bodies["status"][0, 0] == Status.RETIRED
+    assert world.racers["retired_for"][0, 0] == Retirement.CRASH
 
 
 def test_a_contact_in_the_first_ticks_counts_and_leaning_on_is_the_same_one() -> None:
     world = make_world(scenario(karts=2))
-    first, second = world.karts[0]
+    first, second = world.bodies[0]
     second.x = first.x + 0.6 * np.cos(first.heading)
     second.y = first.y + 0.6 * np.sin(first.heading)
     second.heading = first.heading + np.pi
     first.speed = second.speed = 2.0
     advance(world, np.zeros((1, 2, 4)), 25)
-    assert list(world.karts["contacts"][0]) == [1, 1]
+    assert list(world.racers["contacts"][0]) == [1, 1]
 
 
 def test_ghosts_drive_through_each_other() -> None:
     world = make_world(scenario(karts=2, rules=replace(QUICK, kart_contact="ghost")))
-    world.karts["x"][0, 1], world.karts["y"][0, 1] = world.karts["x"][0, 0], 0.0
+    world.bodies["x"][0, 1], world.bodies["y"][0, 1] = world.bodies["x"][0, 0], 0.0
     run(world, 2.0)
-    assert world.karts["contacts"].sum() == 0
+    assert world.racers["contacts"].sum() == 0
 
 
 def test_who_withdraws_is_ranked_behind_who_races() -> None:
@@ -272,7 +270,7 @@ def test_who_withdraws_is_ranked_behind_who_races() -> None:
     run(world, 3.0)
     withdraw(world, 0, 0)
     run(world, 30.0)
-    assert list(world.karts["rank"][0]) == [2, 1]
+    assert list(world.racers["rank"][0]) == [2, 1]
 
 
 def item_world(name: str) -> World:
@@ -280,38 +278,38 @@ def item_world(name: str) -> World:
     rules = replace(QUICK, laps=0)
     world = make_world(replace(scenario(karts=2, rules=rules), grid_order=(1, 0)))
     run(world, 2.0)
-    world.karts[0, 0].held = NUMBERS[name]
+    world.players[0, 0].held = NUMBERS[name]
     return world
 
 
 def test_boost_lifts_the_cap_by_a_quarter_for_two_seconds() -> None:
     world = item_world("boost")
     run(world, 0.05, button=1)
-    assert world.karts["speed_cap"][0, 0] == pytest.approx(12.5)
+    assert world.bodies["speed_cap"][0, 0] == pytest.approx(12.5)
     run(world, 2.05)
-    assert world.karts["speed_cap"][0, 0] == pytest.approx(10.0)
+    assert world.bodies["speed_cap"][0, 0] == pytest.approx(10.0)
 
 
 def test_pulse_slows_the_kart_ahead() -> None:
     world = item_world("pulse")
     assert (EventKind.HIT, 1, 0, NUMBERS["pulse"]) in run(world, 0.05, button=1)
     run(world, 0.05)
-    assert world.karts["speed_cap"][0, 1] == pytest.approx(5.0)
+    assert world.bodies["speed_cap"][0, 1] == pytest.approx(5.0)
 
 
 def test_the_leader_keeps_a_pulse_that_would_hit_nobody() -> None:
     world = item_world("pulse")
-    world.karts[0, 0].held, world.karts[0, 1].held = 0, NUMBERS["pulse"]
+    world.players[0, 0].held, world.players[0, 1].held = 0, NUMBERS["pulse"]
     run(world, 0.05, button=1)
-    assert world.karts["held"][0, 1] == NUMBERS["pulse"]
+    assert world.players["held"][0, 1] == NUMBERS["pulse"]
 
 
 def test_a_shield_takes_one_hit() -> None:
     world = item_world("pulse")
-    world.karts[0, 1].shield_until = world.races[0].tick + 600
+    world.players[0, 1].shield_until = world.races[0].tick + 600
     assert EventKind.BLOCKED_HIT in kinds(run(world, 0.05, button=1))
-    assert world.karts["hits"][0, 1] == 0
-    world.karts[0, 0].held = NUMBERS["pulse"]
+    assert world.players["hits"][0, 1] == 0
+    world.players[0, 0].held = NUMBERS["pulse"]
     run(world, 0.05)
     assert EventKind.HIT in kinds(run(world, 0.05, button=1))
 
@@ -320,7 +318,7 @@ def test_immunity_follows_a_hit() -> None:
     world = item_world("pulse")
     run(world, 0.05, button=1)
     run(world, 1.6)
-    world.karts[0, 0].held = NUMBERS["pulse"]
+    world.players[0, 0].held = NUMBERS["pulse"]
     assert EventKind.BLOCKED_HIT in kinds(run(world, 0.05, button=1))
 
 
@@ -329,11 +327,11 @@ def test_oil_spares_its_owner_at_first_and_hits_who_drives_into_it() -> None:
     assert EventKind.HIT not in kinds(run(world, 0.05, button=1))
     hazard = world.hazards[0, 0]
     assert hazard.owner == 0
-    victim = world.karts[0, 1]
+    victim = world.bodies[0, 1]
     victim.x, victim.y = hazard.x, hazard.y
     events = run(world, 0.05)
     assert (EventKind.HIT, 1, 0, NUMBERS["oil"]) in events
-    assert world.karts["grip_scale"][0, 1] == pytest.approx(0.7)
+    assert world.bodies["grip_scale"][0, 1] == pytest.approx(0.7)
 
 
 def test_a_box_that_was_taken_comes_back_after_five_seconds() -> None:
@@ -346,4 +344,4 @@ def test_a_box_that_was_taken_comes_back_after_five_seconds() -> None:
 def test_two_karts_at_the_same_place_are_ranked_by_the_grid() -> None:
     world = make_world(scenario(karts=3))
     advance(world, np.zeros((1, 3, 4)), 1)
-    assert list(world.karts["rank"][0]) == [1, 2, 3]
+    assert list(world.racers["rank"][0]) == [1, 2, 3]

@@ -150,7 +150,7 @@ def test_a_kart_that_retires_early_gets_one_end_with_its_last_observation() -> N
     assert [kart for _, kart in ends] == [0]
     assert last is not None
     assert np.array_equal(last, batch.observations[0, 0])
-    assert batch.world.karts["retired_for"][0, 0] == codes.CRASH
+    assert batch.world.racers["retired_for"][0, 0] == codes.CRASH
     assert batch.rewards[0, 0] == 0.0
 
 
@@ -180,7 +180,7 @@ def test_a_kart_reenters_the_race_that_goes_on_without_it() -> None:
     assert batch.rig.memory[0, 1].all()
     assert batch.terminated[0].tolist() == [1, 0, 0]
     assert batch.world.races["tick"][0] == tick + 3
-    assert batch.world.karts["status"][0, 0] == codes.RACING
+    assert batch.world.bodies["status"][0, 0] == codes.RACING
     assert batch.rig.episodes["steps"][0, 0] == 0
     assert batch.rig.ended["crashes"][0, 0] == 1
     assert not np.array_equal(batch.terminal[0, 0], batch.observations[0, 0])
@@ -238,22 +238,21 @@ def test_a_whole_episode_repeats_in_another_process() -> None:
 
 def test_random_starts_are_on_the_track_and_apart() -> None:
     batch = Batch(ring_task(6, random_start=True), worlds=20)
-    karts = batch.world.karts
-    assert (np.abs(karts["lateral_offset"]) < 0.6).all()
-    for world in karts:
-        places = np.stack([world["x"], world["y"]], axis=1)
+    assert (np.abs(batch.world.racers["lateral_offset"]) < 0.6).all()
+    for bodies in batch.world.bodies:
+        places = np.stack([bodies["x"], bodies["y"]], axis=1)
         gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
         assert gaps[~np.eye(6, dtype=bool)].min() > 0.45
 
 
 def test_random_starts_on_a_shipped_track_face_the_direction_of_travel() -> None:
     batch = Batch(race_task(random_start=True), worlds=20)
-    assert (np.abs(batch.world.karts["heading_error"]) < 0.6).all()
+    assert (np.abs(batch.world.racers["heading_error"]) < 0.6).all()
 
 
 def test_a_share_of_the_rounds_begins_at_random_places() -> None:
-    grid = Batch(ring_task(3)).world.karts["x"][0]
-    begun = Batch(ring_task(3, random_start=0.5), worlds=60).world.karts["x"]
+    grid = Batch(ring_task(3)).world.bodies["x"][0]
+    begun = Batch(ring_task(3, random_start=0.5), worlds=60).world.bodies["x"]
     on_grid = (begun == grid).all(axis=1)
     assert 15 < on_grid.sum() < 45
     assert not (begun[~on_grid] == grid).any()
@@ -264,31 +263,33 @@ def test_who_is_stuck_is_put_back_without_asking() -> None:
     batch = Batch(task, after=STAY)
     for _ in range(20):
         batch.step(np.zeros((1, 1, 3)))
-    assert batch.world.karts["ghost_until"][0, 0] > 0
+    assert batch.world.bodies["ghost_until"][0, 0] > 0
 
 
 def test_every_round_begins_in_an_order_on_the_grid_that_is_drawn() -> None:
     batch = Batch(ring_task(6, random_grid=True), worlds=20, seed=3)
-    places = batch.world.karts["grid_place"].copy()
+    places = batch.world.racers["grid_place"].copy()
     assert (np.sort(places, axis=1) == np.arange(6)).all()
     assert len(np.unique(places, axis=0)) > 15
-    first = np.take_along_axis(batch.world.karts["ranked"], np.argsort(places, axis=1), axis=1)
+    first = np.take_along_axis(batch.world.racers["ranked"], np.argsort(places, axis=1), axis=1)
     assert (np.diff(first, axis=1) < 0.0).all()
     batch.reset()
-    assert not np.array_equal(places, batch.world.karts["grid_place"])
+    assert not np.array_equal(places, batch.world.racers["grid_place"])
     assert np.array_equal(
-        places, Batch(ring_task(6, random_grid=True), worlds=20, seed=3).world.karts["grid_place"]
+        places, Batch(ring_task(6, random_grid=True), worlds=20, seed=3).world.racers["grid_place"]
     )
 
 
 def test_all_karts_of_a_race_start_in_the_same_of_two_directions() -> None:
     batch = Batch(ring_task(4, random_start=True, both_directions=True), worlds=40)
-    karts = batch.world.karts
+    bodies, racers = batch.world.bodies, batch.world.racers
     # Around the origin, counter-clockwise is where position and heading turn left.
-    turn = np.sign(karts["x"] * np.sin(karts["heading"]) - karts["y"] * np.cos(karts["heading"]))
+    turn = np.sign(
+        bodies["x"] * np.sin(bodies["heading"]) - bodies["y"] * np.cos(bodies["heading"])
+    )
     assert (turn == turn[:, :1]).all()
     assert set(turn[:, 0]) == {-1.0, 1.0}
-    assert (np.abs(karts["heading_error"]) < 0.3).all()
+    assert (np.abs(racers["heading_error"]) < 0.3).all()
 
 
 def test_a_course_driven_the_other_way_round_twice_is_the_course() -> None:
@@ -315,12 +316,12 @@ def test_a_curriculum_decides_which_scenario_a_reset_draws() -> None:
 
 def test_progress_is_the_distance_driven() -> None:
     batch = Batch(ring_task(1, reward={"progress": 2.0}))
-    begun = float(batch.world.karts["distance"][0, 0])
+    begun = float(batch.world.racers["distance"][0, 0])
     total = 0.0
     for _ in range(40):
         batch.step([[[0.5, 0.05, 0.0]]])
         total += float(batch.rewards[0, 0])
-    assert total == pytest.approx(2.0 * (batch.world.karts["distance"][0, 0] - begun), rel=1e-5)
+    assert total == pytest.approx(2.0 * (batch.world.racers["distance"][0, 0] - begun), rel=1e-5)
     assert total > 1.0
 
 
@@ -329,7 +330,7 @@ def test_the_reward_of_the_report_is_12_times_the_range_plus_3_times_the_speed()
     batch = Batch(task)
     batch.step([[[0.0, 0.0]]])
     near = float(batch.observations[0, 0, :201].min())
-    speed = float(batch.world.karts["speed"][0, 0])
+    speed = float(batch.world.bodies["speed"][0, 0])
     assert batch.rewards[0, 0] == pytest.approx(12.0 * near + 3.0 * speed, rel=1e-5)
 
 
@@ -370,10 +371,10 @@ def test_a_discrete_action_is_a_row_of_the_table() -> None:
 def test_a_control_as_action_reaches_the_kart_as_it_is() -> None:
     batch = Batch(ring_task(1, action="control"))
     batch.step([[[0.25, -0.5, 0.125, 2.0]]])
-    kart = batch.world.karts[0, 0]
+    body = batch.world.bodies[0, 0]
     assert batch.rig.controls[0, 0].tolist() == [0.25, -0.5, 0.125, 2.0]
-    assert (kart.steering_command, kart.throttle, kart.brake) == (0.25, -0.5, 0.125)
-    assert kart.buttons == codes.ACCEPT_RESCUE
+    assert (body.steering_command, body.throttle, body.brake) == (0.25, -0.5, 0.125)
+    assert body.buttons == codes.ACCEPT_RESCUE
 
 
 def test_an_action_that_is_delayed_by_two_decisions_acts_two_decisions_later() -> None:

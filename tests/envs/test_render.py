@@ -26,19 +26,19 @@ def test_a_picture_has_the_size_asked_for_and_three_bytes_to_a_pixel() -> None:
 @pytest.mark.parametrize(("x", "y"), [(20.0, 0.0), (0.0, 20.0), (-20.0, 0.0), (0.0, -20.0)])
 def test_a_kart_has_its_colour_where_it_stands_and_grey_once_it_retired(x: float, y: float) -> None:
     world = make_world(Scenario(COURSE, karts=3))
-    karts = world.karts[0]
-    karts["status"][:2] = codes.ABSENT
-    karts["x"][2], karts["y"][2], karts["heading"][2] = x, y, np.arctan2(x, -y)
+    bodies = world.bodies[0]
+    bodies["status"][:2] = codes.ABSENT
+    bodies["x"][2], bodies["y"][2], bodies["heading"][2] = x, y, np.arctan2(x, -y)
     column, row = PICTURE.pixel_of(x, y)
     assert tuple(PICTURE.draw(world)[row, column]) == PALETTE[2]
-    karts["status"][2] = codes.RETIRED
+    bodies["status"][2] = codes.RETIRED
     assert tuple(PICTURE.draw(world)[row, column]) == RETIRED_GREY
 
 
 def test_a_kart_that_moved_changes_the_picture() -> None:
     world = make_world(Scenario(COURSE, karts=2))
     before = PICTURE.draw(world)
-    world.karts["y"][0, 1] += 3.0
+    world.bodies["y"][0, 1] += 3.0
     assert np.any(PICTURE.draw(world) != before)
 
 
@@ -46,7 +46,7 @@ def test_what_is_drawn_leaves_no_trace_in_the_next_picture() -> None:
     world = make_world(Scenario(COURSE, karts=2))
     before = PICTURE.draw(world)
     elsewhere = make_world(Scenario(COURSE, karts=2))
-    elsewhere.karts["x"][0] = -20.0, 1e6  # one of them far outside the picture
+    elsewhere.bodies["x"][0] = -20.0, 1e6  # one of them far outside the picture
     elsewhere.hazards["until_tick"][0, 0] = 9
     PICTURE.draw(elsewhere)[:] = 0
     assert np.array_equal(PICTURE.draw(world), before)

@@ -89,7 +89,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
     assert 45_000 < delay_us < 150_000
     assert isinstance(seen["command"], Command)
     assert session.fleet.orders(0).acknowledged >= 1
-    assert session.world.karts["yellow"][0, 0] == 1
+    assert session.world.racers["yellow"][0, 0] == 1
 
 
 def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:

@@ -106,7 +106,7 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
         assert not Counter(link.dropped)  # nobody was taken for a second login
         assert session.seats[0].driver == "stepper"
         retired = [event for event in server.events if event.kind is EventKind.RETIRED]
-        assert session.world.karts["status"][0, 0] == Status.RETIRED
+        assert session.world.bodies["status"][0, 0] == Status.RETIRED
         assert [event.kart for event in retired] == [0]  # when the time was over, not before
         assert retired[0].tick > 400
         assert link_stats.outcome

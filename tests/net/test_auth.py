@@ -279,7 +279,7 @@ def test_a_penalty_is_added_and_logged_as_an_act() -> None:
     session = racing()
     session.is_recorded = True
     told(Steward(session, "token"), "penalty", 1, 2.5)
-    assert session.world.karts[0, 1].penalty_us == 2_500_000
+    assert session.world.racers[0, 1].penalty_us == 2_500_000
     assert [(act.kart, act.value) for act in session.log if hasattr(act, "kind")] == [(1, 2.5)]
 
 

@@ -125,15 +125,15 @@ def lap_quarter(course: Course) -> tuple[list[int], float, float]:
     world = make_world(Scenario(course, rules=rules, karts=1))
     kinds, nearest = [], 9.0
     for _ in range(140):
-        kart = world.karts[0, 0]
-        wanted = 0.044 - 0.5 * kart.lateral_offset - kart.heading_error
+        racer = world.racers[0, 0]
+        wanted = 0.044 - 0.5 * racer.lateral_offset - racer.heading_error
         steering = np.clip(wanted / 0.314, -1.0, 1.0)
         advance(world, np.array([[[steering, 0.3 if world.races[0].tick > 36 else 0.0, 0, 0]]]), 3)
         kinds += [int(row.kind) for row in world.events[0][: world.event_counts[0]]]
         world.event_counts[0] = 0
         ahead = world.sight.lidar[0, 0, 0]
         nearest = min(nearest, float(ahead[len(ahead) // 2 - 3 : len(ahead) // 2 + 4].min()))
-    return kinds, float(world.karts[0, 0].distance), nearest
+    return kinds, float(world.racers[0, 0].distance), nearest
 
 
 def test_a_kart_that_drives_into_an_obstacle_touches_it_and_stays_there() -> None:

@@ -29,10 +29,10 @@ def seen(scenario: Scenario, x: float, y: float, heading: float) -> Observation:
     session.join("someone", "line")
     session.seats[0].is_ready = True
     session.start()
-    kart = session.world.karts[0, 0]
-    kart.x, kart.y, kart.heading = x, y, heading
+    body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
+    body.x, body.y, body.heading = x, y, heading
     line = scenario.course.line
-    kart.line_index = int(np.argmin(np.hypot(line[:, 0] - x, line[:, 1] - y)))
+    racer.line_index = int(np.argmin(np.hypot(line[:, 0] - x, line[:, 1] - y)))
     session.look()
     return Observation(0, session.layout("line"), session.view(0).copy())
 
@@ -77,10 +77,10 @@ def test_rivals_are_told_of_along_the_line_and_across_it() -> None:
         session.join("someone", "rivals")
         session.seats[number].is_ready = True
     session.start()
-    karts = session.world.karts[0]
+    bodies, racers = session.world.bodies[0], session.world.racers[0]
     for kart, angle, radius in ((0, 0.0, 6.0), (1, 0.2, 5.8), (2, -0.4, 6.1)):
-        karts[kart].x, karts[kart].y = radius * np.cos(angle), radius * np.sin(angle)
-        karts[kart].line_index = round(angle / (2.0 * np.pi) * len(RING.line)) % len(RING.line)
+        bodies[kart].x, bodies[kart].y = radius * np.cos(angle), radius * np.sin(angle)
+        racers[kart].line_index = round(angle / (2.0 * np.pi) * len(RING.line)) % len(RING.line)
     session.look()
     view = Observation(0, session.layout("rivals"), session.view(0))
     assert view["karts_along"] == pytest.approx([1.2, -2.4, 1000.0, 1000.0], abs=0.02)

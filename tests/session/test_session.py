@@ -79,7 +79,7 @@ def test_an_empty_seat_has_no_kart() -> None:
     session = lobby()
     session.join("a", "lidar")
     session.start()
-    assert list(session.world.karts["status"][0]) == [Status.RACING, Status.ABSENT]
+    assert list(session.world.bodies["status"][0]) == [Status.RACING, Status.ABSENT]
 
 
 def test_countdown_turns_into_the_race_and_the_race_into_results() -> None:
@@ -133,17 +133,17 @@ def test_a_driver_that_stays_away_has_withdrawn() -> None:
     session.drop(1)
     session.advance(AWAY_TICKS + 60)
     session.advance(1)
-    assert session.world.karts["status"][0, 1] == Status.RETIRED
+    assert session.world.bodies["status"][0, 1] == Status.RETIRED
 
 
 def test_the_kart_of_a_driver_that_drops_stops() -> None:
     session = racing()
     session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
     session.advance(15)
-    assert session.world.karts["speed"][0, 0] > 0.2
+    assert session.world.bodies["speed"][0, 0] > 0.2
     session.drop(0)
     session.advance(60)
-    assert session.world.karts["speed"][0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert session.world.bodies["speed"][0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_slow_kart_goes_on_longer_unheard_but_never_drives_off_again() -> None
     throttles = []
     for _ in range(180):
         session.advance(1)
-        throttles.append(float(session.world.karts["throttle"][0, 0]))
+        throttles.append(float(session.world.bodies["throttle"][0, 0]))
     driven = throttles.count(0.5)
     assert FRESH_TICKS + 10 < driven < FRESH_TICKS + SLOW_TICKS + 10
     assert throttles == [0.5] * driven + [0.0] * (180 - driven)
@@ -188,9 +188,9 @@ def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
     session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
     brakes = []
     for _ in range(120):
-        session.world.karts["speed"][0, 0] = 3.0  # too fast for any grace
+        session.world.bodies["speed"][0, 0] = 3.0  # too fast for any grace
         session.advance(1)
-        brakes.append(float(session.world.karts["brake"][0, 0]))
+        brakes.append(float(session.world.bodies["brake"][0, 0]))
     assert [brakes[tick] for tick in (10, 25, 40, 110)] == [0.0, 0.0, 0.5, 1.0]
     assert session.seats[0].silence is FailsafeStage.STOPPED
 
@@ -200,25 +200,25 @@ def test_a_driver_that_hangs_with_its_link_open_has_withdrawn() -> None:
     session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
     for _ in range(SLOW_TICKS + BRAKE_TICKS + AWAY_TICKS + 10):
         session.advance(1)
-    assert session.world.karts["status"][0, 0] == Status.RETIRED
-    assert session.world.karts["status"][0, 1] == Status.RACING  # it never drove: nothing hangs
+    assert session.world.bodies["status"][0, 0] == Status.RETIRED
+    assert session.world.bodies["status"][0, 1] == Status.RACING  # it never drove: nothing hangs
 
 
 def test_who_is_back_within_the_grace_keeps_place_laps_and_penalties() -> None:
     session = racing()
-    session.world.karts["laps"][0, 1] = 2
-    session.world.karts["penalties"][0, 1] = 1
+    session.world.racers["laps"][0, 1] = 2
+    session.world.racers["penalties"][0, 1] = 1
     session.drop(1)
     for _ in range(AWAY_TICKS - 5):
         session.advance(1)
-    before = session.world.karts[["laps", "penalties", "rank"]][0, 1].item()
+    before = session.world.racers[["laps", "penalties", "rank"]][0, 1].item()
     session.come_back(1)
     for _ in range(BRAKE_TICKS):
         session.advance(1)
     session.take_control(1, 1, 1, session.tick, Control(throttle=1.0))
     session.advance(1)
-    assert session.world.karts["status"][0, 1] == Status.RACING
-    assert session.world.karts[["laps", "penalties", "rank"]][0, 1].item() == before
+    assert session.world.bodies["status"][0, 1] == Status.RACING
+    assert session.world.racers[["laps", "penalties", "rank"]][0, 1].item() == before
     assert session.seats[1].silence is FailsafeStage.FRESH
 
 

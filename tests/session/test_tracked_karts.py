@@ -205,8 +205,8 @@ def test_a_kart_comes_back_elsewhere_once_its_poses_agree_for_a_while() -> None:
 def test_a_real_kart_is_where_its_poses_say_and_drives_laps() -> None:
     session, real = mixed()
     events = drive(session, real, 60 * 23)
-    kart = session.world.karts[0, 0]
-    assert math.hypot(kart.x, kart.y) == pytest.approx(RADIUS, abs=1e-3)
+    body = session.world.bodies[0, 0]
+    assert math.hypot(body.x, body.y) == pytest.approx(RADIUS, abs=1e-3)
     assert EventKind.LAP in events
     assert EventKind.FINISH in events
     assert hud_of(session, session.seats[0]).speed_cap == 0.0  # home: it is to stop
@@ -234,9 +234,9 @@ def test_poses_at_ten_a_second_over_a_slow_link_are_moved_on_to_now() -> None:
             )
         session.follow(round(now_us))
         session.advance(1)
-        kart, here = session.world.karts[0, 0], real.pose(now_us)
+        body, here = session.world.bodies[0, 0], real.pose(now_us)
         if turn > 60:
-            worst = max(worst, math.hypot(kart.x - here.x, kart.y - here.y))
+            worst = max(worst, math.hypot(body.x - here.x, body.y - here.y))
     assert session.fleet.trackers[0].clock.delay_us == pytest.approx(late_us, abs=2)
     assert worst < 0.01  # against 0.57 m that the kart drives in the 190 ms of its oldest pose
 
@@ -245,14 +245,14 @@ def test_a_simulated_kart_bounces_off_a_real_one_which_is_not_moved() -> None:
     session, real = mixed()
     real.speed = 0.0
     drive(session, real, 5)
-    kart, other = session.world.karts[0, 0], session.world.karts[0, 1]
-    other.x, other.y, other.heading = kart.x, kart.y - 0.6, math.pi / 2
-    other.speed, before = 4.0, (float(kart.x), float(kart.y))
+    body, other = session.world.bodies[0, 0], session.world.bodies[0, 1]
+    other.x, other.y, other.heading = body.x, body.y - 0.6, math.pi / 2
+    other.speed, before = 4.0, (float(body.x), float(body.y))
     events = drive(session, real, 30)
     assert EventKind.CONTACT_KART in events
-    assert other.y < kart.y - 0.4
+    assert other.y < body.y - 0.4
     assert other.speed < 1.0
-    assert (kart.x, kart.y) == pytest.approx(before, abs=1e-5)
+    assert (body.x, body.y) == pytest.approx(before, abs=1e-5)
 
 
 def test_a_doubtful_kart_touches_nobody_and_calls_a_yellow_flag_around_it() -> None:
@@ -262,17 +262,23 @@ def test_a_doubtful_kart_touches_nobody_and_calls_a_yellow_flag_around_it() -> N
     events = drive(session, real, 40, silent=True)
     assert EventKind.POSE in events
     assert EventKind.FLAG in events
-    kart, other = session.world.karts[0, 0], session.world.karts[0, 1]
-    assert kart.trust == codes.DOUBTFUL
-    other.x, other.y, other.heading, other.speed = kart.x, kart.y - 0.6, math.pi / 2, 4.0
-    other.progress = kart.progress - 0.6
-    contacts = int(other.contacts)
+    body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
+    other_body, other_racer = session.world.bodies[0, 1], session.world.racers[0, 1]
+    assert body.trust == codes.DOUBTFUL
+    other_body.x, other_body.y, other_body.heading, other_body.speed = (
+        body.x,
+        body.y - 0.6,
+        math.pi / 2,
+        4.0,
+    )
+    other_racer.progress = racer.progress - 0.6
+    contacts = int(other_racer.contacts)
     session.take_control(1, 1, 1, session.tick, Control(throttle=1.0))
     events = drive(session, real, 12, silent=True)
-    assert other.contacts == contacts
-    assert other.y > kart.y
-    assert other.yellow == 1
-    assert other.speed_cap == pytest.approx(0.4 * TT02.top_speed)
+    assert other_racer.contacts == contacts
+    assert other_body.y > body.y
+    assert other_racer.yellow == 1
+    assert other_body.speed_cap == pytest.approx(0.4 * TT02.top_speed)
     session.look()
     flag = session.view(1)[session.layout("track").slices["flag"]]
     assert flag == 1.0
@@ -283,9 +289,9 @@ def test_a_doubtful_kart_touches_nobody_and_calls_a_yellow_flag_around_it() -> N
 def test_a_kart_far_from_the_trouble_sees_no_flag() -> None:
     session, real = mixed()
     drive(session, real, 40, silent=True)
-    other = session.world.karts[0, 1]
-    other.progress = (session.world.karts[0, 0].progress + 31.4) % COURSE.length
-    session.world.karts["x"][0, 1], session.world.karts["y"][0, 1] = RADIUS, 0.0
+    other = session.world.racers[0, 1]
+    other.progress = (session.world.racers[0, 0].progress + 31.4) % COURSE.length
+    session.world.bodies["x"][0, 1], session.world.bodies["y"][0, 1] = RADIUS, 0.0
     real.session.advance(1)
     session.advance(1)
     assert session.world.races[0].flag == codes.GREEN
@@ -295,9 +301,9 @@ def test_a_pose_off_the_world_never_gets_into_it() -> None:
     session, real = mixed()
     drive(session, real, 60)
     drive(session, real, 60, moved=50.0)
-    kart = session.world.karts[0, 0]
-    assert kart.trust == codes.DOUBTFUL
-    assert math.hypot(kart.x, kart.y) == pytest.approx(RADIUS, abs=0.3)
+    body = session.world.bodies[0, 0]
+    assert body.trust == codes.DOUBTFUL
+    assert math.hypot(body.x, body.y) == pytest.approx(RADIUS, abs=0.3)
     assert session.fleet.trackers[0].doubt is PoseFault.OFF_WORLD
 
 
@@ -305,41 +311,41 @@ def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
     session, real = mixed()
     drive(session, real, 60)
     drive(session, real, 240, silent=True)
-    kart = session.world.karts[0, 0]
-    assert kart.trust == codes.PARKED
-    assert kart.speed_cap == 0.0
+    body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
+    assert body.trust == codes.PARKED
+    assert body.speed_cap == 0.0
     session.look()
     assert session.view(1)[session.layout("track").slices["karts_x"]][0] == 1000.0  # nobody there
     events = drive(session, real, 60)
     assert events.count(EventKind.POSE) == 1
-    assert kart.trust == codes.TRUSTED
-    assert kart.status == codes.RACING
+    assert body.trust == codes.TRUSTED
+    assert body.status == codes.RACING
     # It drove past gates unseen: they do not count, so the next lap does; no fine.
     drive(session, real, 60 * 42)
-    assert kart.laps == 1
-    assert kart.penalties == 0
+    assert racer.laps == 1
+    assert racer.penalties == 0
 
 
 def test_a_kart_that_stays_lost_is_out() -> None:
     session, real = mixed()
     drive(session, real, 60)
     drive(session, real, 60 * 24, silent=True)
-    kart = session.world.karts[0, 0]
-    assert kart.status == codes.RETIRED
-    assert kart.retired_for == Retirement.LOST
-    assert kart.yellow == 0
+    body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
+    assert body.status == codes.RETIRED
+    assert racer.retired_for == Retirement.LOST
+    assert racer.yellow == 0
 
 
 def test_a_real_kart_uses_its_item_and_is_slowed_by_others() -> None:
     session, real = mixed()
     drive(session, real, 10)
-    kart, other = session.world.karts[0, 0], session.world.karts[0, 1]
+    player, other = session.world.players[0, 0], session.world.players[0, 1]
     names = [item.name for item in items()]
-    kart.held = names.index("oil") + 1
+    player.held = names.index("oil") + 1
     real.send(real.pose(session.tick * TICK_US), Button.USE_ITEM)
     session.advance(1)
-    assert (kart.held, kart.items_used) == (0, 1)
-    session.world.karts["rank"][0] = (1, 2)
+    assert (player.held, player.items_used) == (0, 1)
+    session.world.racers["rank"][0] = (1, 2)
     other.held = names.index("pulse") + 1
     session.take_control(1, 1, 1, session.tick, Control(buttons=Button.USE_ITEM))
     session.advance(1)
@@ -357,7 +363,7 @@ def test_a_kart_that_never_acknowledges_is_doubtful() -> None:
     for _ in range(120):
         now_us = session.tick * TICK_US
         real.sequence += 1
-        session.world.karts["thrust_scale"][0, 0] = 0.5
+        session.world.bodies["thrust_scale"][0, 0] = 0.5
         pose = replace(real.pose(now_us), speed=0.0, yaw_rate=0.0)
         session.fleet.orders(0).change((float(session.tick > 60),), 0)
         session.take_pose(0, 1, real.sequence, pose, arrived_us=round(now_us))
@@ -418,4 +424,4 @@ def test_a_real_kart_whose_driver_leaves_is_out() -> None:
     session, real = mixed()
     session.leave(0)
     drive(session, real, 2)
-    assert session.world.karts["status"][0, 0] == Status.RETIRED
+    assert session.world.bodies["status"][0, 0] == Status.RETIRED

@@ -149,7 +149,7 @@ def test_a_killed_server_takes_up_a_race_with_a_real_kart(raced: Recorded) -> No
         events += session.advance(1)
     assert session.fleet.trackers[0].trust is Trust.TRUSTED
     assert not [event for event in events if event.kind is EventKind.POSE]
-    assert session.world.karts["lap_clean"][0, 0] == raced.session.world.karts["lap_clean"][0, 0]
+    assert session.world.racers["lap_clean"][0, 0] == raced.session.world.racers["lap_clean"][0, 0]
 
 
 def test_a_real_kart_that_was_out_of_favour_stays_so(raced: Recorded) -> None:
@@ -167,9 +167,9 @@ def test_a_real_kart_that_does_not_come_back_is_doubtful_a_second_later(raced: R
     session, _ = take_up(read_recording(raced.kill()), None)
     session.fleet.take_up(session.world, 0)
     session.follow(900_000)
-    assert session.world.karts["trust"][0, 0] == Trust.TRUSTED
+    assert session.world.bodies["trust"][0, 0] == Trust.TRUSTED
     session.follow(1_100_000)
-    assert session.world.karts["trust"][0, 0] == Trust.DOUBTFUL
+    assert session.world.bodies["trust"][0, 0] == Trust.DOUBTFUL
 
 
 def test_a_real_kart_that_was_home_is_not_missed_after_the_kill(raced: Recorded) -> None:
@@ -179,8 +179,8 @@ def test_a_real_kart_that_was_home_is_not_missed_after_the_kill(raced: Recorded)
     session, _ = take_up(read_recording(raced.kill()), None)
     session.fleet.take_up(session.world, 0)
     session.follow(30_000_000)
-    assert session.world.karts["trust"][0, 0] == Trust.TRUSTED
-    assert session.world.karts["yellow"][0].sum() == 0
+    assert session.world.bodies["trust"][0, 0] == Trust.TRUSTED
+    assert session.world.racers["yellow"][0].sum() == 0
 
 
 def test_copies_of_what_was_taken_before_the_kill_are_refused_after_it(raced: Recorded) -> None:

@@ -63,7 +63,7 @@ def side_by_side(
         raced.step(numbers_of(driver.act(seen)))
         if trained.terminated[0, 0]:
             return
-        yield float(trained.world.karts[0, 0].x), float(raced.world.karts[0, 0].x)
+        yield float(trained.world.bodies[0, 0].x), float(raced.world.bodies[0, 0].x)
 
 
 WANTED_SPEED = 3.0  # [m/s]

@@ -128,10 +128,10 @@ class LocalRace:
 
     def _record(self, teams: Sequence[Team], remarks: Incidents) -> RaceRecord:
         session = self._session
-        karts = session.world.karts[0]
+        racers = session.world.racers[0]
         drives = []
         for row in session.standings():
-            kart = karts[row.seat]
+            racer = racers[row.seat]
             has_finished = row.status is Status.FINISHED
             drives.append(
                 Drive(
@@ -142,9 +142,9 @@ class LocalRace:
                     best_lap_us=row.best_lap_us,
                     lap_times_us=row.lap_times_us,
                     penalty_us=row.penalty_us,
-                    wall_contacts=int(kart.wall_contacts),
-                    kart_contacts=int(kart.contacts),
-                    warnings=int(kart.warnings),
+                    wall_contacts=int(racer.wall_contacts),
+                    kart_contacts=int(racer.contacts),
+                    warnings=int(racer.warnings),
                     remark=remarks.of(row, session.scenario.rules),
                 )
             )

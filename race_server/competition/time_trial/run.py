@@ -121,8 +121,12 @@ class Attempt:
         )
 
     @property
-    def _kart(self) -> Record:
-        return self.batch.world.karts[0, 0]
+    def _body(self) -> Record:
+        return self.batch.world.bodies[0, 0]
+
+    @property
+    def _racer(self) -> Record:
+        return self.batch.world.racers[0, 0]
 
     @property
     def laps_done(self) -> int:
@@ -133,7 +137,7 @@ class Attempt:
         """Drive until the race is over for the kart; return why it ended early, or nothing."""
         limit_s, told = START_LIMIT_S, -HEARTBEAT_S
         self._note()
-        while self._kart.status == codes.RACING:
+        while self._body.status == codes.RACING:
             if time.monotonic() - told > HEARTBEAT_S:
                 tell(self.laps_done)
                 told = time.monotonic()
@@ -154,7 +158,7 @@ class Attempt:
         return Observation(tick, batch.layout, batch.observations[0, 0].copy())
 
     def _move(self, numbers: Float32s) -> None:
-        dirty = not self._kart.lap_clean
+        dirty = not self._racer.lap_clean
         self.batch.rig.actions[0, 0] = numbers
         self.batch.step()
         self._note()
@@ -177,7 +181,7 @@ class Attempt:
         elif event.kind is EventKind.SECTOR:
             self._sectors.append(event.value)
         elif event.kind is EventKind.LAP:
-            end_us = int(self._kart.lap_start_us)
+            end_us = int(self._racer.lap_start_us)
             sectors, contacts, rescues = tuple(self._sectors), self._contacts, self._rescues
             self.marks.append(Mark(end_us, event.value, sectors, not dirty, contacts, rescues))
             self._begin_lap()
@@ -189,25 +193,25 @@ class Attempt:
         self._contacts = self._rescues = 0
 
     def _note(self) -> None:
-        kart, race = self._kart, self.batch.world.races[0]
+        body, racer, race = self._body, self._racer, self.batch.world.races[0]
         seconds = (int(race.tick) - int(race.start_tick)) * TICK_S
         self.notes.append(
-            (seconds, kart.progress, kart.x, kart.y, kart.speed, kart.steering, kart.off_track)
+            (seconds, racer.progress, body.x, body.y, body.speed, body.steering, racer.off_track)
         )
 
     def _reason(self) -> str:
         """Return in words why a run ended before its last lap."""
-        kart = self._kart
-        if kart.status != codes.RETIRED:
+        racer = self._racer
+        if self._body.status != codes.RETIRED:
             return ""
         words = {
             Retirement.STOPPED: f"stood still for {STOPPED_S:g} s",
             Retirement.TIME_OUT: "out of time",
         }
-        reason = Retirement(int(kart.retired_for))
-        where = f"in lap {self.laps_done + 1} at {kart.progress:.1f} m"
+        reason = Retirement(int(racer.retired_for))
+        where = f"in lap {self.laps_done + 1} at {racer.progress:.1f} m"
         if self.cell.start == FLYING and not self.marks:
-            where = f"before the first lap at {kart.progress:.1f} m"
+            where = f"before the first lap at {racer.progress:.1f} m"
         return f"{words.get(reason, reason.name.lower().replace('_', ' '))} {where}"
 
     def outcome(self, started_at: str, remark: str, *, failed: bool) -> Run:
@@ -228,21 +232,21 @@ class Attempt:
         )
 
     def _standing(self, laps: tuple[TrialLap, ...]) -> Standing:
-        kart = self._kart
+        body, racer = self._body, self._racer
         times = tuple(lap.time_us for lap in laps)
-        finished = kart.status == codes.FINISHED
-        penalty_us = int(kart.penalty_us)
+        finished = body.status == codes.FINISHED
+        penalty_us = int(racer.penalty_us)
         return Standing(
             seat=0,
             driver=self.cell.driver,
             rank=1,
             laps=len(laps),
-            status=Status(int(kart.status)),
+            status=Status(int(body.status)),
             last_lap_us=times[-1] if times else 0,
             best_lap_us=min(times, default=0),
             race_time_us=sum(times) + penalty_us if finished else 0,
             gap_us=0,
-            penalties=int(kart.penalties),
+            penalties=int(racer.penalties),
             penalty_us=penalty_us,
             items_used=0,
             lap_times_us=times,

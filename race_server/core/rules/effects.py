@@ -36,19 +36,19 @@ def surface_roll(surface: int) -> float:
 
 
 @kernel
-def add_effect(kart: Record, item: Record, number: int, tick: int) -> None:
+def add_effect(player: Record, item: Record, number: int, tick: int) -> None:
     """Put an item's effect on a kart; the same effect again only lasts longer.
 
     Where all places are taken, the effect that would end first makes room.
     """
     place = 0
     for index in range(EFFECTS):
-        if kart.effects[index].source == number:
+        if player.effects[index].source == number:
             place = index
             break
-        if kart.effects[index].until_tick < kart.effects[place].until_tick:
+        if player.effects[index].until_tick < player.effects[place].until_tick:
             place = index
-    effect = kart.effects[place]
+    effect = player.effects[place]
     effect.source = number
     effect.until_tick = tick + item.effect_ticks
     effect.speed_scale = item.speed_scale
@@ -57,17 +57,17 @@ def add_effect(kart: Record, item: Record, number: int, tick: int) -> None:
 
 
 @kernel
-def is_harmless(kart: Record, tick: int) -> bool:
+def is_harmless(player: Record, tick: int) -> bool:
     """Return whether a shield or the immunity after an effect protects a kart."""
-    return tick < kart.shield_until or tick < kart.immune_until
+    return tick < player.shield_until or tick < player.immune_until
 
 
 @kernel
-def sum_effects(kart: Record) -> tuple[float, float, float]:
+def sum_effects(player: Record) -> tuple[float, float, float]:
     """Return the product of all effects: of top speed, of motor force, of grip."""
     speed, thrust, grip = 1.0, 1.0, 1.0
     for index in range(EFFECTS):
-        effect = kart.effects[index]
+        effect = player.effects[index]
         if effect.source > 0:
             speed *= effect.speed_scale
             thrust *= effect.thrust_scale

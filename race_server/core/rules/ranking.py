@@ -6,23 +6,23 @@ from race_server.core.state import Record
 
 
 @kernel
-def is_ahead(kart: Record, other: Record) -> bool:
-    """Return whether `kart` is placed before `other`.
+def is_ahead(body: Record, racer: Record, other_body: Record, other: Record) -> bool:
+    """Return whether one kart, by its records BODY and RACER, is placed before another.
 
     Finished karts first, by race time with penalties; then racing and retired karts by the
     distance that counts, a retired kart behind a racing one at the same distance. Equal karts
     keep the order of the better best lap, then of the start grid.
     """
-    if (kart.status == codes.FINISHED) != (other.status == codes.FINISHED):
-        return bool(kart.status == codes.FINISHED)
-    if kart.status == codes.FINISHED:
-        mine, theirs = kart.finish_us + kart.penalty_us, other.finish_us + other.penalty_us
+    if (body.status == codes.FINISHED) != (other_body.status == codes.FINISHED):
+        return bool(body.status == codes.FINISHED)
+    if body.status == codes.FINISHED:
+        mine, theirs = racer.finish_us + racer.penalty_us, other.finish_us + other.penalty_us
         if mine != theirs:
             return bool(mine < theirs)
-    elif kart.ranked != other.ranked:
-        return bool(kart.ranked > other.ranked)
-    if kart.best_lap_us != other.best_lap_us:
-        if kart.best_lap_us == 0 or other.best_lap_us == 0:
+    elif racer.ranked != other.ranked:
+        return bool(racer.ranked > other.ranked)
+    if racer.best_lap_us != other.best_lap_us:
+        if racer.best_lap_us == 0 or other.best_lap_us == 0:
             return bool(other.best_lap_us == 0)
-        return bool(kart.best_lap_us < other.best_lap_us)
-    return bool(kart.grid_place < other.grid_place)
+        return bool(racer.best_lap_us < other.best_lap_us)
+    return bool(racer.grid_place < other.grid_place)

@@ -20,66 +20,66 @@ TOUCH_SPEED = 0.2
 @kernel
 def move_karts(world: World, w: int) -> None:
     """Move every kart by one substep."""
-    for k in range(world.karts.shape[1]):
-        kart, vehicle = world.karts[w, k], world.vehicles[w, k]
-        if kart.status == codes.ABSENT or kart.trust != codes.SIMULATED:
+    for k in range(world.bodies.shape[1]):
+        body, vehicle = world.bodies[w, k], world.vehicles[w, k]
+        if body.status == codes.ABSENT or body.trust != codes.SIMULATED:
             continue
-        throttle, brake = kart.throttle, kart.brake
-        if kart.status != codes.RACING:
+        throttle, brake = body.throttle, body.brake
+        if body.status != codes.RACING:
             throttle, brake = 0.0, 1.0
         moved = move(
             vehicle,
-            kart.x,
-            kart.y,
-            kart.heading,
-            kart.speed,
-            kart.lateral_speed,
-            kart.yaw_rate,
-            kart.steering,
-            kart.steering_command,
+            body.x,
+            body.y,
+            body.heading,
+            body.speed,
+            body.lateral_speed,
+            body.yaw_rate,
+            body.steering,
+            body.steering_command,
             throttle,
             brake,
-            kart.speed_cap,
-            kart.thrust_scale,
-            kart.grip_scale,
-            surface_roll(kart.surface),
+            body.speed_cap,
+            body.thrust_scale,
+            body.grip_scale,
+            surface_roll(body.surface),
             SUBSTEP_S,
         )
-        kart.x, kart.y = moved[0], moved[1]
-        kart.heading = wrap_angle(moved[2])
-        kart.speed, kart.lateral_speed, kart.yaw_rate = moved[3], moved[4], moved[5]
-        kart.steering = moved[6]
+        body.x, body.y = moved[0], moved[1]
+        body.heading = wrap_angle(moved[2])
+        body.speed, body.lateral_speed, body.yaw_rate = moved[3], moved[4], moved[5]
+        body.steering = moved[6]
 
 
 @kernel
 def touch_walls(world: World, w: int) -> None:
     """Let karts meet borders and obstacles."""
     course = world.atlas.courses[world.rules[w].course]
-    for k in range(world.karts.shape[1]):
-        kart, vehicle = world.karts[w, k], world.vehicles[w, k]
-        if kart.trust >= codes.DOUBTFUL:
+    for k in range(world.bodies.shape[1]):
+        body, vehicle = world.bodies[w, k], world.vehicles[w, k]
+        if body.trust >= codes.DOUBTFUL:
             continue
-        if kart.status == codes.RACING or kart.status == codes.FINISHED:
-            if not _is_clear(world, course, kart, vehicle):
+        if body.status == codes.RACING or body.status == codes.FINISHED:
+            if not _is_clear(world, course, body, vehicle):
                 _touch_near_walls(world, w, k, course)
 
 
 @kernel
-def _is_clear(world: World, course: Record, kart: Record, vehicle: Record) -> bool:
+def _is_clear(world: World, course: Record, body: Record, vehicle: Record) -> bool:
     """Return whether the place of a kart alone shows that it touches no wall.
 
     First as a disc around the whole body, then as two, one around either half.
     """
     quarter, half_width = 0.25 * vehicle.length, 0.5 * vehicle.width
     whole = 2.0 * quarter + abs(vehicle.box_offset)
-    if _is_disc_clear(world, course, kart.x, kart.y, whole * whole + half_width * half_width):
+    if _is_disc_clear(world, course, body.x, body.y, whole * whole + half_width * half_width):
         return True
-    cos, sin = cos_sin(kart.heading)
+    cos, sin = cos_sin(body.heading)
     square = quarter * quarter + half_width * half_width
     front, rear = vehicle.box_offset + quarter, vehicle.box_offset - quarter
     return _is_disc_clear(
-        world, course, kart.x + front * cos, kart.y + front * sin, square
-    ) and _is_disc_clear(world, course, kart.x + rear * cos, kart.y + rear * sin, square)
+        world, course, body.x + front * cos, body.y + front * sin, square
+    ) and _is_disc_clear(world, course, body.x + rear * cos, body.y + rear * sin, square)
 
 
 @kernel
@@ -95,12 +95,12 @@ def _is_disc_clear(world: World, course: Record, x: float, y: float, square: flo
 
 @kernel
 def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
-    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+    body, vehicle = world.bodies[w, k], world.vehicles[w, k]
     half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
-    cos, sin = cos_sin(kart.heading)
+    cos, sin = cos_sin(body.heading)
     reach_x = half_length * abs(cos) + half_width * abs(sin)
     reach_y = half_length * abs(sin) + half_width * abs(cos)
-    x, y = kart.x + vehicle.box_offset * cos, kart.y + vehicle.box_offset * sin
+    x, y = body.x + vehicle.box_offset * cos, body.y + vehicle.box_offset * sin
     scale = 1.0 / course.cell
     first_column = max(math.floor((x - reach_x - course.x0) * scale), 0)
     last_column = min(math.floor((x + reach_x - course.x0) * scale), course.columns - 1)
@@ -112,8 +112,8 @@ def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
             for entry in range(world.atlas.cell_first[cell], world.atlas.cell_first[cell + 1]):
                 wall = course.wall_start + world.atlas.cell_walls[entry]
                 depth, nx, ny = box_on_segment(
-                    kart.x + vehicle.box_offset * cos,
-                    kart.y + vehicle.box_offset * sin,
+                    body.x + vehicle.box_offset * cos,
+                    body.y + vehicle.box_offset * sin,
                     cos,
                     sin,
                     half_length,
@@ -131,15 +131,16 @@ def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
 def _meet_wall(
     world: World, w: int, k: int, depth: float, nx: float, ny: float, cos: float, sin: float
 ) -> None:
-    kart, vehicle, rules = world.karts[w, k], world.vehicles[w, k], world.rules[w]
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    vehicle, rules = world.vehicles[w, k], world.rules[w]
     # A real kart is where it is: its touch counts, but no blow moves it.
-    is_free = kart.trust == codes.SIMULATED
+    is_free = body.trust == codes.SIMULATED
     if is_free:
-        kart.x += depth * nx
-        kart.y += depth * ny
+        body.x += depth * nx
+        body.y += depth * ny
     px, py = touching_point(cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width, nx, ny)
     px, py = px + vehicle.box_offset * cos, py + vehicle.box_offset * sin
-    vx, vy = _velocity_at(kart, cos, sin, px, py)
+    vx, vy = _velocity_at(body, cos, sin, px, py)
     closing, sliding = vx * nx + vy * ny, vy * nx - vx * ny
     lever_n, lever_t = px * ny - py * nx, px * nx + py * ny
     mass_n = 1.0 / (1.0 / vehicle.mass + lever_n * lever_n / vehicle.yaw_inertia)
@@ -151,29 +152,29 @@ def _meet_wall(
         return
     jx, jy = normal * nx - tangent * ny, normal * ny + tangent * nx
     if is_free:
-        _push(kart, vehicle, cos, sin, px, py, jx, jy)
+        _push(body, vehicle, cos, sin, px, py, jx, jy)
     tick = world.races[w].tick
-    if closing < -TOUCH_SPEED and kart.status == codes.RACING:
-        if is_new_touch(tick, kart.contact_wall_tick, kart.wall_contacts):
-            kart.contact_wall_tick = tick
-            kart.wall_contacts += 1
-            kart.lap_clean = 0
+    if closing < -TOUCH_SPEED and body.status == codes.RACING:
+        if is_new_touch(tick, racer.contact_wall_tick, racer.wall_contacts):
+            racer.contact_wall_tick = tick
+            racer.wall_contacts += 1
+            racer.lap_clean = 0
             report(world, w, codes.EVENT_CONTACT_WALL, k, -1, round(normal * 1000.0))
     if rules.wall_contact == codes.RETIRE:
         retire(world, w, k, codes.CRASH)
 
 
 @kernel
-def _velocity_at(kart: Record, cos: float, sin: float, px: float, py: float) -> tuple[float, float]:
+def _velocity_at(body: Record, cos: float, sin: float, px: float, py: float) -> tuple[float, float]:
     """Return the velocity [m/s] in the world of the body's point (px, py) from its centre."""
-    vx = kart.speed * cos - kart.lateral_speed * sin - kart.yaw_rate * py
-    vy = kart.speed * sin + kart.lateral_speed * cos + kart.yaw_rate * px
+    vx = body.speed * cos - body.lateral_speed * sin - body.yaw_rate * py
+    vy = body.speed * sin + body.lateral_speed * cos + body.yaw_rate * px
     return vx, vy
 
 
 @kernel
 def _push(
-    kart: Record,
+    body: Record,
     vehicle: Record,
     cos: float,
     sin: float,
@@ -183,35 +184,35 @@ def _push(
     jy: float,
 ) -> None:
     """Give a kart the impulse (jx, jy) [N s] at the point (px, py) from its centre."""
-    kart.speed += (jx * cos + jy * sin) / vehicle.mass
-    kart.lateral_speed += (jy * cos - jx * sin) / vehicle.mass
-    kart.yaw_rate += (px * jy - py * jx) / vehicle.yaw_inertia
+    body.speed += (jx * cos + jy * sin) / vehicle.mass
+    body.lateral_speed += (jy * cos - jx * sin) / vehicle.mass
+    body.yaw_rate += (px * jy - py * jx) / vehicle.yaw_inertia
 
 
 @kernel
 def _is_solid(world: World, w: int, k: int) -> bool:
-    kart = world.karts[w, k]
-    if kart.status != codes.RACING or kart.trust >= codes.DOUBTFUL:
+    body = world.bodies[w, k]
+    if body.status != codes.RACING or body.trust >= codes.DOUBTFUL:
         return False
-    return bool(world.races[w].tick >= kart.ghost_until)
+    return bool(world.races[w].tick >= body.ghost_until)
 
 
 @kernel
 def find_contact_pairs(world: World, w: int) -> None:
     """Note for every kart, as bits, which of those after it may meet it within this tick."""
-    karts = world.karts.shape[1]
+    karts = world.bodies.shape[1]
     for k in range(karts):
-        kart = world.karts[w, k]
+        body = world.bodies[w, k]
         size = world.vehicles[w, k].length
         company = 0
         for other in range(k + 1, karts):
-            dx, dy = world.karts[w, other].x - kart.x, world.karts[w, other].y - kart.y
+            dx, dy = world.bodies[w, other].x - body.x, world.bodies[w, other].y - body.y
             # Bodies further apart than the sum of their lengths cannot touch; twice that leaves
             # room for what both drive in a tick: no kart drives its own length in 1/60 s.
             near = 2.0 * (size + world.vehicles[w, other].length)
             if dx * dx + dy * dy < near * near:
                 company |= 1 << (other - k - 1)
-        kart.company = company
+        body.company = company
 
 
 @kernel
@@ -219,9 +220,9 @@ def touch_karts(world: World, w: int) -> None:
     """Let karts meet each other."""
     if world.rules[w].kart_contact == codes.GHOST:
         return
-    karts = world.karts.shape[1]
+    karts = world.bodies.shape[1]
     for k in range(karts):
-        company = world.karts[w, k].company
+        company = world.bodies[w, k].company
         if company == 0 or not _is_solid(world, w, k):
             continue
         size = world.vehicles[w, k].length
@@ -229,8 +230,8 @@ def touch_karts(world: World, w: int) -> None:
             if not company >> (other - k - 1) & 1 or not _is_solid(world, w, other):
                 continue
             # Half a body's diagonal and its offset are less than its length.
-            dx = world.karts[w, other].x - world.karts[w, k].x
-            dy = world.karts[w, other].y - world.karts[w, k].y
+            dx = world.bodies[w, other].x - world.bodies[w, k].x
+            dy = world.bodies[w, other].y - world.bodies[w, k].y
             near = size + world.vehicles[w, other].length
             if dx * dx + dy * dy < near * near:
                 _meet_kart(world, w, k, other)
@@ -238,19 +239,20 @@ def touch_karts(world: World, w: int) -> None:
 
 @kernel
 def _meet_kart(world: World, w: int, k: int, other: int) -> None:
-    a, b = world.karts[w, k], world.karts[w, other]
+    a_body, a_racer = world.bodies[w, k], world.racers[w, k]
+    b_body, b_racer = world.bodies[w, other], world.racers[w, other]
     va, vb = world.vehicles[w, k], world.vehicles[w, other]
-    ca, sa = cos_sin(a.heading)
-    cb, sb = cos_sin(b.heading)
+    ca, sa = cos_sin(a_body.heading)
+    cb, sb = cos_sin(b_body.heading)
     depth, nx, ny = box_on_box(
-        a.x + va.box_offset * ca,
-        a.y + va.box_offset * sa,
+        a_body.x + va.box_offset * ca,
+        a_body.y + va.box_offset * sa,
         ca,
         sa,
         0.5 * va.length,
         0.5 * va.width,
-        b.x + vb.box_offset * cb,
-        b.y + vb.box_offset * sb,
+        b_body.x + vb.box_offset * cb,
+        b_body.y + vb.box_offset * sb,
         cb,
         sb,
         0.5 * vb.length,
@@ -259,25 +261,25 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
     if depth <= 0.0:
         return
     # Real karts stand like walls; what two of them would do to each other is reported alone.
-    a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
+    a_moves, b_moves = a_body.trust == codes.SIMULATED, b_body.trust == codes.SIMULATED
     a_counts = 1.0 if a_moves or not b_moves else 0.0
     b_counts = 1.0 if b_moves or not a_moves else 0.0
     share = vb.mass / (va.mass + vb.mass)
     if not (a_moves and b_moves):
         share = 1.0 if a_moves else 0.0
     depth = depth if a_moves or b_moves else 0.0
-    a.x += share * depth * nx
-    a.y += share * depth * ny
-    b.x -= (1.0 - share) * depth * nx
-    b.y -= (1.0 - share) * depth * ny
+    a_body.x += share * depth * nx
+    a_body.y += share * depth * ny
+    b_body.x -= (1.0 - share) * depth * nx
+    b_body.y -= (1.0 - share) * depth * ny
     # The blow acts in the middle between the two points that lie deepest.
     ax, ay = touching_point(ca, sa, 0.5 * va.length, 0.5 * va.width, nx, ny)
     bx, by = touching_point(cb, sb, 0.5 * vb.length, 0.5 * vb.width, -nx, -ny)
-    mx = 0.5 * (a.x + va.box_offset * ca + ax + b.x + vb.box_offset * cb + bx)
-    my = 0.5 * (a.y + va.box_offset * sa + ay + b.y + vb.box_offset * sb + by)
-    ax, ay, bx, by = mx - a.x, my - a.y, mx - b.x, my - b.y
-    vax, vay = _velocity_at(a, ca, sa, ax, ay)
-    vbx, vby = _velocity_at(b, cb, sb, bx, by)
+    mx = 0.5 * (a_body.x + va.box_offset * ca + ax + b_body.x + vb.box_offset * cb + bx)
+    my = 0.5 * (a_body.y + va.box_offset * sa + ay + b_body.y + vb.box_offset * sb + by)
+    ax, ay, bx, by = mx - a_body.x, my - a_body.y, mx - b_body.x, my - b_body.y
+    vax, vay = _velocity_at(a_body, ca, sa, ax, ay)
+    vbx, vby = _velocity_at(b_body, cb, sb, bx, by)
     closing = (vax - vbx) * nx + (vay - vby) * ny
     sliding = (vay - vby) * nx - (vax - vbx) * ny
     inverse = a_counts / va.mass + b_counts / vb.mass
@@ -293,15 +295,15 @@ def _meet_kart(world: World, w: int, k: int, other: int) -> None:
         return
     jx, jy = normal * nx - tangent * ny, normal * ny + tangent * nx
     if a_moves:
-        _push(a, va, ca, sa, ax, ay, jx, jy)
+        _push(a_body, va, ca, sa, ax, ay, jx, jy)
     if b_moves:
-        _push(b, vb, cb, sb, bx, by, -jx, -jy)
+        _push(b_body, vb, cb, sb, bx, by, -jx, -jy)
     tick = world.races[w].tick
-    if closing < -TOUCH_SPEED and is_new_touch(tick, a.contact_kart_tick, a.contacts):
-        a.contact_kart_tick = tick
-        b.contact_kart_tick = tick
-        a.contacts += 1
-        b.contacts += 1
+    if closing < -TOUCH_SPEED and is_new_touch(tick, a_racer.contact_kart_tick, a_racer.contacts):
+        a_racer.contact_kart_tick = tick
+        b_racer.contact_kart_tick = tick
+        a_racer.contacts += 1
+        b_racer.contacts += 1
         report(world, w, codes.EVENT_CONTACT_KART, k, other, round(normal * 1000.0))
         if rules.ram_speed > 0.0:
             _judge_blow(world, w, k, other, nx, ny, -(vax * nx + vay * ny), -closing)
@@ -316,16 +318,16 @@ def _judge_blow(
     world: World, w: int, k: int, other: int, nx: float, ny: float, approach: float, closing: float
 ) -> None:
     """Warn, and in the end remove, a kart that drove into another; the normal points to it."""
-    kart, hit = world.karts[w, k], world.karts[w, other]
+    body, racer, hit = world.bodies[w, k], world.racers[w, k], world.bodies[w, other]
     cos, sin = math.cos(hit.heading), math.sin(hit.heading)
-    c, s = math.cos(kart.heading), math.sin(kart.heading)
+    c, s = math.cos(body.heading), math.sin(body.heading)
     front = world.vehicles[w, k].box_offset + 0.5 * world.vehicles[w, k].length
-    dx, dy = kart.x + front * c - hit.x, kart.y + front * s - hit.y
+    dx, dy = body.x + front * c - hit.x, body.y + front * s - hit.y
     nose = dx * cos + dy * sin - world.vehicles[w, other].box_offset
     rules = world.rules[w]
     if not is_ramming(-(nx * c + ny * s), nose, closing, approach, rules.ram_speed):
         return
-    kart.warnings += 1
-    report(world, w, codes.EVENT_WARNING, k, other, kart.warnings)
-    if 0 < rules.ram_warnings <= kart.warnings:
+    racer.warnings += 1
+    report(world, w, codes.EVENT_WARNING, k, other, racer.warnings)
+    if 0 < rules.ram_warnings <= racer.warnings:
         retire(world, w, k, codes.RAMMING)

@@ -22,13 +22,13 @@ def take_controls(world: World, w: int, controls: Floats) -> None:
     Whatever is not a number counts as zero, whatever is out of range as the limit. They are
     rounded to the digits that a message and a recording hold, whoever drives.
     """
-    for k in range(world.karts.shape[1]):
-        kart = world.karts[w, k]
-        kart.steering_command = _share(controls[k, 0], -1.0)
-        kart.throttle = _share(controls[k, 1], -1.0)
-        kart.brake = _share(controls[k, 2], 0.0)
+    for k in range(world.bodies.shape[1]):
+        body = world.bodies[w, k]
+        body.steering_command = _share(controls[k, 0], -1.0)
+        body.throttle = _share(controls[k, 1], -1.0)
+        body.brake = _share(controls[k, 2], 0.0)
         buttons = controls[k, 3]
-        kart.buttons = int(buttons) if 0.0 <= buttons < 4.0 else 0
+        body.buttons = int(buttons) if 0.0 <= buttons < 4.0 else 0
 
 
 @kernel
@@ -44,59 +44,59 @@ def apply_effects(world: World, w: int) -> None:
     race, rules = world.races[w], world.rules[w]
     held = race.flag == codes.RED or race.tick < race.hold_until
     show_yellow(world, w)
-    for k in range(world.karts.shape[1]):
-        kart = world.karts[w, k]
-        if kart.status == codes.ABSENT:
+    for k in range(world.bodies.shape[1]):
+        body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
+        if body.status == codes.ABSENT:
             continue
         for index in range(EFFECTS):
-            effect = kart.effects[index]
+            effect = player.effects[index]
             if effect.source > 0 and race.tick >= effect.until_tick:
                 _end_effect(world, w, k, effect)
-        speed, thrust, grip = sum_effects(kart)
-        kart.speed_cap = speed * world.vehicles[w, k].top_speed
-        kart.thrust_scale = thrust
-        kart.grip_scale = grip * surface_grip(kart.surface)
-        if held or kart.status != codes.RACING or kart.trust >= codes.PARKED:
-            kart.speed_cap = 0.0
-        elif race.flag == codes.YELLOW or kart.yellow:
-            kart.speed_cap = min(kart.speed_cap, rules.yellow_speed)
+        speed, thrust, grip = sum_effects(player)
+        body.speed_cap = speed * world.vehicles[w, k].top_speed
+        body.thrust_scale = thrust
+        body.grip_scale = grip * surface_grip(body.surface)
+        if held or body.status != codes.RACING or body.trust >= codes.PARKED:
+            body.speed_cap = 0.0
+        elif race.flag == codes.YELLOW or racer.yellow:
+            body.speed_cap = min(body.speed_cap, rules.yellow_speed)
 
 
 @kernel
 def show_yellow(world: World, w: int) -> None:
     """Show a yellow flag to all karts near one whose place is in doubt, itself included."""
-    karts = world.karts.shape[1]
+    karts = world.bodies.shape[1]
     troubled = False
     for k in range(karts):
-        kart = world.karts[w, k]
-        kart.yellow = 0
-        troubled = troubled or _is_in_trouble(kart)
+        body, racer = world.bodies[w, k], world.racers[w, k]
+        racer.yellow = 0
+        troubled = troubled or _is_in_trouble(body)
     if not troubled:
         return
     course = world.atlas.courses[world.rules[w].course]
     for other in range(karts):
-        trouble = world.karts[w, other]
-        if not _is_in_trouble(trouble):
+        trouble_body, trouble_racer = world.bodies[w, other], world.racers[w, other]
+        if not _is_in_trouble(trouble_body):
             continue
         length = world.vehicles[w, other].length
         for k in range(karts):
-            kart = world.karts[w, k]
-            way = way_to(course, kart.progress, trouble.progress)
+            body, racer = world.bodies[w, k], world.racers[w, k]
+            way = way_to(course, racer.progress, trouble_racer.progress)
             if -YELLOW_BEHIND * length <= way <= YELLOW_BEFORE * length:
-                kart.yellow = 1
+                racer.yellow = 1
 
 
 @kernel
-def _is_in_trouble(kart: Record) -> bool:
-    return bool(kart.trust >= codes.DOUBTFUL and kart.status == codes.RACING)
+def _is_in_trouble(body: Record) -> bool:
+    return bool(body.trust >= codes.DOUBTFUL and body.status == codes.RACING)
 
 
 @kernel
 def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
     item = world.items[effect.source]
     if item.immunity_ticks > 0:
-        kart = world.karts[w, k]
-        kart.immune_until = max(kart.immune_until, effect.until_tick + item.immunity_ticks)
+        player = world.players[w, k]
+        player.immune_until = max(player.immune_until, effect.until_tick + item.immunity_ticks)
     report(world, w, codes.EVENT_EFFECT_END, k, effect.source, 0)
     effect.source = 0
 
@@ -105,37 +105,37 @@ def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
 def use_items(world: World, w: int) -> None:
     """Let every kart that presses the button anew use the item it holds."""
     race = world.races[w]
-    for k in range(world.karts.shape[1]):
-        kart = world.karts[w, k]
-        pressed = kart.buttons & ~kart.buttons_before
-        kart.buttons_before = kart.buttons
-        racing = kart.status == codes.RACING and race.tick >= race.start_tick
-        racing = racing and kart.trust <= codes.TRUSTED
-        if racing and pressed & codes.USE_ITEM and kart.held > 0:
+    for k in range(world.bodies.shape[1]):
+        body, player = world.bodies[w, k], world.players[w, k]
+        pressed = body.buttons & ~player.buttons_before
+        player.buttons_before = body.buttons
+        racing = body.status == codes.RACING and race.tick >= race.start_tick
+        racing = racing and body.trust <= codes.TRUSTED
+        if racing and pressed & codes.USE_ITEM and player.held > 0:
             _use(world, w, k)
 
 
 @kernel
 def _use(world: World, w: int, k: int) -> None:
     tick = world.races[w].tick
-    kart = world.karts[w, k]
-    number = kart.held
+    racer, player = world.racers[w, k], world.players[w, k]
+    number = player.held
     item = world.items[number]
-    if item.use == codes.ON_KART_AHEAD and kart.rank <= 1:
+    if item.use == codes.ON_KART_AHEAD and racer.rank <= 1:
         return  # nobody to act on: the item is kept
-    kart.held = 0
-    kart.items_used += 1
+    player.held = 0
+    player.items_used += 1
     report(world, w, codes.EVENT_USE, k, number, 0)
     if item.use == codes.ON_SELF:
-        add_effect(kart, item, number, tick)
+        add_effect(player, item, number, tick)
     elif item.use == codes.GUARD:
-        kart.shield_until = tick + item.effect_ticks
+        player.shield_until = tick + item.effect_ticks
     elif item.use == codes.PLACED:
         _place(world, w, k, number)
     else:
-        for other in range(world.karts.shape[1]):
-            target = world.karts[w, other]
-            if target.rank == kart.rank - 1 and target.status == codes.RACING:
+        for other in range(world.bodies.shape[1]):
+            target_body, target_racer = world.bodies[w, other], world.racers[w, other]
+            if target_racer.rank == racer.rank - 1 and target_body.status == codes.RACING:
                 hit(world, w, other, k, number)
 
 
@@ -143,7 +143,7 @@ def _use(world: World, w: int, k: int) -> None:
 def _place(world: World, w: int, k: int, number: int) -> None:
     """Leave a hazard just behind the kart; the oldest one makes room where all are in use."""
     tick = world.races[w].tick
-    kart, vehicle, item = world.karts[w, k], world.vehicles[w, k], world.items[number]
+    body, vehicle, item = world.bodies[w, k], world.vehicles[w, k], world.items[number]
     place = 0
     for index in range(HAZARDS):
         if world.hazards[w, index].until_tick < world.hazards[w, place].until_tick:
@@ -151,8 +151,8 @@ def _place(world: World, w: int, k: int, number: int) -> None:
     hazard = world.hazards[w, place]
     hazard.radius = item.radius * vehicle.width
     behind = 0.5 * vehicle.length - vehicle.box_offset + 1.5 * hazard.radius
-    hazard.x = kart.x - behind * math.cos(kart.heading)
-    hazard.y = kart.y - behind * math.sin(kart.heading)
+    hazard.x = body.x - behind * math.cos(body.heading)
+    hazard.y = body.y - behind * math.sin(body.heading)
     hazard.source = number
     hazard.owner = k
     hazard.until_tick = tick + item.life_ticks
@@ -163,12 +163,12 @@ def _place(world: World, w: int, k: int, number: int) -> None:
 def hit(world: World, w: int, k: int, cause: int, number: int) -> None:
     """Let an item's effect strike a kart, unless a shield or immunity takes it."""
     tick = world.races[w].tick
-    kart = world.karts[w, k]
-    if is_harmless(kart, tick):
+    player = world.players[w, k]
+    if is_harmless(player, tick):
         report(world, w, codes.EVENT_BLOCKED_HIT, k, cause, number)
-        if tick < kart.shield_until:
-            kart.shield_until = tick  # a shield is used up by the hit it takes
+        if tick < player.shield_until:
+            player.shield_until = tick  # a shield is used up by the hit it takes
         return
-    kart.hits += 1
-    add_effect(kart, world.items[number], number, tick)
+    player.hits += 1
+    add_effect(player, world.items[number], number, tick)
     report(world, w, codes.EVENT_HIT, k, cause, number)

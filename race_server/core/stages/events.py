@@ -26,18 +26,19 @@ def report(world: World, w: int, kind: int, kart: int, other: int, value: int) -
 def penalise(world: World, w: int, k: int, penalty_us: int, cause: int) -> None:
     """Add `penalty_us` to the race time of a kart; nothing for a penalty of zero."""
     if penalty_us > 0:
-        kart: Record = world.karts[w, k]
-        kart.penalties += 1
-        kart.penalty_us += penalty_us
+        racer: Record = world.racers[w, k]
+        racer.penalties += 1
+        racer.penalty_us += penalty_us
         report(world, w, codes.EVENT_PENALTY, k, cause, penalty_us)
 
 
 @kernel
 def retire(world: World, w: int, k: int, reason: int) -> None:
     """Take a kart out of the race."""
-    kart: Record = world.karts[w, k]
-    if kart.status == codes.RACING:
-        kart.status = codes.RETIRED
-        kart.retired_for = reason
-        kart.speed = kart.lateral_speed = kart.yaw_rate = 0.0
+    body: Record = world.bodies[w, k]
+    racer: Record = world.racers[w, k]
+    if body.status == codes.RACING:
+        body.status = codes.RETIRED
+        racer.retired_for = reason
+        body.speed = body.lateral_speed = body.yaw_rate = 0.0
         report(world, w, codes.EVENT_RETIRED, k, reason, 0)

@@ -12,8 +12,8 @@ from race_server.core.state import World
 @large_kernel
 def line_up(world: World, w: int) -> None:
     """Make every kart of one world that is not absent race from the pose it has."""
-    for k in range(world.karts.shape[1]):
-        if world.karts[w, k].status != codes.ABSENT:
+    for k in range(world.bodies.shape[1]):
+        if world.bodies[w, k].status != codes.ABSENT:
             place_kart(world, w, k)
     rank(world, w)
     # The scan now and the scan before are the same at the start.
@@ -24,22 +24,22 @@ def line_up(world: World, w: int) -> None:
 @kernel
 def place_kart(world: World, w: int, k: int) -> None:
     """Let a kart race from the pose it has, before its first lap."""
-    kart = world.karts[w, k]
+    body, racer = world.bodies[w, k], world.racers[w, k]
     course = world.atlas.courses[world.rules[w].course]
-    kart.status = codes.RACING
-    kart.start_x, kart.start_y = kart.x, kart.y
-    kart.line_index = nearest_sample_anywhere(world.atlas, course, kart.x, kart.y)
-    progress, offset = progress_of(world.atlas, course, kart.x, kart.y, kart.line_index)
-    kart.progress, kart.lateral_offset = progress, offset
-    line = world.atlas.line[course.line_start + kart.line_index]
-    kart.heading_error = wrap_angle(kart.heading - line.heading)
-    kart.distance = progress - course.length
-    kart.zone = course.gate_count - 1
+    body.status = codes.RACING
+    racer.start_x, racer.start_y = body.x, body.y
+    racer.line_index = nearest_sample_anywhere(world.atlas, course, body.x, body.y)
+    progress, offset = progress_of(world.atlas, course, body.x, body.y, racer.line_index)
+    racer.progress, racer.lateral_offset = progress, offset
+    line = world.atlas.line[course.line_start + racer.line_index]
+    racer.heading_error = wrap_angle(body.heading - line.heading)
+    racer.distance = progress - course.length
+    racer.zone = course.gate_count - 1
     for gate in range(course.gate_count - 1):
         first = world.atlas.gates[course.gate_start + gate].progress
         following = world.atlas.gates[course.gate_start + gate + 1].progress
         if first <= progress < following:
-            kart.zone = gate
-    kart.speed_cap = world.vehicles[w, k].top_speed
-    kart.thrust_scale = 1.0
-    kart.grip_scale = 1.0
+            racer.zone = gate
+    body.speed_cap = world.vehicles[w, k].top_speed
+    body.thrust_scale = 1.0
+    body.grip_scale = 1.0

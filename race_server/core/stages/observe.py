@@ -39,8 +39,8 @@ def observe_karts(world: World, parts: Ints, presets: Ints, out: Float32s) -> No
     parts: (P, n) part numbers of each preset, filled up with -1; presets: (K,) the row of
     `parts` that each kart gets, -1 for none.
     """
-    for w in range(world.karts.shape[0]):
-        for k in range(world.karts.shape[1]):
+    for w in range(world.bodies.shape[0]):
+        for k in range(world.bodies.shape[1]):
             if presets[k] >= 0:
                 observe(world, w, k, parts[presets[k]], out[w, k])
 
@@ -86,7 +86,7 @@ def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) 
         _karts_near(world, w, k, number - 43, out, place)
         return place + NEARBY
     if number == 49:
-        use = world.items[world.karts[w, k].held].use
+        use = world.items[world.players[w, k].held].use
         for index in range(USES):
             out[place + index] = 1.0 if use == index + 1 else 0.0
         return place + USES
@@ -96,74 +96,75 @@ def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) 
 
 @kernel
 def _scalar(world: World, w: int, k: int, number: int) -> float:
-    kart, race = world.karts[w, k], world.races[w]
+    body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
+    race = world.races[w]
     if number == 4:
-        return kart.speed
+        return body.speed
     if number == 5:
-        return kart.lateral_speed
+        return body.lateral_speed
     if number == 6:
-        return kart.yaw_rate
+        return body.yaw_rate
     if number == 7:
-        return kart.steering
+        return body.steering
     if number == 8:
-        return kart.progress
+        return racer.progress
     if number == 9:
-        return kart.lateral_offset
+        return racer.lateral_offset
     if number == 10:
-        return kart.heading_error
+        return racer.heading_error
     if number == 16:
         return look_ahead_of(world.vehicles[w, k])
     if number == 25:
-        return float(kart.held)
+        return float(player.held)
     if number == 26:
-        return kart.speed_cap
+        return body.speed_cap
     if number == 27:
-        return kart.thrust_scale
+        return body.thrust_scale
     if number == 28:
-        return kart.grip_scale
+        return body.grip_scale
     if number == 29:
         return max(max(race.start_tick, race.hold_until) - race.tick, 0) * TICK_S
     if number == 30:
-        return float(max(race.flag, kart.yellow))
+        return float(max(race.flag, racer.yellow))
     if number == 31:
-        return float(kart.laps)
+        return float(racer.laps)
     if number == 32:
-        return float(kart.rank)
+        return float(racer.rank)
     if number == 33 or number == 34:
         return _gap(world, w, k, -1 if number == 33 else 1)
     if number == 35:
-        return float(kart.wrong_way)
+        return float(racer.wrong_way)
     if number == 36:
-        return float(kart.rescue_offered)
-    return 1.0 if kart.status != codes.RACING else 0.0
+        return float(racer.rescue_offered)
+    return 1.0 if body.status != codes.RACING else 0.0
 
 
 @kernel
 def _gap(world: World, w: int, k: int, places: int) -> float:
-    kart = world.karts[w, k]
-    for other in range(world.karts.shape[1]):
-        rival = world.karts[w, other]
-        if rival.status != codes.ABSENT and rival.rank == kart.rank + places:
-            return abs(rival.ranked - kart.ranked)
+    racer = world.racers[w, k]
+    for other in range(world.bodies.shape[1]):
+        rival_body, rival_racer = world.bodies[w, other], world.racers[w, other]
+        if rival_body.status != codes.ABSENT and rival_racer.rank == racer.rank + places:
+            return abs(rival_racer.ranked - racer.ranked)
     return 0.0
 
 
 @kernel
 def _course_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
-    kart = world.karts[w, k]
+    body, racer = world.bodies[w, k], world.racers[w, k]
     course = world.atlas.courses[world.rules[w].course]
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
     step = look_ahead_of(world.vehicles[w, k]) / course.spacing
-    here = kart.progress / course.spacing
+    here = racer.progress / course.spacing
     for index in range(AHEAD):
         sample = int(here + (index + 1) * step + 0.5) % course.line_count
         line = world.atlas.line[course.line_start + sample]
         if what == 0:
             out[place + index] = line.curvature
         elif what == 1:
-            out[place + index] = (line.x - kart.x) * cos + (line.y - kart.y) * sin
+            out[place + index] = (line.x - body.x) * cos + (line.y - body.y) * sin
         elif what == 2:
-            out[place + index] = (line.y - kart.y) * cos - (line.x - kart.x) * sin
+            out[place + index] = (line.y - body.y) * cos - (line.x - body.x) * sin
         elif what == 3:
             out[place + index] = line.left
         else:
@@ -179,26 +180,26 @@ def line_step_of(vehicle: Record) -> float:
 @kernel
 def _place_on_line(world: World, w: int, k: int, what: int) -> float:
     """Return offset (what 0) or heading error (1) against the reference line, or its step (2)."""
-    kart = world.karts[w, k]
+    body, racer = world.bodies[w, k], world.racers[w, k]
     course = world.atlas.courses[world.rules[w].course]
     if course.reference_spacing <= 0.0:
         return 0.0
     if what == 2:
         return line_step_of(world.vehicles[w, k])
-    place = place_on_reference(world.atlas, course, kart.x, kart.y, kart.line_index)
+    place = place_on_reference(world.atlas, course, body.x, body.y, racer.line_index)
     sample = int(place + 0.5) % course.line_count
     if what == 0:
-        return _offset_from(world, course, sample, kart)
+        return _offset_from(world, course, sample, body)
     point = world.atlas.reference[course.line_start + sample]
-    along = (kart.x - point.x) * point.cos + (kart.y - point.y) * point.sin
-    return wrap_angle(kart.heading - point.heading - along * point.curvature)
+    along = (body.x - point.x) * point.cos + (body.y - point.y) * point.sin
+    return wrap_angle(body.heading - point.heading - along * point.curvature)
 
 
 @kernel
-def _offset_from(world: World, course: Record, sample: int, kart: Record) -> float:
+def _offset_from(world: World, course: Record, sample: int, body: Record) -> float:
     """Return how far [m] a kart is left of the reference line, abreast of a sample of it."""
     point = world.atlas.reference[course.line_start + sample]
-    dx, dy = kart.x - point.x, kart.y - point.y
+    dx, dy = body.x - point.x, body.y - point.y
     along = dx * point.cos + dy * point.sin
     return dy * point.cos - dx * point.sin - 0.5 * point.curvature * along * along
 
@@ -206,14 +207,16 @@ def _offset_from(world: World, course: Record, sample: int, kart: Record) -> flo
 @kernel
 def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float:
     """Return the way [m] to a rival along the reference line (what 0), or its offset (1)."""
-    kart, rival, atlas = world.karts[w, k], world.karts[w, other], world.atlas
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    rival_body, rival_racer = world.bodies[w, other], world.racers[w, other]
+    atlas = world.atlas
     course = atlas.courses[world.rules[w].course]
     if course.reference_spacing <= 0.0:
         return 0.0
-    there = place_on_reference(atlas, course, rival.x, rival.y, rival.line_index)
+    there = place_on_reference(atlas, course, rival_body.x, rival_body.y, rival_racer.line_index)
     if what == 1:
-        return _offset_from(world, course, int(there + 0.5) % course.line_count, rival)
-    here = place_on_reference(atlas, course, kart.x, kart.y, kart.line_index)
+        return _offset_from(world, course, int(there + 0.5) % course.line_count, rival_body)
+    here = place_on_reference(atlas, course, body.x, body.y, racer.line_index)
     way, half = there - here, 0.5 * course.line_count
     if way >= half:
         way -= course.line_count
@@ -225,15 +228,15 @@ def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float
 @kernel
 def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
     """Tell of the reference line from abreast of the kart on, at equal steps along it."""
-    kart, atlas = world.karts[w, k], world.atlas
+    body, racer, atlas = world.bodies[w, k], world.racers[w, k], world.atlas
     course = atlas.courses[world.rules[w].course]
     if course.reference_spacing <= 0.0:
         for index in range(AHEAD):
             out[place + index] = 0.0
         return
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
     step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
-    here = place_on_reference(atlas, course, kart.x, kart.y, kart.line_index)
+    here = place_on_reference(atlas, course, body.x, body.y, racer.line_index)
     for index in range(AHEAD):
         at = here + index * step
         sample = int(at)
@@ -243,8 +246,8 @@ def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: i
         one = atlas.reference[course.line_start + sample]
         two = atlas.reference[course.line_start + following]
         if what <= 1:
-            dx = one.x + share * (two.x - one.x) - kart.x
-            dy = one.y + share * (two.y - one.y) - kart.y
+            dx = one.x + share * (two.x - one.x) - body.x
+            dy = one.y + share * (two.y - one.y) - body.y
             out[place + index] = dx * cos + dy * sin if what == 0 else dy * cos - dx * sin
         elif what == 2:
             out[place + index] = one.curvature + share * (two.curvature - one.curvature)
@@ -259,17 +262,17 @@ def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: i
 @kernel
 def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
     """Tell of the nearest karts: x, y, velocity x, y in the kart frame, along, across the line."""
-    kart = world.karts[w, k]
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    body = world.bodies[w, k]
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
     last = -1.0
     chosen = -1
     for index in range(NEARBY):
         best, following = math.inf, -1
-        for other in range(world.karts.shape[1]):
-            rival = world.karts[w, other]
+        for other in range(world.bodies.shape[1]):
+            rival = world.bodies[w, other]
             if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
                 continue
-            dx, dy = rival.x - kart.x, rival.y - kart.y
+            dx, dy = rival.x - body.x, rival.y - body.y
             square = dx * dx + dy * dy
             # Next further away than the last one told of; equals in order of their numbers.
             later = square > last or (square == last and other > chosen)
@@ -282,8 +285,8 @@ def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: i
         if what >= 4:
             out[place + index] = _rival_on_line(world, w, k, following, what - 4)
             continue
-        rival = world.karts[w, following]
-        dx, dy = rival.x - kart.x, rival.y - kart.y
+        rival = world.bodies[w, following]
+        dx, dy = rival.x - body.x, rival.y - body.y
         if what >= 2:
             c, s = math.cos(rival.heading), math.sin(rival.heading)
             dx = rival.speed * c - rival.lateral_speed * s
@@ -294,8 +297,8 @@ def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: i
 @kernel
 def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
     """Tell of boxes (what 0, 1) or hazards (2, 3): x or y in the kart frame, nearest first."""
-    kart, tick = world.karts[w, k], world.races[w].tick
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
+    body, tick = world.bodies[w, k], world.races[w].tick
+    cos, sin = math.cos(body.heading), math.sin(body.heading)
     boxes = what <= 1
     count = world.boxes.shape[1] if boxes else HAZARDS
     last = -1.0
@@ -305,10 +308,10 @@ def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place:
         for thing in range(count):
             if boxes:
                 seen = tick >= world.boxes[w, thing].ready_tick
-                dx, dy = world.boxes[w, thing].x - kart.x, world.boxes[w, thing].y - kart.y
+                dx, dy = world.boxes[w, thing].x - body.x, world.boxes[w, thing].y - body.y
             else:
                 seen = tick < world.hazards[w, thing].until_tick
-                dx, dy = world.hazards[w, thing].x - kart.x, world.hazards[w, thing].y - kart.y
+                dx, dy = world.hazards[w, thing].x - body.x, world.hazards[w, thing].y - body.y
             square = dx * dx + dy * dy
             later = square > last or (square == last and thing > chosen)
             if seen and later and square < best and dx * cos + dy * sin > 0.0:
@@ -318,7 +321,7 @@ def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place:
             continue
         last, chosen = best, following
         if boxes:
-            dx, dy = world.boxes[w, following].x - kart.x, world.boxes[w, following].y - kart.y
+            dx, dy = world.boxes[w, following].x - body.x, world.boxes[w, following].y - body.y
         else:
-            dx, dy = world.hazards[w, following].x - kart.x, world.hazards[w, following].y - kart.y
+            dx, dy = world.hazards[w, following].x - body.x, world.hazards[w, following].y - body.y
         out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin

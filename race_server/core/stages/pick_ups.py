@@ -16,22 +16,22 @@ def pick_up_items(world: World, w: int) -> None:
     rules, race = world.rules[w], world.races[w]
     if rules.items == 0 or race.tick < race.start_tick:
         return
-    for k in range(world.karts.shape[1]):
-        kart = world.karts[w, k]
-        if kart.status == codes.RACING and kart.trust <= codes.TRUSTED:
-            if kart.held == 0:
+    for k in range(world.bodies.shape[1]):
+        body, player = world.bodies[w, k], world.players[w, k]
+        if body.status == codes.RACING and body.trust <= codes.TRUSTED:
+            if player.held == 0:
                 _pick_up(world, w, k)
             _suffer(world, w, k)
 
 
 @kernel
-def _covers(kart: Record, vehicle: Record, x: float, y: float, radius: float) -> bool:
+def _covers(body: Record, vehicle: Record, x: float, y: float, radius: float) -> bool:
     """Return whether a circle touches the body of a kart."""
-    dx, dy = x - kart.x, y - kart.y
+    dx, dy = x - body.x, y - body.y
     near = vehicle.length + radius
     if dx * dx + dy * dy > near * near:
         return False
-    cos, sin = cos_sin(kart.heading)
+    cos, sin = cos_sin(body.heading)
     along = abs(dx * cos + dy * sin - vehicle.box_offset) - 0.5 * vehicle.length
     across = abs(dy * cos - dx * sin) - 0.5 * vehicle.width
     along, across = max(along, 0.0), max(across, 0.0)
@@ -40,39 +40,40 @@ def _covers(kart: Record, vehicle: Record, x: float, y: float, radius: float) ->
 
 @kernel
 def _pick_up(world: World, w: int, k: int) -> None:
-    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
+    race, rules = world.races[w], world.rules[w]
     for index in range(world.boxes.shape[1]):
         box = world.boxes[w, index]
         if race.tick < box.ready_tick:
             continue
-        if not _covers(kart, world.vehicles[w, k], box.x, box.y, rules.pick_up_radius):
+        if not _covers(body, world.vehicles[w, k], box.x, box.y, rules.pick_up_radius):
             continue
         chance = uniform(race.seed, ITEM_STREAM, race.tick, k)
         karts = _racing(world, w)
-        kart.held = draw_item(world.items, kart.rank, karts, rules.catch_up, chance)
+        player.held = draw_item(world.items, racer.rank, karts, rules.catch_up, chance)
         box.ready_tick = race.tick + rules.box_respawn_ticks
-        report(world, w, codes.EVENT_PICK_UP, k, kart.held, index)
+        report(world, w, codes.EVENT_PICK_UP, k, player.held, index)
         return
 
 
 @kernel
 def _racing(world: World, w: int) -> int:
     count = 0
-    for k in range(world.karts.shape[1]):
-        if world.karts[w, k].status != codes.ABSENT:
+    for k in range(world.bodies.shape[1]):
+        if world.bodies[w, k].status != codes.ABSENT:
             count += 1
     return count
 
 
 @kernel
 def _suffer(world: World, w: int, k: int) -> None:
-    tick, kart = world.races[w].tick, world.karts[w, k]
+    tick, body = world.races[w].tick, world.bodies[w, k]
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]
         if tick >= hazard.until_tick:
             continue
         if hazard.owner == k and tick < hazard.owner_safe_tick:
             continue
-        if _covers(kart, world.vehicles[w, k], hazard.x, hazard.y, hazard.radius):
+        if _covers(body, world.vehicles[w, k], hazard.x, hazard.y, hazard.radius):
             hazard.until_tick = tick  # a hazard acts once
             hit(world, w, k, hazard.owner, hazard.source)

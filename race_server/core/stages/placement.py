@@ -12,21 +12,21 @@ from race_server.core.state import Floats, World
 def place(world: World, w: int, placement: Floats) -> None:
     """Put one kart to its place. placement: (10,), see state.PLACEMENT."""
     k, trust = int(placement[0]), int(placement[1])
-    kart = world.karts[w, k]
-    if kart.status == codes.ABSENT:
+    body = world.bodies[w, k]
+    if body.status == codes.ABSENT:
         return
-    kart.x, kart.y, kart.heading = placement[3], placement[4], wrap_angle(placement[5])
-    kart.speed, kart.lateral_speed, kart.yaw_rate = placement[6], placement[7], placement[8]
-    kart.steering = placement[9]
-    if trust != kart.trust:
+    body.x, body.y, body.heading = placement[3], placement[4], wrap_angle(placement[5])
+    body.speed, body.lateral_speed, body.yaw_rate = placement[6], placement[7], placement[8]
+    body.steering = placement[9]
+    if trust != body.trust:
         _change_trust(world, w, k, trust, int(placement[2]))
 
 
 @kernel
 def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
-    kart = world.karts[w, k]
-    was_yellow, is_yellow = _calls_for_yellow(kart.trust), _calls_for_yellow(trust)
-    kart.trust = trust
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    was_yellow, is_yellow = _calls_for_yellow(body.trust), _calls_for_yellow(trust)
+    body.trust = trust
     report(world, w, codes.EVENT_POSE, k, trust, doubt)
     if is_yellow != was_yellow:
         report(world, w, codes.EVENT_FLAG, k, codes.YELLOW if is_yellow else codes.GREEN, 0)
@@ -35,10 +35,10 @@ def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
     if trust == codes.TRUSTED:
         # Wherever it went unseen: gates there do not count, and it is not fined for them.
         course = world.atlas.courses[world.rules[w].course]
-        kart.line_index = nearest_sample_anywhere(world.atlas, course, kart.x, kart.y)
+        racer.line_index = nearest_sample_anywhere(world.atlas, course, body.x, body.y)
         if was_yellow:
-            kart.cutting = 1
-            kart.lap_clean = 0
+            racer.cutting = 1
+            racer.lap_clean = 0
 
 
 @kernel

@@ -17,26 +17,26 @@ def sense(world: World, w: int) -> None:
     radar_due = tick % sensors.radar_period_ticks == 0
     if not lidar_due and not radar_due:
         return
-    for k in range(world.karts.shape[1]):
-        kart = world.karts[w, k]
-        if kart.status == codes.ABSENT:
+    for k in range(world.bodies.shape[1]):
+        body = world.bodies[w, k]
+        if body.status == codes.ABSENT:
             continue
-        if lidar_due and kart.sensors & codes.LIDAR:
+        if lidar_due and body.sensors & codes.LIDAR:
             for ray in range(len(world.sight.lidar_rays)):
                 world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
             scan_lidar(world, w, k)
-        if radar_due and kart.sensors & codes.RADAR:
+        if radar_due and body.sensors & codes.RADAR:
             scan_radar(world, w, k)
 
 
 @large_kernel
 def sense_first(world: World, w: int, k: int) -> None:
     """Give one kart its first scans; the scan before is the same."""
-    if world.karts[w, k].sensors & codes.LIDAR:
+    if world.bodies[w, k].sensors & codes.LIDAR:
         scan_lidar(world, w, k)
         for ray in range(world.sight.lidar.shape[3]):
             world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
-    if world.karts[w, k].sensors & codes.RADAR:
+    if world.bodies[w, k].sensors & codes.RADAR:
         scan_radar(world, w, k)
 
 
@@ -102,13 +102,13 @@ def _scan(
     kinds: Bytes,
 ) -> None:
     """Fill ranges and kinds of a fan mounted `mount` [m] ahead of the centre of gravity."""
-    kart = world.karts[w, k]
+    body = world.bodies[w, k]
     course = world.atlas.courses[world.rules[w].course]
-    cos, sin = cos_sin(kart.heading)
-    x, y = kart.x + mount * cos, kart.y + mount * sin
+    cos, sin = cos_sin(body.heading)
+    x, y = body.x + mount * cos, body.y + mount * sin
     cast_fan(world.atlas, course, x, y, cos, sin, rays, field, reach, ranges, kinds)
-    for other in range(world.karts.shape[1]):
-        rival = world.karts[w, other]
+    for other in range(world.bodies.shape[1]):
+        rival = world.bodies[w, other]
         if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
             continue
         vehicle = world.vehicles[w, other]

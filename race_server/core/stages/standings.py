@@ -11,35 +11,39 @@ from race_server.core.state import World
 @kernel
 def rank(world: World, w: int) -> None:
     """Give every kart its place, from 1; absent karts have none."""
-    karts = world.karts.shape[1]
+    karts = world.bodies.shape[1]
     for k in range(karts):
-        kart = world.karts[w, k]
-        if kart.status == codes.ABSENT:
+        body, racer = world.bodies[w, k], world.racers[w, k]
+        if body.status == codes.ABSENT:
             continue
-        kart.ranked = ranked_distance(world, w, k)
+        racer.ranked = ranked_distance(world, w, k)
     for k in range(karts):
-        kart = world.karts[w, k]
-        if kart.status == codes.ABSENT:
+        body, racer = world.bodies[w, k], world.racers[w, k]
+        if body.status == codes.ABSENT:
             continue
         place = 1
         for other in range(karts):
-            rival = world.karts[w, other]
-            if other != k and rival.status != codes.ABSENT and is_ahead(rival, kart):
+            rival_body, rival_racer = world.bodies[w, other], world.racers[w, other]
+            if (
+                other != k
+                and rival_body.status != codes.ABSENT
+                and is_ahead(rival_body, rival_racer, body, racer)
+            ):
                 place += 1
-        kart.rank = place
+        racer.rank = place
 
 
 @kernel
 def ranked_distance(world: World, w: int, k: int) -> float:
     """Return the distance [m] since the timing line by which a kart is ranked."""
-    kart = world.karts[w, k]
+    racer = world.racers[w, k]
     course = world.atlas.courses[world.rules[w].course]
     limit = course.length
-    if kart.next_gate > 0:
-        limit = world.atlas.gates[course.gate_start + kart.next_gate].progress
-    elif kart.started == 0:
+    if racer.next_gate > 0:
+        limit = world.atlas.gates[course.gate_start + racer.next_gate].progress
+    elif racer.started == 0:
         limit = 0.0
-    return race_distance(kart.distance, kart.laps, limit, course.length)
+    return race_distance(racer.distance, racer.laps, limit, course.length)
 
 
 @kernel
@@ -52,10 +56,10 @@ def close_race(world: World, w: int) -> None:
     if race.winner_tick > 0 and rules.finish_limit_ticks > 0:
         late = late or race.tick - race.winner_tick >= rules.finish_limit_ticks
     racing = 0
-    for k in range(world.karts.shape[1]):
+    for k in range(world.bodies.shape[1]):
         if late:
             retire(world, w, k, codes.TIME_OUT)
-        if world.karts[w, k].status == codes.RACING:
+        if world.bodies[w, k].status == codes.RACING:
             racing += 1
     if racing == 0:
         race.over = 1

@@ -23,9 +23,9 @@ RESCUE_TRIES = 16
 def steward(world: World, w: int) -> None:
     """Judge every racing kart."""
     race = world.races[w]
-    for k in range(world.karts.shape[1]):
-        kart = world.karts[w, k]
-        if kart.status != codes.RACING or kart.trust >= codes.DOUBTFUL:
+    for k in range(world.bodies.shape[1]):
+        body = world.bodies[w, k]
+        if body.status != codes.RACING or body.trust >= codes.DOUBTFUL:
             continue
         if race.tick < race.start_tick:
             _watch_start(world, w, k)
@@ -38,68 +38,70 @@ def steward(world: World, w: int) -> None:
 
 @kernel
 def _watch_start(world: World, w: int, k: int) -> None:
-    kart = world.karts[w, k]
-    dx, dy = kart.x - kart.start_x, kart.y - kart.start_y
-    share = FALSE_START_SHARE if kart.trust == codes.SIMULATED else REAL_START_SHARE
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    dx, dy = body.x - racer.start_x, body.y - racer.start_y
+    share = FALSE_START_SHARE if body.trust == codes.SIMULATED else REAL_START_SHARE
     allowed = share * world.vehicles[w, k].length
-    if kart.false_started == 0 and dx * dx + dy * dy > allowed * allowed:
-        kart.false_started = 1
+    if racer.false_started == 0 and dx * dx + dy * dy > allowed * allowed:
+        racer.false_started = 1
         report(world, w, codes.EVENT_FALSE_START, k, -1, 0)
         penalise(world, w, k, world.rules[w].false_start_us, codes.EVENT_FALSE_START)
 
 
 @kernel
 def _watch_direction(world: World, w: int, k: int) -> None:
-    kart = world.karts[w, k]
-    wrong = 1 if kart.backward > world.rules[w].wrong_way_limit else 0
-    if wrong != kart.wrong_way:
-        kart.wrong_way = wrong
+    racer = world.racers[w, k]
+    wrong = 1 if racer.backward > world.rules[w].wrong_way_limit else 0
+    if wrong != racer.wrong_way:
+        racer.wrong_way = wrong
         report(world, w, codes.EVENT_WRONG_WAY, k, -1, wrong)
-    if 0.0 < world.rules[w].wrong_way_removal < kart.backward:
+    if 0.0 < world.rules[w].wrong_way_removal < racer.backward:
         retire(world, w, k, codes.WENT_WRONG_WAY)
 
 
 @kernel
 def _watch_limits(world: World, w: int, k: int) -> None:
-    kart = world.karts[w, k]
-    off = 1 if kart.surface == codes.GRASS else 0
-    if off != kart.off_track:
-        kart.off_track = off
-        kart.lap_clean = 0
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    off = 1 if body.surface == codes.GRASS else 0
+    if off != racer.off_track:
+        racer.off_track = off
+        racer.lap_clean = 0
         report(world, w, codes.EVENT_OFF_TRACK, k, -1, off)
 
 
 @kernel
 def _watch_standstill(world: World, w: int, k: int) -> None:
-    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
-    if kart.trust != codes.SIMULATED:
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    race, rules = world.races[w], world.rules[w]
+    if body.trust != codes.SIMULATED:
         return  # nobody puts a real kart back on the line
     held = race.flag == codes.RED or race.tick < race.hold_until
-    if held or abs(kart.speed) > rules.stuck_speed:
+    if held or abs(body.speed) > rules.stuck_speed:
         # A kart that only rocks on the spot stays stuck; real progress takes the offer back.
-        kart.still_ticks = max(kart.still_ticks - 3, 0)
-        if kart.still_ticks == 0:
-            kart.rescue_offered = 0
+        racer.still_ticks = max(racer.still_ticks - 3, 0)
+        if racer.still_ticks == 0:
+            racer.rescue_offered = 0
         return
-    kart.still_ticks += 1
-    if rules.stuck_ticks > 0 and kart.still_ticks > rules.stuck_ticks and not kart.rescue_offered:
-        kart.rescue_offered = 1
+    racer.still_ticks += 1
+    if rules.stuck_ticks > 0 and racer.still_ticks > rules.stuck_ticks and not racer.rescue_offered:
+        racer.rescue_offered = 1
         report(world, w, codes.EVENT_STUCK, k, -1, 0)
-    if kart.rescue_offered and kart.buttons & codes.ACCEPT_RESCUE:
+    if racer.rescue_offered and body.buttons & codes.ACCEPT_RESCUE:
         rescue(world, w, k)
 
 
 @kernel
 def _watch_stop(world: World, w: int, k: int) -> None:
     """Remove a kart that stands too long. While another blocks it, its clock waits."""
-    race, rules, kart = world.races[w], world.rules[w], world.karts[w, k]
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    race, rules = world.races[w], world.rules[w]
     if rules.stopped_limit_ticks <= 0 or race.flag == codes.RED or race.tick < race.hold_until:
         return
-    if abs(kart.speed) > rules.stuck_speed:
-        kart.stopped_ticks = max(kart.stopped_ticks - 3, 0)
+    if abs(body.speed) > rules.stuck_speed:
+        racer.stopped_ticks = max(racer.stopped_ticks - 3, 0)
     elif not _is_blocked(world, w, k):
-        kart.stopped_ticks += 1
-        if kart.stopped_ticks > rules.stopped_limit_ticks:
+        racer.stopped_ticks += 1
+        if racer.stopped_ticks > rules.stopped_limit_ticks:
             retire(world, w, k, codes.STOPPED)
 
 
@@ -109,16 +111,16 @@ def _is_blocked(world: World, w: int, k: int) -> bool:
 
     Of two that stand nose to nose the one that faces the wrong way has no excuse.
     """
-    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
-    if abs(kart.heading_error) > 0.5 * math.pi:
+    kart_body, racer, vehicle = world.bodies[w, k], world.racers[w, k], world.vehicles[w, k]
+    if abs(racer.heading_error) > 0.5 * math.pi:
         return False
-    cos, sin = math.cos(kart.heading), math.sin(kart.heading)
-    for o in range(world.karts.shape[1]):
-        other, body = world.karts[w, o], world.vehicles[w, o]
+    cos, sin = math.cos(kart_body.heading), math.sin(kart_body.heading)
+    for o in range(world.bodies.shape[1]):
+        other, body = world.bodies[w, o], world.vehicles[w, o]
         if o == k or other.status != codes.RACING:
             continue
-        turn = wrap_angle(other.heading - kart.heading)
-        dx, dy = other.x - kart.x, other.y - kart.y
+        turn = wrap_angle(other.heading - kart_body.heading)
+        dx, dy = other.x - kart_body.x, other.y - kart_body.y
         along = dx * cos + dy * sin + body.box_offset * math.cos(turn) - vehicle.box_offset
         across = dy * cos - dx * sin + body.box_offset * math.sin(turn)
         if is_in_the_way(
@@ -131,30 +133,30 @@ def _is_blocked(world: World, w: int, k: int) -> bool:
 @kernel
 def rescue(world: World, w: int, k: int) -> None:
     """Put a kart on the centre line, at rest, where no other kart stands, for a penalty."""
-    atlas, race, kart = world.atlas, world.races[w], world.karts[w, k]
+    atlas, race, body, racer = world.atlas, world.races[w], world.bodies[w, k], world.racers[w, k]
     course = atlas.courses[world.rules[w].course]
     stride = int(1.5 * world.vehicles[w, k].length / course.spacing) + 1
-    sample = kart.line_index
+    sample = racer.line_index
     for _ in range(RESCUE_TRIES):
         line = atlas.line[course.line_start + sample]
         if _is_free(world, w, k, line):
             break
         sample = (sample - stride) % course.line_count
     line = atlas.line[course.line_start + sample]
-    kart.x, kart.y, kart.heading = line.x, line.y, line.heading
-    kart.speed = kart.lateral_speed = kart.yaw_rate = kart.steering = 0.0
+    body.x, body.y, body.heading = line.x, line.y, line.heading
+    body.speed = body.lateral_speed = body.yaw_rate = body.steering = 0.0
     # The way back counts as driven back, but not as driving the wrong way.
-    back = kart.progress - sample * course.spacing
-    kart.distance -= back if back > -0.5 * course.length else back + course.length
-    kart.progress = sample * course.spacing
-    kart.line_index = sample
-    kart.backward = 0.0
-    kart.wrong_way = 0
-    kart.still_ticks = 0
-    kart.stopped_ticks = 0
-    kart.rescue_offered = 0
-    kart.lap_clean = 0
-    kart.ghost_until = race.tick + GHOST_TICKS
+    back = racer.progress - sample * course.spacing
+    racer.distance -= back if back > -0.5 * course.length else back + course.length
+    racer.progress = sample * course.spacing
+    racer.line_index = sample
+    racer.backward = 0.0
+    racer.wrong_way = 0
+    racer.still_ticks = 0
+    racer.stopped_ticks = 0
+    racer.rescue_offered = 0
+    racer.lap_clean = 0
+    body.ghost_until = race.tick + GHOST_TICKS
     report(world, w, codes.EVENT_RESCUED, k, -1, 0)
     penalise(world, w, k, world.rules[w].rescue_us, codes.EVENT_RESCUED)
 
@@ -162,10 +164,10 @@ def rescue(world: World, w: int, k: int) -> None:
 @kernel
 def _is_free(world: World, w: int, k: int, line: Record) -> bool:
     near = 1.5 * world.vehicles[w, k].length
-    for other in range(world.karts.shape[1]):
-        kart = world.karts[w, other]
-        if other != k and kart.status == codes.RACING:
-            dx, dy = kart.x - line.x, kart.y - line.y
+    for other in range(world.bodies.shape[1]):
+        body = world.bodies[w, other]
+        if other != k and body.status == codes.RACING:
+            dx, dy = body.x - line.x, body.y - line.y
             if dx * dx + dy * dy < near * near:
                 return False
     return True

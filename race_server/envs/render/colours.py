@@ -31,9 +31,9 @@ OIL: Colour = (18, 18, 22)
 WHITE: Colour = (255, 255, 255)
 
 
-def colour_of(kart: Record, k: int) -> Colour:
+def colour_of(body: Record, k: int) -> Colour:
     """Return the colour of the kart with number k."""
-    return RETIRED_GREY if kart.status == codes.RETIRED else PALETTE[k % len(PALETTE)]
+    return RETIRED_GREY if body.status == codes.RETIRED else PALETTE[k % len(PALETTE)]
 
 
 def ink_on(colour: Colour) -> Colour:

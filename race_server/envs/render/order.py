@@ -20,18 +20,18 @@ def draw_order(
     race_s = (race.tick - race.start_tick) * TICK_S
     left, right, row = 0.8 * text, (COLUMNS - 0.6) * text, view.row
     write(frame, f"{race_s:.1f} s", round(1.3 * text), (left, 1.1 * row), INK)
-    order = sorted(present, key=lambda k: (world.karts[w, k].rank, k))
+    order = sorted(present, key=lambda k: (world.racers[w, k].rank, k))
     for line, k in enumerate(order[: int(view.size[1] / row) - 3]):
-        kart, y = world.karts[w, k], (2.4 + line) * row
-        ink = FAINT if kart.status == codes.RETIRED else INK
-        colour = colour_of(kart, k)
-        write(frame, str(kart.rank), text, (left + 0.9 * text, y), FAINT, 1.0)
+        body, racer, y = world.bodies[w, k], world.racers[w, k], (2.4 + line) * row
+        ink = FAINT if body.status == codes.RETIRED else INK
+        colour = colour_of(body, k)
+        write(frame, str(racer.rank), text, (left + 0.9 * text, y), FAINT, 1.0)
         middle = np.array([left + 2.1 * text, y])
         tile(frame, middle, round(1.5 * text), round(1.2 * text), colour)
         write(frame, str(k), round(0.85 * text), (middle[0], y), ink_on(colour), 0.5)
         if k < len(names):
             name = shortened(names[k], text, round(right - left - 5.5 * text))
             write(frame, name, text, (left + 3.2 * text, y), ink)
-        count = f"{kart.laps}/{laps}" if laps else str(kart.laps)
-        count = "out" if kart.status == codes.RETIRED else count
+        count = f"{racer.laps}/{laps}" if laps else str(racer.laps)
+        count = "out" if body.status == codes.RETIRED else count
         write(frame, count, text, (right, y), ink, 1.0)

@@ -38,9 +38,9 @@ class Picture:
         """Return world `w` as an image (height, width, 3); `names` are those of its karts."""
         frame = self._background.copy()
         draw_items(frame, self._view, world, w)
-        present = [k for k, kart in enumerate(world.karts[w]) if kart.status != codes.ABSENT]
+        present = [k for k, body in enumerate(world.bodies[w]) if body.status != codes.ABSENT]
         # Who still races is drawn over who does not.
-        for k in sorted(present, key=lambda k: world.karts[w, k].status != codes.RETIRED):
+        for k in sorted(present, key=lambda k: world.bodies[w, k].status != codes.RETIRED):
             draw_kart(frame, self._view, world, w, k)
         draw_order(frame, self._view, world, w, present, names)
         return frame

@@ -37,19 +37,19 @@ def _places(view: View, records: Record, which: NDArray[np.bool_]) -> Floats:
 
 def draw_kart(frame: Bytes, view: View, world: World, w: int, k: int) -> None:
     """Draw a kart in its colour, with a light rim while nothing can hit it, and its number."""
-    kart, vehicle = world.karts[w, k], world.vehicles[w, k]
+    body, player, vehicle = world.bodies[w, k], world.players[w, k], world.vehicles[w, k]
     scale = max(view.scale, _SHORTEST_KART / vehicle.length)  # [px/m] of this body
     half = 0.5 * scale * np.array([vehicle.length, vehicle.width])
-    middle = view.pixels(np.array([[kart.x, kart.y]]))
-    middle += turned(np.array([[scale * vehicle.box_offset, 0.0]]), -kart.heading)
-    is_safe = world.races[w].tick < max(kart.immune_until, kart.shield_until)
+    middle = view.pixels(np.array([[body.x, body.y]]))
+    middle += turned(np.array([[scale * vehicle.box_offset, 0.0]]), -body.heading)
+    is_safe = world.races[w].tick < max(player.immune_until, player.shield_until)
     rim, rim_colour = (2.5, WHITE) if is_safe else (1.0, INK)
-    colour = colour_of(kart, k)
+    colour = colour_of(body, k)
     ink = ink_on(colour)
     screen = SQUARE * half * (0.1, 0.75) + (0.66 * half[0], 0.0)
     shapes = (SQUARE * (half + rim), rim_colour), (SQUARE * half, colour), (screen, ink)
-    fill(frame, [(middle + turned(shape, -kart.heading), paint) for shape, paint in shapes])
-    _draw_number(frame, view, k, middle[0], half, kart.heading, ink)
+    fill(frame, [(middle + turned(shape, -body.heading), paint) for shape, paint in shapes])
+    _draw_number(frame, view, k, middle[0], half, body.heading, ink)
 
 
 def _draw_number(

@@ -9,10 +9,10 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.messages import Button, Control, Event, EventKind
 from race_server.core.observation import Observation
-from race_server.core.state import KART, Floats
+from race_server.core.state import Floats
 from race_server.core.vehicles import vehicle_record
 from race_server.envs import reward_terms
-from race_server.envs.actions import MEMORY, WIDTHS, discrete_table, read_action
+from race_server.envs.actions import MEMORY, WIDTHS, Driven, discrete_table, read_action
 from race_server.envs.rewards import TERMS
 from race_server.errors import WireError
 from race_server.live.client.seat import ClientSeat
@@ -66,7 +66,7 @@ class RemoteKart:
         self.seen = self.before = Observation(frame.tick, self.seat.layout, frame.values)
         self.events.clear()
         # What an action's meaning depends on: speed, the button before, what was set before.
-        self._body = np.zeros(1, KART)[0]
+        self._buttons = 0
         self._memory: Floats = np.zeros(MEMORY)
         self._off_track = 0.0
         self.is_late = False  # out because time ran out
@@ -88,11 +88,10 @@ class RemoteKart:
         numbers = np.nan_to_num(np.ravel(np.asarray(action, np.float32)))
         given = np.zeros(WIDTHS[kind], np.float32)
         given[: len(numbers)] = numbers
-        body, wanted = self._body, self._commanded
-        body.speed = self.seen.scalar("speed")
-        body.rescue_offered = int(self.seen.scalar("rescue_offered"))
-        read_action(kind, given, self._table, body, self._vehicle, self._memory, wanted)
-        body.buttons_before = int(wanted[3])
+        wanted, now = self._commanded, self.seen.scalar
+        kart = Driven(now("speed"), self._buttons, int(now("rescue_offered")))
+        read_action(kind, given, self._table, kart, self._vehicle, self._memory, wanted)
+        self._buttons = int(wanted[3])
         self._control = Control(wanted[0], wanted[1], wanted[2], Button(int(wanted[3])))
         self.before = self.seen
         self._say()

@@ -8,7 +8,7 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, PoseFault, Trust
-from race_server.core.state import EFFECTS
+from race_server.core.state import EFFECTS, field_of
 from race_server.live.server.journal import Journal
 from race_server.net.transport import ServerLink
 from race_server.net.wire import topics
@@ -99,29 +99,34 @@ class Publisher:
 
 def hud_of(session: Session, seat: Seat) -> HudFrame:
     """Return what acts on a seat's kart now."""
-    tick, kart = session.tick, session.world.karts[0, seat.number]
-    acting = [effect for effect in kart.effects if effect["source"] > 0]
+    body, racer, player = (
+        session.world.bodies[0, seat.number],
+        session.world.racers[0, seat.number],
+        session.world.players[0, seat.number],
+    )
+    tick = session.tick
+    acting = [effect for effect in player.effects if effect["source"] > 0]
     effects = np.zeros(len(acting), EFFECT)
     for row, effect in zip(effects, acting, strict=True):
         row["item"] = effect["source"]
         row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
-    immune = max(int(kart.immune_until), int(kart.shield_until)) - tick
+    immune = max(int(player.immune_until), int(player.shield_until)) - tick
     race, tracker = session.world.races[0], session.fleet.trackers.get(seat.number)
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
         # Who is home or out is to stop, from the tick on in which that happened.
-        speed_cap=float(kart.speed_cap) if kart.status == codes.RACING else 0.0,
-        thrust_scale=float(kart.thrust_scale),
-        grip_scale=float(kart.grip_scale),
-        item=int(kart.held),
+        speed_cap=float(body.speed_cap) if body.status == codes.RACING else 0.0,
+        thrust_scale=float(body.thrust_scale),
+        grip_scale=float(body.grip_scale),
+        item=int(player.held),
         immune_s=max(immune, 0) / TICKS_PER_SECOND,
         effects=effects,
         sequence=tracker.orders.sequence if tracker else 0,
         valid_s=VALID_S,
         monotonic_us=time.monotonic_ns() // 1000,
         lights_s=lights_s(session),
-        flag=Flag(max(int(race.flag), int(kart.yellow))),
+        flag=Flag(max(int(race.flag), int(racer.yellow))),
         trust=tracker.trust if tracker else Trust.SIMULATED,
         doubt=tracker.doubt if tracker else PoseFault.NONE,
     )
@@ -138,18 +143,18 @@ def snapshot_of(session: Session) -> SnapshotFrame:
     """Return the race as spectators see it now."""
     world, tick = session.world, session.tick
     race = world.races[0]
-    rows = world.karts[0]
-    karts = np.zeros(len(rows), KART)
+    bodies, racers, players = world.bodies[0], world.racers[0], world.players[0]
+    karts = np.zeros(len(bodies), KART)
     for name in _SAME_NAMES:
-        karts[name] = rows[name]
-    karts["item"] = rows["held"]
-    karts["seat"] = np.arange(len(rows))
+        karts[name] = field_of(world, name)[0]
+    karts["item"] = players["held"]
+    karts["seat"] = np.arange(len(bodies))
     karts["acknowledged"] = [seat.sequence for seat in session.seats]
-    karts["effects"] = (rows["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
-    safe = np.maximum(rows["immune_until"], rows["shield_until"]) > tick
-    trust = rows["trust"]
+    karts["effects"] = (players["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
+    safe = np.maximum(players["immune_until"], players["shield_until"]) > tick
+    trust = bodies["trust"]
     bits = (
-        *(rows["wrong_way"], rows["off_track"], rows["rescue_offered"], safe),
+        *(racers["wrong_way"], racers["off_track"], racers["rescue_offered"], safe),
         *(trust != codes.SIMULATED, trust == codes.DOUBTFUL, trust >= codes.PARKED),
     )
     karts["flags"] = sum(bit.astype(np.uint8) << place for place, bit in enumerate(bits))
@@ -165,7 +170,7 @@ def snapshot_of(session: Session) -> SnapshotFrame:
         lights_s=lights_s(session),
         phase=session.phase,
         flag=Flag(int(race.flag)),
-        karts=karts[rows["status"] != codes.ABSENT],
+        karts=karts[bodies["status"] != codes.ABSENT],
         boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
         hazards=hazards,
     )
@@ -189,7 +194,7 @@ def standings_of(session: Session) -> StandingsFrame:
 def links_of(session: Session) -> LinksFrame:
     """Return how the driver of each seat is heard now."""
     taken, tick, trackers = session.seats.taken(), session.tick, session.fleet.trackers
-    statuses = session.world.karts["status"][0]
+    statuses = session.world.bodies["status"][0]
     rows = np.zeros(len(taken), LINK)
     for row, seat in zip(rows, taken, strict=True):
         is_heard = seat.control_tick >= 0 and statuses[seat.number] == codes.RACING

@@ -54,7 +54,7 @@ class SessionLog:
 
     def _look_at_seats(self, log: Log) -> None:
         races = self._session.is_on
-        statuses = self._session.world.karts["status"][0]
+        statuses = self._session.world.bodies["status"][0]
         for seat, known in zip(self._session.seats, self._known, strict=True):
             driver = seat.driver if seat.is_taken else ""
             who = driver or known.driver

@@ -123,30 +123,30 @@ class TrackedKarts:
 
 def _place_of(world: World, seat: int) -> Pose:
     """Return where a kart is in the world, as a pose."""
-    kart = world.karts[0, seat]
+    body = world.bodies[0, seat]
     return Pose(
         stamp_us=0,
-        x=float(kart.x),
-        y=float(kart.y),
-        heading=float(kart.heading),
-        speed=float(kart.speed),
-        lateral_speed=float(kart.lateral_speed),
-        yaw_rate=float(kart.yaw_rate),
-        steering=float(kart.steering),
+        x=float(body.x),
+        y=float(body.y),
+        heading=float(body.heading),
+        speed=float(body.speed),
+        lateral_speed=float(body.lateral_speed),
+        yaw_rate=float(body.yaw_rate),
+        steering=float(body.steering),
     )
 
 
 def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[float, ...] | None:
     """Return the row of one kart; None while it has not been heard of yet."""
-    kart, flag = world.karts[0, seat], int(world.races[0].flag)
-    if kart.status == codes.ABSENT:
+    body, racer, flag = world.bodies[0, seat], world.racers[0, seat], int(world.races[0].flag)
+    if body.status == codes.ABSENT:
         return None
-    stops = kart.status != codes.RACING
+    stops = body.status != codes.RACING
     tracker.follow(now_us, is_racing=not stops)
-    what = (float(kart.speed_cap), float(kart.thrust_scale), flag, int(kart.yellow), tracker.trust)
+    what = (float(body.speed_cap), float(body.thrust_scale), flag, int(racer.yellow), tracker.trust)
     tracker.orders.change((*what, stops), now_us)
     # A kart that was trusted before its server was killed is not moved by the simulation since.
-    trust = tracker.trust or Trust(int(kart.trust))
+    trust = tracker.trust or Trust(int(body.trust))
     pose = tracker.pose_at(now_us)
     if trust is Trust.SIMULATED or pose is None:
         return None

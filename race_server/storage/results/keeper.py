@@ -66,7 +66,7 @@ class Keeper:
 
     def look(self, session: Session) -> None:
         """Note before a tick whose lap has been clean so far."""
-        clean = session.world.karts["lap_clean"][0]
+        clean = session.world.racers["lap_clean"][0]
         self._dirty = {kart for kart in range(len(clean)) if not clean[kart]}
 
     def keep(self, events: list[Event]) -> int:

@@ -66,26 +66,26 @@ class Setting:
 def spread_out(world: World) -> None:
     """Place the karts of every world at equal distances around the course."""
     line = world.atlas.line
-    places = np.linspace(0, len(line), world.karts.shape[1], endpoint=False).astype(int)
+    places = np.linspace(0, len(line), world.bodies.shape[1], endpoint=False).astype(int)
     for name in ("x", "y", "heading"):
-        world.karts[name] = line[name][places]
+        world.bodies[name] = line[name][places]
     for w in range(len(world.races)):
         line_up(world, w)
 
 
 def lane_keeping(world: World) -> Floats:
     """Return controls that keep every kart near the centre line at a pace of its own."""
-    karts = world.karts
-    controls = np.zeros((*karts.shape, 4))
+    bodies, racers = world.bodies, world.racers
+    controls = np.zeros((*bodies.shape, 4))
     line = world.atlas.line
-    bend = line["curvature"][karts["line_index"]]
-    wanted = bend - 1.5 * karts["lateral_offset"] - 2.0 * karts["heading_error"]
+    bend = line["curvature"][racers["line_index"]]
+    wanted = bend - 1.5 * racers["lateral_offset"] - 2.0 * racers["heading_error"]
     controls[..., 0] = np.clip(np.arctan(wanted * TT02.wheelbase) / TT02.steering_limit, -1, 1)
-    pace = 1.5 + 0.02 * np.arange(karts.shape[1])
-    controls[..., 1] = np.clip(pace - karts["speed"], -1.0, 1.0)
+    pace = 1.5 + 0.02 * np.arange(bodies.shape[1])
+    controls[..., 1] = np.clip(pace - bodies["speed"], -1.0, 1.0)
     controls[..., 3] = (world.races["tick"][:, None] // DECISION_TICKS) % 2 * codes.USE_ITEM
     # A kart in a jam backs out in turns.
-    jammed = (karts["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
+    jammed = (racers["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
     controls[..., 1] = np.where(jammed, -1.0, controls[..., 1])
     controls[..., 3] += codes.ACCEPT_RESCUE
     return controls
@@ -114,21 +114,21 @@ def measure(setting: Setting, *, seconds: float = 2.0) -> dict[str, float]:
 @kernel
 def _move(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
+        for w in range(world.bodies.shape[0]):
             move_karts(world, w)
 
 
 @kernel
 def _walls(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
+        for w in range(world.bodies.shape[0]):
             touch_walls(world, w)
 
 
 @kernel
 def _karts(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
+        for w in range(world.bodies.shape[0]):
             find_contact_pairs(world, w)
             for _ in range(SUBSTEPS):
                 touch_karts(world, w)
@@ -137,14 +137,14 @@ def _karts(world: World, rounds: int) -> None:
 @kernel
 def _course(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
+        for w in range(world.bodies.shape[0]):
             follow_course(world, w)
 
 
 @kernel
 def _rules(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
+        for w in range(world.bodies.shape[0]):
             apply_effects(world, w)
             use_items(world, w)
             steward(world, w)
@@ -156,16 +156,16 @@ def _rules(world: World, rounds: int) -> None:
 @kernel
 def _lidar(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
-            for k in range(world.karts.shape[1]):
+        for w in range(world.bodies.shape[0]):
+            for k in range(world.bodies.shape[1]):
                 scan_lidar(world, w, k)
 
 
 @kernel
 def _radar(world: World, rounds: int) -> None:
     for _ in range(rounds):
-        for w in range(world.karts.shape[0]):
-            for k in range(world.karts.shape[1]):
+        for w in range(world.bodies.shape[0]):
+            for k in range(world.bodies.shape[1]):
                 scan_radar(world, w, k)
 
 
@@ -199,7 +199,7 @@ def _nanoseconds(part: Callable[[World, int], None], world: World) -> float:
         world
     )  # what one part leaves behind, say karts in walls, is not the next one's
     part(world, 1)
-    agents = world.karts.size
+    agents = world.bodies.size
     rounds = 20
     best = np.inf
     for _ in range(5):

@@ -122,16 +122,17 @@ def _replay_rate(
 def driving(batch: Batch) -> Floats:
     """Return actions that keep every kart near the centre line at a pace of its own."""
     world, learners = batch.world, batch.learners
-    karts, vehicles = world.karts[:, :learners], world.vehicles[:, :learners]
+    bodies, racers = world.bodies[:, :learners], world.racers[:, :learners]
+    vehicles = world.vehicles[:, :learners]
     wheelbase = vehicles["front_axle"] + vehicles["rear_axle"]
-    bend = world.atlas.line["curvature"][karts["line_index"]]
-    aim = bend * wheelbase - 0.1 * karts["lateral_offset"] / wheelbase
-    turn = aim - 0.5 * np.sin(karts["heading_error"])
+    bend = world.atlas.line["curvature"][racers["line_index"]]
+    aim = bend * wheelbase - 0.1 * racers["lateral_offset"] / wheelbase
+    turn = aim - 0.5 * np.sin(racers["heading_error"])
     steering = np.arctan(turn) / vehicles["steering_limit"]
     pace = (0.15 + 0.002 * (np.arange(learners) % 8)) * vehicles["top_speed"]
     # A kart in a jam backs out in turns.
-    jammed = (karts["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
-    drive = np.where(jammed, -1.0, pace - karts["speed"])
+    jammed = (racers["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
+    drive = np.where(jammed, -1.0, pace - bodies["speed"])
     return np.clip(np.stack([drive, steering, np.ones_like(drive)], axis=-1), -1.0, 1.0)
 
 

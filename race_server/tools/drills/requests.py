@@ -112,7 +112,7 @@ def try_steward(scene: "Scene") -> None:
             _deny(scene, "the same decision again", raw.ask(key("admin/act"), message))
         marshal.decide("flag", value=float(Flag.GREEN))
         marshal.decide("penalty", seat=1, value=5.0)
-        fined = int(session.world.karts[0, 1].penalty_us)
+        fined = int(session.world.racers[0, 1].penalty_us)
         scene.allow("penalty as steward", _unless(fined == 5_000_000))
         marshal.decide("kick", seat=1)
         with _as(scene, "seat-1") as kicked:
