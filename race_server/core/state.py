@@ -138,38 +138,53 @@ SENSORS = _record(
     )
 )
 
-# The packed course: see `scenario/track/atlas.py`.
+# One place that walls stand around, and the grid over them: see `scenario/track/walls.py`.
+SITE = _record(
+    _fields(
+        "cell x0 y0",
+        "wall_start wall_count cell_start columns rows group_start group_count",
+    )
+)
+GROUP = _record(_fields("x y radius", "first last"))
+# What is driven along at a site: see `scenario/track/route.py`.
 COURSE = _record(
     _fields(
-        "spacing length kerb verge cell x0 y0 reference_spacing",
-        "line_start line_count wall_start wall_count cell_start columns rows "
-        "gate_start gate_count group_start group_count grid_start grid_count spot_start spot_count",
+        "spacing length kerb verge reference_spacing",
+        "line_start line_count gate_start gate_count grid_start grid_count spot_start spot_count",
     )
 )
 LINE = _record(_fields("x y heading cos sin curvature left right", ""))
 # A line to drive along, at equal steps of its own, with as many samples as the centre line;
 # `beside` is its sample abreast of the centre line's. Without one `reference_spacing` is zero.
 REFERENCE = _record(_fields("x y heading cos sin curvature speed left right", "beside"))
-GROUP = _record(_fields("x y radius", "first last"))
 GATE = _record(_fields("progress", "sector"))
 
 
-class Atlas(NamedTuple):
-    """All courses of a batch, one behind the other; `courses[c]` says where each begins."""
+class Walls(NamedTuple):
+    """The walls of all sites of a batch, one behind the other; `sites[s]` says where each begins.
 
-    courses: Records  # (C,) COURSE
-    line: Records  # (N,) LINE
-    reference: Records  # (N,) REFERENCE, zeros where a course has none
-    walls: Floats  # (P, 4) x0, y0, x1, y1 [m], the drivable side on the left
-    wall_kinds: Bytes  # (P,) Hit
+    All that rays and contacts need to know of a place.
+    """
+
+    sites: Records  # (C,) SITE
+    segments: Floats  # (P, 4) x0, y0, x1, y1 [m], the drivable side on the left
+    kinds: Bytes  # (P,) Hit
     groups: Records  # (Q,) GROUP: circles around runs of walls
     cell_first: NDArray[np.int32]  # (cells + 1,) first entry of each cell in `cell_walls`
     cell_walls: NDArray[np.int32]  # walls that touch each cell
     cell_clear: Float32s  # (cells,) [m] between a cell and the nearest wall, at least
     cell_free: Bytes  # (cells, 8, 2) free cells along x and y for each octant of directions
+
+
+class Route(NamedTuple):
+    """The courses of a batch, one behind the other; `courses[c]` says where each begins."""
+
+    courses: Records  # (C,) COURSE
+    line: Records  # (N,) LINE
+    reference: Records  # (N,) REFERENCE, zeros where a course has none
     gates: Records  # (G,) GATE
-    grid: Floats  # (S, 3) x, y, heading
-    spots: Floats  # (I, 2) x, y
+    grid: Floats  # (S, 3) x, y [m], heading [rad]
+    spots: Floats  # (I, 2) x, y [m]
 
 
 class SensorData(NamedTuple):
@@ -198,7 +213,8 @@ class World(NamedTuple):
     items: Records  # (N,) ITEM; number 0 is no item
     sensors: Records  # (1,) SENSORS
     sight: SensorData
-    atlas: Atlas
+    walls: Walls  # `rules[w].course` is the number of a world's site and of its course
+    route: Route
 
 
 def empty_world(
@@ -208,7 +224,8 @@ def empty_world(
     items: Records,
     sensors: Records,
     sight: SensorData,
-    atlas: Atlas,
+    walls: Walls,
+    route: Route,
 ) -> World:
     """Return a world in which nothing is placed yet."""
     return World(
@@ -225,7 +242,8 @@ def empty_world(
         items=items,
         sensors=sensors,
         sight=sight,
-        atlas=atlas,
+        walls=walls,
+        route=route,
     )
 
 

@@ -144,7 +144,9 @@ class Batch:
         )
         world = make_worlds([first] * worlds, [0] * worlds)
         boxes = np.zeros((worlds, templates.boxes.shape[1]), templates.boxes.dtype)
-        self.world: World = world._replace(atlas=templates.atlas, boxes=boxes)
+        self.world: World = world._replace(
+            walls=templates.walls, route=templates.route, boxes=boxes
+        )
         self.rig = self._make_rig(worlds, after, len(scenarios), first.lidar.rays)
         self.threads = min(threads, worlds)
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None

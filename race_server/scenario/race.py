@@ -13,9 +13,10 @@ from race_server.core.state import RADAR_RAYS, Record, SensorData, World, empty_
 from race_server.core.vehicles import TT02, Vehicle, vehicle_record
 from race_server.errors import ScenarioError
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
-from race_server.scenario.track.atlas import pack
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.line import ReferenceLine
+from race_server.scenario.track.route import pack_route
+from race_server.scenario.track.walls import fence_of, pack_walls
 
 MOST_KARTS = 64
 # In place of the sensors of a kart: nobody drives it.
@@ -124,7 +125,8 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
         item_table(),
         sensor_records(first.lidar, first.radar),
         sight,
-        pack([course for course, _ in lanes], [line for _, line in lanes]),
+        pack_walls([fence_of(course) for course, _ in lanes]),
+        pack_route([course for course, _ in lanes], [line for _, line in lanes]),
     )
     for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         for k in range(scenario.karts):
@@ -207,5 +209,5 @@ def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
     body.status = codes.RACING
     racer.grid_place = place
     body.sensors = fitted
-    course = world.atlas.courses[world.rules[w].course]
-    body.x, body.y, body.heading = world.atlas.grid[course.grid_start + place]
+    course = world.route.courses[world.rules[w].course]
+    body.x, body.y, body.heading = world.route.grid[course.grid_start + place]

@@ -12,7 +12,6 @@ from race_server.core.kernels.geometry import (
     ROUGHNESS,
     cos_sin,
     ray_to_box,
-    ray_to_segment,
     rough_angle,
     wrap_angle,
 )
@@ -21,17 +20,38 @@ from race_server.core.kernels.rng import bits, normal_of, uniform
 from race_server.core.kernels.sensors import see_body
 from race_server.core.kernels.wall_scan import scan_body, scan_walls
 from race_server.scenario.sensors import fan
-from race_server.scenario.track.atlas import pack
+from race_server.scenario.track.walls import fence_of, pack_walls
 from support.courses import ring
 
 COURSE = ring(radius=6.0, half_width=0.7)
-ATLAS = pack([ring(), COURSE])  # the second of two: its walls do not begin at 0
-HEADER = ATLAS.courses[1]
+WALLS = pack_walls(
+    [fence_of(ring()), fence_of(COURSE)]
+)  # the second of two: its walls do not begin at 0
+SITE = WALLS.sites[1]
+
+
+def ray_to_segment(ray: tuple[float, float, float, float], wall: np.ndarray) -> float:
+    """Return how far along a ray x, y, cos, sin a segment x0, y0, x1, y1 lies, or infinity.
+
+    The ends of the segment count as hit.
+    """
+    x, y, cos, sin = ray
+    x0, y0, x1, y1 = wall
+    ex, ey = x1 - x0, y1 - y0
+    along = cos * ey - sin * ex
+    if along == 0.0:
+        return math.inf
+    dx, dy = x0 - x, y0 - y
+    share = (dx * sin - dy * cos) / along
+    if share < 0.0 or share > 1.0:
+        return math.inf
+    distance = (dx * ey - dy * ex) / along
+    return distance if distance >= 0.0 else math.inf
 
 
 def slow_range(x: float, y: float, angle: float, reach: float) -> float:
     cos, sin = math.cos(angle), math.sin(angle)
-    return min(reach, *(ray_to_segment(x, y, cos, sin, *wall) for wall in COURSE.borders))
+    return min(reach, *(ray_to_segment((x, y, cos, sin), wall) for wall in COURSE.borders))
 
 
 @settings(max_examples=200, deadline=None)
@@ -40,20 +60,18 @@ def test_a_ray_through_the_grid_finds_what_a_search_over_all_walls_finds(
     around: float, offset: float, angle: float
 ) -> None:
     x, y = (6.0 + offset) * math.cos(around), (6.0 + offset) * math.sin(around)
-    found, _ = cast_ray(ATLAS, HEADER, x, y, math.cos(angle), math.sin(angle), 8.0)
+    found, _ = cast_ray(WALLS, SITE, x, y, math.cos(angle), math.sin(angle), 8.0)
     assert found == pytest.approx(slow_range(x, y, angle, 8.0), abs=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.0, math.pi / 2, math.pi, -math.pi / 2])
 def test_a_ray_along_an_axis_of_the_grid_is_exact(angle: float) -> None:
-    found, _ = cast_ray(
-        ATLAS, HEADER, 6.0, 0.0, round(math.cos(angle)), round(math.sin(angle)), 8.0
-    )
+    found, _ = cast_ray(WALLS, SITE, 6.0, 0.0, round(math.cos(angle)), round(math.sin(angle)), 8.0)
     assert found == pytest.approx(slow_range(6.0, 0.0, angle, 8.0), abs=1e-6)
 
 
 def test_a_ray_that_meets_nothing_returns_its_reach() -> None:
-    assert cast_ray(ATLAS, HEADER, 6.0, 0.0, 0.0, 1.0, 0.5) == (0.5, -1)
+    assert cast_ray(WALLS, SITE, 6.0, 0.0, 0.0, 1.0, 0.5) == (0.5, -1)
 
 
 @settings(max_examples=100, deadline=None)
@@ -71,9 +89,9 @@ def test_a_fan_laid_over_the_walls_sees_what_each_ray_sees(
     field = math.radians(shape[1])
     rays = fan(shape[0], field)
     ranges = np.zeros(shape[0], np.float32)
-    scan_walls(ATLAS, HEADER, x, y, cos, sin, rays, field, 8.0, ranges)
+    scan_walls(WALLS, SITE, x, y, cos, sin, rays, field, 8.0, ranges)
     for (c, s), found in zip(rays, ranges, strict=True):
-        alone, _ = cast_ray(ATLAS, HEADER, x, y, cos * c - sin * s, sin * c + cos * s, 8.0)
+        alone, _ = cast_ray(WALLS, SITE, x, y, cos * c - sin * s, sin * c + cos * s, 8.0)
         assert found == pytest.approx(alone, abs=1e-5)
 
 

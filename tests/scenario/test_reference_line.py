@@ -123,8 +123,8 @@ def test_a_batch_may_mix_lines_on_one_course() -> None:
     plain = Scenario(load_course("oval"), karts=1)
     lined = with_line(plain)
     world = make_worlds([plain, lined, lined], [0, 0, 0])
-    assert len(world.atlas.courses) == 2
-    assert (world.atlas.courses["reference_spacing"][world.rules["course"]] > 0).tolist() == [
+    assert len(world.route.courses) == 2
+    assert (world.route.courses["reference_spacing"][world.rules["course"]] > 0).tolist() == [
         False,
         True,
         True,
@@ -175,8 +175,8 @@ def test_no_part_of_a_car_on_the_line_comes_near_an_obstacle_or_a_border(seed: i
 def test_a_batch_attaches_the_line_that_a_scripted_driver_wants() -> None:
     scenario = Scenario(load_course("oval"), karts=2)
     batch = Batch(Task((scenario,), opponents=("raceline",)))
-    assert batch.world.atlas.courses["reference_spacing"][0] > 0.0
-    assert Batch(Task((scenario,))).world.atlas.courses["reference_spacing"][0] == 0.0
+    assert batch.world.route.courses["reference_spacing"][0] > 0.0
+    assert Batch(Task((scenario,))).world.route.courses["reference_spacing"][0] == 0.0
 
 
 def test_the_presets_line_and_full_tell_of_the_line() -> None:

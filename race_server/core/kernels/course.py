@@ -1,19 +1,19 @@
 """Where a point lies on a course: nearest sample, progress, lateral offset."""
 
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Atlas, Record
+from race_server.core.state import Record, Route
 
 
 @kernel
-def nearest_sample(atlas: Atlas, course: Record, x: float, y: float, start: int) -> int:
+def nearest_sample(route: Route, course: Record, x: float, y: float, start: int) -> int:
     """Return the sample of the centre line nearest to (x, y), going downhill from `start`."""
     count, first = course.line_count, course.line_start
     index = start
-    best = _square(atlas, first + index, x, y)
+    best = _square(route, first + index, x, y)
     for step in (1, -1):
         while True:
             following = (index + step) % count
-            square = _square(atlas, first + following, x, y)
+            square = _square(route, first + following, x, y)
             if square >= best:
                 break
             index, best = following, square
@@ -21,62 +21,62 @@ def nearest_sample(atlas: Atlas, course: Record, x: float, y: float, start: int)
 
 
 @kernel
-def nearest_sample_anywhere(atlas: Atlas, course: Record, x: float, y: float) -> int:
+def nearest_sample_anywhere(route: Route, course: Record, x: float, y: float) -> int:
     """Return the sample of the centre line nearest to (x, y) of all."""
     index = 0
-    best = _square(atlas, course.line_start, x, y)
+    best = _square(route, course.line_start, x, y)
     for candidate in range(1, course.line_count):
-        square = _square(atlas, course.line_start + candidate, x, y)
+        square = _square(route, course.line_start + candidate, x, y)
         if square < best:
             index, best = candidate, square
     return index
 
 
 @kernel
-def _square(atlas: Atlas, sample: int, x: float, y: float) -> float:
-    dx, dy = atlas.line[sample].x - x, atlas.line[sample].y - y
+def _square(route: Route, sample: int, x: float, y: float) -> float:
+    dx, dy = route.line[sample].x - x, route.line[sample].y - y
     return dx * dx + dy * dy
 
 
 @kernel
-def place_on_reference(atlas: Atlas, course: Record, x: float, y: float, start: int) -> float:
+def place_on_reference(route: Route, course: Record, x: float, y: float, start: int) -> float:
     """Return where a point is abreast of the reference line, as a fractional sample of it.
 
     start: the nearest sample of the centre line. The search goes downhill from the sample abreast
     of it; the place is not negative and may lie just beyond the last sample.
     """
     count, first = course.line_count, course.line_start
-    index = atlas.reference[first + start].beside
-    best = _square_to_reference(atlas, first + index, x, y)
+    index = route.reference[first + start].beside
+    best = _square_to_reference(route, first + index, x, y)
     for step in (1, -1):
         while True:
             following = (index + step) % count
-            square = _square_to_reference(atlas, first + following, x, y)
+            square = _square_to_reference(route, first + following, x, y)
             if square >= best:
                 break
             index, best = following, square
-    point = atlas.reference[first + index]
+    point = route.reference[first + index]
     along = (x - point.x) * point.cos + (y - point.y) * point.sin
     share = min(max(along / course.reference_spacing, -0.5), 0.5)
     return index + share if index + share >= 0.0 else index + share + count
 
 
 @kernel
-def _square_to_reference(atlas: Atlas, sample: int, x: float, y: float) -> float:
-    dx, dy = atlas.reference[sample].x - x, atlas.reference[sample].y - y
+def _square_to_reference(route: Route, sample: int, x: float, y: float) -> float:
+    dx, dy = route.reference[sample].x - x, route.reference[sample].y - y
     return dx * dx + dy * dy
 
 
 @kernel
 def progress_of(
-    atlas: Atlas, course: Record, x: float, y: float, sample: int
+    route: Route, course: Record, x: float, y: float, sample: int
 ) -> tuple[float, float]:
     """Return progress and lateral offset [m] of a point, given its nearest sample.
 
     Progress is in [0, length). Between samples the point is projected on the arc through the
     sample; it moves on by at most half a spacing.
     """
-    line = atlas.line[course.line_start + sample]
+    line = route.line[course.line_start + sample]
     dx, dy = x - line.x, y - line.y
     along = dx * line.cos + dy * line.sin
     offset = dy * line.cos - dx * line.sin

@@ -61,26 +61,6 @@ def cos_sin(angle: float) -> tuple[float, float]:
 
 
 @kernel
-def ray_to_segment(
-    x: float, y: float, cos: float, sin: float, x0: float, y0: float, x1: float, y1: float
-) -> float:
-    """Return how far along a ray from (x, y) in direction (cos, sin) a segment lies, or infinity.
-
-    The ends of the segment count as hit.
-    """
-    ex, ey = x1 - x0, y1 - y0
-    along = cos * ey - sin * ex
-    if along == 0.0:
-        return math.inf
-    dx, dy = x0 - x, y0 - y
-    share = (dx * sin - dy * cos) / along
-    if share < 0.0 or share > 1.0:
-        return math.inf
-    distance = (dx * ey - dy * ex) / along
-    return distance if distance >= 0.0 else math.inf
-
-
-@kernel
 def rough_angle(x: float, y: float) -> float:
     """Return the direction of (x, y) [rad] in (-pi, pi], to within `ROUGHNESS`.
 

@@ -3,7 +3,7 @@
 import math
 
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Atlas, Record
+from race_server.core.state import Record, Walls
 
 # Moves a ray just across the edge of a cell. The grid lists a wall in every cell that comes
 # within ten times this distance of it.
@@ -12,18 +12,18 @@ NUDGE = 1e-7
 
 @kernel
 def cast_ray(
-    atlas: Atlas, course: Record, x: float, y: float, cos: float, sin: float, reach: float
+    walls: Walls, site: Record, x: float, y: float, cos: float, sin: float, reach: float
 ) -> tuple[float, int]:
     """Return distance [m] and number of the first wall from (x, y) towards (cos, sin).
 
     The number is -1 and the distance `reach` where nothing stands nearer. Cells that hold walls
     are visited in order; over empty ones the ray skips a whole free box ahead.
     """
-    size = course.cell
-    columns, rows = course.columns, course.rows
-    first_cell, first_wall = course.cell_start, course.wall_start
+    size = site.cell
+    columns, rows = site.columns, site.rows
+    first_cell, first_wall = site.cell_start, site.wall_start
     scale = 1.0 / size
-    gx, gy = (x - course.x0) * scale, (y - course.y0) * scale
+    gx, gy = (x - site.x0) * scale, (y - site.y0) * scale
     inverse_x = 1.0 / cos if cos != 0.0 else math.inf
     inverse_y = 1.0 / sin if sin != 0.0 else math.inf
     octant = (0 if cos > 0.0 else 1) + (0 if sin > 0.0 else 2) + (4 if abs(sin) > abs(cos) else 0)
@@ -35,12 +35,12 @@ def cast_ray(
         if column < 0 or row < 0 or column >= columns or row >= rows:
             break
         cell = first_cell + row * columns + column
-        wide, high = int(atlas.cell_free[cell, octant, 0]), int(atlas.cell_free[cell, octant, 1])
+        wide, high = int(walls.cell_free[cell, octant, 0]), int(walls.cell_free[cell, octant, 1])
         if wide == 0:
-            for entry in range(atlas.cell_first[cell], atlas.cell_first[cell + 1]):
-                number = first_wall + atlas.cell_walls[entry]
-                x0, y0 = atlas.walls[number, 0], atlas.walls[number, 1]
-                ex, ey = atlas.walls[number, 2] - x0, atlas.walls[number, 3] - y0
+            for entry in range(walls.cell_first[cell], walls.cell_first[cell + 1]):
+                number = first_wall + walls.cell_walls[entry]
+                x0, y0 = walls.segments[number, 0], walls.segments[number, 1]
+                ex, ey = walls.segments[number, 2] - x0, walls.segments[number, 3] - y0
                 along = cos * ey - sin * ex
                 dx, dy = x0 - x, y0 - y
                 # Both ends count; a share outside [0, along] misses. No division until it hits.

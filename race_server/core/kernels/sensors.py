@@ -8,7 +8,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.rays import cast_ray
 from race_server.core.kernels.rng import bits, normal_of, uniform
 from race_server.core.kernels.wall_scan import FEW_RAYS, scan_walls
-from race_server.core.state import Atlas, Bytes, Float32s, Floats, Record
+from race_server.core.state import Bytes, Float32s, Floats, Record, Walls
 
 # More rays than any sensor has: keeps the counters of two karts apart.
 RAYS_LIMIT = 4096
@@ -16,8 +16,8 @@ RAYS_LIMIT = 4096
 
 @kernel
 def cast_fan(
-    atlas: Atlas,
-    course: Record,
+    walls: Walls,
+    site: Record,
     x: float,
     y: float,
     cos: float,
@@ -34,15 +34,15 @@ def cast_fan(
     each ray in its frame. `kinds` may be empty where nobody asks.
     """
     if len(rays) > FEW_RAYS and len(kinds) == 0:
-        scan_walls(atlas, course, x, y, cos, sin, rays, field, reach, ranges)
+        scan_walls(walls, site, x, y, cos, sin, rays, field, reach, ranges)
         return
     for ray in range(len(rays)):
         c = cos * rays[ray, 0] - sin * rays[ray, 1]
         s = sin * rays[ray, 0] + cos * rays[ray, 1]
-        distance, wall = cast_ray(atlas, course, x, y, c, s, reach)
+        distance, wall = cast_ray(walls, site, x, y, c, s, reach)
         ranges[ray] = distance
         if len(kinds) > 0:
-            kinds[ray] = atlas.wall_kinds[wall] if wall >= 0 else codes.NOTHING
+            kinds[ray] = walls.kinds[wall] if wall >= 0 else codes.NOTHING
 
 
 @kernel

@@ -10,7 +10,7 @@ import math
 
 from race_server.core.kernels.geometry import ROUGHNESS, TURN, cos_sin, rough_angle
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Atlas, Float32s, Floats, Record
+from race_server.core.state import Float32s, Floats, Record, Walls
 
 # With fewer rays than this the grid is cheaper.
 FEW_RAYS = 24
@@ -18,8 +18,8 @@ FEW_RAYS = 24
 
 @kernel
 def scan_walls(
-    atlas: Atlas,
-    course: Record,
+    walls: Walls,
+    site: Record,
     x: float,
     y: float,
     cos: float,
@@ -37,19 +37,19 @@ def scan_walls(
     for ray in range(len(rays)):
         ranges[ray] = reach
     step = field / (len(rays) - 1)
-    walls = atlas.walls
+    segments = walls.segments
     # Where the wall before ended: walls follow one another along a border, so that this is
     # mostly where the next one begins.
     last_x, last_y, last = math.inf, math.inf, 0.0
-    for group in range(course.group_start, course.group_start + course.group_count):
-        circle = atlas.groups[group]
+    for group in range(site.group_start, site.group_start + site.group_count):
+        circle = walls.groups[group]
         dx, dy = circle.x - x, circle.y - y
         near = reach + circle.radius
         if dx * dx + dy * dy > near * near:
             continue
         for wall in range(circle.first, circle.last):
-            x0, y0 = walls[wall, 0] - x, walls[wall, 1] - y
-            x1, y1 = walls[wall, 2] - x, walls[wall, 3] - y
+            x0, y0 = segments[wall, 0] - x, segments[wall, 1] - y
+            x1, y1 = segments[wall, 2] - x, segments[wall, 3] - y
             area = x0 * y1 - y0 * x1
             if area <= 0.0:
                 continue  # seen from behind, or edge-on

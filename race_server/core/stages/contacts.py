@@ -54,63 +54,63 @@ def move_karts(world: World, w: int) -> None:
 @kernel
 def touch_walls(world: World, w: int) -> None:
     """Let karts meet borders and obstacles."""
-    course = world.atlas.courses[world.rules[w].course]
+    site = world.walls.sites[world.rules[w].course]
     for k in range(world.bodies.shape[1]):
         body, vehicle = world.bodies[w, k], world.vehicles[w, k]
         if body.trust >= codes.DOUBTFUL:
             continue
         if body.status == codes.RACING or body.status == codes.FINISHED:
-            if not _is_clear(world, course, body, vehicle):
-                _touch_near_walls(world, w, k, course)
+            if not _is_clear(world, site, body, vehicle):
+                _touch_near_walls(world, w, k, site)
 
 
 @kernel
-def _is_clear(world: World, course: Record, body: Record, vehicle: Record) -> bool:
+def _is_clear(world: World, site: Record, body: Record, vehicle: Record) -> bool:
     """Return whether the place of a kart alone shows that it touches no wall.
 
     First as a disc around the whole body, then as two, one around either half.
     """
     quarter, half_width = 0.25 * vehicle.length, 0.5 * vehicle.width
     whole = 2.0 * quarter + abs(vehicle.box_offset)
-    if _is_disc_clear(world, course, body.x, body.y, whole * whole + half_width * half_width):
+    if _is_disc_clear(world, site, body.x, body.y, whole * whole + half_width * half_width):
         return True
     cos, sin = cos_sin(body.heading)
     square = quarter * quarter + half_width * half_width
     front, rear = vehicle.box_offset + quarter, vehicle.box_offset - quarter
     return _is_disc_clear(
-        world, course, body.x + front * cos, body.y + front * sin, square
-    ) and _is_disc_clear(world, course, body.x + rear * cos, body.y + rear * sin, square)
+        world, site, body.x + front * cos, body.y + front * sin, square
+    ) and _is_disc_clear(world, site, body.x + rear * cos, body.y + rear * sin, square)
 
 
 @kernel
-def _is_disc_clear(world: World, course: Record, x: float, y: float, square: float) -> bool:
+def _is_disc_clear(world: World, site: Record, x: float, y: float, square: float) -> bool:
     """Return whether no wall comes near a place, by the square of the distance [m²]."""
-    column = math.floor((x - course.x0) / course.cell)
-    row = math.floor((y - course.y0) / course.cell)
-    if column < 0 or row < 0 or column >= course.columns or row >= course.rows:
+    column = math.floor((x - site.x0) / site.cell)
+    row = math.floor((y - site.y0) / site.cell)
+    if column < 0 or row < 0 or column >= site.columns or row >= site.rows:
         return True
-    clear = float(world.atlas.cell_clear[course.cell_start + row * course.columns + column])
+    clear = float(world.walls.cell_clear[site.cell_start + row * site.columns + column])
     return bool(clear * clear >= square)
 
 
 @kernel
-def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
+def _touch_near_walls(world: World, w: int, k: int, site: Record) -> None:
     body, vehicle = world.bodies[w, k], world.vehicles[w, k]
     half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
     cos, sin = cos_sin(body.heading)
     reach_x = half_length * abs(cos) + half_width * abs(sin)
     reach_y = half_length * abs(sin) + half_width * abs(cos)
     x, y = body.x + vehicle.box_offset * cos, body.y + vehicle.box_offset * sin
-    scale = 1.0 / course.cell
-    first_column = max(math.floor((x - reach_x - course.x0) * scale), 0)
-    last_column = min(math.floor((x + reach_x - course.x0) * scale), course.columns - 1)
-    first_row = max(math.floor((y - reach_y - course.y0) * scale), 0)
-    last_row = min(math.floor((y + reach_y - course.y0) * scale), course.rows - 1)
+    scale = 1.0 / site.cell
+    first_column = max(math.floor((x - reach_x - site.x0) * scale), 0)
+    last_column = min(math.floor((x + reach_x - site.x0) * scale), site.columns - 1)
+    first_row = max(math.floor((y - reach_y - site.y0) * scale), 0)
+    last_row = min(math.floor((y + reach_y - site.y0) * scale), site.rows - 1)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
-            cell = course.cell_start + row * course.columns + column
-            for entry in range(world.atlas.cell_first[cell], world.atlas.cell_first[cell + 1]):
-                wall = course.wall_start + world.atlas.cell_walls[entry]
+            cell = site.cell_start + row * site.columns + column
+            for entry in range(world.walls.cell_first[cell], world.walls.cell_first[cell + 1]):
+                wall = site.wall_start + world.walls.cell_walls[entry]
                 depth, nx, ny = box_on_segment(
                     body.x + vehicle.box_offset * cos,
                     body.y + vehicle.box_offset * sin,
@@ -118,10 +118,10 @@ def _touch_near_walls(world: World, w: int, k: int, course: Record) -> None:
                     sin,
                     half_length,
                     half_width,
-                    world.atlas.walls[wall, 0],
-                    world.atlas.walls[wall, 1],
-                    world.atlas.walls[wall, 2],
-                    world.atlas.walls[wall, 3],
+                    world.walls.segments[wall, 0],
+                    world.walls.segments[wall, 1],
+                    world.walls.segments[wall, 2],
+                    world.walls.segments[wall, 3],
                 )
                 if depth > 0.0:
                     _meet_wall(world, w, k, depth, nx, ny, cos, sin)

@@ -73,7 +73,7 @@ def show_yellow(world: World, w: int) -> None:
         troubled = troubled or _is_in_trouble(body)
     if not troubled:
         return
-    course = world.atlas.courses[world.rules[w].course]
+    course = world.route.courses[world.rules[w].course]
     for other in range(karts):
         trouble_body, trouble_racer = world.bodies[w, other], world.racers[w, other]
         if not _is_in_trouble(trouble_body):

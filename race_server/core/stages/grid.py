@@ -25,19 +25,19 @@ def line_up(world: World, w: int) -> None:
 def place_kart(world: World, w: int, k: int) -> None:
     """Let a kart race from the pose it has, before its first lap."""
     body, racer = world.bodies[w, k], world.racers[w, k]
-    course = world.atlas.courses[world.rules[w].course]
+    course = world.route.courses[world.rules[w].course]
     body.status = codes.RACING
     racer.start_x, racer.start_y = body.x, body.y
-    racer.line_index = nearest_sample_anywhere(world.atlas, course, body.x, body.y)
-    progress, offset = progress_of(world.atlas, course, body.x, body.y, racer.line_index)
+    racer.line_index = nearest_sample_anywhere(world.route, course, body.x, body.y)
+    progress, offset = progress_of(world.route, course, body.x, body.y, racer.line_index)
     racer.progress, racer.lateral_offset = progress, offset
-    line = world.atlas.line[course.line_start + racer.line_index]
+    line = world.route.line[course.line_start + racer.line_index]
     racer.heading_error = wrap_angle(body.heading - line.heading)
     racer.distance = progress - course.length
     racer.zone = course.gate_count - 1
     for gate in range(course.gate_count - 1):
-        first = world.atlas.gates[course.gate_start + gate].progress
-        following = world.atlas.gates[course.gate_start + gate + 1].progress
+        first = world.route.gates[course.gate_start + gate].progress
+        following = world.route.gates[course.gate_start + gate + 1].progress
         if first <= progress < following:
             racer.zone = gate
     body.speed_cap = world.vehicles[w, k].top_speed

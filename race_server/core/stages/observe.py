@@ -152,13 +152,13 @@ def _gap(world: World, w: int, k: int, places: int) -> float:
 @kernel
 def _course_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
     body, racer = world.bodies[w, k], world.racers[w, k]
-    course = world.atlas.courses[world.rules[w].course]
+    course = world.route.courses[world.rules[w].course]
     cos, sin = math.cos(body.heading), math.sin(body.heading)
     step = look_ahead_of(world.vehicles[w, k]) / course.spacing
     here = racer.progress / course.spacing
     for index in range(AHEAD):
         sample = int(here + (index + 1) * step + 0.5) % course.line_count
-        line = world.atlas.line[course.line_start + sample]
+        line = world.route.line[course.line_start + sample]
         if what == 0:
             out[place + index] = line.curvature
         elif what == 1:
@@ -181,16 +181,16 @@ def line_step_of(vehicle: Record) -> float:
 def _place_on_line(world: World, w: int, k: int, what: int) -> float:
     """Return offset (what 0) or heading error (1) against the reference line, or its step (2)."""
     body, racer = world.bodies[w, k], world.racers[w, k]
-    course = world.atlas.courses[world.rules[w].course]
+    course = world.route.courses[world.rules[w].course]
     if course.reference_spacing <= 0.0:
         return 0.0
     if what == 2:
         return line_step_of(world.vehicles[w, k])
-    place = place_on_reference(world.atlas, course, body.x, body.y, racer.line_index)
+    place = place_on_reference(world.route, course, body.x, body.y, racer.line_index)
     sample = int(place + 0.5) % course.line_count
     if what == 0:
         return _offset_from(world, course, sample, body)
-    point = world.atlas.reference[course.line_start + sample]
+    point = world.route.reference[course.line_start + sample]
     along = (body.x - point.x) * point.cos + (body.y - point.y) * point.sin
     return wrap_angle(body.heading - point.heading - along * point.curvature)
 
@@ -198,7 +198,7 @@ def _place_on_line(world: World, w: int, k: int, what: int) -> float:
 @kernel
 def _offset_from(world: World, course: Record, sample: int, body: Record) -> float:
     """Return how far [m] a kart is left of the reference line, abreast of a sample of it."""
-    point = world.atlas.reference[course.line_start + sample]
+    point = world.route.reference[course.line_start + sample]
     dx, dy = body.x - point.x, body.y - point.y
     along = dx * point.cos + dy * point.sin
     return dy * point.cos - dx * point.sin - 0.5 * point.curvature * along * along
@@ -209,14 +209,14 @@ def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float
     """Return the way [m] to a rival along the reference line (what 0), or its offset (1)."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     rival_body, rival_racer = world.bodies[w, other], world.racers[w, other]
-    atlas = world.atlas
-    course = atlas.courses[world.rules[w].course]
+    route = world.route
+    course = route.courses[world.rules[w].course]
     if course.reference_spacing <= 0.0:
         return 0.0
-    there = place_on_reference(atlas, course, rival_body.x, rival_body.y, rival_racer.line_index)
+    there = place_on_reference(route, course, rival_body.x, rival_body.y, rival_racer.line_index)
     if what == 1:
         return _offset_from(world, course, int(there + 0.5) % course.line_count, rival_body)
-    here = place_on_reference(atlas, course, body.x, body.y, racer.line_index)
+    here = place_on_reference(route, course, body.x, body.y, racer.line_index)
     way, half = there - here, 0.5 * course.line_count
     if way >= half:
         way -= course.line_count
@@ -228,23 +228,23 @@ def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float
 @kernel
 def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
     """Tell of the reference line from abreast of the kart on, at equal steps along it."""
-    body, racer, atlas = world.bodies[w, k], world.racers[w, k], world.atlas
-    course = atlas.courses[world.rules[w].course]
+    body, racer, route = world.bodies[w, k], world.racers[w, k], world.route
+    course = route.courses[world.rules[w].course]
     if course.reference_spacing <= 0.0:
         for index in range(AHEAD):
             out[place + index] = 0.0
         return
     cos, sin = math.cos(body.heading), math.sin(body.heading)
     step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
-    here = place_on_reference(atlas, course, body.x, body.y, racer.line_index)
+    here = place_on_reference(route, course, body.x, body.y, racer.line_index)
     for index in range(AHEAD):
         at = here + index * step
         sample = int(at)
         share = at - sample
         sample %= course.line_count
         following = sample + 1 if sample + 1 < course.line_count else 0
-        one = atlas.reference[course.line_start + sample]
-        two = atlas.reference[course.line_start + following]
+        one = route.reference[course.line_start + sample]
+        two = route.reference[course.line_start + following]
         if what <= 1:
             dx = one.x + share * (two.x - one.x) - body.x
             dy = one.y + share * (two.y - one.y) - body.y

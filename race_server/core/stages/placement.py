@@ -34,8 +34,8 @@ def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
         retire(world, w, k, codes.LOST)
     if trust == codes.TRUSTED:
         # Wherever it went unseen: gates there do not count, and it is not fined for them.
-        course = world.atlas.courses[world.rules[w].course]
-        racer.line_index = nearest_sample_anywhere(world.atlas, course, body.x, body.y)
+        course = world.route.courses[world.rules[w].course]
+        racer.line_index = nearest_sample_anywhere(world.route, course, body.x, body.y)
         if was_yellow:
             racer.cutting = 1
             racer.lap_clean = 0

@@ -13,15 +13,15 @@ from race_server.core.state import Record, World
 @kernel
 def follow_course(world: World, w: int) -> None:
     """Update progress, surface and laps of every kart."""
-    atlas = world.atlas
-    course = atlas.courses[world.rules[w].course]
+    route = world.route
+    course = route.courses[world.rules[w].course]
     for k in range(world.bodies.shape[1]):
         body, racer = world.bodies[w, k], world.racers[w, k]
         if body.status != codes.RACING and body.status != codes.FINISHED:
             continue
-        racer.line_index = nearest_sample(atlas, course, body.x, body.y, racer.line_index)
-        line = atlas.line[course.line_start + racer.line_index]
-        progress, offset = progress_of(atlas, course, body.x, body.y, racer.line_index)
+        racer.line_index = nearest_sample(route, course, body.x, body.y, racer.line_index)
+        line = route.line[course.line_start + racer.line_index]
+        progress, offset = progress_of(route, course, body.x, body.y, racer.line_index)
         gained = progress - racer.progress
         if gained > 0.5 * course.length:
             gained -= course.length
@@ -64,7 +64,7 @@ def _cross_gates(world: World, w: int, k: int, course: Record, gained: float) ->
 @kernel
 def _past(world: World, course: Record, progress: float, gate: int) -> float:
     """Return how far past a gate a progress lies, in [-length/2, length/2)."""
-    past = progress - world.atlas.gates[course.gate_start + gate].progress
+    past = progress - world.route.gates[course.gate_start + gate].progress
     if past >= 0.5 * course.length:
         return past - course.length
     return past + course.length if past < -0.5 * course.length else past
@@ -100,7 +100,7 @@ def _cross(
             racer.lap_start_us = now_us
             racer.sector_start_us = now_us
         return
-    sector = world.atlas.gates[course.gate_start + gate].sector
+    sector = world.route.gates[course.gate_start + gate].sector
     if sector > 0:
         report(world, w, codes.EVENT_SECTOR, k, sector, now_us - racer.sector_start_us)
         racer.sector_start_us = now_us

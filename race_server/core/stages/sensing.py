@@ -103,10 +103,10 @@ def _scan(
 ) -> None:
     """Fill ranges and kinds of a fan mounted `mount` [m] ahead of the centre of gravity."""
     body = world.bodies[w, k]
-    course = world.atlas.courses[world.rules[w].course]
+    site = world.walls.sites[world.rules[w].course]
     cos, sin = cos_sin(body.heading)
     x, y = body.x + mount * cos, body.y + mount * sin
-    cast_fan(world.atlas, course, x, y, cos, sin, rays, field, reach, ranges, kinds)
+    cast_fan(world.walls, site, x, y, cos, sin, rays, field, reach, ranges, kinds)
     for other in range(world.bodies.shape[1]):
         rival = world.bodies[w, other]
         if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:

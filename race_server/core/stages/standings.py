@@ -37,10 +37,10 @@ def rank(world: World, w: int) -> None:
 def ranked_distance(world: World, w: int, k: int) -> float:
     """Return the distance [m] since the timing line by which a kart is ranked."""
     racer = world.racers[w, k]
-    course = world.atlas.courses[world.rules[w].course]
+    course = world.route.courses[world.rules[w].course]
     limit = course.length
     if racer.next_gate > 0:
-        limit = world.atlas.gates[course.gate_start + racer.next_gate].progress
+        limit = world.route.gates[course.gate_start + racer.next_gate].progress
     elif racer.started == 0:
         limit = 0.0
     return race_distance(racer.distance, racer.laps, limit, course.length)

@@ -133,16 +133,16 @@ def _is_blocked(world: World, w: int, k: int) -> bool:
 @kernel
 def rescue(world: World, w: int, k: int) -> None:
     """Put a kart on the centre line, at rest, where no other kart stands, for a penalty."""
-    atlas, race, body, racer = world.atlas, world.races[w], world.bodies[w, k], world.racers[w, k]
-    course = atlas.courses[world.rules[w].course]
+    route, race, body, racer = world.route, world.races[w], world.bodies[w, k], world.racers[w, k]
+    course = route.courses[world.rules[w].course]
     stride = int(1.5 * world.vehicles[w, k].length / course.spacing) + 1
     sample = racer.line_index
     for _ in range(RESCUE_TRIES):
-        line = atlas.line[course.line_start + sample]
+        line = route.line[course.line_start + sample]
         if _is_free(world, w, k, line):
             break
         sample = (sample - stride) % course.line_count
-    line = atlas.line[course.line_start + sample]
+    line = route.line[course.line_start + sample]
     body.x, body.y, body.heading = line.x, line.y, line.heading
     body.speed = body.lateral_speed = body.yaw_rate = body.steering = 0.0
     # The way back counts as driven back, but not as driving the wrong way.

@@ -65,7 +65,7 @@ class Setting:
 
 def spread_out(world: World) -> None:
     """Place the karts of every world at equal distances around the course."""
-    line = world.atlas.line
+    line = world.route.line
     places = np.linspace(0, len(line), world.bodies.shape[1], endpoint=False).astype(int)
     for name in ("x", "y", "heading"):
         world.bodies[name] = line[name][places]
@@ -77,7 +77,7 @@ def lane_keeping(world: World) -> Floats:
     """Return controls that keep every kart near the centre line at a pace of its own."""
     bodies, racers = world.bodies, world.racers
     controls = np.zeros((*bodies.shape, 4))
-    line = world.atlas.line
+    line = world.route.line
     bend = line["curvature"][racers["line_index"]]
     wanted = bend - 1.5 * racers["lateral_offset"] - 2.0 * racers["heading_error"]
     controls[..., 0] = np.clip(np.arctan(wanted * TT02.wheelbase) / TT02.steering_limit, -1, 1)

@@ -125,7 +125,7 @@ def driving(batch: Batch) -> Floats:
     bodies, racers = world.bodies[:, :learners], world.racers[:, :learners]
     vehicles = world.vehicles[:, :learners]
     wheelbase = vehicles["front_axle"] + vehicles["rear_axle"]
-    bend = world.atlas.line["curvature"][racers["line_index"]]
+    bend = world.route.line["curvature"][racers["line_index"]]
     aim = bend * wheelbase - 0.1 * racers["lateral_offset"] / wheelbase
     turn = aim - 0.5 * np.sin(racers["heading_error"])
     steering = np.arctan(turn) / vehicles["steering_limit"]

@@ -1,15 +1,15 @@
-"""Courses packed into flat arrays for the kernels, with a grid over their walls."""
+"""Walls packed into flat arrays for the kernels, with a grid over them."""
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core import codes
-from race_server.core.state import COURSE, GATE, GROUP, LINE, REFERENCE, Atlas, Records
+from race_server.core.state import GROUP, SITE, Records, Walls
 from race_server.scenario.track.course import Course, Floats, Obstacle
-from race_server.scenario.track.line import ReferenceLine
 from race_server.scenario.track.polyline import (
     area_of,
     corners_of_box,
@@ -30,77 +30,54 @@ CLEAR_CELLS = 6
 GROUP_WALLS = 12
 
 
-def pack(courses: Sequence[Course], references: Sequence[ReferenceLine | None] = ()) -> Atlas:
-    """Return the courses as one atlas; course c of a race's rules is `courses[c]`.
+class Fence(NamedTuple):
+    """The walls of one site."""
 
-    references: the line to drive along on each course, or none at all.
-    """
-    references = references or [None] * len(courses)
-    headers = np.zeros(len(courses), COURSE)
-    lines, paths, walls, kinds, groups = [], [], [], [], []
-    firsts, entries, clears, frees, gates = [], [], [], [], []
-    starts = {"line": 0, "wall": 0, "cell": 0, "gate": 0, "grid": 0, "spot": 0, "group": 0}
-    listed = 0
-    for header, course, reference in zip(headers, courses, references, strict=True):
-        segments, kind = _walls_of(course)
-        origin, cell, columns, rows = _grid_over(course, segments)
-        first, members = _list_walls(segments, origin, cell, columns, rows)
-        header.spacing, header.length, header.kerb = course.spacing, course.length, course.kerb
-        header.verge = course.kerb + course.grass
-        header.reference_spacing = reference.spacing if reference else 0.0
-        header.cell, header.columns, header.rows = cell, columns, rows
-        header.x0, header.y0 = origin
-        circles = _groups_of(segments, starts["wall"])
-        counts = {
-            "group": len(circles),
-            "line": len(course.line),
-            "wall": len(segments),
-            "gate": len(course.gates),
-            "grid": len(course.grid),
-            "spot": len(course.spots),
-        }
-        for name, start in starts.items():
-            header[f"{name}_start"] = start
-            if name in counts:
-                header[f"{name}_count"] = counts[name]
-        lines.append(_line_of(course))
-        paths.append(_reference_of(course, reference))
-        walls.append(segments)
-        kinds.append(kind)
-        groups.append(circles)
+    segments: Floats  # (P, 4) x0, y0, x1, y1 [m], the drivable side on the left
+    kinds: NDArray[np.uint8]  # (P,) Hit
+    cell: float  # [m] side of the grid's cells
+
+
+def pack_walls(fences: Sequence[Fence]) -> Walls:
+    """Return the walls of all sites behind one another; site s is `sites[s]`."""
+    sites = np.zeros(len(fences), SITE)
+    groups, firsts, members, clears, frees = [], [], [], [], []
+    walls = cells = circles = listed = 0
+    for site, (segments, _, cell) in zip(sites, fences, strict=True):
+        origin, columns, rows = _grid_over(segments, cell)
+        first, entries = _list_walls(segments, origin, cell, columns, rows)
+        groups.append(_groups_of(segments, walls))
+        site.cell, site.columns, site.rows = cell, columns, rows
+        site.x0, site.y0 = origin
+        site.wall_start, site.wall_count = walls, len(segments)
+        site.group_start, site.group_count = circles, len(groups[-1])
+        site.cell_start = cells
         firsts.append(first[:-1] + listed)
-        entries.append(members)
+        members.append(entries)
         clears.append(_clearances(segments, origin, cell, columns, rows))
         frees.append(_free_boxes(first, columns, rows))
-        gates.append(_gates_of(course))
-        listed += len(members)
-        for name, count in counts.items():
-            starts[name] += count
-        starts["cell"] += columns * rows
-    return Atlas(
-        courses=headers,
-        line=np.concatenate(lines),
-        reference=np.concatenate(paths),
-        # One order of memory for all courses, or kernels are compiled for each anew.
-        walls=np.ascontiguousarray(np.concatenate(walls)),
-        wall_kinds=np.concatenate(kinds),
+        walls, cells = walls + len(segments), cells + columns * rows
+        circles, listed = circles + len(groups[-1]), listed + len(entries)
+    return Walls(
+        sites=sites,
+        # One order of memory for all sites, or kernels are compiled for each again.
+        segments=np.ascontiguousarray(np.concatenate([fence.segments for fence in fences])),
+        kinds=np.concatenate([fence.kinds for fence in fences]),
         groups=np.concatenate(groups),
         cell_first=np.concatenate([*firsts, [listed]]).astype(np.int32),
-        cell_walls=np.concatenate(entries).astype(np.int32),
+        cell_walls=np.concatenate(members).astype(np.int32),
         cell_clear=np.concatenate(clears),
         cell_free=np.concatenate(frees),
-        gates=np.concatenate(gates),
-        grid=np.concatenate([course.grid for course in courses]),
-        spots=np.concatenate([course.spots.reshape(-1, 2) for course in courses]),
     )
 
 
-def _walls_of(course: Course) -> tuple[Floats, NDArray[np.uint8]]:
+def fence_of(course: Course) -> Fence:
+    """Return the borders and obstacles of a course."""
     boxes = [_sides(obstacle) for obstacle in course.obstacles]
     segments = np.concatenate([_facing_the_track(course), *boxes])
     kinds = np.full(len(segments), codes.BORDER, np.uint8)
     kinds[len(course.borders) :] = codes.OBSTACLE
-    return segments, kinds
+    return Fence(segments, kinds, CELL_SHARE * course.width_mean)
 
 
 def _facing_the_track(course: Course) -> Floats:
@@ -113,6 +90,14 @@ def _facing_the_track(course: Course) -> Floats:
         # Inside a loop driven around, the left of a counter-clockwise walk is the track.
         turned.append(loop if is_around == counter_clockwise else loop[::-1][:, [2, 3, 0, 1]])
     return np.concatenate(turned)
+
+
+def _sides(obstacle: Obstacle) -> Floats:
+    corners = corners_of_box(
+        obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width
+    )
+    # Clockwise, so that the outside lies on the left of each side.
+    return segments_of(corners[::-1])
 
 
 def _groups_of(segments: Floats, first_wall: int) -> Records:
@@ -129,20 +114,12 @@ def _groups_of(segments: Floats, first_wall: int) -> Records:
     return groups
 
 
-def _sides(obstacle: Obstacle) -> Floats:
-    corners = corners_of_box(
-        obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width
-    )
-    # Clockwise, so that the outside lies on the left of each side.
-    return segments_of(corners[::-1])
-
-
-def _grid_over(course: Course, segments: Floats) -> tuple[tuple[float, float], float, int, int]:
-    cell = CELL_SHARE * course.width_mean
+def _grid_over(segments: Floats, cell: float) -> tuple[tuple[float, float], int, int]:
+    """Return corner [m], columns and rows of a grid that reaches a cell beyond the walls."""
     points = segments.reshape(-1, 2)
     low, high = points.min(axis=0) - cell, points.max(axis=0) + cell
     columns, rows = (int(n) for n in np.ceil((high - low) / cell))
-    return (float(low[0]), float(low[1])), cell, columns, rows
+    return (float(low[0]), float(low[1])), columns, rows
 
 
 def _list_walls(
@@ -242,31 +219,3 @@ def _longest_boxes(holds: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray
         best = np.where(better, score, best)
         long, short = np.where(better, width, long), np.where(better, height, short)
     return long, short
-
-
-def _line_of(course: Course) -> Records:
-    line = np.zeros(len(course.line), LINE)
-    for column, name in enumerate(("x", "y", "heading", "curvature")):
-        line[name] = course.line[:, column]
-    line["cos"], line["sin"] = np.cos(line["heading"]), np.sin(line["heading"])
-    line["left"], line["right"] = course.half_widths.T
-    return line
-
-
-def _reference_of(course: Course, reference: ReferenceLine | None) -> Records:
-    path = np.zeros(len(course.line), REFERENCE)
-    if reference is not None:
-        for name in ("x", "y", "heading", "curvature", "speed", "left", "right", "beside"):
-            path[name] = getattr(reference, name)
-        path["cos"], path["sin"] = np.cos(path["heading"]), np.sin(path["heading"])
-    return path
-
-
-def _gates_of(course: Course) -> Records:
-    gates = np.zeros(len(course.gates), GATE)
-    gates["progress"] = course.gates
-    # A gate that ends a sector carries the sector's number; the timing line ends the last.
-    ends = [gate for gate in course.sectors if gate != 0]
-    for sector, gate in enumerate([*ends, 0], start=1):
-        gates[gate]["sector"] = sector
-    return gates
