@@ -159,7 +159,7 @@ def _until_home(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
 def is_home(unit: ControlUnit) -> bool:
     """Return whether the kart was told to stop after the start, and stands."""
     hud = unit.hud
-    if hud is None or hud.trust is Trust.PARKED or hud.flag is Flag.RED:
+    if hud is None or hud.trust is Trust.SUSPENDED or hud.flag is Flag.RED:
         return False
     told = hud.lights_s == 0.0 and hud.speed_cap == 0.0
     return told and unit.fusion is not None and abs(unit.fusion.state[3]) < 0.05

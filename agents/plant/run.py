@@ -13,7 +13,7 @@ from race_agents.plant.incident import Cut, IncidentLog, Passage
 from race_agents.plant.kart import Plant, Sensors
 from race_agents.plant.radar import Floats, Surroundings
 from race_server.core.driver import driver_named
-from race_server.core.messages import Status
+from race_server.core.messages import KartFlag, Status
 from race_server.errors import WireError
 from race_server.live.client.seat import ClientSeat
 from race_server.net.auth.keys import ClientKeys
@@ -21,8 +21,6 @@ from race_server.net.transport import ClientLink, Mailbox
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet
 from race_server.net.wire.spectate import decode_snapshot
-
-PARKED = 64  # bit of a kart's flags in a snapshot: nobody sees it
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class Others:
         except WireError:
             return None  # the next one comes in a sixtieth of a second
         there = (karts["seat"] != self._own) & (karts["status"] == Status.RACING)
-        karts = karts[there & (karts["flags"] & PARKED == 0)]
+        karts = karts[there & (karts["flags"] & KartFlag.SUSPENDED == 0)]
         cos, sin = np.cos(karts["heading"]), np.sin(karts["heading"])
         vx = karts["speed"] * cos - karts["lateral_speed"] * sin
         vy = karts["speed"] * sin + karts["lateral_speed"] * cos

@@ -1,19 +1,27 @@
 """Plain integers for the kernels, equal to the enumerations of `messages`, and small bit sets."""
 
-from race_server.core.messages import Button, EventKind, Flag, Retirement, Status, Trust
+from race_server.core.messages import (
+    Button,
+    EventKind,
+    Flag,
+    RayHit,
+    Retirement,
+    Status,
+    Trust,
+)
 
 ABSENT, RACING, FINISHED, RETIRED = (int(status) for status in Status)
 GREEN, YELLOW, RED = (int(flag) for flag in Flag)
 
-# How a kart's place is known; from DOUBTFUL on it touches nobody, from PARKED on nobody sees it.
-SIMULATED, TRUSTED, DOUBTFUL, PARKED, OUT = (int(trust) for trust in Trust)
+# How the pose of a kart is taken: no contact from DOUBTFUL on, seen by no sensor from SUSPENDED on.
+SIMULATED, TRUSTED, DOUBTFUL, SUSPENDED, OUT = (int(trust) for trust in Trust)
 
 # Contact policies of a scenario.
 BUMP, RETIRE, GHOST = 0, 1, 2
 CONTACT_POLICIES = {"bump": BUMP, "retire": RETIRE, "ghost": GHOST}
 
 # What a ray hits.
-NOTHING, BORDER, OBSTACLE, HAZARD_HIT, KART_HIT = range(5)
+NOTHING, BORDER, OBSTACLE, HAZARD_HIT, KART_HIT = (int(hit) for hit in RayHit)
 
 # Sensors that a kart carries.
 LIDAR, RADAR = 1, 2

@@ -1,11 +1,14 @@
-"""Plain data that crosses borders: what a driver sends and what it is told."""
+"""Plain data that crosses borders: what a driver sends and what it receives.
+
+The numbers of all enumerations are those of `schemas/codes.fbs`; a test compares them.
+"""
 
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 
 
 class Phase(IntEnum):
-    """The life of a race session."""
+    """The life of a session."""
 
     LOBBY = 0
     COUNTDOWN = 1
@@ -14,7 +17,7 @@ class Phase(IntEnum):
 
 
 class Flag(IntEnum):
-    """The flag shown to every kart."""
+    """The flag shown to karts."""
 
     GREEN = 0
     YELLOW = 1
@@ -31,27 +34,49 @@ class Status(IntEnum):
 
 
 class Button(IntFlag):
-    """What a driver can press."""
+    """What a driver presses."""
 
     NONE = 0
     USE_ITEM = 1
     ACCEPT_RESCUE = 2
 
 
+class KartFlag(IntFlag):
+    """What else is known of a kart in a snapshot."""
+
+    WRONG_WAY = 1
+    OFF_TRACK = 2
+    RESCUE_OFFERED = 4
+    IMMUNE = 8  # a shield is up, or hits do nothing
+    REAL = 16  # moved by its own poses
+    DOUBTFUL = 32  # as in Trust
+    SUSPENDED = 64  # as in Trust, or out for good: no sensor sees it
+
+
+class RayHit(IntEnum):
+    """What a ray of a sensor hits."""
+
+    NOTHING = 0
+    BORDER = 1
+    OBSTACLE = 2
+    HAZARD = 3
+    KART = 4
+
+
 class EventKind(IntEnum):
-    """What happened in the world. `value` and `other` of an event are read as noted."""
+    """What happened in the world, and how `value` and `other` of the event are read."""
 
     GREEN = 1  # the lights went out
-    LAP = 2  # value: lap time [µs], other: lap number
-    SECTOR = 3  # value: sector time [µs], other: sector number from 1
+    LAP = 2  # value: lap time [µs]; other: number of the lap
+    SECTOR = 3  # value: sector time [µs]; other: number of the sector, from 1
     FINISH = 4  # value: race time [µs]
-    RETIRED = 5  # other: reason, see Retirement
+    RETIRED = 5  # other: Retirement
     PICK_UP = 6  # other: item
     USE = 7  # other: item
-    HIT = 8  # other: kart that caused it, -1 for nobody; value: item
-    BLOCKED_HIT = 9  # a shield or immunity took it; other: kart that caused it; value: item
+    HIT = 8  # value: item; other: kart that caused it, -1 for none
+    BLOCKED_HIT = 9  # by a shield or immunity; value: item; other: kart that caused it
     EFFECT_END = 10  # other: item
-    CONTACT_KART = 11  # other: the other kart; value: impulse [N s] · 1000
+    CONTACT_KART = 11  # value: impulse [N s] · 1000; other: the other kart
     CONTACT_WALL = 12  # value: impulse [N s] · 1000
     FALSE_START = 13
     SHORT_CUT = 14  # other: gate that was missed
@@ -59,12 +84,12 @@ class EventKind(IntEnum):
     OFF_TRACK = 16  # value: 1 leaves, 0 returns
     STUCK = 17  # a rescue is offered
     RESCUED = 18
-    PENALTY = 19  # value: [µs], other: the event kind it is for
+    PENALTY = 19  # value: [µs]; other: EventKind that it is for
     FLAG = 20  # other: Flag; kart: around which one, -1 for the whole course
     PHASE = 21  # other: Phase
     RACE_OVER = 22
-    WARNING = 23  # drove into another from behind; other: that kart; value: warnings so far
-    POSE = 24  # of a real kart; other: Trust from now on; value: Doubt
+    WARNING = 23  # drove into a kart from behind; value: warnings so far; other: that kart
+    POSE = 24  # of a real kart; value: PoseFault; other: Trust from now on
 
 
 class Retirement(IntEnum):
@@ -76,35 +101,35 @@ class Retirement(IntEnum):
     STOPPED = 4
     TIME_OUT = 5
     RAMMING = 6
-    LOST = 7  # a real kart whose pose could not be trusted any more
+    LOST = 7  # a real kart whose poses stayed bad for too long
 
 
 class Trust(IntEnum):
-    """How the server takes a kart's place in the world."""
+    """How the server takes the pose of a kart."""
 
-    SIMULATED = 0  # works it out itself
-    TRUSTED = 1  # a real kart tells, and it is plausible
-    DOUBTFUL = 2  # it is not, or nothing comes: the kart touches nobody, yellow flag around it
-    PARKED = 3  # so for too long: out of the race until its poses are good again
-    OUT = 4  # and for good
+    SIMULATED = 0  # computed by the server
+    TRUSTED = 1  # told by a real kart, and plausible
+    DOUBTFUL = 2  # implausible or missing: no contact with others, yellow flag around it
+    SUSPENDED = 3  # doubtful for too long: out of the race until its poses are good again
+    OUT = 4  # for good
 
 
 class PoseFault(IntEnum):
-    """Why a pose is not believed."""
+    """Why a pose is refused."""
 
     NONE = 0
-    SILENT = 1  # no pose comes
-    STALE = 2  # it is too old
-    SPEED = 3  # faster than this kart can be
-    JUMP = 4  # not where it can have got to
+    SILENT = 1  # no pose arrives
+    STALE = 2  # too old
+    SPEED = 3  # faster than the kart can be
+    JUMP = 4  # too far from the pose before
     OFF_WORLD = 5  # beyond the borders of the course
     POOR = 6  # the kart itself does not trust it
-    DEAF = 7  # the kart does not acknowledge what it must obey
+    DEAF = 7  # the kart does not acknowledge its orders
 
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """What a driver wants until its next decision.
+    """What a driver commands until its next decision.
 
     steering: [-1, 1] share of the steering limit, left positive. throttle: [-1, 1], negative
     drives in reverse. brake: [0, 1].
@@ -117,7 +142,7 @@ class Control:
 
 
 class Source(IntEnum):
-    """Where a real kart's position came from."""
+    """Where the position of a real kart came from."""
 
     UNKNOWN = 0
     SATELLITES = 1

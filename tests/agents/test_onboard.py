@@ -531,7 +531,7 @@ def test_a_plant_whose_link_is_cut_stops_by_itself_and_is_parked() -> None:
     assert EventKind.FLAG in [event.kind for event in loop.events]
     loop.run(2.5)
     raced = loop.session.world.bodies[0, 0]
-    assert raced.trust == Trust.PARKED
+    assert raced.trust == Trust.SUSPENDED
     assert raced.status == Status.RACING
     loop.hears = True
     loop.run(2.0)

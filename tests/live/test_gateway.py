@@ -20,10 +20,10 @@ from race_server.errors import GatewayError
 from race_server.net.wire.drive import ControlFrame, decode_hud, encode_control
 from race_server.net.wire.links import decode_links
 from race_server.net.wire.lobby import decode_course, decode_welcome
-from race_server.net.wire.rays import decode_rays
 from race_server.net.wire.spectate import decode_events, decode_snapshot
 from support.browsers import Browser
 from support.halls import ORIGIN, TOKENS, Hall, gated, racing, wait_for_race
+from support.rays import decode_rays
 
 pytestmark = pytest.mark.net
 

@@ -19,9 +19,7 @@ from race_server.core.messages import (
     Flag,
     Phase,
     Pose,
-    PoseFault,
     Source,
-    Trust,
 )
 from race_server.errors import SeatError, WireError
 from race_server.net.wire import drive, line, links, lobby, rays, spectate, topics
@@ -29,7 +27,18 @@ from race_server.net.wire import pose as poses
 from race_server.net.wire.generate import PAGE_TARGET, TARGET, generate, generate_page
 from race_server.net.wire.strict import root_of
 from race_server.net.wire.topics import key_of
-from support.messages import EVENTS, STANDINGS, WELCOME, snapshot
+from support.messages import (
+    COURSE,
+    EVENTS,
+    HUD,
+    LINE,
+    LINKS,
+    RAYS,
+    STANDINGS,
+    WELCOME,
+    snapshot,
+)
+from support.rays import decode_rays
 
 u32 = st.integers(0, 2**32 - 1)
 share = st.floats(-1.0, 1.0, width=32)
@@ -147,30 +156,8 @@ def test_rules_come_back_as_they_were_sent() -> None:
     assert lobby.decode_rules(lobby.encode_rules(rules, ["oil"])) == (rules, ("oil",))
 
 
-HUD = drive.HudFrame(
-    *(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT)),
-    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, PoseFault.JUMP),
-)
-
-
 def test_heads_up_data_comes_back_as_it_was_sent() -> None:
     assert drive.decode_hud(drive.encode_hud(HUD)) == HUD
-
-
-COURSE = lobby.CourseSheet(
-    *("oval", "Oval", "0af1", 0.5),
-    *(np.ones((3, 4)), np.ones((3, 2)), 0.1, np.ones((2, 4))),
-    *(np.arange(2.0), np.ones((1, 3)), np.zeros((0, 2))),
-    *(0.5, np.ones((1, 5)), (1, 0), 2.06, 1.3, 0.087),
-)
-LINE = line.LineSheet(0.1, *(np.arange(3.0) + n for n in range(4)), lap=6.5, note="a stand-in: é")
-LINKS = links.LinksFrame(
-    2, 600, np.array([(-1, 0, 3, 0, 0, b""), (50, 7, 0, 2, 5, b"")], links.LINK)
-)
-RAYS = rays.RaysFrame(
-    *(600, 7, 1.5, -2.5, 0.25, 0.5, 3.5, 8.0, np.ones(201, "f4")),
-    *(0.0, 80.0, np.linspace(-1, 1, 9, dtype="f4"), np.ones(9, "f4"), np.arange(9, dtype="u1")),
-)
 
 
 def same(one: object, other: object) -> bool:
@@ -202,7 +189,7 @@ def test_links_come_back_as_they_were_sent() -> None:
 
 
 def test_rays_come_back_as_they_were_sent() -> None:
-    assert same(rays.decode_rays(rays.encode_rays(RAYS)), RAYS)
+    assert same(decode_rays(rays.encode_rays(RAYS)), RAYS)
 
 
 MESSAGES = [
@@ -220,7 +207,7 @@ MESSAGES = [
     (lobby.decode_course, lobby.encode_course(COURSE)),
     (line.decode_line, line.encode_line(LINE)),
     (links.decode_links, links.encode_links(LINKS)),
-    (rays.decode_rays, rays.encode_rays(RAYS)),
+    (decode_rays, rays.encode_rays(RAYS)),
 ]
 
 

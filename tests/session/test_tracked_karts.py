@@ -161,7 +161,7 @@ def test_silence_makes_a_kart_doubtful_then_parks_it_then_ends_its_race() -> Non
     assert seen[0] is Trust.TRUSTED
     first = {trust: seen.index(trust) / 10 + 1.0 for trust in set(seen)}
     assert first[Trust.DOUBTFUL] == pytest.approx(1.4, abs=0.11)
-    assert first[Trust.PARKED] == pytest.approx(3.5, abs=0.11)
+    assert first[Trust.SUSPENDED] == pytest.approx(3.5, abs=0.11)
     assert first[Trust.OUT] == pytest.approx(23.6, abs=0.11)
     assert tracker.doubt is PoseFault.SILENT
 
@@ -312,7 +312,7 @@ def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
     drive(session, real, 60)
     drive(session, real, 240, silent=True)
     body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
-    assert body.trust == codes.PARKED
+    assert body.trust == codes.SUSPENDED
     assert body.speed_cap == 0.0
     session.look()
     assert session.view(1)[session.layout("track").slices["karts_x"]][0] == 1000.0  # nobody there

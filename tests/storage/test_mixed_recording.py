@@ -159,7 +159,7 @@ def test_a_real_kart_that_was_out_of_favour_stays_so(raced: Recorded) -> None:
     session.fleet.take_up(session.world, 0)
     assert session.fleet.trackers[0].trust is Trust.DOUBTFUL
     session.follow(2_100_000)
-    assert session.fleet.trackers[0].trust is Trust.PARKED
+    assert session.fleet.trackers[0].trust is Trust.SUSPENDED
 
 
 def test_a_real_kart_that_does_not_come_back_is_doubtful_a_second_later(raced: Recorded) -> None:
@@ -226,7 +226,7 @@ def test_placements_survive_the_wire_and_nonsense_does_not() -> None:
     tick, back = decode_placements(encode_placements(77, rows))
     assert tick == 77
     assert (back == rows).all()
-    for name, value in (("y", np.nan), ("trust", 9), ("doubt", 200)):
+    for name, value in (("y", np.nan), ("trust", 9), ("fault", 200)):
         bad = rows.copy()
         bad[name] = value
         with pytest.raises(WireError):

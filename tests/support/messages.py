@@ -8,11 +8,13 @@ from race_server.core.messages import (
     EventKind,
     Flag,
     Phase,
+    PoseFault,
     Standing,
     Status,
+    Trust,
 )
 from race_server.core.vehicles import TT02
-from race_server.net.wire import lobby, spectate
+from race_server.net.wire import drive, line, links, lobby, rays, spectate
 
 
 def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
@@ -33,3 +35,23 @@ STANDING = Standing(4, "me", 1, 3, Status.FINISHED, 10, 9, 30, 0, 1, 5_000_000, 
 STANDINGS = spectate.StandingsFrame(1, 600, 180, Phase.RUNNING, Flag.GREEN, 3, "oval", (STANDING,))
 
 WELCOME = lobby.Welcome(Briefing(1, TT02, 3, "lidar", 0.05, ("boost", "oil"), 3.5), 99, 2, 201)
+
+HUD = drive.HudFrame(
+    *(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT)),
+    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, PoseFault.JUMP),
+)
+
+COURSE = lobby.CourseSheet(
+    *("oval", "Oval", "0af1", 0.5),
+    *(np.ones((3, 4)), np.ones((3, 2)), 0.1, np.ones((2, 4))),
+    *(np.arange(2.0), np.ones((1, 3)), np.zeros((0, 2))),
+    *(0.5, np.ones((1, 5)), (1, 0), 2.06, 1.3, 0.087),
+)
+LINE = line.LineSheet(0.1, *(np.arange(3.0) + n for n in range(4)), lap=6.5, note="a stand-in: é")
+LINKS = links.LinksFrame(
+    2, 600, np.array([(-1, 0, 3, 0, 0, b""), (50, 7, 0, 2, 5, b"")], links.LINK)
+)
+RAYS = rays.RaysFrame(
+    *(600, 7, 1.5, -2.5, 0.25, 0.5, 3.5, 8.0, np.ones(201, "f4")),
+    *(0.0, 80.0, np.linspace(-1, 1, 9, dtype="f4"), np.ones(9, "f4"), np.arange(9, dtype="u1")),
+)

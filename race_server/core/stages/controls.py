@@ -56,7 +56,7 @@ def apply_effects(world: World, w: int) -> None:
         body.speed_cap = speed * world.vehicles[w, k].top_speed
         body.thrust_scale = thrust
         body.grip_scale = grip * surface_grip(body.surface)
-        if held or body.status != codes.RACING or body.trust >= codes.PARKED:
+        if held or body.status != codes.RACING or body.trust >= codes.SUSPENDED:
             body.speed_cap = 0.0
         elif race.flag == codes.YELLOW or racer.yellow:
             body.speed_cap = min(body.speed_cap, rules.yellow_speed)

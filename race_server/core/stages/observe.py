@@ -270,7 +270,7 @@ def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: i
         best, following = math.inf, -1
         for other in range(world.bodies.shape[1]):
             rival = world.bodies[w, other]
-            if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
+            if other == k or rival.status != codes.RACING or rival.trust >= codes.SUSPENDED:
                 continue
             dx, dy = rival.x - body.x, rival.y - body.y
             square = dx * dx + dy * dy

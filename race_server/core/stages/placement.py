@@ -43,4 +43,4 @@ def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
 
 @kernel
 def _calls_for_yellow(trust: int) -> bool:
-    return trust == codes.DOUBTFUL or trust == codes.PARKED
+    return trust == codes.DOUBTFUL or trust == codes.SUSPENDED

@@ -109,7 +109,7 @@ def _scan(
     cast_fan(world.walls, site, x, y, cos, sin, rays, field, reach, ranges, kinds)
     for other in range(world.bodies.shape[1]):
         rival = world.bodies[w, other]
-        if other == k or rival.status != codes.RACING or rival.trust >= codes.PARKED:
+        if other == k or rival.status != codes.RACING or rival.trust >= codes.SUSPENDED:
             continue
         vehicle = world.vehicles[w, other]
         half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core import codes
+from race_server.core.messages import KartFlag
 from race_server.core.state import RADAR_RAYS
 from race_server.net.wire.lobby import CourseSheet
 from race_server.net.wire.rays import RaysFrame
@@ -20,8 +21,6 @@ from race_server.scenario.track.polyline import corners_of_box, segments_of
 from race_server.scenario.track.raycast import are_near, first_met
 
 Floats = NDArray[np.float64]
-# Bit of a kart's flags in a snapshot: parked out of the race, so nobody sees it.
-PARKED = 1 << 6
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class Caster:
 
     def _things(self, frame: SnapshotFrame, seat: int) -> Things:
         karts, course = frame.karts, self._course
-        is_seen = (karts["status"] == codes.RACING) & (karts["flags"] & PARKED == 0)
+        is_seen = (karts["status"] == codes.RACING) & (karts["flags"] & KartFlag.SUSPENDED == 0)
         outlines = [np.zeros((0, 4))]
         for kart in karts[is_seen & (karts["seat"] != seat)]:
             turn = float(kart["heading"])

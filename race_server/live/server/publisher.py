@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.messages import Event, Flag, PoseFault, Trust
+from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
 from race_server.core.state import EFFECTS, field_of
 from race_server.live.server.journal import Journal
 from race_server.net.transport import ServerLink
@@ -128,7 +128,7 @@ def hud_of(session: Session, seat: Seat) -> HudFrame:
         lights_s=lights_s(session),
         flag=Flag(max(int(race.flag), int(racer.yellow))),
         trust=tracker.trust if tracker else Trust.SIMULATED,
-        doubt=tracker.doubt if tracker else PoseFault.NONE,
+        fault=tracker.doubt if tracker else PoseFault.NONE,
     )
 
 
@@ -153,11 +153,16 @@ def snapshot_of(session: Session) -> SnapshotFrame:
     karts["effects"] = (players["effects"]["source"] > 0).sum(axis=1) if EFFECTS else 0
     safe = np.maximum(players["immune_until"], players["shield_until"]) > tick
     trust = bodies["trust"]
-    bits = (
-        *(racers["wrong_way"], racers["off_track"], racers["rescue_offered"], safe),
-        *(trust != codes.SIMULATED, trust == codes.DOUBTFUL, trust >= codes.PARKED),
-    )
-    karts["flags"] = sum(bit.astype(np.uint8) << place for place, bit in enumerate(bits))
+    bits = {
+        KartFlag.WRONG_WAY: racers["wrong_way"],
+        KartFlag.OFF_TRACK: racers["off_track"],
+        KartFlag.RESCUE_OFFERED: racers["rescue_offered"],
+        KartFlag.IMMUNE: safe,
+        KartFlag.REAL: trust != codes.SIMULATED,
+        KartFlag.DOUBTFUL: trust == codes.DOUBTFUL,
+        KartFlag.SUSPENDED: trust >= codes.SUSPENDED,
+    }
+    karts["flags"] = sum(holds.astype(np.uint8) * bit.value for bit, holds in bits.items())
     placed = world.hazards[0][world.hazards["until_tick"][0] > tick]
     hazards = np.zeros(len(placed), HAZARD)
     for name in ("x", "y", "radius", "owner"):
@@ -202,7 +207,7 @@ def links_of(session: Session) -> LinksFrame:
         row["seat"], row["silence"] = seat.number, seat.silence
         row["age"] = (tick - seat.control_tick) * 1000 // TICKS_PER_SECOND if is_heard else -1
         row["trust"] = tracker.trust if tracker else Trust.SIMULATED
-        row["doubt"] = tracker.doubt if tracker else PoseFault.NONE
+        row["fault"] = tracker.doubt if tracker else PoseFault.NONE
     return LinksFrame(session.epoch, tick, rows)
 
 

@@ -67,7 +67,7 @@ class HudFrame:
     lights_s: float = 0.0
     flag: Flag = Flag.GREEN
     trust: Trust = Trust.SIMULATED
-    doubt: PoseFault = PoseFault.NONE
+    fault: PoseFault = PoseFault.NONE
 
 
 def encode_control(frame: ControlFrame) -> bytes:
@@ -215,7 +215,7 @@ def encode_hud(frame: HudFrame) -> bytes:
     Hud.AddLights(builder, frame.lights_s)
     Hud.AddFlag(builder, int(frame.flag))
     Hud.AddTrust(builder, int(frame.trust))
-    Hud.AddDoubt(builder, int(frame.doubt))
+    Hud.AddFault(builder, int(frame.fault))
     builder.Finish(Hud.End(builder), topics.HUD.identifier)
     return bytes(builder.Output())
 
@@ -236,9 +236,9 @@ def decode_hud(data: bytes) -> HudFrame:
     )
     if min(cap, thrust, grip, immune, valid, lights) < 0.0 or not math.isfinite(cap):
         raise WireError("heads-up data out of range")
-    flag, trust, doubt = (table.scalar(slot, U8) for slot in (12, 13, 14))
-    if flag > max(Flag) or trust > max(Trust) or doubt > max(PoseFault):
-        raise WireError(f"heads-up data of flag {flag}, trust {trust} and doubt {doubt}")
+    flag, trust, fault = (table.scalar(slot, U8) for slot in (12, 13, 14))
+    if flag > max(Flag) or trust > max(Trust) or fault > max(PoseFault):
+        raise WireError(f"heads-up data of flag {flag}, trust {trust} and pose fault {fault}")
     return HudFrame(
         epoch=table.scalar(0, U32),
         tick=table.scalar(1, U32),
@@ -254,5 +254,5 @@ def decode_hud(data: bytes) -> HudFrame:
         lights_s=lights,
         flag=Flag(flag),
         trust=Trust(trust),
-        doubt=PoseFault(doubt),
+        fault=PoseFault(fault),
     )

@@ -1,6 +1,6 @@
-"""Write `generated/` anew from the schemas: ``python -m race_server.net.wire.generate``.
+"""Regenerate `generated/` from the schemas: ``python -m race_server.net.wire.generate``.
 
-The same schemas make the TypeScript by which the page reads what the race sends.
+The TypeScript with which the page reads messages is generated from the same schemas.
 """
 
 import shutil
@@ -15,19 +15,19 @@ ROOT = Path(__file__).parents[3]
 SCHEMAS = ROOT / "schemas"
 TARGET = Path(__file__).parent / "generated"
 PAGE_TARGET = ROOT / "web" / "src" / "wire" / "generated"
-# A browser is sent nothing of a recording's own.
-PAGE_SCHEMAS = ("drive", "session", "spectate")
+# Browsers receive no message of the journal.
+PAGE_SCHEMAS = ("codes", "drive", "session", "spectate")
 # The namespace of all schemas.
 NAMESPACE = ("race",)
-# Where Python finds what is made of them: generated files import one another by that name.
+# The Python package of the generated modules, by which they import one another.
 PACKAGE = "race_server.net.wire.generated"
-# The same in TypeScript, and how its files name it from inside.
+# The namespace in TypeScript, and how its files name it from inside.
 _PAGE_NAMESPACE = tuple(part.replace("_", "-") for part in NAMESPACE)
 _PAGE_PREFIX = "/".join([".."] * (len(NAMESPACE) + 1) + [*_PAGE_NAMESPACE, ""])
 
 
 def generate(target: Path) -> None:
-    """Run flatc over all schemas into `target`.
+    """Write all schemas as Python modules and in binary form into `target`.
 
     Raises:
         WireError: flatc is not installed, or refuses a schema.
@@ -41,7 +41,7 @@ def generate(target: Path) -> None:
     prefix = f"from {'.'.join(NAMESPACE)}."
     for path in sorted(target.rglob("*.py")):
         path.write_text(path.read_text().replace(prefix, f"from {PACKAGE}."))
-    # The same schemas as data: recordings carry them, so that any program can read one.
+    # Recordings carry the schemas in binary form, so that any program can read them.
     _run([program, "--schema", "--binary", "-o", str(target), *schemas])
     for old in sorted(target.rglob("__init__.py")):
         old.unlink()
@@ -51,7 +51,7 @@ def generate(target: Path) -> None:
 
 
 def generate_page(target: Path) -> None:
-    """Run flatc over the schemas that browsers need, as TypeScript, into `target`.
+    """Write the schemas that browsers need as TypeScript into `target`.
 
     Raises:
         WireError: flatc is not installed, or refuses a schema.

@@ -16,7 +16,7 @@ LINK = np.dtype(
     [
         ("age", "<i4"),
         ("seat", "<u2"),
-        *((name, "u1") for name in ("silence", "trust", "doubt")),
+        *((name, "u1") for name in ("silence", "trust", "fault")),
         ("", "V3"),  # up to the next multiple of four
     ]
 )
@@ -37,7 +37,7 @@ class LinksFrame:
 def encode_links(frame: LinksFrame) -> bytes:
     """Return how drivers are heard as a message."""
     builder = flatbuffers.Builder(64 + LINK.itemsize * len(frame.links))
-    named = frame.links[["age", "seat", "silence", "trust", "doubt"]]
+    named = frame.links[["age", "seat", "silence", "trust", "fault"]]
     rows = build_rows(builder, Links.StartLinksVector, Link.CreateLink, named)
     Links.Start(builder)
     Links.AddEpoch(builder, frame.epoch)

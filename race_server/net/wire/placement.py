@@ -20,7 +20,7 @@ PLACED = np.dtype(
         *((name, "<f4") for name in NUMBERS),
         *((name, "<u4") for name in ("orders", "acknowledged")),
         ("seat", "<u2"),
-        *((name, "u1") for name in ("trust", "doubt")),
+        *((name, "u1") for name in ("trust", "fault")),
     ]
 )
 MOST_SEATS = 64
@@ -54,6 +54,6 @@ def decode_placements(data: bytes) -> tuple[int, Rows]:
     for name in NUMBERS:
         if not np.isfinite(rows[name]).all():
             raise WireError(f"{name} of a real kart is not finite")
-    if (rows["trust"] > max(Trust)).any() or (rows["doubt"] > max(PoseFault)).any():
-        raise WireError("a real kart's trust or doubt is unknown")
+    if (rows["trust"] > max(Trust)).any() or (rows["fault"] > max(PoseFault)).any():
+        raise WireError("a real kart's trust or pose fault is unknown")
     return table.scalar(0, U32), rows

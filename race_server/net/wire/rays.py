@@ -1,20 +1,14 @@
-"""What the sensors of a kart would see, for who draws it: written and read."""
+"""What the sensors of a kart would see, as the page draws it: written."""
 
-import struct
 from dataclasses import dataclass
 
 import flatbuffers
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.errors import WireError
 from race_server.net.wire.generated.spectate import Rays
-from race_server.net.wire.strict import U16, U32, root_of
 
 RAYS_ID = b"RRAY"
-F32 = struct.Struct("<f")
-MOST_RAYS = 2048
-MOST_BYTES = 1 << 15
 
 Float32s = NDArray[np.float32]
 _NUMBERS = ("X", "Y", "Heading", "LidarAhead", "LidarField", "LidarReach")
@@ -37,7 +31,7 @@ class RaysFrame:
     radar_reach: float  # [m]
     radar_angles: Float32s  # (9,) [rad] left positive
     radar: Float32s  # (9,) [m]
-    radar_kinds: NDArray[np.uint8]  # (9,) what each hits, see `race_server.core.codes`
+    radar_kinds: NDArray[np.uint8]  # (9,) RayHit
 
 
 def encode_rays(frame: RaysFrame) -> bytes:
@@ -63,38 +57,3 @@ def encode_rays(frame: RaysFrame) -> bytes:
     Rays.AddRadarKinds(builder, kinds)
     builder.Finish(Rays.End(builder), RAYS_ID)
     return bytes(builder.Output())
-
-
-def decode_rays(data: bytes) -> RaysFrame:
-    """Return the rays in a message.
-
-    Raises:
-        WireError: damaged or foreign.
-    """
-    table = root_of(data, RAYS_ID, MOST_BYTES)
-    x, y, heading, ahead, field, reach = (table.number(slot, F32) for slot in range(2, 8))
-    vectors = []
-    for slot in (8, 11, 12):
-        first, count = table.vector(slot, F32.size, MOST_RAYS)
-        vectors.append(np.frombuffer(data, "<f4", count, first))
-    lidar, angles, radar = vectors
-    first, count = table.vector(13, 1, MOST_RAYS)
-    kinds = np.frombuffer(data, np.uint8, count, first)
-    if not len(angles) == len(radar) == len(kinds):
-        raise WireError("radar of more angles than ranges, or the other way round")
-    return RaysFrame(
-        tick=table.scalar(0, U32),
-        seat=table.scalar(1, U16),
-        x=x,
-        y=y,
-        heading=heading,
-        lidar_ahead=ahead,
-        lidar_field=field,
-        lidar_reach=reach,
-        lidar=lidar,
-        radar_ahead=table.number(9, F32),
-        radar_reach=table.number(10, F32),
-        radar_angles=angles,
-        radar=radar,
-        radar_kinds=kinds,
-    )

@@ -9,8 +9,8 @@ from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 
-# So long without a pose that is believed makes a kart doubtful, then parks it, then ends its race.
-DOUBT_S, PARK_S, OUT_S = 0.4, 2.0, 20.0
+# [s] without an accepted pose until a kart is doubtful; from then until it is suspended, then out.
+DOUBT_S, SUSPEND_S, OUT_S = 0.4, 2.0, 20.0
 # So many poses in a row, over at least this time, must agree before a kart is believed again.
 AGREEING, AGREEING_S = 8, 0.25
 # Nobody expects the first pose sooner than this, nor before the start.
@@ -117,9 +117,9 @@ class Tracker:
             self._turn(Trust.TRUSTED, PoseFault.NONE, now_us)
         elif self.trust is Trust.SIMULATED and is_racing and waited > FIRST_S:
             self._turn(Trust.DOUBTFUL, self.doubt or PoseFault.SILENT, now_us)
-        elif self.trust is Trust.DOUBTFUL and waited > PARK_S:
-            self._turn(Trust.PARKED, self.doubt, now_us)
-        elif self.trust is Trust.PARKED and waited > OUT_S:
+        elif self.trust is Trust.DOUBTFUL and waited > SUSPEND_S:
+            self._turn(Trust.SUSPENDED, self.doubt, now_us)
+        elif self.trust is Trust.SUSPENDED and waited > OUT_S:
             self._turn(Trust.OUT, self.doubt, now_us)
 
     def _agrees(self, now_us: int) -> bool:

@@ -167,7 +167,7 @@ def _take(recording: Recording, line: Line) -> None:
             recording.entries.append(Intervention(tick, InterventionKind(kind), kart, value))
     elif line.kind is PLACEMENTS:
         tick, rows = decode_placements(line.data)
-        columns = [rows[name].astype("f8") for name in ("seat", "trust", "doubt", *NUMBERS)]
+        columns = [rows[name].astype("f8") for name in ("seat", "trust", "fault", *NUMBERS)]
         orders = np.stack([rows["orders"], rows["acknowledged"]], axis=1).astype("i8")
         recording.entries.append(Placements(tick, np.stack(columns, axis=1), orders))
     elif line.kind is GRANTED:

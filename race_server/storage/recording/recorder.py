@@ -227,7 +227,7 @@ def _encode_inputs(inputs: Inputs) -> bytes:
 
 def _encode_placements(placements: Placements) -> bytes:
     rows = np.zeros(len(placements.rows), PLACED)
-    for column, name in enumerate(("seat", "trust", "doubt", *NUMBERS)):
+    for column, name in enumerate(("seat", "trust", "fault", *NUMBERS)):
         rows[name] = placements.rows[:, column]
     rows["orders"], rows["acknowledged"] = placements.orders.T
     return encode_placements(placements.tick, rows)

@@ -69,7 +69,7 @@ def _placements(data: bytes) -> Words:
     karts = [dict(zip(names, row, strict=True)) for row in rows.tolist()]
     for kart in karts:
         kart["trust"] = Trust(kart["trust"]).name.lower()
-        kart["doubt"] = PoseFault(kart["doubt"]).name.lower()
+        kart["doubt"] = PoseFault(kart.pop("fault")).name.lower()
     return {"tick": tick, "placements": karts}
 
 

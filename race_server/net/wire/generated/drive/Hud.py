@@ -140,7 +140,7 @@ class Hud(object):
         return 0
 
     # Hud
-    def Doubt(self):
+    def Fault(self):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(32))
         if o != 0:
             return self._tab.Get(flatbuffers.number_types.Uint8Flags, o + self._tab.Pos)
@@ -242,11 +242,11 @@ def HudAddTrust(builder, trust):
 def AddTrust(builder, trust):
     HudAddTrust(builder, trust)
 
-def HudAddDoubt(builder, doubt):
-    builder.PrependUint8Slot(14, doubt, 0)
+def HudAddFault(builder, fault):
+    builder.PrependUint8Slot(14, fault, 0)
 
-def AddDoubt(builder, doubt):
-    HudAddDoubt(builder, doubt)
+def AddFault(builder, fault):
+    HudAddFault(builder, fault)
 
 def HudEnd(builder):
     return builder.EndObject()

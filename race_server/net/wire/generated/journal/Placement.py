@@ -40,11 +40,11 @@ class Placement(object):
     # Placement
     def Trust(self): return self._tab.Get(flatbuffers.number_types.Uint8Flags, self._tab.Pos + flatbuffers.number_types.UOffsetTFlags.py_type(38))
     # Placement
-    def Doubt(self): return self._tab.Get(flatbuffers.number_types.Uint8Flags, self._tab.Pos + flatbuffers.number_types.UOffsetTFlags.py_type(39))
+    def Fault(self): return self._tab.Get(flatbuffers.number_types.Uint8Flags, self._tab.Pos + flatbuffers.number_types.UOffsetTFlags.py_type(39))
 
-def CreatePlacement(builder, x, y, heading, speed, lateralSpeed, yawRate, steering, orders, acknowledged, seat, trust, doubt):
+def CreatePlacement(builder, x, y, heading, speed, lateralSpeed, yawRate, steering, orders, acknowledged, seat, trust, fault):
     builder.Prep(4, 40)
-    builder.PrependUint8(doubt)
+    builder.PrependUint8(fault)
     builder.PrependUint8(trust)
     builder.PrependUint16(seat)
     builder.PrependUint32(acknowledged)

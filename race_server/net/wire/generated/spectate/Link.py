@@ -26,12 +26,12 @@ class Link(object):
     # Link
     def Trust(self): return self._tab.Get(flatbuffers.number_types.Uint8Flags, self._tab.Pos + flatbuffers.number_types.UOffsetTFlags.py_type(7))
     # Link
-    def Doubt(self): return self._tab.Get(flatbuffers.number_types.Uint8Flags, self._tab.Pos + flatbuffers.number_types.UOffsetTFlags.py_type(8))
+    def Fault(self): return self._tab.Get(flatbuffers.number_types.Uint8Flags, self._tab.Pos + flatbuffers.number_types.UOffsetTFlags.py_type(8))
 
-def CreateLink(builder, age, seat, silence, trust, doubt):
+def CreateLink(builder, age, seat, silence, trust, fault):
     builder.Prep(4, 12)
     builder.Pad(3)
-    builder.PrependUint8(doubt)
+    builder.PrependUint8(fault)
     builder.PrependUint8(trust)
     builder.PrependUint8(silence)
     builder.PrependUint16(seat)

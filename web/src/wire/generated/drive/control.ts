@@ -4,6 +4,9 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Button } from '../codes/button.js';
+
+
 export class Control {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -37,7 +40,7 @@ brake():number {
   return this.bb!.readFloat32(this.bb_pos + 20);
 }
 
-buttons():number {
+buttons():Button {
   return this.bb!.readUint32(this.bb_pos + 24);
 }
 
@@ -45,7 +48,7 @@ static sizeOf():number {
   return 28;
 }
 
-static createControl(builder:flatbuffers.Builder, epoch: number, sequence: number, tick: number, steering: number, throttle: number, brake: number, buttons: number):flatbuffers.Offset {
+static createControl(builder:flatbuffers.Builder, epoch: number, sequence: number, tick: number, steering: number, throttle: number, brake: number, buttons: Button):flatbuffers.Offset {
   builder.prep(4, 28);
   builder.writeInt32(buttons);
   builder.writeFloat32(brake);

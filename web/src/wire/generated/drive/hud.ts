@@ -4,6 +4,9 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Flag } from '../codes/flag.js';
+import { PoseFault } from '../codes/pose-fault.js';
+import { Trust } from '../codes/trust.js';
 import { Effect } from '../drive/effect.js';
 
 
@@ -90,19 +93,19 @@ lights():number {
   return offset ? this.bb!.readFloat32(this.bb_pos + offset) : 0.0;
 }
 
-flag():number {
+flag():Flag {
   const offset = this.bb!.__offset(this.bb_pos, 28);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Flag.GREEN;
 }
 
-trust():number {
+trust():Trust {
   const offset = this.bb!.__offset(this.bb_pos, 30);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Trust.SIMULATED;
 }
 
-doubt():number {
+fault():PoseFault {
   const offset = this.bb!.__offset(this.bb_pos, 32);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : PoseFault.NONE;
 }
 
 static startHud(builder:flatbuffers.Builder) {
@@ -161,16 +164,16 @@ static addLights(builder:flatbuffers.Builder, lights:number) {
   builder.addFieldFloat32(11, lights, 0.0);
 }
 
-static addFlag(builder:flatbuffers.Builder, flag:number) {
-  builder.addFieldInt8(12, flag, 0);
+static addFlag(builder:flatbuffers.Builder, flag:Flag) {
+  builder.addFieldInt8(12, flag, Flag.GREEN);
 }
 
-static addTrust(builder:flatbuffers.Builder, trust:number) {
-  builder.addFieldInt8(13, trust, 0);
+static addTrust(builder:flatbuffers.Builder, trust:Trust) {
+  builder.addFieldInt8(13, trust, Trust.SIMULATED);
 }
 
-static addDoubt(builder:flatbuffers.Builder, doubt:number) {
-  builder.addFieldInt8(14, doubt, 0);
+static addFault(builder:flatbuffers.Builder, fault:PoseFault) {
+  builder.addFieldInt8(14, fault, PoseFault.NONE);
 }
 
 static endHud(builder:flatbuffers.Builder):flatbuffers.Offset {
@@ -178,7 +181,7 @@ static endHud(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createHud(builder:flatbuffers.Builder, epoch:number, tick:number, speedCap:number, thrustScale:number, gripScale:number, item:number, immune:number, effectsOffset:flatbuffers.Offset, sequence:number, valid:number, monotonic:bigint, lights:number, flag:number, trust:number, doubt:number):flatbuffers.Offset {
+static createHud(builder:flatbuffers.Builder, epoch:number, tick:number, speedCap:number, thrustScale:number, gripScale:number, item:number, immune:number, effectsOffset:flatbuffers.Offset, sequence:number, valid:number, monotonic:bigint, lights:number, flag:Flag, trust:Trust, fault:PoseFault):flatbuffers.Offset {
   Hud.startHud(builder);
   Hud.addEpoch(builder, epoch);
   Hud.addTick(builder, tick);
@@ -194,7 +197,7 @@ static createHud(builder:flatbuffers.Builder, epoch:number, tick:number, speedCa
   Hud.addLights(builder, lights);
   Hud.addFlag(builder, flag);
   Hud.addTrust(builder, trust);
-  Hud.addDoubt(builder, doubt);
+  Hud.addFault(builder, fault);
   return Hud.endHud(builder);
 }
 }

@@ -4,6 +4,10 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Button } from '../codes/button.js';
+import { Source } from '../codes/source.js';
+
+
 export class Pose {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -69,11 +73,11 @@ quality():number {
   return this.bb!.readFloat32(this.bb_pos + 60);
 }
 
-buttons():number {
+buttons():Button {
   return this.bb!.readUint32(this.bb_pos + 64);
 }
 
-source():number {
+source():Source {
   return this.bb!.readUint8(this.bb_pos + 68);
 }
 
@@ -81,7 +85,7 @@ static sizeOf():number {
   return 72;
 }
 
-static createPose(builder:flatbuffers.Builder, stamp: bigint, echo: bigint, epoch: number, sequence: number, acknowledged: number, x: number, y: number, heading: number, speed: number, lateral_speed: number, yaw_rate: number, steering: number, deviation: number, quality: number, buttons: number, source: number):flatbuffers.Offset {
+static createPose(builder:flatbuffers.Builder, stamp: bigint, echo: bigint, epoch: number, sequence: number, acknowledged: number, x: number, y: number, heading: number, speed: number, lateral_speed: number, yaw_rate: number, steering: number, deviation: number, quality: number, buttons: Button, source: Source):flatbuffers.Offset {
   builder.prep(8, 72);
   builder.pad(3);
   builder.writeInt8(source);

@@ -4,6 +4,9 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { EventKind } from '../codes/event-kind.js';
+
+
 export class Event {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -33,7 +36,7 @@ kart():number {
   return this.bb!.readInt16(this.bb_pos + 20);
 }
 
-kind():number {
+kind():EventKind {
   return this.bb!.readUint16(this.bb_pos + 22);
 }
 
@@ -41,7 +44,7 @@ static sizeOf():number {
   return 24;
 }
 
-static createEvent(builder:flatbuffers.Builder, value: bigint, sequence: number, tick: number, other: number, kart: number, kind: number):flatbuffers.Offset {
+static createEvent(builder:flatbuffers.Builder, value: bigint, sequence: number, tick: number, other: number, kart: number, kind: EventKind):flatbuffers.Offset {
   builder.prep(8, 24);
   builder.writeInt16(kind);
   builder.writeInt16(kart);

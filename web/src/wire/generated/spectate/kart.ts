@@ -4,6 +4,10 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { KartFlag } from '../codes/kart-flag.js';
+import { Status } from '../codes/status.js';
+
+
 export class Kart {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -65,7 +69,7 @@ rank():number {
   return this.bb!.readUint16(this.bb_pos + 46);
 }
 
-status():number {
+status():Status {
   return this.bb!.readUint8(this.bb_pos + 48);
 }
 
@@ -77,7 +81,7 @@ effects():number {
   return this.bb!.readUint8(this.bb_pos + 50);
 }
 
-flags():number {
+flags():KartFlag {
   return this.bb!.readUint8(this.bb_pos + 51);
 }
 
@@ -85,7 +89,7 @@ static sizeOf():number {
   return 52;
 }
 
-static createKart(builder:flatbuffers.Builder, x: number, y: number, heading: number, speed: number, lateral_speed: number, yaw_rate: number, steering: number, progress: number, speed_cap: number, acknowledged: number, laps: number, seat: number, rank: number, status: number, item: number, effects: number, flags: number):flatbuffers.Offset {
+static createKart(builder:flatbuffers.Builder, x: number, y: number, heading: number, speed: number, lateral_speed: number, yaw_rate: number, steering: number, progress: number, speed_cap: number, acknowledged: number, laps: number, seat: number, rank: number, status: Status, item: number, effects: number, flags: KartFlag):flatbuffers.Offset {
   builder.prep(4, 52);
   builder.writeInt8(flags);
   builder.writeInt8(effects);

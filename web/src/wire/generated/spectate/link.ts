@@ -4,6 +4,11 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { FailsafeStage } from '../codes/failsafe-stage.js';
+import { PoseFault } from '../codes/pose-fault.js';
+import { Trust } from '../codes/trust.js';
+
+
 export class Link {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -21,15 +26,15 @@ seat():number {
   return this.bb!.readUint16(this.bb_pos + 4);
 }
 
-silence():number {
+silence():FailsafeStage {
   return this.bb!.readUint8(this.bb_pos + 6);
 }
 
-trust():number {
+trust():Trust {
   return this.bb!.readUint8(this.bb_pos + 7);
 }
 
-doubt():number {
+fault():PoseFault {
   return this.bb!.readUint8(this.bb_pos + 8);
 }
 
@@ -37,10 +42,10 @@ static sizeOf():number {
   return 12;
 }
 
-static createLink(builder:flatbuffers.Builder, age: number, seat: number, silence: number, trust: number, doubt: number):flatbuffers.Offset {
+static createLink(builder:flatbuffers.Builder, age: number, seat: number, silence: FailsafeStage, trust: Trust, fault: PoseFault):flatbuffers.Offset {
   builder.prep(4, 12);
   builder.pad(3);
-  builder.writeInt8(doubt);
+  builder.writeInt8(fault);
   builder.writeInt8(trust);
   builder.writeInt8(silence);
   builder.writeInt16(seat);

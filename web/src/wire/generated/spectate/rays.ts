@@ -4,6 +4,9 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { RayHit } from '../codes/ray-hit.js';
+
+
 export class Rays {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -117,9 +120,9 @@ radarArray():Float32Array|null {
   return offset ? new Float32Array(this.bb!.bytes().buffer, this.bb!.bytes().byteOffset + this.bb!.__vector(this.bb_pos + offset), this.bb!.__vector_len(this.bb_pos + offset)) : null;
 }
 
-radarKinds(index: number):number|null {
+radarKinds(index: number):RayHit|null {
   const offset = this.bb!.__offset(this.bb_pos, 30);
-  return offset ? this.bb!.readUint8(this.bb!.__vector(this.bb_pos + offset) + index) : 0;
+  return offset ? this.bb!.readUint8(this.bb!.__vector(this.bb_pos + offset) + index) : null;
 }
 
 radarKindsLength():number {
@@ -243,7 +246,7 @@ static addRadarKinds(builder:flatbuffers.Builder, radarKindsOffset:flatbuffers.O
   builder.addFieldOffset(13, radarKindsOffset, 0);
 }
 
-static createRadarKindsVector(builder:flatbuffers.Builder, data:number[]|Uint8Array):flatbuffers.Offset {
+static createRadarKindsVector(builder:flatbuffers.Builder, data:RayHit[]):flatbuffers.Offset {
   builder.startVector(1, data.length, 1);
   for (let i = data.length - 1; i >= 0; i--) {
     builder.addInt8(data[i]!);

@@ -4,6 +4,8 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Flag } from '../codes/flag.js';
+import { Phase } from '../codes/phase.js';
 import { Hazard } from '../spectate/hazard.js';
 import { Kart } from '../spectate/kart.js';
 
@@ -46,14 +48,14 @@ lights():number {
   return offset ? this.bb!.readFloat32(this.bb_pos + offset) : 0.0;
 }
 
-phase():number {
+phase():Phase {
   const offset = this.bb!.__offset(this.bb_pos, 12);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Phase.LOBBY;
 }
 
-flag():number {
+flag():Flag {
   const offset = this.bb!.__offset(this.bb_pos, 14);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Flag.GREEN;
 }
 
 karts(index: number, obj?:Kart):Kart|null {
@@ -111,12 +113,12 @@ static addLights(builder:flatbuffers.Builder, lights:number) {
   builder.addFieldFloat32(3, lights, 0.0);
 }
 
-static addPhase(builder:flatbuffers.Builder, phase:number) {
-  builder.addFieldInt8(4, phase, 0);
+static addPhase(builder:flatbuffers.Builder, phase:Phase) {
+  builder.addFieldInt8(4, phase, Phase.LOBBY);
 }
 
-static addFlag(builder:flatbuffers.Builder, flag:number) {
-  builder.addFieldInt8(5, flag, 0);
+static addFlag(builder:flatbuffers.Builder, flag:Flag) {
+  builder.addFieldInt8(5, flag, Flag.GREEN);
 }
 
 static addKarts(builder:flatbuffers.Builder, kartsOffset:flatbuffers.Offset) {
@@ -159,7 +161,7 @@ static endSnapshot(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:number, tick:number, lights:number, phase:number, flag:number, kartsOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, hazardsOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:number, tick:number, lights:number, phase:Phase, flag:Flag, kartsOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, hazardsOffset:flatbuffers.Offset):flatbuffers.Offset {
   Snapshot.startSnapshot(builder);
   Snapshot.addMonotonicUs(builder, monotonicUs);
   Snapshot.addEpoch(builder, epoch);

@@ -4,6 +4,9 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Status } from '../codes/status.js';
+
+
 export class Standing {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -44,9 +47,9 @@ laps():number {
   return offset ? this.bb!.readUint32(this.bb_pos + offset) : 0;
 }
 
-status():number {
+status():Status {
   const offset = this.bb!.__offset(this.bb_pos, 12);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Status.ABSENT;
 }
 
 lastLapUs():bigint {
@@ -114,8 +117,8 @@ static addLaps(builder:flatbuffers.Builder, laps:number) {
   builder.addFieldInt32(3, laps, 0);
 }
 
-static addStatus(builder:flatbuffers.Builder, status:number) {
-  builder.addFieldInt8(4, status, 0);
+static addStatus(builder:flatbuffers.Builder, status:Status) {
+  builder.addFieldInt8(4, status, Status.ABSENT);
 }
 
 static addLastLapUs(builder:flatbuffers.Builder, lastLapUs:bigint) {
@@ -168,7 +171,7 @@ static endStanding(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createStanding(builder:flatbuffers.Builder, driverOffset:flatbuffers.Offset, seat:number, rank:number, laps:number, status:number, lastLapUs:bigint, bestLapUs:bigint, raceTimeUs:bigint, gapUs:bigint, penalties:number, penaltyUs:bigint, itemsUsed:number, lapTimesUsOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createStanding(builder:flatbuffers.Builder, driverOffset:flatbuffers.Offset, seat:number, rank:number, laps:number, status:Status, lastLapUs:bigint, bestLapUs:bigint, raceTimeUs:bigint, gapUs:bigint, penalties:number, penaltyUs:bigint, itemsUsed:number, lapTimesUsOffset:flatbuffers.Offset):flatbuffers.Offset {
   Standing.startStanding(builder);
   Standing.addDriver(builder, driverOffset);
   Standing.addSeat(builder, seat);

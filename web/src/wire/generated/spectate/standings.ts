@@ -4,6 +4,8 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Flag } from '../codes/flag.js';
+import { Phase } from '../codes/phase.js';
 import { Standing } from '../spectate/standing.js';
 
 
@@ -40,14 +42,14 @@ startTick():number {
   return offset ? this.bb!.readUint32(this.bb_pos + offset) : 0;
 }
 
-phase():number {
+phase():Phase {
   const offset = this.bb!.__offset(this.bb_pos, 10);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Phase.LOBBY;
 }
 
-flag():number {
+flag():Flag {
   const offset = this.bb!.__offset(this.bb_pos, 12);
-  return offset ? this.bb!.readUint8(this.bb_pos + offset) : 0;
+  return offset ? this.bb!.readUint8(this.bb_pos + offset) : Flag.GREEN;
 }
 
 laps():number {
@@ -88,12 +90,12 @@ static addStartTick(builder:flatbuffers.Builder, startTick:number) {
   builder.addFieldInt32(2, startTick, 0);
 }
 
-static addPhase(builder:flatbuffers.Builder, phase:number) {
-  builder.addFieldInt8(3, phase, 0);
+static addPhase(builder:flatbuffers.Builder, phase:Phase) {
+  builder.addFieldInt8(3, phase, Phase.LOBBY);
 }
 
-static addFlag(builder:flatbuffers.Builder, flag:number) {
-  builder.addFieldInt8(4, flag, 0);
+static addFlag(builder:flatbuffers.Builder, flag:Flag) {
+  builder.addFieldInt8(4, flag, Flag.GREEN);
 }
 
 static addLaps(builder:flatbuffers.Builder, laps:number) {
@@ -127,7 +129,7 @@ static endStandings(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createStandings(builder:flatbuffers.Builder, epoch:number, tick:number, startTick:number, phase:number, flag:number, laps:number, courseOffset:flatbuffers.Offset, rowsOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createStandings(builder:flatbuffers.Builder, epoch:number, tick:number, startTick:number, phase:Phase, flag:Flag, laps:number, courseOffset:flatbuffers.Offset, rowsOffset:flatbuffers.Offset):flatbuffers.Offset {
   Standings.startStandings(builder);
   Standings.addEpoch(builder, epoch);
   Standings.addTick(builder, tick);

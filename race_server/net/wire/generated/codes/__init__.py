@@ -1,0 +1,1 @@
+"""Written by flatc from `schemas/`; do not edit."""
