@@ -249,7 +249,7 @@ def test_a_recording_is_opened_and_scrubbed(stage: Stage) -> None:
 
 def test_a_wrong_token_is_refused_in_plain_words(stage: Stage) -> None:
     page = stage.open("steward&token=wrong", 390, 844)
-    said = page.locator("[data-testid=veil] [data-code=token]")
+    said = page.locator("[data-testid=overlay] [data-code=token]")
     said.get_by_text("The token does not fit").wait_for()
     page.context.close()
 
@@ -262,14 +262,14 @@ def test_after_a_wrong_token_another_one_can_be_typed(
     if role == "drive":
         page.fill("input[name=name]", "Eve")
         page.get_by_role("button", name="Take the seat").click()
-    page.locator("[data-testid=veil] [data-code=token]").wait_for()
+    page.locator("[data-testid=overlay] [data-code=token]").wait_for()
     page.get_by_role("button", name="Try again").click()
     page.fill("input[type=password]", f"{role} one")
     page.keyboard.press("Enter")
     if role == "steward":
         page.get_by_role("button", name="Yellow flag").wait_for()
     else:  # it fits, but somebody drives with it
-        page.locator("[data-testid=veil] [data-code=used]").wait_for()
+        page.locator("[data-testid=overlay] [data-code=used]").wait_for()
     page.context.close()
 
 

@@ -1,6 +1,6 @@
 import { expect, test } from 'vitest';
 
-import { Eye } from '../src/draw/eye';
+import { Perspective } from '../src/draw/perspective';
 import { Camera } from '../src/draw/camera';
 import { Course, loopsOf } from '../src/race/course';
 import { ReferenceLine, referenceTrace } from '../src/race/line';
@@ -53,21 +53,21 @@ test('a point stays under the finger while one zooms', () => {
 });
 
 test('what lies ahead is in the middle, what is near is low and large', () => {
-  const eye = new Eye(0.1, 1);
-  eye.look(0, 0, 0, 800, 600);
-  const [near, far] = [eye.project(eye.place(5, 0)), eye.project(eye.place(50, 0))];
+  const view = new Perspective(0.1, 1);
+  view.look(0, 0, 0, 800, 600);
+  const [near, far] = [view.project(view.place(5, 0)), view.project(view.place(50, 0))];
   expect(near.x).toBe(400);
   expect(near.y).toBeGreaterThan(far.y);
-  expect(far.y).toBeGreaterThan(eye.horizon);
-  expect(eye.project(eye.place(5, 1)).x).toBeLessThan(400); // to the left
+  expect(far.y).toBeGreaterThan(view.horizon);
+  expect(view.project(view.place(5, 1)).x).toBeLessThan(400); // to the left
 });
 
 test('a shape that reaches behind the eye is cut off, one behind it vanishes', () => {
-  const eye = new Eye(1, 1);
-  eye.look(0, 0, 0, 800, 600);
-  const reaching = [eye.place(-5, -1), eye.place(10, -1), eye.place(10, 1), eye.place(-5, 1)];
-  expect(eye.shape(reaching)).toHaveLength(4);
-  expect(eye.shape([eye.place(-5, -1), eye.place(-4, 1), eye.place(-6, 0)])).toHaveLength(0);
+  const view = new Perspective(1, 1);
+  view.look(0, 0, 0, 800, 600);
+  const reaching = [view.place(-5, -1), view.place(10, -1), view.place(10, 1), view.place(-5, 1)];
+  expect(view.shape(reaching)).toHaveLength(4);
+  expect(view.shape([view.place(-5, -1), view.place(-4, 1), view.place(-6, 0)])).toHaveLength(0);
 });
 
 test('a reference line whose last point is abreast of the timing line is measured alike', () => {

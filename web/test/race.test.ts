@@ -1,7 +1,7 @@
 import { expect, test } from 'vitest';
 
 import { Race } from '../src/race/race.svelte';
-import { Phase } from '../src/wire/codes';
+import { Phase } from '../src/wire/tables';
 import type { StandingsFrame } from '../src/wire/frames';
 import { event, snapshot } from './frames';
 
@@ -11,7 +11,7 @@ function table(changes: Partial<StandingsFrame> = {}): StandingsFrame {
     epoch: 1,
     tick: 900,
     startTick: 60,
-    phase: Phase.running,
+    phase: Phase.RUNNING,
     flag: 0,
     laps: 3,
     course: 'round',
@@ -22,12 +22,12 @@ function table(changes: Partial<StandingsFrame> = {}): StandingsFrame {
 
 test('after a race the lobby is seen again, though nothing drives there', () => {
   const race = new Race();
-  race.take(snapshot({ tick: 900, phase: Phase.finished }), 0);
-  race.take(table({ phase: Phase.lobby }), 10);
-  expect(race.headline?.phase).toBe(Phase.lobby);
+  race.take(snapshot({ tick: 900, phase: Phase.FINISHED }), 0);
+  race.take(table({ phase: Phase.LOBBY }), 10);
+  expect(race.headline?.phase).toBe(Phase.LOBBY);
   expect(race.kart(0)).toBeNull();
-  race.take(snapshot({ epoch: 2, tick: 1, phase: Phase.countdown }), 20);
-  expect(race.headline?.phase).toBe(Phase.countdown);
+  race.take(snapshot({ epoch: 2, tick: 1, phase: Phase.COUNTDOWN }), 20);
+  expect(race.headline?.phase).toBe(Phase.COUNTDOWN);
 });
 
 test('events of a server that was started anew are told, though they count from one again', () => {

@@ -4,7 +4,7 @@ import { lapPlaces } from '../src/race/lapchart';
 import { Response } from '../src/race/response';
 import { Sectors } from '../src/race/sectors';
 import { tableOf } from '../src/race/table';
-import { EventKind } from '../src/wire/codes';
+import { EventKind } from '../src/wire/tables';
 import type { StandingFrame, StandingsFrame } from '../src/wire/frames';
 import { event, kart, snapshot } from './frames';
 
@@ -33,7 +33,7 @@ function standings(rows: StandingFrame[]): StandingsFrame {
 }
 
 function sector(seat: number, number: number, us: number) {
-  return event({ kind: EventKind.sector, kart: seat, other: number, value: us });
+  return event({ kind: EventKind.SECTOR, kart: seat, other: number, value: us });
 }
 
 test('a sector is purple, green or yellow', () => {

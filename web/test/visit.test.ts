@@ -2,7 +2,7 @@ import { Builder } from 'flatbuffers';
 import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 
 import { Visit } from '../src/race/visit.svelte';
-import { Phase } from '../src/wire/codes';
+import { Phase } from '../src/wire/tables';
 import { Standings } from '../src/wire/tables';
 
 class Socket {
@@ -52,25 +52,25 @@ function driving(): Visit {
   const hello = { role: 'drive', token: '', seat: 3, name: 'Ada', source: 'live', rate: 60 } as const;
   const visit = new Visit(hello);
   Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3 });
-  Socket.newest.stand(Phase.lobby);
+  Socket.newest.stand(Phase.LOBBY);
   return visit;
 }
 
 test('who was ready for one race is asked again before the next', () => {
   const visit = driving();
   Socket.newest.tell({ type: 'ready', ready: true, accepted: true, reason: '' });
-  Socket.newest.stand(Phase.lobby);
+  Socket.newest.stand(Phase.LOBBY);
   expect(visit.isReady).toBe(true);
-  Socket.newest.stand(Phase.running);
-  Socket.newest.stand(Phase.lobby);
+  Socket.newest.stand(Phase.RUNNING);
+  Socket.newest.stand(Phase.LOBBY);
   expect(visit.isReady).toBe(false);
 });
 
 test('in a lobby nobody is told that the server brakes the kart', () => {
   const visit = driving();
-  Socket.newest.stand(Phase.running);
+  Socket.newest.stand(Phase.RUNNING);
   Socket.newest.tell({ type: 'notice', code: 'dead-man', reason: 'no control' });
   expect(visit.note?.code).toBe('dead-man');
-  Socket.newest.stand(Phase.lobby);
+  Socket.newest.stand(Phase.LOBBY);
   expect(visit.note).toBeNull();
 });

@@ -1,10 +1,10 @@
 import { expect, test } from 'vitest';
 
 import { type Cast, messageOf, whoOf } from '../src/race/control';
-import { EventKind } from '../src/wire/codes';
-import { en } from '../src/words/en';
-import { clockText, deltaText, gapText, lapText } from '../src/words/figures';
-import { fr } from '../src/words/fr';
+import { EventKind } from '../src/wire/tables';
+import { en } from '../src/i18n/en';
+import { clockText, deltaText, gapText, lapText } from '../src/i18n/figures';
+import { fr } from '../src/i18n/fr';
 import { event } from './frames';
 
 const cast: Cast = {
@@ -23,13 +23,13 @@ test('times are read as people read them', () => {
 });
 
 test('race control says what happened, in both languages', () => {
-  const lap = event({ kind: EventKind.lap, kart: 3, tick: 660, other: 2, value: 9_870_000 });
+  const lap = event({ kind: EventKind.LAP, kart: 3, tick: 660, other: 2, value: 9_870_000 });
   expect(messageOf(lap, cast, en)).toMatchObject({ text: 'Ada 3: lap 2 in 9.870', at: '0:10.0' });
   expect(messageOf(lap, cast, fr)?.text).toBe('Ada 3 : tour 2 en 9.870');
 });
 
 test('a yellow flag is a warning, and around whom is told', () => {
-  const flag = event({ kind: EventKind.flag, kart: 5, other: 1 });
+  const flag = event({ kind: EventKind.FLAG, kart: 5, other: 1 });
   expect(messageOf(flag, cast, en)).toMatchObject({
     tone: 'warning',
     text: 'yellow flag around Ada 5',
@@ -37,12 +37,12 @@ test('a yellow flag is a warning, and around whom is told', () => {
 });
 
 test('sectors are not told one by one', () => {
-  expect(messageOf(event({ kind: EventKind.sector }), cast, en)).toBeNull();
+  expect(messageOf(event({ kind: EventKind.SECTOR }), cast, en)).toBeNull();
 });
 
 test('a name that is written from right to left does not turn the sentence around it', () => {
   const reads = messageOf(
-    event({ kind: EventKind.lap, kart: 3, other: 2, value: 9_870_000 }),
+    event({ kind: EventKind.LAP, kart: 3, other: 2, value: 9_870_000 }),
     { ...cast, name: (seat) => whoOf('أحمد', seat) },
     en,
   )!;

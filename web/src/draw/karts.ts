@@ -2,7 +2,7 @@
 
 import type { KartBody } from '../race/race.svelte';
 import type { KartFrame } from '../wire/frames';
-import { KartFlag, Status } from '../wire/codes';
+import { KartFlag, Status } from '../wire/tables';
 import type { Point } from '../race/course';
 import type { Camera } from './camera';
 import { type MapColours, liveryOf } from './palette';
@@ -27,7 +27,7 @@ export function drawKarts(
 ): void {
   const order = [...karts].sort((one, other) => other.rank - one.rank);
   for (const kart of order) {
-    if (kart.status !== Status.absent) drawKart(context, kart, style);
+    if (kart.status !== Status.ABSENT) drawKart(context, kart, style);
   }
 }
 
@@ -48,7 +48,7 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
 
 /** Returns how clearly a kart is drawn: who is out of the race is faint. */
 export function opacityOf(kart: KartFrame): number {
-  const isOut = kart.status === Status.retired || (kart.flags & KartFlag.parked) !== 0;
+  const isOut = kart.status === Status.RETIRED || (kart.flags & KartFlag.SUSPENDED) !== 0;
   return isOut ? 0.4 : 1;
 }
 
@@ -111,10 +111,10 @@ function drawRings(
 ): void {
   const radius = 0.62 * length;
   if (kart.seat === style.followed) ring(context, radius + 7, style.colours.ink, 2, []);
-  if (kart.flags & KartFlag.immune) ring(context, radius, '#7fd4ff', 3, []);
+  if (kart.flags & KartFlag.IMMUNE) ring(context, radius, '#7fd4ff', 3, []);
   if (kart.effects > 0) ring(context, radius + 3, '#ffb347', 3, [3, 4]);
-  if (kart.flags & KartFlag.doubtful) ring(context, radius, '#ffe066', 2, [1, 5]);
-  if (kart.flags & KartFlag.wrongWay) ring(context, radius + 3, '#ff5a4d', 3, [8, 4]);
+  if (kart.flags & KartFlag.DOUBTFUL) ring(context, radius, '#ffe066', 2, [1, 5]);
+  if (kart.flags & KartFlag.WRONG_WAY) ring(context, radius + 3, '#ff5a4d', 3, [8, 4]);
 }
 
 function ring(

@@ -1,6 +1,6 @@
 // Names under the karts: those further in front first, and none over another.
 
-import { Status } from '../wire/codes';
+import { Status } from '../wire/tables';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import type { Race } from '../race/race.svelte';
 import { type KartStyle, lengthOn, middleOf, opacityOf } from './karts';
@@ -24,7 +24,7 @@ export function namesOn(race: Race, frame: SnapshotFrame, followed: number): Map
   const isCrowd = frame.karts.length > MOST_NAMES;
   const named = frame.karts.filter(
     ({ seat, rank, status }) =>
-      status !== Status.absent && (!isCrowd || rank <= FIRST_NAMES || seat === followed),
+      status !== Status.ABSENT && (!isCrowd || rank <= FIRST_NAMES || seat === followed),
   );
   return new Map(named.map(({ seat }) => [seat, race.driver(seat)]));
 }

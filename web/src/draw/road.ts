@@ -3,7 +3,7 @@
 import type { Course } from '../race/course';
 import type { ReferenceLine, Zone } from '../race/line';
 import type { HazardFrame } from '../wire/frames';
-import { type Eye, type Place, trace } from './eye';
+import { type Perspective, type Place, trace } from './perspective';
 import { ZONE_COLOURS } from './surface';
 
 const TAU = 2 * Math.PI;
@@ -29,12 +29,12 @@ export const ROAD: RoadColours = {
 /** Draws sky and ground up to the horizon. */
 export function drawBackdrop(
   context: CanvasRenderingContext2D,
-  eye: Eye,
+  view: Perspective,
   width: number,
   height: number,
 ): void {
-  gradient(context, ROAD.sky, 0, eye.horizon, width);
-  gradient(context, ROAD.ground, eye.horizon, height, width);
+  gradient(context, ROAD.sky, 0, view.horizon, width);
+  gradient(context, ROAD.ground, view.horizon, height, width);
 }
 
 function gradient(
@@ -55,32 +55,32 @@ function gradient(
 export function drawSurfaces(
   context: CanvasRenderingContext2D,
   course: Course,
-  eye: Eye,
+  view: Perspective,
   step: number,
 ): void {
   const { kerb, grass } = course.frame;
   const hasVerge = kerb + grass > 0;
   const ground = new Path2D();
   for (const loop of course.loops) {
-    trace(ground, eye.shape(loop.map(({ x, y }) => eye.place(x, y))));
+    trace(ground, view.shape(loop.map(({ x, y }) => view.place(x, y))));
   }
   context.fillStyle = hasVerge ? ROAD.grass : ROAD.asphalt;
   context.fill(ground, 'evenodd');
-  if (kerb > 0) fillRibbon(context, course, eye, { beyond: kerb, step }, ROAD.kerb);
-  if (hasVerge) fillRibbon(context, course, eye, { beyond: 0, step }, ROAD.asphalt);
+  if (kerb > 0) fillRibbon(context, course, view, { beyond: kerb, step }, ROAD.kerb);
+  if (hasVerge) fillRibbon(context, course, view, { beyond: 0, step }, ROAD.asphalt);
 }
 
 function fillRibbon(
   context: CanvasRenderingContext2D,
   course: Course,
-  eye: Eye,
+  view: Perspective,
   { beyond, step }: { beyond: number; step: number },
   colour: string,
 ): void {
   const path = new Path2D();
   for (const side of ['left', 'right'] as const) {
-    const places = course.edgeLine(side, beyond, step).map(({ x, y }) => eye.place(x, y));
-    trace(path, eye.shape(places));
+    const places = course.edgeLine(side, beyond, step).map(({ x, y }) => view.place(x, y));
+    trace(path, view.shape(places));
   }
   context.fillStyle = colour;
   context.fill(path, 'evenodd');
@@ -90,7 +90,7 @@ function fillRibbon(
 export function drawBands(
   context: CanvasRenderingContext2D,
   course: Course,
-  eye: Eye,
+  view: Perspective,
   sample: number,
   step: number,
   reach: number,
@@ -111,7 +111,7 @@ export function drawBands(
       course.edge(far, 'left'),
     ];
     context.beginPath();
-    trace(context, eye.shape(corners.map(({ x, y }) => eye.place(x, y))));
+    trace(context, view.shape(corners.map(({ x, y }) => view.place(x, y))));
     context.fill();
   }
 }
@@ -120,7 +120,7 @@ export function drawBands(
 export function drawIdealLine(
   context: CanvasRenderingContext2D,
   line: ReferenceLine,
-  eye: Eye,
+  view: Perspective,
   near: number,
   width: number,
   reach: number,
@@ -132,7 +132,7 @@ export function drawIdealLine(
     context.globalAlpha = 0.9 - 0.75 * (strip.first / count);
     context.fillStyle = ZONE_COLOURS[strip.zone];
     context.beginPath();
-    trace(context, eye.shape(bandOf(line, eye, strip, widthIn(strip.zone, width))));
+    trace(context, view.shape(bandOf(line, view, strip, widthIn(strip.zone, width))));
     context.fill();
   }
   context.globalAlpha = 1;
@@ -170,15 +170,15 @@ function widthIn(zone: Zone, width: number): number {
 }
 
 /** Returns a strip of the line as a shape on the ground, along one side and back on the other. */
-function bandOf(line: ReferenceLine, eye: Eye, strip: Strip, width: number): Place[] {
+function bandOf(line: ReferenceLine, view: Perspective, strip: Strip, width: number): Place[] {
   const { x, y } = line.frame;
   const [left, right]: [Place[], Place[]] = [[], []];
   for (const at of strip.points) {
     const next = (at + 1) % line.count;
     const [dx, dy] = [x[next]! - x[at]!, y[next]! - y[at]!];
     const half = (0.5 * width) / (Math.hypot(dx, dy) || 1);
-    left.push(eye.place(x[at]! - half * dy, y[at]! + half * dx));
-    right.push(eye.place(x[at]! + half * dy, y[at]! - half * dx));
+    left.push(view.place(x[at]! - half * dy, y[at]! + half * dx));
+    right.push(view.place(x[at]! + half * dy, y[at]! - half * dx));
   }
   return [...left, ...right.reverse()];
 }
@@ -187,14 +187,14 @@ function bandOf(line: ReferenceLine, eye: Eye, strip: Strip, width: number): Pla
 export function drawPuddles(
   context: CanvasRenderingContext2D,
   hazards: readonly HazardFrame[],
-  eye: Eye,
+  view: Perspective,
 ): void {
   for (const { x, y, radius } of hazards) {
     const rim = Array.from({ length: 20 }, (_, i) =>
-      eye.place(x + radius * Math.cos((i * TAU) / 20), y + radius * Math.sin((i * TAU) / 20)),
+      view.place(x + radius * Math.cos((i * TAU) / 20), y + radius * Math.sin((i * TAU) / 20)),
     );
     context.beginPath();
-    trace(context, eye.shape(rim));
+    trace(context, view.shape(rim));
     context.fillStyle = '#0c0906';
     context.fill();
     context.strokeStyle = '#ffb000';

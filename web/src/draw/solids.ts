@@ -3,7 +3,7 @@
 import type { Point } from '../race/course';
 import type { KartBody } from '../race/race.svelte';
 import type { KartFrame } from '../wire/frames';
-import { type Eye, type Place, fillShape } from './eye';
+import { type Perspective, type Place, fillShape } from './perspective';
 import { middleOf } from './karts';
 import { liveryOf } from './palette';
 import { type Sign, drawSign } from './signs';
@@ -35,7 +35,7 @@ const LEAST_SIGN = 19;
 const MOST_SIGN = 56;
 
 /** Returns a kart as a solid: a low body, and who sits in it. */
-export function kartSolid(kart: KartFrame, size: KartBody, eye: Eye): Solid | null {
+export function kartSolid(kart: KartFrame, size: KartBody, view: Perspective): Solid | null {
   const { length, width, ahead } = size;
   const { heading, seat } = kart;
   const { colour, ink } = liveryOf(seat);
@@ -50,27 +50,27 @@ export function kartSolid(kart: KartFrame, size: KartBody, eye: Eye): Solid | nu
     base: body.top,
     top: 0.72 * width,
   };
-  return solidOf([body, cabin], eye, { text: String(seat), colour, ink, size: 0.6 * width });
+  return solidOf([body, cabin], view, { text: String(seat), colour, ink, size: 0.6 * width });
 }
 
 /** Returns boxes that stand on one another as a solid, with a sign above them where one is given. */
-export function solidOf(bodies: readonly Body[], eye: Eye, sign: Label | null): Solid | null {
+export function solidOf(bodies: readonly Body[], view: Perspective, sign: Label | null): Solid | null {
   const foot = bodies[0]!;
-  const centre = eye.place(foot.x, foot.y, 1.3 * bodies.at(-1)!.top);
-  if (centre.ahead < eye.near) return null;
+  const centre = view.place(foot.x, foot.y, 1.3 * bodies.at(-1)!.top);
+  if (centre.ahead < view.near) return null;
   return {
     distance: Math.hypot(centre.ahead, centre.left),
     draw: (context) => {
-      for (const body of bodies) drawBox(context, body, eye);
-      if (sign) drawLabel(context, eye, centre, sign);
+      for (const body of bodies) drawBox(context, body, view);
+      if (sign) drawLabel(context, view, centre, sign);
     },
   };
 }
 
 /** Draws the sides of a box from the far to the near ones, then what closes it. */
-function drawBox(context: CanvasRenderingContext2D, body: Body, eye: Eye): void {
+function drawBox(context: CanvasRenderingContext2D, body: Body, view: Perspective): void {
   const { base, top, colour } = body;
-  const corners = cornersOf(body).map(({ x, y }) => eye.place(x, y, base));
+  const corners = cornersOf(body).map(({ x, y }) => view.place(x, y, base));
   const sides = corners.map((start, index) => {
     const end = corners[(index + 1) % 4]!;
     return { start, end, distance: Math.hypot(start.ahead + end.ahead, start.left + end.left) };
@@ -80,23 +80,23 @@ function drawBox(context: CanvasRenderingContext2D, body: Body, eye: Eye): void 
   context.lineWidth = 1;
   for (const [index, { start, end }] of sides.entries()) {
     context.fillStyle = `color-mix(in srgb, ${colour}, black ${index === 3 ? 12 : 38}%)`;
-    fillShape(context, eye.shape([start, end, { ...end, up: top }, { ...start, up: top }]));
+    fillShape(context, view.shape([start, end, { ...end, up: top }, { ...start, up: top }]));
     context.stroke();
   }
   context.fillStyle = `color-mix(in srgb, ${colour}, white 18%)`;
-  fillShape(context, eye.shape(corners.map((place) => ({ ...place, up: top }))));
+  fillShape(context, view.shape(corners.map((place) => ({ ...place, up: top }))));
   context.stroke();
 }
 
 /** Draws a sign above a place. */
 export function drawLabel(
   context: CanvasRenderingContext2D,
-  eye: Eye,
+  view: Perspective,
   at: Place,
   label: Label,
 ): void {
-  const { x, y } = eye.project(at);
-  const size = Math.min(Math.max(label.size * eye.scaleAt(at.ahead), LEAST_SIGN), MOST_SIGN);
+  const { x, y } = view.project(at);
+  const size = Math.min(Math.max(label.size * view.scaleAt(at.ahead), LEAST_SIGN), MOST_SIGN);
   drawSign(context, label, x, y - 0.5 * size, size);
 }
 

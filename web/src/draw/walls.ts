@@ -2,7 +2,7 @@
 
 import { wrap } from '../race/buffer';
 import type { Course, Point } from '../race/course';
-import { type Eye, type Place, fillShape } from './eye';
+import { type Perspective, type Place, fillShape } from './perspective';
 import type { Solid } from './solids';
 
 export interface Wall {
@@ -62,7 +62,7 @@ function turnBetween(start: Point, middle: Point, end: Point): number {
 export function wallSolids(
   walls: readonly Wall[],
   own: Point,
-  eye: Eye,
+  view: Perspective,
   height: number,
   reach: number,
 ): Solid[] {
@@ -70,13 +70,13 @@ export function wallSolids(
   const square = reach ** 2;
   for (const { from, to, shade } of walls) {
     if ((from.x - own.x) ** 2 + (from.y - own.y) ** 2 > square) continue;
-    const start = eye.place(from.x, from.y);
-    const end = eye.place(to.x, to.y);
+    const start = view.place(from.x, from.y);
+    const end = view.place(to.x, to.y);
     const distance = 0.5 * (Math.hypot(start.ahead, start.left) + Math.hypot(end.ahead, end.left));
-    if (distance > reach || Math.max(start.ahead, end.ahead) < eye.near) continue;
+    if (distance > reach || Math.max(start.ahead, end.ahead) < view.near) continue;
     solids.push({
       distance,
-      draw: (context) => drawWall(context, eye, [start, end], height, shade, distance / reach),
+      draw: (context) => drawWall(context, view, [start, end], height, shade, distance / reach),
     });
   }
   return solids;
@@ -84,13 +84,13 @@ export function wallSolids(
 
 function drawWall(
   context: CanvasRenderingContext2D,
-  eye: Eye,
+  view: Perspective,
   [start, end]: [Place, Place],
   height: number,
   shade: number,
   far: number,
 ): void {
-  const side = eye.shape([start, end, { ...end, up: height }, { ...start, up: height }]);
+  const side = view.shape([start, end, { ...end, up: height }, { ...start, up: height }]);
   const [face, top] = wallColours(shade, far);
   context.fillStyle = face;
   fillShape(context, side);
@@ -100,7 +100,7 @@ function drawWall(
   context.lineWidth = 0.8;
   context.stroke();
   const rim = 0.86 * height;
-  const band = eye.shape([
+  const band = view.shape([
     { ...start, up: rim },
     { ...end, up: rim },
     { ...end, up: height },

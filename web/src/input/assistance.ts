@@ -3,7 +3,7 @@
 // a foot on the brake always counts.
 
 import type { ReferenceLine } from '../race/line';
-import { Flag, KartFlag, Phase, Status } from '../wire/codes';
+import { Flag, KartFlag, Phase, Status } from '../wire/tables';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import { clamp, type Wheel } from './wheel';
 
@@ -71,9 +71,9 @@ function withMargin(line: ReferenceLine, index: number): number {
 }
 
 function isRacing({ own, frame, flag }: Situation): boolean {
-  const isOut = own.flags & (KartFlag.wrongWay | KartFlag.rescueOffered);
-  const isOn = frame.phase === Phase.running && frame.lights <= 0 && flag !== Flag.red;
-  return isOn && own.status === Status.racing && !isOut;
+  const isOut = own.flags & (KartFlag.WRONG_WAY | KartFlag.RESCUE_OFFERED);
+  const isOn = frame.phase === Phase.RUNNING && frame.lights <= 0 && flag !== Flag.RED;
+  return isOn && own.status === Status.RACING && !isOut;
 }
 
 /** Returns whether a heading [rad] is within 60° of the line's direction. */

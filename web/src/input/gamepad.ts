@@ -1,6 +1,6 @@
 // A gamepad in the standard layout: left stick steers, triggers are the pedals.
 
-import { Button } from '../wire/codes';
+import { Button } from '../wire/tables';
 import { type Device, type Wheel, clamp, pedals } from './wheel';
 
 const DEAD_ZONE = 0.08;
@@ -47,7 +47,7 @@ function wheelOf(pad: PadState, speed: number): Wheel {
     steering: shaped(-(pad.axes[0] ?? 0)),
     ...pedals(value(RIGHT_TRIGGER!), value(LEFT_TRIGGER!), speed),
     buttons:
-      (pressed(A!) || pressed(X!) ? Button.useItem : 0) | (pressed(B!) ? Button.acceptRescue : 0),
+      (pressed(A!) || pressed(X!) ? Button.USE_ITEM : 0) | (pressed(B!) ? Button.ACCEPT_RESCUE : 0),
   };
 }
 

@@ -1,7 +1,7 @@
 // Keys: pressed or not, so wheel and pedals are moved to their places at the speed of a hand, and
 // the wheel no further than the tyres hold.
 
-import { Button } from '../wire/codes';
+import { Button } from '../wire/tables';
 import { type Device, type Wheel, clamp, pedals } from './wheel';
 
 const LEFT = ['ArrowLeft', 'KeyA'];
@@ -56,8 +56,8 @@ export class Keyboard implements Device {
     this.go = towards(this.go, Number(this.has(GO)), passed / PEDAL_S);
     this.stop = towards(this.stop, Number(this.has(STOP)), passed / PEDAL_S);
     const buttons =
-      (this.wasPressed(ITEM, nowMs) ? Button.useItem : 0) |
-      (this.wasPressed(RESCUE, nowMs) ? Button.acceptRescue : 0);
+      (this.wasPressed(ITEM, nowMs) ? Button.USE_ITEM : 0) |
+      (this.wasPressed(RESCUE, nowMs) ? Button.ACCEPT_RESCUE : 0);
     return { steering: this.steering, ...pedals(this.go, this.stop, speed), buttons };
   }
 

@@ -1,6 +1,6 @@
 // Fingers: the left thumb steers from where it came down, the right one holds a pedal.
 
-import { Button } from '../wire/codes';
+import { Button } from '../wire/tables';
 import { type Device, type Wheel, clamp, pedals } from './wheel';
 
 // So far from where it came down is full lock [pixels].
@@ -49,8 +49,8 @@ export class Touch implements Device {
 
   read(nowMs: number, speed: number): Wheel {
     const buttons =
-      (nowMs - this.itemMs < PRESS_MS ? Button.useItem : 0) |
-      (nowMs - this.rescueMs < PRESS_MS ? Button.acceptRescue : 0);
+      (nowMs - this.itemMs < PRESS_MS ? Button.USE_ITEM : 0) |
+      (nowMs - this.rescueMs < PRESS_MS ? Button.ACCEPT_RESCUE : 0);
     return { steering: this.steering, ...pedals(this.go, this.stop, speed), buttons };
   }
 

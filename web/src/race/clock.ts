@@ -1,16 +1,18 @@
-// The server's clock, as far as pings tell it.
+// The server's clock, estimated from pings.
 
 interface Sample {
   roundTripMs: number;
   offsetMs: number;
 }
 
+export const TICKS_PER_SECOND = 60;
+
 const SAMPLES = 8;
 
 export class ServerClock {
   private samples: Sample[] = [];
 
-  /** Takes note of a ping that left and came back at these times of the browser's clock. */
+  /** Records a ping that left and came back at these times of the browser's clock. */
   note(sentMs: number, receivedMs: number, serverUs: number): void {
     const offsetMs = serverUs / 1000 - 0.5 * (sentMs + receivedMs);
     this.samples.push({ roundTripMs: receivedMs - sentMs, offsetMs });
@@ -26,7 +28,7 @@ export class ServerClock {
     return this.samples.at(-1)?.roundTripMs ?? 0;
   }
 
-  /** Returns the server's clock [ms] at a time of the browser's: the quickest ping knows best. */
+  /** Returns the server's clock [ms] at a time of the browser's: by the quickest ping. */
   serverMs(nowMs: number): number {
     const best = this.samples.reduce<Sample | null>(
       (quickest, sample) =>

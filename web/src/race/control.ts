@@ -1,9 +1,9 @@
 // Race control: events as sentences.
 
 import type { EventFrame } from '../wire/frames';
-import { EventKind } from '../wire/codes';
-import { clockText, lapText, secondsText } from '../words/figures';
-import type { Words } from '../words/words.svelte';
+import { EventKind } from '../wire/tables';
+import { clockText, lapText, secondsText } from '../i18n/figures';
+import type { Words } from '../i18n/en';
 
 export type Tone = 'plain' | 'good' | 'warning' | 'danger';
 
@@ -26,19 +26,19 @@ export function whoOf(driver: string, seat: number): string {
   return driver ? `\u2068${driver}\u2069 ${seat}` : String(seat);
 }
 
-const UNTOLD = new Set<number>([EventKind.sector, EventKind.effectEnd, EventKind.phase]);
+const UNTOLD = new Set<number>([EventKind.SECTOR, EventKind.EFFECT_END, EventKind.PHASE]);
 
 const TONES = new Map<number, Tone>([
-  [EventKind.green, 'good'],
-  [EventKind.finish, 'good'],
-  [EventKind.retired, 'danger'],
-  [EventKind.hit, 'warning'],
-  [EventKind.falseStart, 'danger'],
-  [EventKind.shortCut, 'warning'],
-  [EventKind.wrongWay, 'warning'],
-  [EventKind.stuck, 'warning'],
-  [EventKind.penalty, 'danger'],
-  [EventKind.warning, 'danger'],
+  [EventKind.GREEN, 'good'],
+  [EventKind.FINISH, 'good'],
+  [EventKind.RETIRED, 'danger'],
+  [EventKind.HIT, 'warning'],
+  [EventKind.FALSE_START, 'danger'],
+  [EventKind.SHORT_CUT, 'warning'],
+  [EventKind.WRONG_WAY, 'warning'],
+  [EventKind.STUCK, 'warning'],
+  [EventKind.PENALTY, 'danger'],
+  [EventKind.WARNING, 'danger'],
 ]);
 
 /** Returns an event as a message, or nothing for what is not worth telling. */
@@ -56,7 +56,7 @@ export function messageOf(event: EventFrame, cast: Cast, words: Words): Message 
 }
 
 function toneOf(event: EventFrame): Tone {
-  if (event.kind === EventKind.flag) return (['good', 'warning', 'danger'] as const)[event.other]!;
+  if (event.kind === EventKind.FLAG) return (['good', 'warning', 'danger'] as const)[event.other]!;
   return TONES.get(event.kind) ?? 'plain';
 }
 
@@ -65,48 +65,48 @@ function textOf(event: EventFrame, cast: Cast, words: Words): string {
   const who = cast.name(event.kart);
   const other = event.other >= 0 ? cast.name(event.other) : words.nobody;
   switch (event.kind) {
-    case EventKind.green:
+    case EventKind.GREEN:
       return say.green;
-    case EventKind.lap:
+    case EventKind.LAP:
       return say.lap(who, event.other, lapText(event.value));
-    case EventKind.finish:
+    case EventKind.FINISH:
       return say.finish(who);
-    case EventKind.retired:
+    case EventKind.RETIRED:
       return say.retired(who, words.retirements[event.other] ?? words.unknown);
-    case EventKind.pickUp:
+    case EventKind.PICK_UP:
       return say.pickUp(who, cast.item(event.other));
-    case EventKind.use:
+    case EventKind.USE:
       return say.use(who, cast.item(event.other));
-    case EventKind.hit:
+    case EventKind.HIT:
       return say.hit(who, cast.item(event.value), other);
-    case EventKind.blockedHit:
+    case EventKind.BLOCKED_HIT:
       return say.blockedHit(who, cast.item(event.value), other);
-    case EventKind.contactKart:
+    case EventKind.CONTACT_KART:
       return say.contactKart(who, other);
-    case EventKind.falseStart:
+    case EventKind.FALSE_START:
       return say.falseStart(who);
-    case EventKind.shortCut:
+    case EventKind.SHORT_CUT:
       return say.shortCut(who, event.other);
-    case EventKind.wrongWay:
+    case EventKind.WRONG_WAY:
       return event.value ? say.wrongWay(who) : '';
-    case EventKind.offTrack:
+    case EventKind.OFF_TRACK:
       return event.value ? say.offTrack(who) : '';
-    case EventKind.stuck:
+    case EventKind.STUCK:
       return say.stuck(who);
-    case EventKind.rescued:
+    case EventKind.RESCUED:
       return say.rescued(who);
-    case EventKind.penalty:
+    case EventKind.PENALTY:
       return say.penalty(who, secondsText(event.value));
-    case EventKind.flag:
+    case EventKind.FLAG:
       return event.kart >= 0
         ? say.flagAround(words.flags[event.other] ?? '', who)
         : say.flag(words.flags[event.other] ?? '');
-    case EventKind.raceOver:
+    case EventKind.RACE_OVER:
       return say.raceOver;
-    case EventKind.warning:
+    case EventKind.WARNING:
       return say.warning(who, other);
-    case EventKind.pose:
-      return say.pose(who, words.trusts[event.other] ?? '', words.doubts[event.value] ?? '');
+    case EventKind.POSE:
+      return say.pose(who, words.trusts[event.other] ?? '', words.poseFaults[event.value] ?? '');
     default:
       return '';
   }

@@ -1,7 +1,7 @@
 // What a driver has to be warned of.
 
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
-import { Flag, KartFlag, Phase, Status } from '../wire/codes';
+import { Flag, KartFlag, Phase, Status } from '../wire/tables';
 
 export type Alert =
   'red' | 'wrongWay' | 'link' | 'yellow' | 'stuck' | 'danger' | 'kart' | 'offTrack';
@@ -29,14 +29,14 @@ export function alertsFor(watch: Watch): Alert[] {
   const { own, frame, flag, linkMs } = watch;
   const alerts: Alert[] = [];
   if (linkMs > BAD_LINK_MS) alerts.push('link');
-  if (frame.phase !== Phase.running || own.status !== Status.racing) return alerts;
-  if (flag === Flag.red) alerts.push('red');
-  if (own.flags & KartFlag.wrongWay) alerts.push('wrongWay');
-  if (flag === Flag.yellow) alerts.push('yellow');
-  if (own.flags & KartFlag.rescueOffered) alerts.push('stuck');
+  if (frame.phase !== Phase.RUNNING || own.status !== Status.RACING) return alerts;
+  if (flag === Flag.RED) alerts.push('red');
+  if (own.flags & KartFlag.WRONG_WAY) alerts.push('wrongWay');
+  if (flag === Flag.YELLOW) alerts.push('yellow');
+  if (own.flags & KartFlag.RESCUE_OFFERED) alerts.push('stuck');
   if (frame.lights <= 0 && hasHazard(watch)) alerts.push('danger');
   if (frame.lights <= 0 && hasSlowKart(watch)) alerts.push('kart');
-  if (own.flags & KartFlag.offTrack) alerts.push('offTrack');
+  if (own.flags & KartFlag.OFF_TRACK) alerts.push('offTrack');
   return alerts;
 }
 
@@ -57,7 +57,7 @@ function hasSlowKart(watch: Watch): boolean {
   const { own, frame, lapLength, kartLength } = watch;
   const reach = reachOf(watch);
   return frame.karts.some((kart) => {
-    if (kart.seat === own.seat || kart.status === Status.absent) return false;
+    if (kart.seat === own.seat || kart.status === Status.ABSENT) return false;
     const gap = (((kart.progress - own.progress) % lapLength) + lapLength) % lapLength;
     const isSlow = kart.speed < SLOW_SHARE * own.speed && own.speed > 2 * kartLength;
     return isSlow && gap > 0.5 * kartLength && gap < reach;

@@ -1,6 +1,6 @@
 // A driver's own lap against its best and against the reference line.
 
-import { KartFlag, Phase, Status } from '../wire/codes';
+import { KartFlag, Phase, Status } from '../wire/tables';
 import type { KartFrame } from '../wire/frames';
 import type { Zone } from './line';
 import { deltaTo } from './pace';
@@ -26,9 +26,9 @@ export interface OwnLap {
 export function ownLap(race: Race, kart: KartFrame): OwnLap {
   const row = race.standings?.rows.find(({ seat }) => seat === kart.seat);
   const laps = race.standings?.laps ?? 0;
-  const isStuck = (kart.flags & KartFlag.rescueOffered) !== 0;
+  const isStuck = (kart.flags & KartFlag.RESCUE_OFFERED) !== 0;
   const isOnTheWay =
-    race.headline?.phase === Phase.running && kart.status === Status.racing && !isStuck;
+    race.headline?.phase === Phase.RUNNING && kart.status === Status.RACING && !isStuck;
   return {
     speed: kart.speed,
     lap: laps ? Math.min(kart.laps + 1, laps) : kart.laps + 1,
@@ -39,9 +39,9 @@ export function ownLap(race: Race, kart: KartFrame): OwnLap {
     ...deltasOf(race, kart.seat),
     item: kart.item,
     zone: isOnTheWay ? (race.line?.zones[race.line.nearest(kart.x, kart.y)] ?? null) : null,
-    isImmune: (kart.flags & KartFlag.immune) !== 0,
-    isHome: kart.status === Status.finished,
-    isOut: kart.status === Status.retired,
+    isImmune: (kart.flags & KartFlag.IMMUNE) !== 0,
+    isHome: kart.status === Status.FINISHED,
+    isOut: kart.status === Status.RETIRED,
   };
 }
 

@@ -2,7 +2,7 @@
 // gaps, speed traces and deltas.
 
 import type { KartFrame } from '../wire/frames';
-import { TICKS_PER_SECOND } from '../wire/codes';
+import { TICKS_PER_SECOND } from './clock';
 import type { LapTrace } from './line';
 
 /** Steps of a lap. */

@@ -13,7 +13,8 @@ import type {
   SnapshotFrame,
   StandingsFrame,
 } from '../wire/frames';
-import { Flag, Phase, TICKS_PER_SECOND } from '../wire/codes';
+import { Flag, Phase } from '../wire/tables';
+import { TICKS_PER_SECOND } from './clock';
 import { SnapshotBuffer } from './buffer';
 import { Course } from './course';
 import { InputAges } from './ages';
@@ -178,7 +179,7 @@ export class Race {
   }
 
   private notePaces(frame: SnapshotFrame): void {
-    if (!this.course || frame.phase === Phase.lobby) return;
+    if (!this.course || frame.phase === Phase.LOBBY) return;
     const start = this.standings?.startTick ?? 0;
     const isEarly = frame.lights > 0 || frame.tick < start + EARLY_TICKS;
     for (const kart of frame.karts) {
@@ -193,7 +194,7 @@ export class Race {
 
   private takeStandings(frame: StandingsFrame): void {
     this.standings = frame;
-    if (frame.phase === Phase.lobby) this.clearTrack(frame.epoch);
+    if (frame.phase === Phase.LOBBY) this.clearTrack(frame.epoch);
     if (!this.buffer.newest) {
       const { phase, flag, tick } = frame;
       this.headline = { phase, flag, tick, lights: 0, lap: 0 };
@@ -231,7 +232,7 @@ export class Race {
     this.readMs = nowMs;
     const first = Math.max(0, ...frame.karts.map((kart) => kart.laps));
     const { phase, flag, lights, tick } = frame;
-    this.headline = { phase, flag, lights, tick, lap: frame.phase === Phase.lobby ? 0 : first + 1 };
+    this.headline = { phase, flag, lights, tick, lap: frame.phase === Phase.LOBBY ? 0 : first + 1 };
     this.makeRows(frame, nowMs);
   }
 
@@ -250,5 +251,5 @@ export class Race {
 
 /** Returns whether somebody has to be warned by a flag. */
 export function isCaution(flag: number): boolean {
-  return flag !== Flag.green;
+  return flag !== Flag.GREEN;
 }

@@ -1,7 +1,7 @@
 // Sector times by colour, as live timing shows them.
 
 import type { EventFrame } from '../wire/frames';
-import { EventKind } from '../wire/codes';
+import { EventKind } from '../wire/tables';
 
 /** The best of all, the best of this kart, or neither. */
 export type Merit = 'best' | 'own' | 'none';
@@ -17,7 +17,7 @@ export class Sectors {
   private newest = new Map<number, SectorTime[]>();
 
   note(event: EventFrame): void {
-    if (event.kind !== EventKind.sector) return;
+    if (event.kind !== EventKind.SECTOR) return;
     const sector = event.other - 1;
     const times = this.newest.get(event.kart) ?? [];
     // A new lap begins: the sectors of the last one stay until its first is through.

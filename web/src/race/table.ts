@@ -1,7 +1,8 @@
 // The rows of the leaderboard, from what the server tells and what was seen on the track.
 
 import type { SnapshotFrame, StandingsFrame } from '../wire/frames';
-import { Status, TICKS_PER_SECOND } from '../wire/codes';
+import { Status } from '../wire/tables';
+import { TICKS_PER_SECOND } from './clock';
 import { type Pace, gapBetween } from './pace';
 import type { SectorTime, Sectors } from './sectors';
 
@@ -79,7 +80,7 @@ function addGaps(rows: Row[], paces: ReadonlyMap<number, Pace>, tick: number): v
     row.intervalS = timeBehind(ahead, row, paces, tick);
     const first = paces.get(leader.seat);
     const own = paces.get(row.seat);
-    if (first && own && row.status === Status.racing) row.lapsBehind = lapsBetween(first, own);
+    if (first && own && row.status === Status.RACING) row.lapsBehind = lapsBetween(first, own);
   }
 }
 
@@ -87,7 +88,7 @@ function timeBehind(ahead: Row, row: Row, paces: ReadonlyMap<number, Pace>, tick
   if (ahead.raceUs && row.raceUs) return (row.raceUs - ahead.raceUs) / 1e6;
   const first = paces.get(ahead.seat);
   const own = paces.get(row.seat);
-  if (!first || !own || row.status !== Status.racing) return NaN;
+  if (!first || !own || row.status !== Status.RACING) return NaN;
   const gap = gapBetween(first, own, tick);
   return gap >= -1 / TICKS_PER_SECOND ? Math.max(gap, 0) : NaN;
 }

@@ -2,7 +2,7 @@
 
 import { SvelteMap } from 'svelte/reactivity';
 
-import { Phase } from '../wire/codes';
+import { Phase } from '../wire/tables';
 import { Link, type LinkState } from '../wire/link';
 import type { Frame } from '../wire/frames';
 import type {
@@ -49,7 +49,7 @@ export class Visit {
 
   /** What the reader is told of the connection; in a lobby nobody has to drive. */
   get note(): Notice | null {
-    const inLobby = this.race.standings?.phase === Phase.lobby;
+    const inLobby = this.race.standings?.phase === Phase.LOBBY;
     return inLobby && this.notice?.code === 'dead-man' ? null : this.notice;
   }
 
@@ -73,7 +73,7 @@ export class Visit {
     const before = this.race.standings?.phase;
     this.race.take(frame, arrivedMs);
     // Who was ready for one race is asked again before the next.
-    if (before !== Phase.lobby && this.race.standings?.phase === Phase.lobby) this.isReady = false;
+    if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) this.isReady = false;
   }
 
   private hear(told: Told, arrivedMs: number): void {

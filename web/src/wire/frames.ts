@@ -1,5 +1,7 @@
 // What comes from the gateway, as plain data. SI units; angles in radians, left positive.
 
+import type { EventKind, Flag, Phase, Status } from './tables';
+
 export interface KartFrame {
   seat: number;
   x: number; // [m] east
@@ -13,10 +15,10 @@ export interface KartFrame {
   acknowledged: number; // sequence of the newest control that the server took
   laps: number; // completed
   rank: number; // from 1
-  status: number;
+  status: Status;
   item: number; // held, 0 for none
   effects: number; // how many act
-  flags: number; // see KartFlag
+  flags: number; // bits of KartFlag
 }
 
 export interface HazardFrame {
@@ -33,8 +35,8 @@ export interface SnapshotFrame {
   epoch: number;
   tick: number;
   lights: number; // [s] until the start, 0 once the race runs
-  phase: number;
-  flag: number;
+  phase: Phase;
+  flag: Flag;
   karts: KartFrame[];
   boxes: Uint8Array; // 1 for each item box that is ready
   hazards: HazardFrame[];
@@ -45,7 +47,7 @@ export interface StandingFrame {
   seat: number;
   rank: number;
   laps: number;
-  status: number;
+  status: Status;
   lastLapUs: number;
   bestLapUs: number;
   raceTimeUs: number;
@@ -61,8 +63,8 @@ export interface StandingsFrame {
   epoch: number;
   tick: number;
   startTick: number; // when the lights go out
-  phase: number;
-  flag: number;
+  phase: Phase;
+  flag: Flag;
   laps: number;
   course: string;
   rows: StandingFrame[];
@@ -71,7 +73,7 @@ export interface StandingsFrame {
 export interface EventFrame {
   sequence: number; // counts all events of an epoch from 1
   tick: number;
-  kind: number;
+  kind: EventKind;
   kart: number; // -1 for the whole race
   other: number;
   value: number;
@@ -157,7 +159,7 @@ export interface HudFrame {
   immune: number; // [s]
   effects: EffectFrame[];
   lights: number;
-  flag: number; // shown to this kart
+  flag: Flag; // shown to this kart
 }
 
 export interface BriefingFrame {

@@ -4,8 +4,8 @@
 import type { Race } from '../race/race.svelte';
 import type { Course } from '../race/course';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
-import { Status } from '../wire/codes';
-import { Eye, type Place } from './eye';
+import { Status } from '../wire/tables';
+import { Perspective, type Place } from './perspective';
 import { drawBackdrop, drawBands, drawIdealLine, drawPuddles, drawSurfaces } from './road';
 import { type Sign, drawSign } from './signs';
 import { type Solid, drawLabel, kartSolid, solidOf } from './solids';
@@ -23,11 +23,11 @@ const EDGE_STEP = 0.4;
 const LINE_WIDTH = 0.22;
 const MOST_RATIO = 2;
 
-export class ForwardView {
+export class DriverView {
   private readonly context: CanvasRenderingContext2D;
   private course: Course | null = null;
   private walls: Wall[] = [];
-  private eye = new Eye(1, 1);
+  private view = new Perspective(1, 1);
   private length = 1;
   private width = 1;
   private height = 1;
@@ -46,12 +46,12 @@ export class ForwardView {
   }
 
   draw(frame: SnapshotFrame | null, seat: number, race: Race, showsLine: boolean): void {
-    const { context, eye } = this;
+    const { context, view } = this;
     this.prepare(race);
     const own = frame?.karts.find((kart) => kart.seat === seat) ?? null;
-    if (own) eye.look(own.x, own.y, own.heading, this.width, this.height);
-    else eye.look(1e6, 1e6, 0, this.width, this.height);
-    drawBackdrop(context, eye, this.width, this.height);
+    if (own) view.look(own.x, own.y, own.heading, this.width, this.height);
+    else view.look(1e6, 1e6, 0, this.width, this.height);
+    drawBackdrop(context, view, this.width, this.height);
     if (!own || !frame || !race.course) return;
     this.drawGround(own, frame, race, showsLine);
     const solids = this.solidsOf(own, frame, race);
@@ -64,32 +64,32 @@ export class ForwardView {
     if (race.course === this.course && length === this.length) return;
     this.course = race.course;
     this.length = length;
-    this.eye = new Eye(NEAR * length, EYE_HEIGHT * length);
+    this.view = new Perspective(NEAR * length, EYE_HEIGHT * length);
     this.walls = race.course ? wallsOf(race.course, WALL_PIECE * length) : [];
   }
 
   private drawGround(own: KartFrame, frame: SnapshotFrame, race: Race, showsLine: boolean): void {
-    const { context, eye, length } = this;
+    const { context, view, length } = this;
     const course = race.course!;
-    drawSurfaces(context, course, eye, EDGE_STEP * length);
+    drawSurfaces(context, course, view, EDGE_STEP * length);
     const sample = course.sampleAt(own.progress);
-    drawBands(context, course, eye, sample, BAND_STEP * length, REACH * length);
+    drawBands(context, course, view, sample, BAND_STEP * length, REACH * length);
     if (showsLine && race.line) {
       const { line } = race;
       const [width, reach] = [LINE_WIDTH * length, LINE_REACH * length];
-      drawIdealLine(context, line, eye, line.nearest(own.x, own.y), width, reach);
+      drawIdealLine(context, line, view, line.nearest(own.x, own.y), width, reach);
     }
-    drawPuddles(context, frame.hazards, eye);
+    drawPuddles(context, frame.hazards, view);
   }
 
   private solidsOf(own: KartFrame, frame: SnapshotFrame, race: Race): Solid[] {
-    const { eye, length } = this;
+    const { view, length } = this;
     const rivals = frame.karts.filter(
-      (kart) => kart.seat !== own.seat && kart.status !== Status.absent,
+      (kart) => kart.seat !== own.seat && kart.status !== Status.ABSENT,
     );
     return [
-      ...wallSolids(this.walls, own, eye, WALL_HEIGHT * length, REACH * length),
-      ...rivals.map((kart) => kartSolid(kart, race.body, eye)),
+      ...wallSolids(this.walls, own, view, WALL_HEIGHT * length, REACH * length),
+      ...rivals.map((kart) => kartSolid(kart, race.body, view)),
       ...this.obstaclesOf(race.course!),
       ...this.boxesOf(race.course!, frame),
       ...this.signsOf(frame),
@@ -107,35 +107,35 @@ export class ForwardView {
         number,
       ];
       const size = { length: long, width: wide, base: 0, top: 0.3 * this.length };
-      return solidOf([{ x, y, heading, ...size, colour: '#d29a3a' }], this.eye, null);
+      return solidOf([{ x, y, heading, ...size, colour: '#d29a3a' }], this.view, null);
     });
   }
 
   /** Item boxes that can be had: cubes that float above the road. */
   private boxesOf(course: Course, frame: SnapshotFrame): (Solid | null)[] {
-    const { eye, length } = this;
+    const { view, length } = this;
     const { boxes } = course.frame;
     return Array.from({ length: boxes.length / 2 }, (_, index) => {
       if (frame.boxes[index] !== 1) return null;
-      const place = eye.place(boxes[2 * index]!, boxes[2 * index + 1]!, 0.12 * length);
-      if (place.ahead < eye.near) return null;
+      const place = view.place(boxes[2 * index]!, boxes[2 * index + 1]!, 0.12 * length);
+      if (place.ahead < view.near) return null;
       return {
         distance: Math.hypot(place.ahead, place.left),
-        draw: (context: CanvasRenderingContext2D) => drawCube(context, eye, place, 0.32 * length),
+        draw: (context: CanvasRenderingContext2D) => drawCube(context, view, place, 0.32 * length),
       };
     });
   }
 
   /** Signs above what lies on the road, so that it is seen from afar. */
   private signsOf(frame: SnapshotFrame): (Solid | null)[] {
-    const { eye, length } = this;
+    const { view, length } = this;
     return frame.hazards.map((hazard) => {
-      const place = eye.place(hazard.x, hazard.y, 0.25 * length);
-      if (place.ahead < eye.near) return null;
+      const place = view.place(hazard.x, hazard.y, 0.25 * length);
+      if (place.ahead < view.near) return null;
       const sign = { text: '!', colour: '#ffb000', ink: '#1b1200', size: 0.24 * length };
       return {
         distance: Math.hypot(place.ahead, place.left),
-        draw: (context: CanvasRenderingContext2D) => drawLabel(context, eye, place, sign),
+        draw: (context: CanvasRenderingContext2D) => drawLabel(context, view, place, sign),
       };
     });
   }
@@ -145,8 +145,8 @@ export class ForwardView {
 const MOST_CUBE = 130;
 const CUBE: Sign = { text: '?', colour: '#8b5cf6', ink: '#ffffff', isCube: true };
 
-function drawCube(context: CanvasRenderingContext2D, eye: Eye, place: Place, size: number): void {
-  const { x, y } = eye.project(place);
-  const side = Math.min(size * eye.scaleAt(place.ahead), MOST_CUBE);
+function drawCube(context: CanvasRenderingContext2D, view: Perspective, place: Place, size: number): void {
+  const { x, y } = view.project(place);
+  const side = Math.min(size * view.scaleAt(place.ahead), MOST_CUBE);
   drawSign(context, CUBE, x, y - 0.5 * side, side);
 }

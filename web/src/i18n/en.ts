@@ -52,8 +52,8 @@ export const en = {
     'ramming',
     'position lost',
   ],
-  trusts: ['simulated', 'trusted', 'doubtful', 'parked', 'out'],
-  doubts: [
+  trusts: ['simulated', 'trusted', 'doubtful', 'suspended', 'out'],
+  poseFaults: [
     '',
     'silent',
     'stale position',
@@ -76,7 +76,7 @@ export const en = {
     immune: 'shielded',
     real: 'real kart',
     doubtful: 'position in doubt',
-    parked: 'parked',
+    suspended: 'suspended',
   },
 
   events: {
@@ -101,8 +101,8 @@ export const en = {
     flagAround: (flag: string, who: string) => `${flag} flag around ${who}`,
     raceOver: 'The race is over',
     warning: (who: string, other: string) => `${who} is warned for driving into ${other}`,
-    pose: (who: string, trust: string, doubt: string) =>
-      `${who} is ${trust}${doubt ? ` (${doubt})` : ''}`,
+    pose: (who: string, trust: string, fault: string) =>
+      `${who} is ${trust}${fault ? ` (${fault})` : ''}`,
   },
 
   board: {
@@ -287,3 +287,5 @@ export const en = {
     lap: (lap: number) => `Lap ${lap}`,
   },
 };
+
+export type Words = typeof en;

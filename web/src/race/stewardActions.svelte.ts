@@ -8,7 +8,7 @@ export interface Answer {
   reason: string;
 }
 
-export class Desk {
+export class StewardActions {
   private asked = $state.raw<readonly { id: number; what: string }[]>([]);
   private next = 1;
 

@@ -1,6 +1,6 @@
 // Tout ce que dit la page, en français.
 
-import type { Words } from './words.svelte';
+import type { Words } from './en';
 
 export const fr: Words = {
   title: 'Course',
@@ -56,8 +56,8 @@ export const fr: Words = {
     'percussions',
     'position perdue',
   ],
-  trusts: ['simulé', 'fiable', 'douteux', 'garé', 'exclu'],
-  doubts: [
+  trusts: ['simulé', 'fiable', 'douteux', 'suspendu', 'exclu'],
+  poseFaults: [
     '',
     'muet',
     'position ancienne',
@@ -75,7 +75,7 @@ export const fr: Words = {
     immune: 'protégé',
     real: 'kart réel',
     doubtful: 'position douteuse',
-    parked: 'garé',
+    suspended: 'suspendu',
   },
 
   events: {
@@ -99,7 +99,7 @@ export const fr: Words = {
     flagAround: (flag, who) => `drapeau ${flag} autour de ${who}`,
     raceOver: 'La course est terminée',
     warning: (who, other) => `${who} est averti pour avoir percuté ${other}`,
-    pose: (who, trust, doubt) => `${who} est ${trust}${doubt ? ` (${doubt})` : ''}`,
+    pose: (who, trust, fault) => `${who} est ${trust}${fault ? ` (${fault})` : ''}`,
   },
 
   board: {

@@ -14,7 +14,7 @@ export interface Pixel {
 // Share of the picture above the horizon.
 const SKY = 0.4;
 
-export class Eye {
+export class Perspective {
   private x = 0;
   private y = 0;
   private cos = 1;

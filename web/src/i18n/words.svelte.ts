@@ -1,9 +1,8 @@
 // The language of the page: the browser's, where we know it, or the one that was chosen.
 
-import { en } from './en';
+import { type Words, en } from './en';
 import { fr } from './fr';
 
-export type Words = typeof en;
 export type Language = 'en' | 'fr';
 
 const ALL: Record<Language, Words> = { en, fr };
