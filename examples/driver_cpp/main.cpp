@@ -28,18 +28,14 @@ namespace {
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
-using Words = boost::property_tree::ptree;
+namespace codes = race::codes;
+using Json = boost::property_tree::ptree;
 
 constexpr int snapshots_hz = 60;  // each is answered with a control
-constexpr std::uint32_t use_item = 1, accept_rescue = 2;  // bits of the buttons
-constexpr std::uint8_t rescue_offered = 4;                // bit of a kart's flags
-constexpr std::uint8_t running = 2;                       // phase of a race
-constexpr std::uint8_t finished = 2, retired = 3;         // status of a kart
-constexpr std::uint16_t lap_event = 2;                    // kind of an event
-// A button acts when it goes down, so it is pressed and let go by turns.
+// A button acts when it goes down, so it is pressed and released in turn.
 constexpr std::uint32_t press_ticks = 6;
 
-// The way to a seat: what `race gateway --drivers 1` prints.
+// The address for drivers that `race gateway --drivers 1` prints.
 struct Address {
   std::string host, port, token;
 };
@@ -49,12 +45,12 @@ Address read_address(const std::string& text) {
   std::smatch found;
   if (!std::regex_match(text, found, form)) {
     throw std::runtime_error(
-        "the address is none of http://HOST:PORT/#drive&token=TOKEN; give it whole, in quotes");
+        "the address is not http://HOST:PORT/#drive&token=TOKEN; pass all of it, in quotes");
   }
   return {found[1], found[2], found[3]};
 }
 
-// A WebSocket to the gateway, read and written by turns.
+// A WebSocket to the gateway, read and written in turn.
 class Channel {
  public:
   explicit Channel(const Address& address) : socket_(context_) {
@@ -77,8 +73,8 @@ class Channel {
     socket_.write(asio::buffer(message.GetBufferPointer(), message.GetSize()));
   }
 
-  // Returns the next message, and whether it is words.
-  std::pair<std::string, bool> hear() {
+  // Returns the next message, and whether it is text.
+  std::pair<std::string, bool> receive() {
     beast::flat_buffer buffer;
     socket_.read(buffer);
     return {beast::buffers_to_string(buffer.data()), socket_.got_text()};
@@ -91,7 +87,7 @@ class Channel {
   websocket::stream<asio::ip::tcp::socket> socket_;
 };
 
-// Returns the table in a message, nullptr where it is another or damaged.
+// Returns the table in a message, nullptr if it is of another kind or damaged.
 template <typename Table>
 const Table* table_in(const std::string& message, const char* identifier) {
   const auto* data = reinterpret_cast<const std::uint8_t*>(message.data());
@@ -112,14 +108,14 @@ class Driver {
     channel_.send(hello.str());
   }
 
-  // Drives until the race is over for us, and returns whether we came home.
+  // Drives until the race is over for this kart, and returns whether it finished.
   bool drive() {
     while (!outcome_) {
-      const auto [message, is_words] = channel_.hear();
-      if (is_words) {
-        hear_words(message);
+      const auto [message, is_text] = channel_.receive();
+      if (is_text) {
+        receive_text(message);
       } else {
-        hear_bytes(message);
+        receive_message(message);
       }
     }
     channel_.close();
@@ -127,8 +123,8 @@ class Driver {
   }
 
  private:
-  void hear_words(const std::string& text) {
-    Words words;
+  void receive_text(const std::string& text) {
+    Json words;
     std::istringstream stream(text);
     boost::property_tree::read_json(stream, words);
     const auto type = words.get<std::string>("type");
@@ -146,7 +142,7 @@ class Driver {
     }
   }
 
-  void hear_bytes(const std::string& message) {
+  void receive_message(const std::string& message) {
     if (const auto* snapshot = table_in<race::spectate::Snapshot>(message, "RSNP")) {
       answer(*snapshot);
     } else if (const auto* hud = table_in<race::drive::Hud>(message, "RHUD")) {
@@ -154,9 +150,9 @@ class Driver {
       item_ = hud->item();
       limits_ = {hud->speed_cap(), hud->grip_scale()};
     } else if (const auto* events = table_in<race::spectate::Events>(message, "REVT")) {
-      note(*events);
+      show_laps(*events);
     } else if (const auto* standings = table_in<race::spectate::Standings>(message, "RSTD")) {
-      look(*standings);
+      show_result(*standings);
     } else if (table_in<race::session::Course>(message, "RCRS") != nullptr) {
       course_ = message;
     } else if (table_in<race::session::Line>(message, "RLIN") != nullptr) {
@@ -172,7 +168,7 @@ class Driver {
     const auto* line = table_in<race::session::Line>(line_, "RLIN");
     if (course == nullptr || line == nullptr || line->x()->size() == 0) {
       throw std::runtime_error(
-          "this race has no reference line, and this driver knows nothing else");
+          "this race has no reference line, and this driver needs one");
     }
     pursuit_.emplace(briefing, *course, *line);
     std::printf("%u laps of %s; the reference line's lap takes %.2f s\n", briefing.laps(),
@@ -190,39 +186,42 @@ class Driver {
     if (!pursuit_ || kart == karts.end() || epoch_ != snapshot.epoch()) {
       return;
     }
-    const bool is_on = snapshot.phase() == running && snapshot.lights() == 0.0f;
+    const bool is_on = snapshot.phase() == codes::Phase_RUNNING && snapshot.lights() == 0.0f;
     const Wishes wishes = is_on ? pursuit_->decide(**kart, karts, limits_) : Wishes{};
     const bool presses = snapshot.tick() / press_ticks % 2 == 0;
-    const std::uint32_t buttons = (is_on && presses && item_ != 0 ? use_item : 0) |
-                                  (((*kart)->flags() & rescue_offered) != 0 ? accept_rescue : 0);
+    const bool uses_item = is_on && presses && item_ != 0;
+    const bool is_stuck = ((*kart)->flags() & codes::KartFlag_RESCUE_OFFERED) != 0;
+    const int buttons = (uses_item ? codes::Button_USE_ITEM : codes::Button_NONE) |
+                        (is_stuck ? codes::Button_ACCEPT_RESCUE : codes::Button_NONE);
     sequence_ = std::max(sequence_, (*kart)->acknowledged()) + 1;
-    // `epoch` and `tick` are the gateway's matter.
+    // The gateway sets `epoch` and `tick`.
     const race::drive::Control control(0, sequence_, 0, static_cast<float>(wishes.steering),
                                        static_cast<float>(wishes.throttle),
-                                       static_cast<float>(wishes.brake), buttons);
+                                       static_cast<float>(wishes.brake),
+                                       static_cast<codes::Button>(buttons));
     flatbuffers::FlatBufferBuilder builder;
     builder.Finish(race::drive::CreateControlMessage(builder, &control), "RCTL");
     channel_.send(builder);
   }
 
-  void note(const race::spectate::Events& events) {
+  void show_laps(const race::spectate::Events& events) {
     for (const auto* event : *events.events()) {
-      if (events.epoch() == epoch_ && event->kind() == lap_event && event->kart() == seat_) {
+      if (events.epoch() == epoch_ && event->kind() == codes::EventKind_LAP && event->kart() == seat_) {
         std::printf("lap %d: %.3f s\n", event->other(), seconds(event->value()));
       }
     }
   }
 
-  void look(const race::spectate::Standings& standings) {
+  void show_result(const race::spectate::Standings& standings) {
     for (const auto* row : *standings.rows()) {
       if (standings.epoch() != epoch_ || row->seat() != seat_) {
         continue;
       }
-      if (row->status() == finished) {
+      if (row->status() == codes::Status_FINISHED) {
         std::printf("finished in %.3f s, place %d of %u\n", seconds(row->race_time_us()),
                     row->rank(), standings.rows()->size());
         outcome_ = true;
-      } else if (row->status() == retired) {
+      } else if (row->status() == codes::Status_RETIRED) {
         std::printf("out of the race after %u laps\n", row->laps());
         outcome_ = false;
       }
@@ -232,7 +231,7 @@ class Driver {
   Channel channel_;
   int seat_ = -1;
   std::uint32_t sequence_ = 0;
-  std::optional<std::uint32_t> epoch_;  // of our race, once it has begun
+  std::optional<std::uint32_t> epoch_;  // of this kart's race, once it has begun
   int item_ = 0;
   Limits limits_;
   std::string course_, line_;  // messages

@@ -12,14 +12,13 @@ using race::session::Briefing;
 using race::spectate::Kart;
 
 constexpr double gravity = 9.81;       // [m/s²]
-constexpr double look_s = 0.16;        // aims at where the line is so far ahead in time
+constexpr double look_s = 0.16;        // aims at the point of the line this far ahead in time
 constexpr double shortest_look = 1.5;  // wheelbases
 constexpr double delay_s = 0.1;        // from a snapshot until its control acts on the wheels
-// A line of minimum time takes all the grip; this driver keeps some to correct its errors with.
+// A line of minimum time takes all the grip; this driver keeps some to correct its errors.
 constexpr double speed_share = 0.86;
-constexpr double brake_share = 0.5;    // of what brakes and tyres give
-constexpr double close_s = 0.1;        // pedals aim at the wanted speed within so long
-constexpr int racing = 1;              // status of a kart
+constexpr double brake_share = 0.5;    // of what brakes and tyres can give
+constexpr double close_s = 0.1;        // pedals reach the wanted speed within this time
 
 double number(const Briefing& briefing, const std::string& name) {
   const auto& names = *briefing.vehicle_names();
@@ -29,7 +28,7 @@ double number(const Briefing& briefing, const std::string& name) {
       return values[index];
     }
   }
-  throw std::runtime_error("the briefing does not tell the vehicle's " + name);
+  throw std::runtime_error("the briefing does not have the vehicle's " + name);
 }
 
 }  // namespace
@@ -50,8 +49,8 @@ Pursuit::Pursuit(const Briefing& briefing, const race::session::Course& course,
   for (flatbuffers::uoffset_t index = 0; index < line.x()->size(); ++index) {
     line_.push_back({line.x()->Get(index), line.y()->Get(index), line.speed()->Get(index)});
   }
-  // Both lines begin abreast; from one sample of the centre line to the next the other may go on
-  // by up to three of its own.
+  // Both lines begin side by side; per sample of the centre line the other advances by at most
+  // three of its own.
   const auto reach = static_cast<std::size_t>(std::ceil(3.0 * centre_step_ / step_));
   const auto& centre = *course.line();  // x, y, heading, curvature of each sample
   std::size_t place = 0;
@@ -97,7 +96,7 @@ Pursuit::Point Pursuit::seen(const Kart& kart, double x, double y) const {
           north * std::cos(heading) - east * std::sin(heading)};
 }
 
-// Returns the speed from which all that the line asks for ahead can still be braked to.
+// Returns the highest speed from which braking still reaches all speeds of the line ahead.
 double Pursuit::limit_of_line(std::size_t place, double speed, double grip) const {
   const double horizon = speed * speed / (2.0 * braking_ * step_) + 1.0;
   double square = std::numeric_limits<double>::infinity();
@@ -109,12 +108,12 @@ double Pursuit::limit_of_line(std::size_t place, double speed, double grip) cons
   return std::sqrt(square);
 }
 
-// Returns the speed that keeps us behind whoever is ahead in our way: this driver passes nobody.
+// Returns the speed that keeps the distance to a kart ahead: this driver does not overtake.
 double Pursuit::limit_behind(const Kart& kart, const Karts& karts) const {
   double square = std::numeric_limits<double>::infinity();
   for (const Kart* other : karts) {
     const Point point = seen(kart, other->x(), other->y());
-    const bool is_in_way = other->status() == racing && other->seat() != kart.seat() &&
+    const bool is_in_way = other->status() == race::codes::Status_RACING && other->seat() != kart.seat() &&
                            point.ahead > 0.0 && std::abs(point.aside) < 1.2 * width_;
     if (is_in_way) {
       const double across = other->heading() - kart.heading();

@@ -20,7 +20,7 @@ struct Wishes {
   double brake = 1.0;     // [0, 1]
 };
 
-// What flags and effects allow our kart.
+// What flags and effects allow this kart.
 struct Limits {
   double speed_cap = 0.0;   // [m/s]
   double grip_scale = 1.0;  // [-]
@@ -31,7 +31,7 @@ class Pursuit {
   Pursuit(const race::session::Briefing& briefing, const race::session::Course& course,
           const race::session::Line& line);
 
-  // Returns what to do with wheel and pedals, given all karts of a snapshot.
+  // Returns steering and pedals, given all karts of a snapshot.
   Wishes decide(const race::spectate::Kart& kart, const Karts& karts, const Limits& limits) const;
 
  private:
@@ -47,7 +47,7 @@ class Pursuit {
   double limit_behind(const race::spectate::Kart& kart, const Karts& karts) const;
 
   std::vector<Sample> line_;
-  std::vector<std::size_t> beside_;  // sample of the line abreast of each of the centre line
+  std::vector<std::size_t> beside_;  // sample of the line beside each of the centre line
   double step_, centre_step_;        // [m] between samples of the line, of the centre line
   double wheelbase_, rear_axle_, length_, width_;  // [m]
   double steering_limit_;                          // [rad]

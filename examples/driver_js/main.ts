@@ -3,25 +3,19 @@
 import { Builder, ByteBuffer } from 'flatbuffers';
 import WebSocket from 'ws';
 
+import { Button, EventKind, KartFlag, Phase, Status } from '../../web/src/wire/generated/codes.js';
 import { Control, ControlMessage, Hud } from '../../web/src/wire/generated/drive.js';
 import { Briefing, Course, Line } from '../../web/src/wire/generated/session.js';
 import { Events, Snapshot, Standings } from '../../web/src/wire/generated/spectate.js';
 import { Pursuit, STAND, type Wishes } from './pursuit.js';
 
 const SNAPSHOTS_HZ = 60; // each is answered with a control
-const USE_ITEM = 1; // bits of the buttons
-const ACCEPT_RESCUE = 2;
-const RESCUE_OFFERED = 4; // bit of a kart's flags
-const RUNNING = 2; // phase of a race
-const PRESS_TICKS = 6; // a button acts when it goes down, so it is pressed and let go by turns
-const LAP = 2; // kinds of events
-const FINISHED = 2; // status of a kart
-const RETIRED = 3;
+const PRESS_TICKS = 6; // a button acts when it goes down, so it is pressed and released in turn
 
 class Driver {
   #seat = -1;
   #sequence = 0;
-  #epoch = -1; // of our race, once it has begun
+  #epoch = -1; // of this kart's race, once it has begun
   #course: Course | undefined;
   #line: Line | undefined;
   #hud: Hud | undefined;
@@ -29,7 +23,7 @@ class Driver {
 
   constructor(readonly socket: WebSocket) {}
 
-  hearWords(words: Record<string, unknown>): void {
+  receiveText(words: Record<string, unknown>): void {
     if (words.type === 'welcome') {
       this.#seat = Number(words.seat);
       this.#sequence = Number(words.sequence);
@@ -43,7 +37,7 @@ class Driver {
     }
   }
 
-  hearBytes(data: Uint8Array): void {
+  receiveMessage(data: Uint8Array): void {
     const buffer = new ByteBuffer(data);
     switch (Buffer.from(data.subarray(4, 8)).toString()) {
       case 'RCRS':
@@ -63,17 +57,17 @@ class Driver {
         this.#answer(Snapshot.getRootAsSnapshot(buffer));
         break;
       case 'REVT':
-        this.#note(Events.getRootAsEvents(buffer));
+        this.#showLaps(Events.getRootAsEvents(buffer));
         break;
       case 'RSTD':
-        this.#look(Standings.getRootAsStandings(buffer));
+        this.#showResult(Standings.getRootAsStandings(buffer));
     }
   }
 
   // The briefing comes after course and line.
   #getReady(briefing: Briefing): void {
     if (!this.#course || !this.#line?.xLength()) {
-      this.fail('this race has no reference line, and this driver knows nothing else');
+      this.fail('this race has no reference line, and this driver needs one');
       return;
     }
     this.#pursuit = new Pursuit(briefing, this.#course, this.#line);
@@ -89,33 +83,33 @@ class Driver {
     const karts = Array.from({ length: snapshot.kartsLength() }, (_, i) => snapshot.karts(i)!);
     const kart = karts.find((one) => one.seat() === this.#seat);
     if (!this.#pursuit || !this.#hud || !kart || snapshot.epoch() !== this.#epoch) return;
-    const isOn = snapshot.phase() === RUNNING && snapshot.lights() === 0;
+    const isOn = snapshot.phase() === Phase.RUNNING && snapshot.lights() === 0;
     const wishes = isOn ? this.#pursuit.decide(kart, karts, this.#hud) : STAND;
     const presses = Math.floor(snapshot.tick() / PRESS_TICKS) % 2 === 0;
-    let buttons = isOn && presses && this.#hud.item() ? USE_ITEM : 0;
-    if (kart.flags() & RESCUE_OFFERED) buttons |= ACCEPT_RESCUE;
+    let buttons = isOn && presses && this.#hud.item() ? Button.USE_ITEM : 0;
+    if (kart.flags() & KartFlag.RESCUE_OFFERED) buttons |= Button.ACCEPT_RESCUE;
     this.#sequence = Math.max(this.#sequence, kart.acknowledged()) + 1;
     this.socket.send(controlMessage(this.#sequence, wishes, buttons));
   }
 
-  #note(events: Events): void {
+  #showLaps(events: Events): void {
     if (events.epoch() !== this.#epoch) return;
     for (let index = 0; index < events.eventsLength(); index++) {
       const event = events.events(index)!;
-      if (event.kind() === LAP && event.kart() === this.#seat)
+      if (event.kind() === EventKind.LAP && event.kart() === this.#seat)
         console.log(`lap ${event.other()}: ${seconds(event.value())}`);
     }
   }
 
-  #look(standings: Standings): void {
+  #showResult(standings: Standings): void {
     if (standings.epoch() !== this.#epoch) return;
     for (let index = 0; index < standings.rowsLength(); index++) {
       const row = standings.rows(index)!;
       if (row.seat() !== this.#seat) continue;
       const place = `place ${row.rank()} of ${standings.rowsLength()}`;
-      if (row.status() === FINISHED)
+      if (row.status() === Status.FINISHED)
         this.#end(0, `finished in ${seconds(row.raceTimeUs())}, ${place}`);
-      if (row.status() === RETIRED) this.#end(1, `out of the race after ${row.laps()} laps`);
+      if (row.status() === Status.RETIRED) this.#end(1, `out of the race after ${row.laps()} laps`);
     }
   }
 
@@ -136,7 +130,7 @@ class Driver {
   }
 }
 
-// `epoch` and `tick` are the gateway's matter.
+// The gateway sets `epoch` and `tick`.
 function controlMessage(sequence: number, wishes: Wishes, buttons: number): Uint8Array {
   const builder = new Builder(128);
   ControlMessage.startControlMessage(builder);
@@ -157,7 +151,7 @@ function main(address: string, name: string): void {
   const [page, words = ''] = address.split('#');
   const token = new URLSearchParams(words).get('token');
   if (!page || !token) {
-    console.error('usage: npm start "ADDRESS" [NAME]; give the address whole, in quotes');
+    console.error('usage: npm start "ADDRESS" [NAME]; pass all of the address, in quotes');
     process.exitCode = 2;
     return;
   }
@@ -167,11 +161,11 @@ function main(address: string, name: string): void {
     socket.send(JSON.stringify({ role: 'drive', token, name, rate: SNAPSHOTS_HZ }));
   });
   socket.on('message', (data: Buffer, isBinary: boolean) => {
-    if (isBinary) driver.hearBytes(new Uint8Array(data));
-    else driver.hearWords(JSON.parse(data.toString()));
+    if (isBinary) driver.receiveMessage(new Uint8Array(data));
+    else driver.receiveText(JSON.parse(data.toString()));
   });
   socket.on('error', (error) => driver.fail(`no gateway at ${page}: ${error.message}`));
-  socket.on('close', () => driver.fail('the gateway has gone before the race was over'));
+  socket.on('close', () => driver.fail('the gateway closed the connection before the race was over'));
 }
 
 main(process.argv[2] ?? '', process.argv[3] ?? 'JavaScript');

@@ -3,19 +3,19 @@
 // SI units; x east, y north, angles counter-clockwise, left positive. Geometry: Coulter,
 // Implementation of the Pure Pursuit Path Tracking Algorithm, 1992.
 
+import { Status } from '../../web/src/wire/generated/codes.js';
 import type { Hud } from '../../web/src/wire/generated/drive.js';
 import type { Briefing, Course, Line } from '../../web/src/wire/generated/session.js';
 import type { Kart } from '../../web/src/wire/generated/spectate.js';
 
 const GRAVITY = 9.81; // [m/s²]
-const LOOK_S = 0.16; // aims at where the line is so far ahead in time
+const LOOK_S = 0.16; // aims at the point of the line this far ahead in time
 const SHORTEST_LOOK = 1.5; // wheelbases
 const DELAY_S = 0.1; // from a snapshot until its control acts on the wheels
-// A line of minimum time takes all the grip; this driver keeps some to correct its errors with.
+// A line of minimum time takes all the grip; this driver keeps some to correct its errors.
 const SPEED_SHARE = 0.86;
-const BRAKE_SHARE = 0.5; // of what brakes and tyres give
-const CLOSE_S = 0.1; // pedals aim at the wanted speed within so long
-const RACING = 1; // status of a kart
+const BRAKE_SHARE = 0.5; // of what brakes and tyres can give
+const CLOSE_S = 0.1; // pedals reach the wanted speed within this time
 
 export interface Wishes {
   steering: number; // [-1, 1]
@@ -29,7 +29,7 @@ export class Pursuit {
   readonly #vehicle: Map<string, number>;
   readonly #line: Line;
   readonly #count: number; // of the line's samples
-  readonly #beside: number[]; // the line's sample abreast of each sample of the centre line
+  readonly #beside: number[]; // the line's sample beside each sample of the centre line
   readonly #step: number; // [m] between samples of the centre line
 
   constructor(briefing: Briefing, course: Course, line: Line) {
@@ -40,7 +40,7 @@ export class Pursuit {
     this.#line = line;
     this.#count = line.xLength();
     this.#step = course.spacing();
-    this.#beside = abreast(course, line);
+    this.#beside = samplesBeside(course, line);
   }
 
   // Returns what to do with wheel and pedals, given all karts of a snapshot and what acts on ours.
@@ -92,12 +92,12 @@ export class Pursuit {
     return Math.sqrt(square);
   }
 
-  // Returns the speed that keeps us behind whoever is ahead in our way: this driver passes nobody.
+  // Returns the speed that keeps the distance to a kart ahead: this driver does not overtake.
   #limitBehind(kart: Kart, karts: Kart[]): number {
     let square = Infinity;
     for (const other of karts) {
       const [ahead, aside] = this.#seen(kart, other.x(), other.y());
-      const inWay = other.status() === RACING && other.seat() !== kart.seat() && ahead > 0;
+      const inWay = other.status() === Status.RACING && other.seat() !== kart.seat() && ahead > 0;
       if (!inWay || Math.abs(aside) > 1.2 * this.#of('width')) continue;
       const pace = Math.max(other.speed() * Math.cos(other.heading() - kart.heading()), 0);
       const gap = Math.max(ahead - 1.7 * this.#of('length'), 0);
@@ -118,8 +118,8 @@ export class Pursuit {
   }
 }
 
-// Returns the line's sample nearest to each sample of the centre line; both begin abreast.
-function abreast(course: Course, line: Line): number[] {
+// Returns the line's sample nearest to each sample of the centre line; both begin side by side.
+function samplesBeside(course: Course, line: Line): number[] {
   const reach = Math.ceil((3 * course.spacing()) / line.spacing()); // so far the line may go on
   let place = 0;
   return Array.from({ length: course.lineLength() / 4 }, (_, sample) => {

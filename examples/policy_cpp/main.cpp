@@ -1,8 +1,8 @@
 // Runs a policy of `race train` in C++: policy POLICY.onnx OBSERVATION.txt
 //
-// The file holds all that is needed: normalisation, network, limits of the actions, and in its
-// metadata what the numbers of an observation and of an action mean. Written against ONNX
-// Runtime's C API, which stays the same from one version to the next.
+// The file contains normalisation, network and the limits of the actions; its metadata say what
+// the numbers of an observation and of an action mean. Written against ONNX Runtime's C API,
+// which is the same in all versions.
 
 #include <algorithm>
 #include <chrono>
@@ -24,10 +24,10 @@ namespace {
 constexpr int warm_up = 200;  // decisions that are not timed
 constexpr int timed = 10000;
 
-// What `race train` calls input, output and the metadata.
+// The names of input, output and metadata in files of `race train`.
 constexpr const char* input = "observation";
 constexpr const char* output = "action";
-constexpr const char* nature = "race-server-policy";
+constexpr const char* metadata_key = "race-server-policy";
 
 const OrtApi& api() {
   static const OrtApi* const found = OrtGetApiBase()->GetApi(ORT_API_VERSION);
@@ -46,7 +46,7 @@ void check(OrtStatus* status) {
   throw std::runtime_error(words);
 }
 
-// Something of ONNX Runtime's that is released at the end of its scope.
+// An object of ONNX Runtime that is released at the end of its scope.
 template <typename Thing>
 using Held = std::unique_ptr<Thing, void (*)(Thing*)>;
 
@@ -78,7 +78,7 @@ class Policy {
     memory_.reset(memory);
   }
 
-  // Returns what the policy's metadata say of it, as JSON.
+  // Returns the policy's metadata as JSON.
   std::string metadata() const {
     OrtModelMetadata* raw = nullptr;
     check(api().SessionGetModelMetadata(session_.get(), &raw));
@@ -86,24 +86,24 @@ class Policy {
     OrtAllocator* allocator = nullptr;
     check(api().GetAllocatorWithDefaultOptions(&allocator));
     char* value = nullptr;
-    check(api().ModelMetadataLookupCustomMetadataMap(raw, allocator, nature, &value));
+    check(api().ModelMetadataLookupCustomMetadataMap(raw, allocator, metadata_key, &value));
     if (value == nullptr) {
       throw std::runtime_error(std::string("no policy of race-server: its metadata lack ") +
-                               nature);
+                               metadata_key);
     }
     const std::string words = value;
     check(api().AllocatorFree(allocator, value));
     return words;
   }
 
-  // Returns how many numbers an observation has.
+  // Returns the count of numbers in an observation.
   std::size_t size() const {
     OrtTypeInfo* raw = nullptr;
     check(api().SessionGetInputTypeInfo(session_.get(), 0, &raw));
     const auto type = hold(raw, api().ReleaseTypeInfo);
     const OrtTensorTypeAndShapeInfo* tensor = nullptr;
     check(api().CastTypeInfoToTensorInfo(raw, &tensor));
-    std::int64_t shape[2] = {0, 0};  // how many observations, and their size
+    std::int64_t shape[2] = {0, 0};  // count of observations, and their size
     check(api().GetDimensions(tensor, shape, std::size(shape)));
     return static_cast<std::size_t>(shape[1]);
   }
@@ -143,12 +143,12 @@ std::vector<float> read_numbers(const std::string& path) {
   }
   std::vector<float> numbers{std::istream_iterator<float>(file), std::istream_iterator<float>()};
   if (!file.eof()) {
-    throw std::runtime_error(path + ": holds something that is no number");
+    throw std::runtime_error(path + ": contains something that is not a number");
   }
   return numbers;
 }
 
-// Prints the median time of a decision, and the time that 99 of 100 keep to.
+// Prints the median and the 99th percentile of the time of a decision.
 void print_times(const Policy& policy, std::vector<float>& observation) {
   using clock = std::chrono::steady_clock;
   for (int turn = 0; turn < warm_up; ++turn) {
@@ -167,7 +167,7 @@ void print_times(const Policy& policy, std::vector<float>& observation) {
 
 void run(const char* path, const std::string& observation_path) {
   const Policy policy(path);
-  std::printf("%s: %s\n", nature, policy.metadata().c_str());
+  std::printf("%s: %s\n", metadata_key, policy.metadata().c_str());
   std::vector<float> observation = read_numbers(observation_path);
   if (observation.size() != policy.size()) {
     throw std::runtime_error(observation_path + ": " + std::to_string(observation.size()) +

@@ -85,7 +85,7 @@ class EventKind(IntEnum):
     STUCK = 17  # a rescue is offered
     RESCUED = 18
     PENALTY = 19  # value: [µs]; other: EventKind that it is for
-    FLAG = 20  # other: Flag; kart: around which one, -1 for the whole course
+    FLAG = 20  # other: Flag; kart: the one it is shown around, -1 for the course
     PHASE = 21  # other: Phase
     RACE_OVER = 22
     WARNING = 23  # drove into a kart from behind; value: warnings so far; other: that kart
@@ -108,7 +108,7 @@ class Trust(IntEnum):
     """How the server takes the pose of a kart."""
 
     SIMULATED = 0  # computed by the server
-    TRUSTED = 1  # told by a real kart, and plausible
+    TRUSTED = 1  # sent by a real kart, and plausible
     DOUBTFUL = 2  # implausible or missing: no contact with others, yellow flag around it
     SUSPENDED = 3  # doubtful for too long: out of the race until its poses are good again
     OUT = 4  # for good
