@@ -1,4 +1,4 @@
-"""The steward's requests and their answer: written and read."""
+"""Encode and decode the steward's requests and their answers."""
 
 import math
 import struct
@@ -20,7 +20,7 @@ _DAMAGE = (struct.error, TypeError, ValueError, IndexError, AttributeError)
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What a steward asks for."""
+    """A request of a steward."""
 
     token: str
     act: str = ""
@@ -56,7 +56,9 @@ def decode_decision(data: bytes) -> Decision:
     place, who = table.field(2, 2), table.text(5, 128)
     value = table.number(3, F64)
     if not who.isprintable() or not math.isfinite(value):
-        raise WireError("request of a steward is damaged: no name or no number")
+        raise WireError(
+            "request of a steward is damaged: its name is not printable or its value not finite"
+        )
     return Decision(
         token=table.text(0, 64),
         act=table.text(1, 16),
@@ -68,7 +70,7 @@ def decode_decision(data: bytes) -> Decision:
 
 
 def encode_log(challenge: int, lines: list[str]) -> bytes:
-    """Return what was decided, and what the next request must carry, as a message."""
+    """Return the decisions so far, and the challenge for the next request, as a message."""
     builder = flatbuffers.Builder(1024)
     texts = [builder.CreateString(line) for line in lines[-MOST_LINES:]]
     AdminLog.StartLinesVector(builder, len(texts))
@@ -83,7 +85,7 @@ def encode_log(challenge: int, lines: list[str]) -> bytes:
 
 
 def decode_log(data: bytes) -> tuple[int, list[str]]:
-    """Return what the next request must carry, and what was decided.
+    """Return the challenge for the next request, and the decisions so far.
 
     Raises:
         SeatError: the server refused, with its reason.

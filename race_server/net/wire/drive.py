@@ -1,6 +1,6 @@
-"""Control, observation and heads-up data of one seat: written and read.
+"""Encode and decode control, observation and heads-up data of one seat.
 
-The fast writers patch a message that the generated code built once; the bytes are the same.
+The fast encoders patch a message that the generated code built once; the bytes are the same.
 """
 
 import math
@@ -30,7 +30,7 @@ _KNOWN_BUTTONS = int(Button.USE_ITEM | Button.ACCEPT_RESCUE)
 
 @dataclass(frozen=True, slots=True)
 class ControlFrame:
-    """A control with what says which decision it is."""
+    """A control with the epoch, sequence and tick of its decision."""
 
     epoch: int
     sequence: int
@@ -40,7 +40,7 @@ class ControlFrame:
 
 @dataclass(frozen=True, slots=True)
 class ObservationFrame:
-    """An observation with what says whose and when."""
+    """An observation with its epoch, tick and seat."""
 
     epoch: int
     tick: int
@@ -51,7 +51,7 @@ class ObservationFrame:
 
 @dataclass(frozen=True, slots=True)
 class HudFrame:
-    """What effects and flags leave of a kart, and what it holds."""
+    """The limits of effects and flags on a kart, and its items."""
 
     epoch: int
     tick: int
@@ -90,7 +90,7 @@ def encode_control(frame: ControlFrame) -> bytes:
 
 
 def build_control(frame: ControlFrame) -> bytes:
-    """Return a control as the generated code writes it: the reference for `encode_control`."""
+    """Return a control as the generated code encodes it: the reference for `encode_control`."""
     builder = flatbuffers.Builder(64)
     control = frame.control
     ControlMessage.Start(builder)
@@ -128,7 +128,7 @@ def decode_control(data: bytes) -> ControlFrame:
     if place == 0:
         raise WireError("control is missing")
     epoch, sequence, tick, steering, throttle, brake, buttons = CONTROL.unpack_from(data, place)
-    # Comparisons with NaN are false, so a value that is not a number is refused here too.
+    # Comparisons with NaN are false, so NaN is refused here too.
     if not (-1.0 <= steering <= 1.0 and -1.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0):
         raise WireError(f"control out of range: {steering}, {throttle}, {brake}")
     if buttons > _KNOWN_BUTTONS:
@@ -137,7 +137,7 @@ def decode_control(data: bytes) -> ControlFrame:
 
 
 class ObservationWriter:
-    """Writes observations of one size into the same message again and again."""
+    """Writes observations of one size into one preallocated message."""
 
     def __init__(self, size: int) -> None:
         self._data = bytearray(
@@ -161,7 +161,7 @@ class ObservationWriter:
 
 
 def build_observation(frame: ObservationFrame) -> bytes:
-    """Return an observation as the generated code writes it."""
+    """Return an observation as the generated code encodes it."""
     builder = flatbuffers.Builder(256 + 4 * len(frame.values))
     builder.ForceDefaults(True)
     values = builder.CreateNumpyVector(np.ascontiguousarray(frame.values, "<f4"))

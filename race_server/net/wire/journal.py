@@ -1,7 +1,7 @@
-"""What a recording holds besides what everybody hears: written and read.
+"""Encode and decode what a recording contains besides the public messages.
 
-`schemas/journal.fbs` says what each message means. Recordings may come from anywhere, so they are
-read as strictly as what comes over the network.
+`schemas/journal.fbs` says what each message means. Recordings may come from any source, so they
+are checked as strictly as messages of the network.
 """
 
 import struct
@@ -36,7 +36,7 @@ INPUT = np.dtype(
         ("buttons", "<u4"),
         ("sequence", "<u4"),
         ("seat", "<u2"),
-        ("", "V2"),  # up to the next multiple of four
+        ("", "V2"),  # pads to a multiple of four
     ]
 )
 ACT = np.dtype([("value", "<f8"), ("tick", "<u4"), ("kind", "<u2"), ("kart", "<i2")])
@@ -50,7 +50,7 @@ Rows = NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class SeatRow:
-    """Who holds a seat when the race starts."""
+    """The holder of a seat when the race starts."""
 
     number: int
     driver: str
@@ -62,7 +62,7 @@ class SeatRow:
 
 @dataclass(frozen=True, slots=True)
 class StartFrame:
-    """The race as it begins."""
+    """The race at its start."""
 
     session: str
     epoch: int
@@ -76,7 +76,7 @@ class StartFrame:
 
 
 def encode_start(frame: StartFrame) -> bytes:
-    """Return the beginning of a race as a message."""
+    """Return the start of a race as a message."""
     builder = flatbuffers.Builder(len(frame.arrays) + 8192)
     rows = [_build_seat(builder, seat) for seat in frame.seats]
     RaceStart.StartSeatsVector(builder, len(rows))
@@ -112,7 +112,7 @@ def _build_seat(builder: Any, seat: SeatRow) -> int:
 
 
 def decode_start(data: bytes) -> StartFrame:
-    """Return the beginning of a race in a message.
+    """Return the start of a race from a message.
 
     Raises:
         WireError: damaged or foreign.
@@ -123,7 +123,7 @@ def decode_start(data: bytes) -> StartFrame:
     try:
         root = RaceStart.RaceStart.GetRootAs(data)
         seats = tuple(_read_seat(root.Seats(index)) for index in range(count))
-    # The generated code raises whatever the damage makes it trip over.
+    # On damaged data the generated code raises any of these.
     except (struct.error, TypeError, ValueError, IndexError, AttributeError) as error:
         raise WireError(f"seats are damaged: {error}") from error
     return StartFrame(
@@ -164,7 +164,7 @@ def decode_inputs(data: bytes) -> tuple[int, Rows]:
     """Return tick and controls (INPUT) of a message.
 
     Raises:
-        WireError: damaged, foreign, or no controls.
+        WireError: damaged, foreign, or a control out of range.
     """
     table = root_of(data, INPUTS, MOST_MESSAGE)
     first, count = table.vector(1, INPUT.itemsize, MOST_SEATS)
@@ -176,7 +176,7 @@ def decode_inputs(data: bytes) -> tuple[int, Rows]:
 
 
 def encode_acts(rows: Rows) -> bytes:
-    """Return acts (ACT) as a message."""
+    """Return interventions (ACT) as a message."""
     builder = flatbuffers.Builder(64 + ACT.itemsize * len(rows))
     acts = build_rows(builder, Acts.StartActsVector, ActStruct.CreateAct, rows)
     Acts.Start(builder)
@@ -186,7 +186,7 @@ def encode_acts(rows: Rows) -> bytes:
 
 
 def decode_acts(data: bytes) -> Rows:
-    """Return the acts (ACT) of a message.
+    """Return the interventions (ACT) of a message.
 
     Raises:
         WireError: damaged or foreign.
@@ -195,12 +195,12 @@ def decode_acts(data: bytes) -> Rows:
     first, count = table.vector(0, ACT.itemsize, MOST_ACTS)
     rows = np.frombuffer(data, ACT, count, first)
     if not np.isfinite(rows["value"]).all():
-        raise WireError("an act's value is not finite")
+        raise WireError("the value of an intervention is not finite")
     return rows
 
 
 def encode_granted(tick: int, key: bytes, serial: int) -> bytes:
-    """Return a request that was granted before a tick as a message."""
+    """Return a granted request before a tick as a message."""
     builder = flatbuffers.Builder(128)
     sender = builder.CreateByteVector(key)
     Granted.Start(builder)
@@ -212,7 +212,7 @@ def encode_granted(tick: int, key: bytes, serial: int) -> bytes:
 
 
 def decode_granted(data: bytes) -> tuple[int, bytes, int]:
-    """Return tick, key and serial of a request that was granted.
+    """Return tick, key and serial of a granted request.
 
     Raises:
         WireError: damaged or foreign.

@@ -1,4 +1,4 @@
-"""The reference line as clients get it: written and read."""
+"""Encode and decode the reference line for clients."""
 
 import struct
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from race_server.net.wire.generated.session import Line
 from race_server.net.wire.strict import root_of
 
 F64 = struct.Struct("<d")
-# A sample each 5 cm for 25 km.
+# One sample per 5 cm over 25 km.
 MOST_SAMPLES = 1 << 19
 MOST_LINE = 1 << 24
 MOST_NOTE = 1024
@@ -27,7 +27,7 @@ def _none() -> Floats:
 
 @dataclass(frozen=True)
 class LineSheet:
-    """A closed line around a course, its N samples at equal steps; empty where there is none."""
+    """A closed line around a course, its N samples at equal steps; empty if there is none."""
 
     spacing: float = 0.0  # [m] between samples
     x: Floats = field(default_factory=_none)  # (N,) [m]
@@ -35,7 +35,7 @@ class LineSheet:
     speed: Floats = field(default_factory=_none)  # (N,) [m/s]
     time: Floats = field(default_factory=_none)  # (N,) [s] since the first sample
     lap: float = 0.0  # [s]
-    note: str = ""  # why it only stands in for the shortest lap
+    note: str = ""  # why it is not the line of the shortest lap
 
 
 def encode_line(sheet: LineSheet) -> bytes:
@@ -70,7 +70,7 @@ def decode_line(data: bytes) -> LineSheet:
         first, count = table.vector(slot, F64.size, MOST_SAMPLES)
         vectors.append(np.frombuffer(data, "<f8", count, first))
     if len({len(values) for values in vectors}) > 1 or not np.isfinite(vectors).all():
-        raise WireError("line of samples that are not finite, or not as many of each kind")
+        raise WireError("line has samples that are not finite, or not as many of each kind")
     x, y, speed, time = vectors
     return LineSheet(
         table.number(0, F64), x, y, speed, time, table.number(5, F64), table.text(6, MOST_NOTE)

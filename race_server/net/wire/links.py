@@ -1,4 +1,4 @@
-"""How the drivers of a race are heard, for everybody who watches: written and read."""
+"""Encode and decode the links of all drivers for spectators."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,7 @@ LINK = np.dtype(
         ("age", "<i4"),
         ("seat", "<u2"),
         *((name, "u1") for name in ("silence", "trust", "fault")),
-        ("", "V3"),  # up to the next multiple of four
+        ("", "V3"),  # pads to a multiple of four
     ]
 )
 MOST_LINKS = 64
@@ -27,7 +27,7 @@ Rows = NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class LinksFrame:
-    """How old it is what the drivers said last."""
+    """The age of the newest input of each driver."""
 
     epoch: int
     tick: int
@@ -35,7 +35,7 @@ class LinksFrame:
 
 
 def encode_links(frame: LinksFrame) -> bytes:
-    """Return how drivers are heard as a message."""
+    """Return the links of drivers as a message."""
     builder = flatbuffers.Builder(64 + LINK.itemsize * len(frame.links))
     named = frame.links[["age", "seat", "silence", "trust", "fault"]]
     rows = build_rows(builder, Links.StartLinksVector, Link.CreateLink, named)
@@ -48,7 +48,7 @@ def encode_links(frame: LinksFrame) -> bytes:
 
 
 def decode_links(data: bytes) -> LinksFrame:
-    """Return how drivers are heard, from a message.
+    """Return the links of drivers from a message.
 
     Raises:
         WireError: damaged or foreign.

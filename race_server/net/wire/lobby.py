@@ -1,4 +1,4 @@
-"""Requests and answers of the lobby: written and read."""
+"""Encode and decode requests and answers of the lobby."""
 
 import itertools
 import secrets
@@ -20,7 +20,7 @@ from race_server.net.wire.generated.session import Course as CourseTable
 from race_server.net.wire.generated.session import JoinRequest, Reply, Rules, SeatRequest
 from race_server.net.wire.strict import U32, root_of
 
-# Both ends must speak the same: raised with every change that an older end would misunderstand.
+# Must be equal on both ends; raised with every incompatible change.
 PROTOCOL = 2
 I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
 BRIEFING_ID, REPLY_ID = b"RBRF", b"RRPL"
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 
 def new_secret() -> int:
-    """Return a secret by which the server knows a driver again."""
+    """Return a secret by which the server recognises a driver."""
     return secrets.randbits(63) | 1
 
 
@@ -40,36 +40,36 @@ _serials = itertools.count(1)
 
 
 def new_serial() -> int:
-    """Return a number larger than any before, by which the server tells a request from a copy."""
+    """Return a number larger than all before, by which the server detects copies of a request."""
     return next(_serials)
 
 
 @dataclass(frozen=True, slots=True)
 class Join:
-    """Who wants a seat."""
+    """A request for a seat."""
 
     driver: str
     preset: str
     wanted: int = -1
     secret: int = field(default_factory=new_secret)
-    serial: int = field(default_factory=new_serial)  # larger each time the same secret asks
+    serial: int = field(default_factory=new_serial)  # larger with every request of this secret
     version: int = PROTOCOL
     tracked: bool = False  # a real kart
 
 
 @dataclass(frozen=True, slots=True)
 class SeatAct:
-    """Something that a seat asks for: to be ready, or to leave."""
+    """A request of a seat: to be ready, or to leave."""
 
     seat: int
     secret: int
     ready: bool = True
-    serial: int = field(default_factory=new_serial)  # larger each time the same secret asks
+    serial: int = field(default_factory=new_serial)  # larger with every request of this secret
 
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """What a driver gets with its seat."""
+    """The answer to a driver that gets a seat."""
 
     briefing: Briefing
     secret: int
@@ -79,7 +79,7 @@ class Welcome:
 
 @dataclass(frozen=True)
 class CourseSheet:
-    """A course as clients get it."""
+    """A course as clients receive it."""
 
     name: str
     title: str
@@ -163,7 +163,7 @@ def decode_seat_act(data: bytes) -> SeatAct:
 
 
 def encode_reply(reason: str) -> bytes:
-    """Return an answer as a message: accepted where `reason` is empty."""
+    """Return an answer as a message: accepted if `reason` is empty."""
     builder = flatbuffers.Builder(256)
     text = builder.CreateString(reason[:512])
     Reply.Start(builder)
@@ -174,7 +174,7 @@ def encode_reply(reason: str) -> bytes:
 
 
 def check_reply(data: bytes) -> None:
-    """Do nothing for an accepting answer.
+    """Check that an answer accepts the request.
 
     Raises:
         SeatError: the server refused, with its reason.
@@ -252,7 +252,7 @@ def decode_welcome(data: bytes) -> Welcome:
         raise WireError(f"briefing is damaged: {error}") from error
 
 
-# Arrays of a course and how many numbers make a row.
+# Arrays of a course and the count of numbers in a row.
 _COURSE_SHAPES = {
     "line": 4,
     "half_widths": 2,

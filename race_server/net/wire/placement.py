@@ -1,4 +1,4 @@
-"""Where real karts were put, as a recording holds it: written and read."""
+"""Encode and decode the placements of real karts in a recording."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ Rows = NDArray[Any]
 
 
 def encode_placements(tick: int, rows: Rows) -> bytes:
-    """Return where real karts were put before a tick (PLACED) as a message."""
+    """Return the placements (PLACED) of real karts before a tick as a message."""
     builder = flatbuffers.Builder(64 + PLACED.itemsize * len(rows))
     placements = build_rows(
         builder, Placements.StartPlacementsVector, PlacementStruct.CreatePlacement, rows
@@ -43,10 +43,10 @@ def encode_placements(tick: int, rows: Rows) -> bytes:
 
 
 def decode_placements(data: bytes) -> tuple[int, Rows]:
-    """Return tick and places (PLACED) of a message.
+    """Return tick and placements (PLACED) of a message.
 
     Raises:
-        WireError: damaged, foreign, or no places.
+        WireError: damaged, foreign, or a placement out of range.
     """
     table = root_of(data, PLACEMENTS, MOST_BYTES)
     first, count = table.vector(1, PLACED.itemsize, MOST_SEATS)

@@ -1,4 +1,4 @@
-"""The pose of a real kart: written and read, as fast and as strictly as a control."""
+"""Encode and decode the pose of a real kart, as fast and as strictly as a control."""
 
 import math
 import struct
@@ -15,7 +15,7 @@ from race_server.net.wire.generated.drive import PoseMessage
 from race_server.net.wire.strict import root_of
 
 POSE = struct.Struct("<QQIII9fIB3x")
-# No course is larger, and no kart as fast: only to keep nonsense out of the arithmetic.
+# Beyond any course and kart: keeps nonsense out of the arithmetic.
 MOST_METRES, MOST_SPEED, MOST_RATE = 1e5, 200.0, 100.0
 _HIGHEST = (
     *(MOST_METRES, MOST_METRES, 2.0 * math.pi, MOST_SPEED, MOST_SPEED, MOST_RATE, math.pi),
@@ -25,7 +25,7 @@ _HIGHEST = (
 
 @dataclass(frozen=True, slots=True)
 class PoseFrame:
-    """A pose with what says which one it is."""
+    """A pose with its epoch and sequence, and the orders that the kart acknowledges."""
 
     epoch: int
     sequence: int
@@ -52,7 +52,7 @@ def encode_pose(frame: PoseFrame) -> bytes:
 
 
 def build_pose(frame: PoseFrame) -> bytes:
-    """Return a pose as the generated code writes it: the reference for `encode_pose`."""
+    """Return a pose as the generated code encodes it: the reference for `encode_pose`."""
     builder = flatbuffers.Builder(128)
     PoseMessage.Start(builder)
     PoseMessage.AddPose(builder, PoseStruct.CreatePose(builder, *_numbers(frame)))
@@ -78,7 +78,7 @@ def decode_pose(data: bytes) -> PoseFrame:
         raise WireError("pose is missing")
     row = POSE.unpack_from(data, place)
     values, buttons, source = row[5:14], row[14], row[15]
-    # Comparisons with NaN are false, so a value that is not a number is refused here too.
+    # Comparisons with NaN are false, so NaN is refused here too.
     if not all(-most <= value <= most for value, most in zip(values, _HIGHEST, strict=True)):
         raise WireError(f"pose out of range: {values}")
     if values[7] < 0.0 or values[8] < 0.0:

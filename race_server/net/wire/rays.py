@@ -1,4 +1,4 @@
-"""What the sensors of a kart would see, as the page draws it: written."""
+"""Encode what the sensors of a kart would see, for the page."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ _NUMBERS = ("X", "Y", "Heading", "LidarAhead", "LidarField", "LidarReach")
 
 @dataclass(frozen=True)
 class RaysFrame:
-    """The rays of one kart at one tick, as if there were no noise."""
+    """The rays of one kart at one tick, without noise."""
 
     tick: int
     seat: int

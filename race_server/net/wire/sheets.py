@@ -1,4 +1,4 @@
-"""A scenario as clients are told of it: its course, its rules, its reference line."""
+"""What clients receive of a scenario: its course, its rules, its reference line."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -9,12 +9,12 @@ from race_server.net.wire.line import LineSheet
 from race_server.net.wire.lobby import CourseSheet
 
 if TYPE_CHECKING:
-    # Scenarios import kernels, and so a compiler; whoever reads a sheet needs none.
+    # Scenarios import kernels, and so a compiler, which clients do not need.
     from race_server.scenario.race import Scenario
 
 
 def course_sheet(scenario: "Scenario") -> CourseSheet:
-    """Return the course as it is drawn, and the size of its karts."""
+    """Return the course and the size of its karts."""
     course, vehicle = scenario.course, scenario.vehicle_of(0)
     boxes = [(o.x, o.y, o.heading, o.length, o.width) for o in course.obstacles]
     return CourseSheet(
@@ -46,11 +46,11 @@ def rules_sheet(scenario: "Scenario") -> dict[str, str]:
 
 
 def line_sheet(scenario: "Scenario") -> LineSheet:
-    """Return the reference line with the time that it takes, an empty one where there is none."""
+    """Return the reference line with its times, an empty one if there is none."""
     line = scenario.line
     if line is None:
         return LineSheet()
-    # From one sample to the next at the mean of their speeds.
+    # The time from one sample to the next at the mean of their speeds.
     steps = 2.0 * line.spacing / (line.speed + np.roll(line.speed, -1))
     ends = np.cumsum(steps)
     time = np.append(0.0, ends[:-1])

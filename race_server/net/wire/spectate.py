@@ -1,4 +1,4 @@
-"""Snapshots, events and standings: written and read."""
+"""Encode and decode snapshots, events and standings."""
 
 import struct
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ class SnapshotFrame:
 
 
 class SnapshotWriter:
-    """Writes snapshots into messages that were laid out once for each count of things."""
+    """Writes snapshots into preallocated messages, one for each count of karts and objects."""
 
     def __init__(self) -> None:
         self._templates: dict[tuple[int, int, int], _Template] = {}
@@ -106,7 +106,7 @@ class _Template:
 
 
 def build_snapshot(frame: SnapshotFrame) -> bytes:
-    """Return a snapshot as the generated code writes it: the reference for SnapshotWriter."""
+    """Return a snapshot as the generated code encodes it: the reference for SnapshotWriter."""
     builder = flatbuffers.Builder(1024)
     builder.ForceDefaults(True)
     karts = build_rows(builder, Snapshot.StartKartsVector, Kart.CreateKart, frame.karts)
@@ -181,7 +181,7 @@ def encode_events(epoch: int, events: Sequence[Event]) -> bytes:
 
 
 def decode_events(data: bytes) -> tuple[int, list[Event]]:
-    """Return epoch and events of a message; kinds that are not known are left out.
+    """Return epoch and events of a message; unknown kinds are skipped.
 
     Raises:
         WireError: damaged or foreign.
@@ -198,7 +198,7 @@ def decode_events(data: bytes) -> tuple[int, list[Event]]:
 
 @dataclass(frozen=True, slots=True)
 class StandingsFrame:
-    """The standings with what stands above them."""
+    """The standings with the state of the race."""
 
     epoch: int
     tick: int
@@ -284,7 +284,7 @@ def decode_standings(data: bytes) -> StandingsFrame:
             course=table.text(6, 64),
             rows=rows,
         )
-    # The generated code raises whatever the damage makes it trip over.
+    # On damaged data the generated code raises any of these.
     except (struct.error, TypeError, ValueError, IndexError, AttributeError) as error:
         raise WireError(f"standings are damaged: {error}") from error
 

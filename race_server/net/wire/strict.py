@@ -1,7 +1,7 @@
-"""A reader of FlatBuffers that checks every step, since Python's has no verifier.
+"""A reader of FlatBuffers that checks every step, since the library for Python has no verifier.
 
-Whatever the bytes are, the outcome is a value within bounds or a `WireError`, in a time bounded
-by the size of the message.
+For any bytes the result is a value within bounds or a `WireError`, in a time bounded by the size
+of the message.
 """
 
 import math
@@ -26,7 +26,11 @@ class Table:
     size: int  # of the table itself
 
     def field(self, slot: int, size: int) -> int:
-        """Return where a field of `size` bytes lies, or 0 if it is not there."""
+        """Return the position of a field of `size` bytes, 0 if it is missing.
+
+        Raises:
+            WireError: it lies outside its table.
+        """
         entry = 4 + 2 * slot
         if entry + 2 > self.vtable_size:
             return 0
@@ -38,12 +42,16 @@ class Table:
         return self.position + offset
 
     def scalar(self, slot: int, layout: struct.Struct) -> int:
-        """Return an integer, 0 if it is not there."""
+        """Return an integer, 0 if it is missing."""
         place = self.field(slot, layout.size)
         return int(layout.unpack_from(self.data, place)[0]) if place else 0
 
     def number(self, slot: int, layout: struct.Struct) -> float:
-        """Return a finite number, 0 if it is not there."""
+        """Return a finite number, 0 if it is missing.
+
+        Raises:
+            WireError: it is not finite.
+        """
         place = self.field(slot, layout.size)
         value = float(layout.unpack_from(self.data, place)[0]) if place else 0.0
         if not math.isfinite(value):
@@ -54,7 +62,7 @@ class Table:
         """Return first byte and count of a vector of at most `most` items.
 
         Raises:
-            WireError: it is not there, longer, or leaves the message.
+            WireError: it is missing, longer, or leaves the message.
         """
         place = self.field(slot, 4)
         if place == 0:
@@ -64,18 +72,22 @@ class Table:
             raise WireError(f"field {slot} leaves the message")
         count = int(U32.unpack_from(self.data, place)[0])
         if count > most:
-            raise WireError(f"field {slot} has {count} items; {most} are the most")
+            raise WireError(f"field {slot} has {count} items; at most {most} are allowed")
         if place + 4 + count * item_size > len(self.data):
             raise WireError(f"field {slot} of {count} items leaves the message")
         return place + 4, count
 
     def text(self, slot: int, most: int) -> str:
-        """Return a string of at most `most` bytes."""
+        """Return a string of at most `most` bytes.
+
+        Raises:
+            WireError: it is missing, longer, or not UTF-8.
+        """
         first, count = self.vector(slot, 1, most)
         try:
             return self.data[first : first + count].decode()
         except UnicodeDecodeError as error:
-            raise WireError(f"field {slot} is no UTF-8 text") from error
+            raise WireError(f"field {slot} is not UTF-8 text") from error
 
 
 def root_of(data: bytes, identifier: bytes, most: int) -> Table:
@@ -86,7 +98,7 @@ def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     """
     size = len(data)
     if size > most:
-        raise WireError(f"message of {size} bytes; {most} are the most")
+        raise WireError(f"message of {size} bytes; at most {most} are allowed")
     if size < 12:
         raise WireError(f"message of {size} bytes is too short")
     if data[4:8] != identifier:

@@ -1,10 +1,10 @@
 """The whole protocol on one screen.
 
-Keys are ``race/<session>/…``. The seat in a key *is* the identity of who sends: access rules
-(`net/auth/access.py`) are made from this table, and nothing in a message can claim another seat.
+Keys are ``race/<session>/…``. The seat in a key identifies the sender: access rules
+(`net/auth/access.py`) are made from this table, and no message contains another seat.
 
-A *badge* says which connection of a seat it is: only who joined knows it. It is the last part of a
-liveliness token's key, and goes beside each control as its attachment.
+A *badge* identifies one connection of a seat; only the driver that joined knows it. It is the last
+part of a liveliness token's key, and the attachment of each control.
 """
 
 import re
@@ -20,31 +20,31 @@ class Topic:
     key: str  # below race/<session>/, with {seat} where each seat has its own
     message: str  # table in schemas/
     identifier: bytes  # of the FlatBuffer
-    # up: driver to server; down: server to seat; out: server to everybody; query; admin: a query
-    # of the steward's
+    # up: driver to server; down: server to seat; out: server to all; query; admin: a query of a
+    # steward
     direction: str
     rate: str
-    most_bytes: int  # larger messages are dropped unread
-    newest_wins: bool  # an older message that nobody has read yet is forgotten
+    most_bytes: int  # larger messages are dropped without decoding
+    newest_wins: bool  # replaces an older message that was not received yet
     recorded: bool
-    limit_hz: float = 0.0  # more from one client are dropped: twice what is of use; 0: no limit
+    limit_hz: float = 0.0  # messages above it from one client are dropped; 0: no limit
 
     @property
     def is_seats(self) -> bool:
-        """Whether each seat has its own."""
+        """Whether each seat has its own key."""
         return "{seat}" in self.key
 
     @property
     def is_token(self) -> bool:
-        """Whether it is no message but a liveliness token."""
+        """Whether it is a liveliness token, not a message."""
         return not self.identifier
 
 
-# Twice the ticks: a driver that decides at every tick is honest, and senders are not exact.
+# Twice the ticks: a driver may decide at every tick, and senders are not exact.
 CONTROL_HZ = 120.0
-# Twice the most that a real kart should send.
+# Twice the highest rate of a real kart.
 POSE_HZ = 200.0
-# Twice what `ClientLink` sends at most.
+# Twice the highest rate of `ClientLink`.
 QUERY_HZ = 200.0
 
 
@@ -57,7 +57,7 @@ EVENTS = Topic("out/events", "Events", b"REVT", "out", "as they happen", 65536, 
 STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, True, True)
 LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
 
-# The seat is in the key, so that access rules tell seats apart; `any` where a free one will do.
+# The seat is in the key, so that access rules distinguish seats; `any` for any free one.
 JOIN = Topic(
     "q/join/{seat}",
     "JoinRequest → Briefing or Reply",
@@ -86,7 +86,7 @@ ACTS = Topic(
     "admin/log", "AdminRequest → AdminLog", b"RADM", "admin", "", 512, False, False, QUERY_HZ
 )
 
-# A liveliness token: present as long as the driver's link is.
+# A liveliness token: present as long as the driver's link.
 ALIVE = Topic("alive/{seat}/{badge}", "liveliness token", b"", "up", "", 0, False, True)
 
 TOPICS = (
@@ -112,7 +112,7 @@ TOPICS = (
 )
 QUERIES = tuple(topic for topic in TOPICS if topic.direction in {"query", "admin"})
 
-# In the place of a seat's number in a key: no certain one, and all of them.
+# In a key in place of a seat's number: any free seat, and all seats.
 ANY, EVERY = "any", "*"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
@@ -122,7 +122,7 @@ def key_of(topic: Topic, session: str, seat: int | str = -1, badge: str = EVERY)
     """Return the full key of a topic; a seat of -1 is any.
 
     Raises:
-        WireError: the session's name is none.
+        WireError: the session's name is not valid.
     """
     if not _NAME.fullmatch(session):
         raise WireError(
