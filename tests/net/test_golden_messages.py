@@ -4,9 +4,11 @@
 moves a byte of them breaks recordings and clients that exist.
 """
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+import ark_fbs
 import pytest
 
 from race_server.core.messages import Button, EventKind, Flag, Phase, PoseFault, Source, Trust
@@ -15,6 +17,7 @@ from race_server.net.wire import pose as poses
 from race_server.net.wire.rays import encode_rays
 from race_server.session.failsafe import FailsafeStage
 from race_server.session.interventions import InterventionKind
+from race_server.storage.recording.channels import CHANNELS, ChannelKind
 from support.rays import decode_rays
 
 GOLDEN = {
@@ -94,3 +97,32 @@ def test_numbers_from_before_have_the_names_of_today() -> None:
     heard = links.decode_links(GOLDEN["links"]).links
     assert heard["silence"].tolist() == [FailsafeStage.STOPPED, FailsafeStage.FRESH]
     assert journal.decode_acts(GOLDEN["acts"])["kind"][0] == InterventionKind.FLAG
+
+
+RECORDED = {
+    "journal.RaceStart": "start",
+    "journal.Inputs": "inputs",
+    "journal.Placements": "placements",
+    "journal.Acts": "acts",
+    "journal.Granted": "granted",
+    "journal.Digest": "digest",
+    "journal.Lap": "lap",
+    "spectate.Snapshot": "snapshot",
+    "spectate.Events": "events",
+    "spectate.Standings": "standings",
+}
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in CHANNELS if kind.encoding == "flatbuffer"], ids=lambda kind: kind.key
+)
+def test_the_schema_in_a_recording_is_all_that_its_messages_need(kind: ChannelKind) -> None:
+    schema = ark_fbs.Schema.from_bfbs(kind.schema_data, root_type_override=kind.schema_name)
+    assert schema.binary_to_json(GOLDEN[RECORDED[kind.schema]])
+
+
+def test_a_reader_of_a_recording_sees_names_for_numbers() -> None:
+    kind = next(kind for kind in CHANNELS if kind.schema == "spectate.Events")
+    schema = ark_fbs.Schema.from_bfbs(kind.schema_data, root_type_override=kind.schema_name)
+    events = json.loads(schema.binary_to_json(GOLDEN["events"]))["events"]
+    assert [event["kind"] for event in events] == ["LAP", "GREEN"]

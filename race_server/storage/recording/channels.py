@@ -31,7 +31,7 @@ class ChannelKind:
     def schema_data(self) -> bytes:
         """The schema itself."""
         if self.encoding == "flatbuffer":
-            return _binary_schema(self.schema.split(".")[0])
+            return _binary_schema(self.schema)
         return json.dumps({"type": "object", "title": self.schema}).encode()
 
 
