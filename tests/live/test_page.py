@@ -70,7 +70,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
         play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as browser,
     ):
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
-        patch.setattr("halls.COURSE", ring(radius=4.0, half_width=0.7))
+        patch.setattr("support.halls.COURSE", ring(radius=4.0, half_width=0.7))
         record_race(folder)
         with (
             racing(address, karts=KARTS, drivers=1) as server,

@@ -1,1 +1,1 @@
-"""Who may do what on the network: keys, access rules, limits, and zenoh's settings made of them."""
+"""Access to the network: keys, access rules, limits, and the zenoh settings made from them."""

@@ -10,8 +10,8 @@ from typing import Any
 from race_server.net.wire.topics import EVERY, TOPICS, Topic, key_of
 
 SPECTATOR, STEWARD = "spectator", "steward"
-# A rule of each kind: where it acts, what it lets pass. A client hears of queryables and
-# subscribers of the server only so that it knows what to send.
+# For each kind of rule: where it acts, which messages it allows. Clients learn of queryables and
+# subscribers of the server only to know what to send.
 _KINDS = {
     "send": (["ingress"], ["put"]),
     "live": (["ingress"], ["liveliness_token"]),
@@ -25,7 +25,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Role:
-    """Somebody who may connect.
+    """A kind of client that may connect.
 
     seat: a seat's number, `EVERY` for all of them, "" for none.
     """
@@ -41,7 +41,7 @@ def roles_of(seats: int) -> tuple[Role, ...]:
     return (*drivers, Role(SPECTATOR), Role(STEWARD, is_steward=True))
 
 
-# On loopback without keys: any seat and, for who knows the token, the steward's requests too.
+# On loopback without keys: any seat and, with the token, the steward's requests too.
 ANYONE = Role("anyone", EVERY, is_steward=True)
 
 
@@ -51,12 +51,12 @@ def seat_name(seat: int) -> str:
 
 
 def common_name(session: str, role: str) -> str:
-    """Return the name in a role's certificate, and its user name."""
+    """Return the name in a role's certificate, also its user name."""
     return f"{session}-{role}"
 
 
 def keys_allowed(session: str, role: Role) -> dict[str, list[str]]:
-    """Return the keys on which a role may do each kind of thing."""
+    """Return the keys that a role is allowed, by kind of rule."""
     allowed: dict[str, list[str]] = {kind: [] for kind in _KINDS}
     for topic in TOPICS:
         for kind in _kinds_of(topic, role):
@@ -79,7 +79,7 @@ def _kinds_of(topic: Topic, role: Role) -> tuple[str, ...]:
 def access_control(
     session: str, roles: tuple[Role, ...], *, passwords: bool, certificates: bool
 ) -> dict[str, Any]:
-    """Return zenoh's access control for roles told apart by user name, certificate or both."""
+    """Return zenoh's access control for roles, identified by user name, certificate or both."""
     rules, subjects, policies = [], [], []
     for role in roles:
         own = []
@@ -97,7 +97,7 @@ def access_control(
             )
         subject: dict[str, Any] = {"id": role.name}
         name = [common_name(session, role.name)]
-        # Where both are given, both must fit: a stolen certificate needs its password too.
+        # Where both are given, both must match: a stolen certificate needs its password too.
         subject |= {"usernames": name} if passwords else {}
         subject |= {"cert_common_names": name} if certificates else {}
         subjects.append(subject)

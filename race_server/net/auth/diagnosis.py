@@ -1,4 +1,4 @@
-"""Why a server does not let somebody in. zenoh itself cannot say: a refusal looks like silence."""
+"""Why a server refuses a client. zenoh cannot say: a refusal looks like silence."""
 
 import socket
 import ssl
@@ -6,12 +6,12 @@ import ssl
 from race_server.net.auth.keys import CA, CERTIFICATE, KEY, ClientKeys
 from race_server.net.auth.settings import host_of, is_encrypted
 
-# A server that refuses a certificate says so at once.
+# [s] to wait for a refusal; a server that refuses a certificate sends it at once.
 LISTEN_S = 1.0
 
 
 def explain_refusal(address: str, keys: ClientKeys | None) -> str:
-    """Return in a sentence what a plain attempt to connect finds."""
+    """Return in a sentence what a plain attempt to connect shows."""
     protocol, _, place = address.partition("/")
     if protocol not in {"tcp", "tls"}:
         return "Is `race serve` running there? A refused login looks the same."
@@ -28,23 +28,22 @@ def explain_refusal(address: str, keys: ClientKeys | None) -> str:
                 return refusal
     if keys is None:
         return (
-            "Something listens there but does not let us in: it asks for keys (--keys), is full, "
-            "or is no race server."
+            "A server listens there but refuses this client: it requires keys (--keys), is full, "
+            "or is not a race server."
         )
     return (
-        f"Something listens there but does not let {keys.user!r} in: the password is not (or no "
-        "longer) the right one, the keys are of an older session of the same name, or the server "
-        "is full."
+        f"A server listens there but refuses {keys.user!r}: the password is wrong or no longer "
+        "valid, the keys are of an older session of the same name, or the server is full."
     )
 
 
 def _refusal(link: socket.socket, host: str, keys: ClientKeys) -> str:
-    """Return what goes wrong when both ends show their certificates, "" for nothing."""
+    """Return what fails when both ends exchange certificates, "" for nothing."""
     context = ssl.create_default_context(cafile=str(keys.folder / CA))
     context.load_cert_chain(keys.folder / CERTIFICATE, keys.folder / KEY)
     try:
         with context.wrap_socket(link, server_hostname=host) as encrypted:
-            # With TLS 1.3 a refusal of our certificate comes after our side is done.
+            # With TLS 1.3 a refusal of our certificate arrives after our side of the handshake.
             encrypted.settimeout(LISTEN_S)
             encrypted.recv(1)
     except TimeoutError:
@@ -52,7 +51,7 @@ def _refusal(link: socket.socket, host: str, keys: ClientKeys) -> str:
     except ssl.SSLCertVerificationError as error:
         return (
             f"The server there shows a certificate that these keys do not trust "
-            f"({error.verify_message}): it serves with other keys, or is somebody else's."
+            f"({error.verify_message}): it has other keys, or is another server."
         )
     except ssl.SSLError as error:
         return f"The server there refuses our certificate ({error.reason}): it has other keys."

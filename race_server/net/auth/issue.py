@@ -1,7 +1,7 @@
-"""Makes the keys of a session: an authority of its own, certificates and passwords.
+"""Make the keys of a session: its own authority, certificates and passwords.
 
-Needs the package `cryptography`; nothing else in this project does. The authority's own key is
-thrown away once it has signed, so that there is nothing to steal that could make more.
+Needs the package `cryptography`; nothing else in this project does. The key of the authority is
+not stored, so that no further certificates can be signed.
 """
 
 import ipaddress
@@ -36,17 +36,17 @@ except ImportError as error:  # pragma: no cover - the extra is installed where 
     ) from error
 
 LOCAL_HOSTS = ("127.0.0.1", "::1", "localhost")
-# Clocks of karts are seldom right to the minute.
+# Certificates are valid from this long before now, since clocks of karts are not exact.
 BEFORE = timedelta(hours=1)
 
 
 @dataclass(frozen=True)
 class Order:
-    """The keys that are wanted."""
+    """The keys to make."""
 
     session: str
     seats: int = 8
-    spectators: int = 8  # who may watch at once; all use the same keys
+    spectators: int = 8  # at once; all use the same keys
     hosts: tuple[str, ...] = ()  # names and addresses of the server, the first one for clients
     port: int = 7447
     days: float = 7.0
@@ -56,7 +56,7 @@ class Authority:
     """Signs certificates for one session."""
 
     def __init__(self, session: str, days: float) -> None:
-        """Draw a key, and sign it with itself."""
+        """Draw a key and make its self-signed certificate."""
         self._key = ec.generate_private_key(ec.SECP256R1())
         self._name = _name(f"{session} authority")
         self._begin = datetime.now(UTC) - BEFORE
@@ -81,7 +81,7 @@ class Authority:
         )
 
     def certify(self, folder: Path, name: str, hosts: Sequence[str] = ()) -> None:
-        """Write authority, certificate and key into a folder; with `hosts` those of a server."""
+        """Write authority, certificate and key into a folder; with `hosts` for a server."""
         key = ec.generate_private_key(ec.SECP256R1())
         use = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
         names = [_host(host) for host in hosts] or [x509.DNSName(name)]
@@ -102,11 +102,11 @@ class Authority:
 
 
 def issue_keys(order: Order, folder: Path) -> list[ClientKeys]:
-    """Write the keys of a session into a new folder and return what is to be handed out.
+    """Write the keys of a session into a new folder and return those to hand out.
 
     Raises:
-        KeysError: there is something in the folder already, or it cannot be written.
-        WireError: the session's name is none.
+        KeysError: the folder is not empty, or cannot be written.
+        WireError: the session's name is not valid.
     """
     topics.key_of(topics.SNAPSHOT, order.session)
     try:
@@ -119,8 +119,8 @@ def issue_keys(order: Order, folder: Path) -> list[ClientKeys]:
 def _make(folder: Path) -> None:
     if folder.exists() and any(folder.iterdir()):
         raise KeysError(
-            f"{folder} is not empty: keys are made once; take another --folder, or remove it "
-            "if nobody uses its keys any more"
+            f"{folder} is not empty: keys are made once; pass another --folder, or remove it "
+            "if its keys are no longer used"
         )
     folder.mkdir(parents=True, exist_ok=True)
     folder.chmod(0o700)
@@ -165,20 +165,21 @@ def _readme(order: Order, address: str, end: datetime) -> str:
     serve = f"race serve --open --keys . --session {order.session} --karts {order.seats}"
     return f"""# Keys of the race session {order.session}
 
-They end on {end:%Y-%m-%d %H:%M} UTC. Hand every folder to one person, over a way that others
-cannot read: a stick, or an encrypted message. Whoever has a folder is that person to the server.
+They expire on {end:%Y-%m-%d %H:%M} UTC. Hand each folder to one person in a way that others
+cannot read: a USB stick, or an encrypted message. The server takes the holder of a folder for that
+person.
 
-| folder | who gets it | used with |
+| folder | for | used with |
 | --- | --- | --- |
-| `server` | nobody: it stays on the machine that serves | `{serve}` |
+| `server` | no one: it stays on the server | `{serve}` |
 | `seat-0` to `seat-{order.seats - 1}` | the driver of that seat | `race drive NAME --keys seat-0` |
-| `spectator` | all who watch, {order.spectators} at once | `race watch --keys spectator` |
-| `steward` | who shows flags and gives penalties | `race admin flag yellow --keys steward` |
+| `spectator` | spectators, {order.spectators} at once | `race watch --keys spectator` |
+| `steward` | the steward | `race admin flag yellow --keys steward` |
 
-Drivers connect to `{address}` unless they say otherwise with `--connect`.
+Drivers connect to `{address}` unless `--connect` is given.
 
-A folder that was lost or copied cannot be called back while the server runs. The steward shuts the
-seat (`race admin close 3 --keys steward`); for the next race make new keys and throw these away.
+A folder that was lost or copied cannot be revoked while the server runs. The steward closes the
+seat (`race admin close 3 --keys steward`); for the next race make new keys and delete these.
 """
 
 

@@ -1,7 +1,7 @@
-"""Keys as they lie in folders: what the server needs, and what one person is handed.
+"""Folders of keys: of the server, and of each person.
 
 A folder holds ``keys.json`` and, for encrypted links, ``ca.pem``, ``certificate.pem`` and
-``key.pem``. Whoever makes keys elsewhere writes the same files; `race keys new` is one way.
+``key.pem``. `race keys new` writes them; other tools may write the same files.
 """
 
 import json
@@ -21,14 +21,14 @@ Held = TypeVar("Held", "ServerKeys", "ClientKeys")
 
 @dataclass(frozen=True)
 class ClientKeys:
-    """What one person is handed."""
+    """The keys of one person."""
 
     folder: Path
     session: str
     role: str  # seat-3, spectator or steward
     user: str
     password: str
-    address: str  # where the server is expected
+    address: str  # of the server
     expires: str  # ISO 8601, of the certificate
     seat: int = -1
     token: str = ""  # the steward's
@@ -36,7 +36,7 @@ class ClientKeys:
 
 @dataclass(frozen=True)
 class ServerKeys:
-    """What the machine needs that serves the session."""
+    """The keys of the server."""
 
     folder: Path
     session: str
@@ -48,20 +48,20 @@ class ServerKeys:
 
 
 def write_keys(held: ServerKeys | ClientKeys) -> None:
-    """Write ``keys.json`` of a folder, readable for its owner only."""
+    """Write ``keys.json`` of a folder, readable by its owner only."""
     row = {name: value for name, value in asdict(held).items() if name != "folder"}
     write_private(held.folder / ABOUT, json.dumps(row, indent=2) + "\n")
 
 
 def write_private(path: Path, text: str | bytes) -> None:
-    """Write a file that only its owner may read, from its first byte on."""
+    """Write a file that is readable by its owner only from the start."""
     path.unlink(missing_ok=True)
     path.touch(mode=0o600)
     path.write_bytes(text.encode() if isinstance(text, str) else text)
 
 
 def read_server_keys(folder: Path, session: str, seats: int) -> ServerKeys:
-    """Return the keys of a server: from the folder that `race keys new` made, or its `server`.
+    """Return the keys of a server from the folder of `race keys new`, or from its `server`.
 
     session: "" for that of the keys.
 
@@ -85,7 +85,7 @@ def read_server_keys(folder: Path, session: str, seats: int) -> ServerKeys:
 
 
 def read_client_keys(folder: Path, session: str = "") -> ClientKeys:
-    """Return the keys that somebody was handed.
+    """Return the keys of one person.
 
     Raises:
         KeysError: unreadable, expired, or made for another session.
@@ -100,7 +100,7 @@ def read_client_keys(folder: Path, session: str = "") -> ClientKeys:
 
 
 def read_keys(folder: Path) -> ServerKeys | ClientKeys:
-    """Return keys of whatever kind.
+    """Return keys of either kind.
 
     Raises:
         KeysError: unreadable or expired.
@@ -120,10 +120,10 @@ def _read(folder: Path, kind: type[Held]) -> Held:
         expires = datetime.fromisoformat(held.expires)
     except OSError as error:
         raise KeysError(
-            f"{path}: cannot be read ({error.strerror}); give a folder that `race keys new` made"
+            f"{path}: cannot be read ({error.strerror}); pass a folder of `race keys new`"
         ) from error
     except (ValueError, TypeError, UnicodeDecodeError) as error:
-        raise KeysError(f"{path} is damaged, or no {_NAMES[kind]}: {error}") from error
+        raise KeysError(f"{path} is damaged, or does not hold {_NAMES[kind]}: {error}") from error
     if expires < datetime.now(UTC):
         raise KeysError(
             f"the keys in {folder} expired on {expires:%Y-%m-%d %H:%M} UTC: "
@@ -135,7 +135,7 @@ def _read(folder: Path, kind: type[Held]) -> Held:
 
 
 def _check_certificate(folder: Path) -> None:
-    """Raise KeysError unless certificate, its key and the authority can be read and fit."""
+    """Raise KeysError unless certificate, its key and the authority are readable and match."""
     try:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         context.load_verify_locations(folder / CA)

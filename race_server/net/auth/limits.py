@@ -1,16 +1,16 @@
-"""How large and how often a client's messages may be, made from the table of topics."""
+"""Size and rate limits of clients' messages, made from the table of topics."""
 
 from typing import Any
 
 from race_server.net.wire.topics import EVERY, TOPICS, Topic, key_of
 
-# zenoh drops messages of twice a topic's size before Python sees them. What lies between is
-# dropped by the server itself, so that it can be counted. A badge needs no more than the margin.
+# zenoh drops messages larger than twice a topic's limit before Python sees them. Those between
+# are dropped and counted by the server. The margin [bytes] is for the badge.
 SIZE_MARGIN = 64
 
 
 def size_filter(session: str) -> list[dict[str, Any]]:
-    """Return zenoh's size filter for what clients send."""
+    """Return zenoh's size filter for messages of clients."""
     return [
         {
             "id": f"size of {topic.key}",
@@ -24,12 +24,12 @@ def size_filter(session: str) -> list[dict[str, Any]]:
 
 
 def rate_limit(session: str, seats: int, *, real_time: bool) -> list[dict[str, Any]]:
-    """Return zenoh's limit on how often a client may send.
+    """Return zenoh's rate limits for messages of clients.
 
-    zenoh counts for each rule and client, so that two keys under one rule would starve each
-    other: each key has a rule of its own.
+    zenoh counts per rule and client, so two keys under one rule would starve each other: each
+    key has its own rule.
 
-    real_time: controls are limited too; in lock-step they come as fast as the world goes.
+    real_time: controls are limited too; in lock-step their rate is that of the world.
     """
     return [
         {

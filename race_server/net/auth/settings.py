@@ -1,4 +1,4 @@
-"""zenoh's settings of both ends. They are frozen when a session opens: nothing is added later."""
+"""zenoh's settings of server and client. They are fixed when a session opens."""
 
 import ipaddress
 import json
@@ -10,13 +10,13 @@ from race_server.net.auth.access import ANYONE, access_control, roles_of
 from race_server.net.auth.keys import CA, CERTIFICATE, KEY, PASSWORDS, ClientKeys, ServerKeys
 from race_server.net.auth.limits import rate_limit, size_filter
 
-# A link that is silent for so long is given up. Who leaves is seen at once; this is for hosts that
-# die, and long enough that a network which loses a fifth of all packets breaks no link.
+# Timeout of a silent link. A closed link is seen at once; this is for hosts that die, and long
+# enough that a network which loses a fifth of all packets breaks no link.
 LEASE_MS = 6000
-# What waits in the kernel can no longer be overtaken by something newer, so little may [bytes].
+# Small [bytes], because newer messages cannot replace what waits in the kernel.
 SEND_BUFFER = 32768
-# The loop of a real-time server waits for nobody's network: newest-wins messages soon fall out
-# where a link is full, events have room for seconds, and a link that takes none is given up [µs].
+# The loop of a real-time server waits for no network [µs]: where a link is full, newest-wins
+# messages are dropped soon, events are queued for seconds, and a link that accepts none is closed.
 QUEUE = {
     "size": {"real_time": 4, "interactive_high": 16},
     "congestion_control": {
@@ -24,73 +24,73 @@ QUEUE = {
         "block": {"wait_before_close": 50_000},
     },
 }
-# Beyond seats and spectators: a steward, and links that are about to end.
+# Beyond seats and spectators: a steward, and links that are closing.
 SPARE_SESSIONS = 4
-# Without keys so many may watch.
+# Limit of spectators without keys.
 LOCAL_SPECTATORS = 256
-# Nothing that a client sends is longer; what is, is dropped before it is put together.
+# No valid message of a client is longer [bytes]; longer ones are dropped before reassembly.
 MOST_MESSAGE = 65536
-# Who connects and then says nothing is let go after so long; a hundred may wait.
+# Timeout of the handshake; up to a hundred connections may be in it.
 ACCEPT_MS = 5000
 _ENCRYPTED = ("tls", "quic")
 
 
 @dataclass(frozen=True)
 class ListenSettings:
-    """How a server lets clients in."""
+    """How a server listens, and to which clients."""
 
     address: str
     session: str
     seats: int
-    keys: ServerKeys | None = None  # None: no credentials, on loopback only
-    real_time: bool = False  # controls are limited in number too
+    keys: ServerKeys | None = None  # None: no credentials, loopback only
+    real_time: bool = False  # limits the rate of controls too
 
 
-def server_settings(door: ListenSettings) -> dict[str, Any]:
-    """Return the settings of a server's session.
+def server_settings(settings: ListenSettings) -> dict[str, Any]:
+    """Return zenoh's settings of a server's session.
 
     Raises:
         LinkError: the address is open to other machines and there are no keys.
     """
-    check_listen_settings(door)
-    keys, encrypted = door.keys, is_encrypted(door.address)
-    roles = (ANYONE,) if keys is None else roles_of(door.seats)
-    settings: dict[str, Any] = {
-        **_common("router", "listen", door.address),
-        **({"transport/link/tx/queue": QUEUE} if door.real_time else {}),
+    check_listen_settings(settings)
+    keys, encrypted = settings.keys, is_encrypted(settings.address)
+    roles = (ANYONE,) if keys is None else roles_of(settings.seats)
+    config: dict[str, Any] = {
+        **_common("router", "listen", settings.address),
+        **({"transport/link/tx/queue": QUEUE} if settings.real_time else {}),
         "listen/exit_on_failure": True,
         "connect/endpoints": [],
         "access_control": access_control(
-            door.session,
+            settings.session,
             roles,
             passwords=keys is not None,
             certificates=keys is not None and encrypted,
         ),
-        "low_pass_filter": size_filter(door.session),
-        "downsampling": rate_limit(door.session, door.seats, real_time=door.real_time),
-        "transport/unicast/max_sessions": most_sessions(door),
+        "low_pass_filter": size_filter(settings.session),
+        "downsampling": rate_limit(settings.session, settings.seats, real_time=settings.real_time),
+        "transport/unicast/max_sessions": most_sessions(settings),
         "transport/unicast/accept_timeout": ACCEPT_MS,
         "transport/link/rx/max_message_size": MOST_MESSAGE,
     }
     if keys is not None:
-        settings["transport/auth/usrpwd"] = {
+        config["transport/auth/usrpwd"] = {
             "user": "server",
             "password": keys.token,
             "dictionary_file": str(keys.folder / PASSWORDS),
         }
         if encrypted:
-            settings["transport/link/tls"] = {
+            config["transport/link/tls"] = {
                 "root_ca_certificate": str(keys.folder / CA),
                 "listen_certificate": str(keys.folder / CERTIFICATE),
                 "listen_private_key": str(keys.folder / KEY),
                 "enable_mtls": True,
                 "close_link_on_expiration": True,
             }
-    return settings
+    return config
 
 
 def client_settings(address: str, keys: ClientKeys | None, timeout_s: float) -> dict[str, Any]:
-    """Return the settings of a client's session.
+    """Return zenoh's settings of a client's session.
 
     Raises:
         KeysError: the address is encrypted and there is no certificate.
@@ -110,8 +110,8 @@ def client_settings(address: str, keys: ClientKeys | None, timeout_s: float) -> 
     if is_encrypted(address):
         if keys is None or not (keys.folder / CERTIFICATE).exists():
             raise KeysError(
-                f"{address} is encrypted and asks for a certificate: give the folder that the "
-                "organiser handed you with --keys"
+                f"{address} is encrypted and requires a certificate: pass the folder from the "
+                "organiser with --keys"
             )
         settings["transport/link/tls"] = {
             "root_ca_certificate": str(keys.folder / CA),
@@ -129,38 +129,38 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
         f"{where}/endpoints": [address],
         f"{where}/timeout_ms": timeout_ms,
         "scouting/multicast/enabled": False,
-        "scouting/delay": 0,  # nobody is looked for; half a second by default
+        "scouting/delay": 0,  # no peers are searched for; half a second by default
         "scouting/gossip/enabled": False,
         "adminspace/enabled": False,
-        # Shared memory goes past the limit on messages' sizes.
+        # Shared memory bypasses the limit on message sizes.
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tcp/so_sndbuf": SEND_BUFFER,
     }
 
 
-def most_sessions(door: ListenSettings) -> int:
-    """Return how many clients may be connected at once: drivers twice, while a link stalls."""
-    spectators = door.keys.spectators if door.keys else LOCAL_SPECTATORS
-    return 2 * door.seats + spectators + SPARE_SESSIONS
+def most_sessions(settings: ListenSettings) -> int:
+    """Return the limit of connected clients: two per driver, as a stalled link may be replaced."""
+    spectators = settings.keys.spectators if settings.keys else LOCAL_SPECTATORS
+    return 2 * settings.seats + spectators + SPARE_SESSIONS
 
 
-def check_listen_settings(door: ListenSettings) -> None:
-    """Do nothing for a server that only lets in whom it should.
+def check_listen_settings(settings: ListenSettings) -> None:
+    """Check that a server accepts only authorised clients.
 
     Raises:
-        LinkError: it would be open to other machines without keys, or its keys are of no use.
+        LinkError: it would be open to other machines without keys, or lacks certificates.
     """
-    if door.keys is None and not is_local(door.address):
+    if settings.keys is None and not is_local(settings.address):
         raise LinkError(
-            f"{door.address} can be reached from other machines, and without keys anybody there "
-            f"could race: make keys with `race keys new {door.session}` and serve with "
+            f"{settings.address} can be reached from other machines, and without keys any of them "
+            f"could race: make keys with `race keys new {settings.session}` and serve with "
             "--open --keys FOLDER, or listen on this machine only, such as tcp/127.0.0.1:7447"
         )
-    if door.keys is None and is_encrypted(door.address):
+    if settings.keys is None and is_encrypted(settings.address):
         raise LinkError(
-            f"{door.address} is encrypted and needs certificates: make keys with "
-            f"`race keys new {door.session}` and serve with --open --keys FOLDER"
+            f"{settings.address} is encrypted and needs certificates: make keys with "
+            f"`race keys new {settings.session}` and serve with --open --keys FOLDER"
         )
 
 
@@ -182,10 +182,10 @@ def is_local(address: str) -> bool:
 
 
 def host_of(place: str) -> str:
-    """Return the host of ``host:port``, whatever follows."""
+    """Return the host of ``host:port?options``."""
     return place.split("#")[0].split("?")[0].rpartition(":")[0].strip("[]")
 
 
 def as_json(settings: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return settings as zenoh takes them."""
+    """Return settings in the form that zenoh takes."""
     return [(key, json.dumps(value)) for key, value in settings.items()]

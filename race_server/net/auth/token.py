@@ -1,4 +1,4 @@
-"""The steward's token where there are no keys: in a file that only who serves can read."""
+"""The steward's token of a server without keys, in a file that only its user can read."""
 
 import os
 import re
@@ -12,7 +12,7 @@ from race_server.net.auth.keys import write_private
 
 
 def token_path(address: str, session: str) -> Path:
-    """Return where the token of a session on this machine lies."""
+    """Return the path of the token of a session on this machine."""
     base = os.environ.get("XDG_RUNTIME_DIR") or os.environ.get("XDG_DATA_HOME")
     home = Path(base) if base else Path.home() / ".local" / "share"
     place = re.sub(r"[^A-Za-z0-9]+", "-", address)
@@ -21,7 +21,7 @@ def token_path(address: str, session: str) -> Path:
 
 @contextmanager
 def local_token(address: str, session: str) -> Iterator[str]:
-    """Return a new token, which lies in its file until the block ends.
+    """Yield a new token, whose file exists until the block ends.
 
     Raises:
         KeysError: the file cannot be written.
@@ -53,5 +53,5 @@ def read_token(address: str, session: str) -> str:
         raise KeysError(
             f"{path}: no token of a steward ({error.strerror}). It is there while `race serve` "
             f"runs on this machine as the same user, listens on {address} and serves "
-            f"{session!r}; elsewhere give the steward's keys with --keys"
+            f"{session!r}; elsewhere pass the steward's keys with --keys"
         ) from error

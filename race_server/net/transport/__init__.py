@@ -1,10 +1,10 @@
-"""zenoh, and nothing else that knows it.
+"""The links over zenoh; no other package uses it.
 
 The server's session is the router: it listens on one address, with scouting, gossip and shared
-memory off; `admission` says who may do what there. Callbacks do no more than put bytes into bounded
-mailboxes, one for each key, so that nobody crowds others out; the server's loop empties them. A
-session that is not closed keeps its process alive, so both ends are context managers and are closed
-at exit as well.
+memory off; `net.auth` has the access rules. Callbacks only put bytes into bounded mailboxes, one
+for each key, so that no client displaces messages of others; the server's loop empties them. An
+open session keeps its process alive, so both ends are context managers and are closed at exit as
+well.
 """
 
 from race_server.net.transport.client import ClientLink

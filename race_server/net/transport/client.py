@@ -1,4 +1,4 @@
-"""A driver's or spectator's end."""
+"""The end of a driver or spectator."""
 
 import time
 from collections.abc import Callable
@@ -16,12 +16,12 @@ from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
 
 QUERY_TIMEOUT_S = 2.0
-# A client asks on one key half as often as the server takes it.
+# [s] between requests on one key: half the rate that the server allows.
 ASK_S = 2.0 / topics.QUERY_HZ
 
 
 class ClientLink(Link):
-    """Asks, listens and sends."""
+    """The end of a client: queries, subscribes and publishes."""
 
     def __init__(
         self,
@@ -34,9 +34,9 @@ class ClientLink(Link):
         """Connect to a server.
 
         Raises:
-            LinkError: nobody answers there, or we are not let in.
-            KeysError: the address asks for a certificate.
-            WireError: the session's name is none.
+            LinkError: no server answers there, or it refuses this client.
+            KeysError: the address requires a certificate.
+            WireError: the session's name is not valid.
         """
         key_of(topics.SNAPSHOT, session_name)
         settings = client_settings(address, keys, timeout_s)
@@ -65,8 +65,8 @@ class ClientLink(Link):
             if reply.ok is not None:
                 return bytes(reply.ok.payload.to_bytes())
         raise LinkError(
-            f"no answer on {key}: the server has gone, no session is called {self._name!r}, or "
-            "it does not let us ask that"
+            f"no answer on {key}: the server has stopped, no session is called {self._name!r}, or "
+            "the server does not allow this request"
         )
 
     def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:
@@ -80,14 +80,14 @@ class ClientLink(Link):
         self._kept.append(self._session.declare_subscriber(key, receive))
 
     def announce(self, seat: int, badge: str) -> None:
-        """Show the server that this seat's driver is there, for as long as the link is."""
+        """Announce this seat's driver to the server until the link closes."""
         key = key_of(topics.ALIVE, self._name, seat, badge)
         self._kept.append(self._session.liveliness().declare_token(key))
 
     def sender(
         self, seat: int, badge: str, topic: Topic = topics.CONTROL
     ) -> Callable[[bytes], None]:
-        """Return what sends the controls, or another topic's messages, of a seat."""
+        """Return a function that sends controls, or messages of another topic, of a seat."""
         publisher = self._session.declare_publisher(
             key_of(topic, self._name, seat),
             congestion_control=zenoh.CongestionControl.DROP,

@@ -1,4 +1,4 @@
-"""A zenoh session with a life."""
+"""A zenoh session with a lifetime."""
 
 import atexit
 from typing import Any, Self
@@ -23,7 +23,7 @@ def open_session(settings: dict[str, Any]) -> zenoh.Session:
 
 
 class Link:
-    """One end, until it is closed."""
+    """One end of a connection; a context manager."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -31,7 +31,7 @@ class Link:
         atexit.register(self.close)
 
     def close(self) -> None:
-        """End the session; a second call does nothing."""
+        """Close the session; a second call does nothing."""
         if self._is_open:
             self._is_open = False
             atexit.unregister(self.close)

@@ -1,4 +1,4 @@
-"""The server's end."""
+"""The end of the server."""
 
 import math
 import threading
@@ -20,19 +20,18 @@ from race_server.net.transport.link import Link, open_session
 from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
 
-# So many controls of a seat wait at most; more push the oldest out. Not one alone: rubbish that
-# comes after an honest control must not hide it.
+# Limit of waiting controls of a seat; more displace the oldest. More than one, so that a bad
+# message after a good control does not hide it.
 MOST_INPUTS = 8
-# A driver who falls silent may log in once more, after so long and until so long: its link has
-# stalled.
+# A silent driver may log in a second time from and until these times [s]: its link has stalled.
 STALLED_S, GIVEN_UP_S = 2.0, 30.0
 _WITHOUT_BADGE = {
     topics.CONTROL: "control without the seat's badge",
     topics.POSE: "pose without the seat's badge",
 }
-# More unanswered requests on one key are dropped; the asker's timeout tells it.
+# More unanswered requests on one key are dropped; the client then times out.
 MOST_QUERIES = 8
-# So many requests are answered in one go; the others wait for the next tick.
+# Limit of requests answered per tick; the others wait.
 MOST_ANSWERS = 8
 
 
@@ -41,19 +40,19 @@ class Request:
     """A query that waits for an answer."""
 
     topic: Topic
-    seat: int  # in the key, and so who asks; -1 where the key names none
+    seat: int  # in the key, of the sender; -1 where the key has none
     payload: bytes
     _query: Any
 
     def answer(self, payload: bytes) -> None:
         """Send the answer and end the query."""
-        with suppress(zenoh.ZError):  # who asked has gone
+        with suppress(zenoh.ZError):  # the client has disconnected
             self._query.reply(self._query.key_expr, payload)
         self._query.drop()
 
 
 class ServerLink(Link):
-    """The server's end: hears all seats, tells everybody."""
+    """The end of the server: receives from all seats, publishes to all clients."""
 
     def __init__(
         self,
@@ -66,16 +65,15 @@ class ServerLink(Link):
     ) -> None:
         """Listen on `address`.
 
-        keys: without them only this machine is listened to. real_time: nobody needs more than a
-        control a tick, so a seat that sends far more is not heard out.
+        keys: without them it listens to this machine only. real_time: limits the rate of controls,
+        of which one per tick is enough.
 
         Raises:
-            LinkError: it cannot be listened on, or would be open to everybody.
-            WireError: the session's name is none.
+            LinkError: it cannot listen there, or would be open to all machines.
+            WireError: the session's name is not valid.
         """
         key_of(topics.SNAPSHOT, session_name)
-        door = ListenSettings(address, session_name, seats, keys, real_time)
-        settings = server_settings(door)
+        settings = server_settings(ListenSettings(address, session_name, seats, keys, real_time))
         try:
             super().__init__(open_session(settings))
         except zenoh.ZError as error:
@@ -92,53 +90,53 @@ class ServerLink(Link):
         self._poses: list[deque[tuple[bytes, int]]] = [
             deque(maxlen=MOST_INPUTS) for _ in range(seats)
         ]
-        self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
-        self._heard_s = [-math.inf] * seats  # when each seat's holder was heard last
+        self._seats = {str(seat): seat for seat in range(seats)}  # as written in keys
+        self._last_message_s = [-math.inf] * seats  # when each seat's owner last sent
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
-        self._turn = 0  # where the next round of answers begins
+        self._turn = 0  # where the next round of answers starts
         self._publishers: dict[tuple[str, int], Any] = {}
         self._karts: dict[int, Any] = {}  # subscribers to the poses of real karts, by seat
         # In real time controls wait in rings of zenoh until the loop takes them: no Python runs as
-        # they arrive, so that no flood fights the loop for the interpreter.
+        # they arrive, so a flood does not compete with the loop for the interpreter.
         self._rings: list[tuple[Any, Callable[[Any], None]]] = []
-        self._kept: list[Any] = [self._hear_seat(seat, real_time) for seat in range(seats)]
-        self._kept += [self._hear_queries(topic) for topic in topics.QUERIES]
-        self._kept.append(self._hear_presence())
-        self._kept.append(self._hear_links())
+        self._kept: list[Any] = [self._receive_seat(seat, real_time) for seat in range(seats)]
+        self._kept += [self._receive_queries(topic) for topic in topics.QUERIES]
+        self._kept.append(self._watch_presence())
+        self._kept.append(self._watch_links())
 
     def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback whose failures are counted: zenoh prints them and goes on."""
+        """Return a callback whose failures are counted: zenoh only prints them."""
 
         def call(news: Any) -> None:
             try:
                 store(news)
             except Exception:
-                self.dropped["message that made us stumble", -1] += 1
+                self.dropped["message that raised an error", -1] += 1
 
         return call
 
-    def _hear_seat(self, seat: int, real_time: bool) -> Any:
+    def _receive_seat(self, seat: int, real_time: bool) -> Any:
         store = self._keeper(topics.CONTROL, seat, self._inputs[seat].append)
         if not real_time:
-            return self._hear(topics.CONTROL, seat, store)
+            return self._subscribe(topics.CONTROL, seat, store)
         ring: Any = zenoh.handlers.RingChannel(MOST_INPUTS)
-        subscriber = self._hear(topics.CONTROL, seat, ring)
+        subscriber = self._subscribe(topics.CONTROL, seat, ring)
         self._rings.append((subscriber, store))
         return subscriber
 
-    def _hear_kart(self, seat: int) -> Any:
+    def _receive_kart(self, seat: int) -> Any:
         mailbox = self._poses[seat]
 
         def note(data: bytes) -> None:
             mailbox.append((data, time.monotonic_ns() // 1000))
 
-        return self._hear(topics.POSE, seat, self._keeper(topics.POSE, seat, note))
+        return self._subscribe(topics.POSE, seat, self._keeper(topics.POSE, seat, note))
 
     def _keeper(
         self, topic: Topic, seat: int, keep: Callable[[bytes], None]
     ) -> Callable[[Any], None]:
-        """Return what keeps a message that shows the badge of its seat's holder."""
+        """Return a callback that keeps messages with the badge of their seat's owner."""
 
         def store(sample: zenoh.Sample) -> None:
             badge = sample.attachment
@@ -153,21 +151,21 @@ class ServerLink(Link):
                 self.dropped["foreign", seat] += 1
                 return
             keep(data)
-            self._heard_s[seat] = time.monotonic()
+            self._last_message_s[seat] = time.monotonic()
             self._arrived.set()
 
         return self._counted(store)
 
-    def _hear(self, topic: Topic, seat: int, handler: Any) -> Any:
+    def _subscribe(self, topic: Topic, seat: int, handler: Any) -> Any:
         key = key_of(topic, self._name, seat)
         return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
 
-    def _hear_queries(self, topic: Topic) -> Any:
+    def _receive_queries(self, topic: Topic) -> Any:
         def store(query: zenoh.Query) -> None:
             key = str(query.key_expr)
             seat = self._seat_in(topic, key)
             if seat is None:
-                self.dropped["request on no key of ours", -1] += 1
+                self.dropped["request on an unknown key", -1] += 1
                 return
             payload = query.payload.to_bytes() if query.payload is not None else b""
             if len(payload) > topic.most_bytes:
@@ -184,13 +182,13 @@ class ServerLink(Link):
         return self._session.declare_queryable(key, self._counted(store), complete=True)
 
     def _seat_in(self, topic: Topic, key: str) -> int | None:
-        """Return the seat that a key names, -1 for none; None for a key that is not the topic's."""
+        """Return the seat in a key, -1 for none; None for a key of another topic."""
         if not topic.is_seats:
             return -1 if key == key_of(topic, self._name) else None
         place = key.rsplit("/", 1)[1]
         return -1 if place == topics.ANY else self._seats.get(place)
 
-    def _hear_presence(self) -> Any:
+    def _watch_presence(self) -> Any:
         def store(sample: zenoh.Sample) -> None:
             *_, place, badge = str(sample.key_expr).split("/")
             seat, is_there = self._seats.get(place), sample.kind == zenoh.SampleKind.PUT
@@ -205,8 +203,8 @@ class ServerLink(Link):
             key, self._counted(store), history=True
         )
 
-    def _hear_links(self) -> Any:
-        """Count how often a certificate is logged in: a stolen one may only listen."""
+    def _watch_links(self) -> Any:
+        """Count second logins of a certificate: a stolen one may only listen."""
         open_links: Counter[str] = Counter()
         owners = {
             common_name(self._name, seat_name(seat)): seat for seat in range(len(self._inputs))
@@ -217,7 +215,7 @@ class ServerLink(Link):
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
                 open_links[name] += 1 if is_new else -1
-                silent_s = time.monotonic() - self._heard_s[owners[name]]
+                silent_s = time.monotonic() - self._last_message_s[owners[name]]
                 has_stalled = STALLED_S < silent_s < GIVEN_UP_S
                 if is_new and open_links[name] > 1 and not has_stalled:
                     self.dropped["second login", owners[name]] += 1
@@ -239,10 +237,10 @@ class ServerLink(Link):
         return found
 
     def hear_karts(self, seats: Collection[int]) -> None:
-        """Hear poses on these seats and no others: nobody floods where no real kart sits."""
+        """Receive poses of these seats and no others, so that the others cannot be flooded."""
         for seat in seats:
             if seat not in self._karts:
-                self._karts[seat] = self._hear_kart(seat)
+                self._karts[seat] = self._receive_kart(seat)
         for seat in self._karts.keys() - set(seats):
             self._karts.pop(seat).undeclare()
             self._poses[seat].clear()
@@ -266,12 +264,12 @@ class ServerLink(Link):
             yield waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)].popleft()
 
     def take_presence(self) -> Iterable[tuple[int, bool]]:
-        """Yield seats whose driver's link came up (True) or went away (False)."""
+        """Yield seats whose driver's link opened (True) or closed (False)."""
         while self.holders.news:
             yield self.holders.news.popleft()
 
     def overhear(self, store: Callable[[str, bytes], None]) -> None:
-        """Call `store` with key and payload of whatever reaches this session from outside."""
+        """Call `store` with key and payload of every message from outside."""
 
         def receive(sample: zenoh.Sample) -> None:
             store(str(sample.key_expr), sample.payload.to_bytes())
@@ -280,15 +278,15 @@ class ServerLink(Link):
         self._kept.append(self._session.declare_subscriber("**", receive, allowed_origin=remote))
 
     def clients(self) -> int:
-        """Return how many links of others are open."""
+        """Return the count of open links."""
         return len(self._session.info.transports())
 
     def wait(self, timeout_s: float) -> bool:
-        """Return True once something has arrived since `take_inputs`, False at the timeout."""
+        """Return True once a message has arrived since `take_inputs`, False at the timeout."""
         return self._arrived.wait(timeout_s)
 
     def publish(self, topic: Topic, payload: bytes, seat: int = -1) -> None:
-        """Send a message to who listens to the topic."""
+        """Send a message to all subscribers of the topic."""
         publisher = self._publishers.get((topic.key, seat))
         if publisher is None:
             newest = topic.newest_wins
