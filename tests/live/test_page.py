@@ -250,7 +250,7 @@ def test_a_recording_is_opened_and_scrubbed(stage: Stage) -> None:
 def test_a_wrong_token_is_refused_in_plain_words(stage: Stage) -> None:
     page = stage.open("steward&token=wrong", 390, 844)
     said = page.locator("[data-testid=overlay] [data-code=token]")
-    said.get_by_text("The token does not fit").wait_for()
+    said.get_by_text("The token is not valid").wait_for()
     page.context.close()
 
 

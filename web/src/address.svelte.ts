@@ -1,4 +1,4 @@
-// What the address asks for, behind its #: a view, and tokens, which never leave the browser that way.
+// The part of the address after #: a view, and tokens, which the browser does not send anywhere.
 
 import { SvelteMap } from 'svelte/reactivity';
 
@@ -19,7 +19,7 @@ const VIEW_ROLES: Record<View, Role> = {
   steward: 'steward',
   replay: 'spectate',
 };
-// What is known of each role's token; kept for this tab.
+// The token of each role; kept for this tab.
 const tokens = new SvelteMap<Role, string>();
 let place = $state.raw<Place>(take());
 
@@ -42,13 +42,13 @@ export function tokenFor(role: Role): string {
   return tokens.get(role) ?? sessionStorage.getItem(`race.token.${role}`) ?? '';
 }
 
-/** Keeps a token, '' for one that did not fit: then another is asked for. */
+/** Keeps a token, '' for one that was refused: the page then asks for another. */
 export function keepToken(role: Role, token: string): void {
   tokens.set(role, token);
   sessionStorage.setItem(`race.token.${role}`, token);
 }
 
-/** Keeps what a driver asked for, so that a page that is loaded again has its seat. */
+/** Keeps the choices of a driver, so that a page that is reloaded gets its seat back. */
 export function keepHello(hello: Hello | null): void {
   if (hello) sessionStorage.setItem('race.seat', JSON.stringify(hello));
   else sessionStorage.removeItem('race.seat');
@@ -62,7 +62,7 @@ export function keptHello(): Hello | null {
   return { ...hello, token: tokenFor(hello.role) };
 }
 
-/** Reads the address, keeps a token that it holds and takes it out, so that nobody reads it there. */
+/** Reads the address, keeps its token and removes it, so that it is not visible there. */
 function take(): Place {
   const asked = parse(location.hash);
   if (asked.token) {
@@ -79,7 +79,7 @@ interface Asked {
   token: string;
 }
 
-/** Returns what the part of an address behind # asks for. */
+/** Returns the contents of the part of an address after #. */
 export function parse(hash: string): Asked {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const wanted = parts.get('role');

@@ -9,13 +9,13 @@ export class Camera {
   x = 0; // [m] in the middle of the picture
   y = 0;
   scale = 1; // [pixels/m]
-  /** Whether somebody chose the zoom, so that a new size of the window keeps it. */
+  /** Whether the zoom was set by hand; then a new size of the window keeps it. */
   isHeld = false;
   private width = 1;
   private height = 1;
   private box: Box = { left: 0, right: 1, bottom: 0, top: 1 };
 
-  /** Takes the size of the picture [pixels] and what there is to see. */
+  /** Sets the size of the picture [pixels] and the area to show. */
   fit(width: number, height: number, box: Box): void {
     this.width = width;
     this.height = height;
@@ -70,7 +70,7 @@ export class Camera {
     };
   }
 
-  /** Lets a canvas be drawn on in metres. ratio: of its pixels to those of the picture. */
+  /** Sets a canvas to metres. ratio: of its pixels to those of the picture. */
   apply(context: CanvasRenderingContext2D, ratio: number): void {
     const scale = this.scale * ratio;
     context.setTransform(
@@ -83,7 +83,7 @@ export class Camera {
     );
   }
 
-  /** A text that changes whenever the picture does. */
+  /** A text that differs between different views. */
   get stamp(): string {
     return `${this.x} ${this.y} ${this.scale} ${this.width} ${this.height}`;
   }

@@ -1,4 +1,4 @@
-// What the driver sees: the track in perspective from its own kart, drawn to the kart's scale, so
+// The driver's view: the track in perspective from its own kart, drawn to the kart's scale, so
 // that a 1/10 car and a rental kart look alike from behind the wheel.
 
 import type { Race } from '../race/race.svelte';
@@ -111,7 +111,7 @@ export class DriverView {
     });
   }
 
-  /** Item boxes that can be had: cubes that float above the road. */
+  /** Item boxes that are ready: cubes that float above the road. */
   private boxesOf(course: Course, frame: SnapshotFrame): (Solid | null)[] {
     const { view, length } = this;
     const { boxes } = course.frame;
@@ -126,7 +126,7 @@ export class DriverView {
     });
   }
 
-  /** Signs above what lies on the road, so that it is seen from afar. */
+  /** Signs above hazards on the road, visible from far away. */
   private signsOf(frame: SnapshotFrame): (Solid | null)[] {
     const { view, length } = this;
     return frame.hazards.map((hazard) => {
@@ -145,7 +145,12 @@ export class DriverView {
 const MOST_CUBE = 130;
 const CUBE: Sign = { text: '?', colour: '#8b5cf6', ink: '#ffffff', isCube: true };
 
-function drawCube(context: CanvasRenderingContext2D, view: Perspective, place: Place, size: number): void {
+function drawCube(
+  context: CanvasRenderingContext2D,
+  view: Perspective,
+  place: Place,
+  size: number,
+): void {
   const { x, y } = view.project(place);
   const side = Math.min(size * view.scaleAt(place.ahead), MOST_CUBE);
   drawSign(context, CUBE, x, y - 0.5 * side, side);

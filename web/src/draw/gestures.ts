@@ -12,7 +12,7 @@ const WHEEL_STEP = 1.0015;
 export class Gestures {
   private readonly fingers = new Map<number, Finger>();
 
-  /** onPan: somebody moves the picture by hand, so it follows nobody any more. */
+  /** onPan: the picture is moved by hand, so it stops following a kart. */
   constructor(
     private readonly camera: Camera,
     private readonly onPan: () => void,

@@ -1,4 +1,4 @@
-// Karts on the map: to scale as long as that can be seen, never smaller than their number.
+// Karts on the map: to scale where that is visible, never smaller than their number.
 
 import type { KartBody } from '../race/race.svelte';
 import type { KartFrame } from '../wire/frames';
@@ -7,7 +7,7 @@ import type { Point } from '../race/course';
 import type { Camera } from './camera';
 import { type MapColours, liveryOf } from './palette';
 
-/** Length of a kart on the picture below which it is drawn larger than it is [pixels]. */
+/** Least length of a kart on the picture [pixels]. */
 const LEAST_PIXELS = 26;
 const TAU = 2 * Math.PI;
 
@@ -46,7 +46,7 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
   context.globalAlpha = 1;
 }
 
-/** Returns how clearly a kart is drawn: who is out of the race is faint. */
+/** Returns the opacity of a kart: one that is out of the race is faint. */
 export function opacityOf(kart: KartFrame): number {
   const isOut = kart.status === Status.RETIRED || (kart.flags & KartFlag.SUSPENDED) !== 0;
   return isOut ? 0.4 : 1;
@@ -102,7 +102,7 @@ function drawNumber(context: CanvasRenderingContext2D, seat: number, size: numbe
   context.fillText(String(seat), 0, 0.5);
 }
 
-/** Rings tell what acts on a kart: they differ in stroke, not only in colour. */
+/** Rings show what acts on a kart: they differ in stroke, not only in colour. */
 function drawRings(
   context: CanvasRenderingContext2D,
   kart: KartFrame,

@@ -1,4 +1,4 @@
-// Draws at the display's rate, and measures what that takes.
+// Draws at the display's rate, and measures the time.
 
 import { currentPlace } from '../address.svelte';
 import type { Visit } from '../race/visit.svelte';
@@ -6,7 +6,7 @@ import type { SnapshotFrame } from '../wire/frames';
 import { Meter } from './meter';
 import { publishStats } from './stats';
 
-/** Calls `draw` with what is to be shown, until the returned function is called. */
+/** Calls `draw` with the current state for every picture, until the returned function is called. */
 export function startDrawing(
   visit: Visit,
   draw: (frame: SnapshotFrame | null) => void,

@@ -1,4 +1,4 @@
-// The track from above, on two canvases: what stands still is drawn only when the view moves.
+// The track from above, on two canvases: static parts are drawn only when the view moves.
 
 import type { Race } from '../race/race.svelte';
 import type { SnapshotFrame } from '../wire/frames';
@@ -9,7 +9,7 @@ import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
 import { type MapColours, mapColours } from './palette';
 import { Surface } from './surface';
 
-// More pixels than this cost time and show nothing.
+// More pixels than this cost time and show no more.
 const MOST_RATIO = 2;
 const RAYS_OLD_TICKS = 30;
 
@@ -36,7 +36,7 @@ export class TrackMap {
     this.top = top.getContext('2d')!;
   }
 
-  /** Takes a new size of the picture [pixels]. */
+  /** Sets the size of the picture [pixels]. */
   resize(width: number, height: number, race: Race): void {
     this.ratio = Math.min(devicePixelRatio || 1, MOST_RATIO);
     for (const { canvas } of [this.ground, this.top]) {

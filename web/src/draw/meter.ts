@@ -1,4 +1,4 @@
-// How long drawing takes, and how old the picture is. Tests and curious people read it at
+// How long drawing takes, and how old the picture is. Tests read it at
 // window.__race where the address says #stats=1.
 
 const SAMPLES = 600;
@@ -15,7 +15,7 @@ export class Meter {
   private lastMs = NaN;
   frameCount = 0;
 
-  /** Takes note of a picture. */
+  /** Records a picture. */
   noteFrame(begunMs: number, doneMs: number): void {
     this.frameCount++;
     keep(this.frames, doneMs - begunMs);
@@ -32,12 +32,12 @@ export class Meter {
     return shareOf(this.frames);
   }
 
-  /** From one picture to the next [ms]. */
+  /** Time between pictures [ms]. */
   get intervalMs(): Share {
     return shareOf(this.intervals);
   }
 
-  /** From a tick of the server to its picture [ms]. */
+  /** Delay from a tick of the server to its picture [ms]. */
   get delayMs(): Share {
     return shareOf(this.delays);
   }

@@ -5,7 +5,7 @@ import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import type { Race } from '../race/race.svelte';
 import { type KartStyle, lengthOn, middleOf, opacityOf } from './karts';
 
-// Of more karts than this only the first and the followed are named, or nothing could be read.
+// With more karts than this only the first and the followed are named, to stay readable.
 const MOST_NAMES = 12;
 const FIRST_NAMES = 3;
 const FONT = '600 12px system-ui, sans-serif';

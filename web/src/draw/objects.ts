@@ -3,13 +3,19 @@
 import type { Course, Point } from '../race/course';
 import type { Mark, Trails } from '../race/trails';
 import type { HazardFrame, RaysFrame, SnapshotFrame } from '../wire/frames';
+import { RayHit } from '../wire/tables';
 import { SPEED_COLOURS } from './palette';
 
 const TAU = 2 * Math.PI;
-// What a radar's ray hit: nothing, border, obstacle, hazard, kart.
-const RADAR_COLOURS = ['#8d97a3', '#c8ccd0', '#e0b25a', '#ff8a5c', '#7fd4ff'];
+const RADAR_COLOURS: Record<RayHit, string> = {
+  [RayHit.NOTHING]: '#8d97a3',
+  [RayHit.BORDER]: '#c8ccd0',
+  [RayHit.OBSTACLE]: '#e0b25a',
+  [RayHit.HAZARD]: '#ff8a5c',
+  [RayHit.KART]: '#7fd4ff',
+};
 
-/** Draws the item boxes: full where one can be had, an empty frame where it comes again. */
+/** Draws the item boxes: filled where ready, an empty frame while not. */
 export function drawBoxes(
   context: CanvasRenderingContext2D,
   course: Course,
@@ -85,7 +91,7 @@ export function drawTrails(
   context.globalAlpha = 1;
 }
 
-// A step longer than its speed allows in so many seconds is a leap: the kart was put elsewhere.
+// A step longer than the speed allows in this time [s] is a jump: the kart was moved.
 const LEAP_S = 0.6;
 
 function addStep(way: Path2D, from: Point, to: Point & { speed: number }): void {
@@ -102,7 +108,7 @@ export function drawRays(context: CanvasRenderingContext2D, rays: RaysFrame, pix
     const angle = rays.heading + (rays.radarAngles[ray] ?? 0);
     const [x, y] = sensorAt(rays, rays.radarAhead);
     const range = rays.radar[ray]!;
-    context.strokeStyle = RADAR_COLOURS[rays.radarKinds[ray] ?? 0] ?? RADAR_COLOURS[0]!;
+    context.strokeStyle = RADAR_COLOURS[rays.radarKinds[ray] ?? RayHit.NOTHING];
     context.setLineDash([6 * pixel, 4 * pixel]);
     context.beginPath();
     context.moveTo(x, y);

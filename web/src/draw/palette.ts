@@ -1,4 +1,4 @@
-// Colours of karts: Okabe and Ito, 2008, which also people who cannot tell red from green can tell
+// Colours of karts: Okabe and Ito, 2008, which people who cannot distinguish red from green can tell
 // apart. Every second eight has a stripe; the number is always there too.
 
 const COLOURS = [
@@ -20,7 +20,7 @@ export interface Livery {
   hasStripe: boolean;
 }
 
-/** Returns how the kart of a seat is painted. */
+/** Returns the colours of the kart of a seat. */
 export function liveryOf(seat: number): Livery {
   const colour = COLOURS[seat % COLOURS.length]!;
   return {

@@ -1,4 +1,4 @@
-// A driver's eye: where points of the track appear in a picture.
+// The perspective of a driver: where points of the track appear in a picture.
 
 export interface Place {
   ahead: number; // [m]
@@ -23,7 +23,7 @@ export class Perspective {
   private middle = 0;
   horizon = 0;
 
-  /** near: what is nearer is not drawn [m]; height: of the eye above the ground [m]. */
+  /** near: least distance that is drawn [m]; height: of the eye above the ground [m]. */
   constructor(
     readonly near: number,
     readonly height: number,
@@ -55,12 +55,12 @@ export class Perspective {
     return { x: this.middle - left * scale, y: this.horizon + (this.height - up) * scale };
   }
 
-  /** How many pixels a metre has so far ahead. */
+  /** Pixels of a metre at this distance ahead. */
   scaleAt(ahead: number): number {
     return this.focus / Math.max(ahead, this.near);
   }
 
-  /** Returns a closed shape as it appears, cut off where it comes too near; empty behind. */
+  /** Returns a closed shape in the picture, clipped where it is too near; empty if behind. */
   shape(places: readonly Place[]): Pixel[] {
     const shown: Pixel[] = [];
     for (let i = 0; i < places.length; i++) {

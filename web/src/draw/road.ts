@@ -86,7 +86,7 @@ function fillRibbon(
   context.fill(path, 'evenodd');
 }
 
-/** Draws bands across the road ahead, by which one sees how fast it passes. */
+/** Draws bands across the road ahead, which show the speed. */
 export function drawBands(
   context: CanvasRenderingContext2D,
   course: Course,
@@ -144,7 +144,7 @@ interface Strip {
   points: number[]; // of the line
 }
 
-// A strip of one zone is cut after so many pieces, so that it can fade.
+// Most pieces in a strip of one zone: strips fade with distance.
 const STRIP_PIECES = 16;
 
 /** Returns the line ahead in strips of one zone each; of a braking zone every second piece. */
@@ -183,7 +183,7 @@ function bandOf(line: ReferenceLine, view: Perspective, strip: Strip, width: num
   return [...left, ...right.reverse()];
 }
 
-/** Draws what lies on the road, such as oil. */
+/** Draws hazards on the road, such as oil. */
 export function drawPuddles(
   context: CanvasRenderingContext2D,
   hazards: readonly HazardFrame[],

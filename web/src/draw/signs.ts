@@ -1,4 +1,4 @@
-// Signs with a letter or number, painted once and then only scaled: text in ever new sizes would
+// Signs with a letter or number, painted once and then only scaled: text in changing sizes would
 // cost more than everything else in the picture.
 
 export interface Sign {

@@ -34,7 +34,7 @@ const CABIN_COLOUR = '#20262e';
 const LEAST_SIGN = 19;
 const MOST_SIGN = 56;
 
-/** Returns a kart as a solid: a low body, and who sits in it. */
+/** Returns a kart as a solid: a low body, and its driver. */
 export function kartSolid(kart: KartFrame, size: KartBody, view: Perspective): Solid | null {
   const { length, width, ahead } = size;
   const { heading, seat } = kart;
@@ -53,7 +53,7 @@ export function kartSolid(kart: KartFrame, size: KartBody, view: Perspective): S
   return solidOf([body, cabin], view, { text: String(seat), colour, ink, size: 0.6 * width });
 }
 
-/** Returns boxes that stand on one another as a solid, with a sign above them where one is given. */
+/** Returns stacked boxes as a solid, with a sign above them if given. */
 export function solidOf(bodies: readonly Body[], view: Perspective, sign: Label | null): Solid | null {
   const foot = bodies[0]!;
   const centre = view.place(foot.x, foot.y, 1.3 * bodies.at(-1)!.top);
@@ -67,7 +67,7 @@ export function solidOf(bodies: readonly Body[], view: Perspective, sign: Label 
   };
 }
 
-/** Draws the sides of a box from the far to the near ones, then what closes it. */
+/** Draws the sides of a box from the far to the near ones, then its top. */
 function drawBox(context: CanvasRenderingContext2D, body: Body, view: Perspective): void {
   const { base, top, colour } = body;
   const corners = cornersOf(body).map(({ x, y }) => view.place(x, y, base));

@@ -1,4 +1,4 @@
-// What tests read of the page at window.__race, where the address says #stats=1.
+// What tests read at window.__race, if the address has #stats=1.
 
 import type { Course } from '../race/course';
 import type { Visit } from '../race/visit.svelte';
@@ -23,7 +23,7 @@ declare global {
   }
 }
 
-/** Lets a visit be read; everything is worked out when it is asked for. */
+/** Gives access to a visit; all values are computed on demand. */
 export function publishStats(visit: Visit, meter: Meter): void {
   const { race } = visit;
   window.__race = {

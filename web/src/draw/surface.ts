@@ -1,4 +1,4 @@
-// What stands still on the map: surfaces, kerbs, borders, sectors, places of the grid, the line.
+// Static parts of the map: surfaces, kerbs, borders, sectors, places of the grid, the line.
 
 import type { Course, Point } from '../race/course';
 import type { ReferenceLine, Zone } from '../race/line';
@@ -10,7 +10,7 @@ export const ZONE_COLOURS: Record<Zone, string> = {
   brake: '#ef6a3a',
 };
 
-/** The ways of a course, made once and drawn at any zoom. */
+/** The paths of a course, made once and drawn at any zoom. */
 export class Surface {
   private readonly ground = new Path2D();
   private readonly asphalt: Path2D;
@@ -136,7 +136,7 @@ export class Surface {
     context.globalAlpha = 0.85;
     for (const [zone, way] of this.zones) {
       context.strokeStyle = ZONE_COLOURS[zone];
-      // Dashes where one brakes: the zones differ without their colours too.
+      // Dashes in braking zones, so that zones do not differ only in colour.
       context.setLineDash(zone === 'brake' ? [5 * pixel, 4 * pixel] : []);
       context.stroke(way);
     }
@@ -169,7 +169,7 @@ function addWay(path: Path2D, points: readonly Point[]): void {
   path.closePath();
 }
 
-/** Returns the band between the edges of the asphalt. beyond: so much wider on each side [m]. */
+/** Returns the band between the edges of the asphalt. beyond: extra width on each side [m]. */
 function ribbon(course: Course, beyond: number): Path2D {
   const path = new Path2D();
   for (const side of ['left', 'right'] as const) {

@@ -8,7 +8,7 @@ import type { Solid } from './solids';
 export interface Wall {
   from: Point;
   to: Point;
-  shade: number; // 0 or 1: two tones by turns, so that one sees how fast they pass
+  shade: number; // 0 or 1: two tones in turn, which show the speed
 }
 
 // Pieces of a wall that turn less than this in all are one [rad].
@@ -36,7 +36,7 @@ export function wallsOf(course: Course, piece: number): Wall[] {
   return walls;
 }
 
-/** Returns a way in fewer, longer steps: as long as a piece, where it hardly turns. */
+/** Returns a path in fewer, longer steps where it is nearly straight. */
 function chordsOf(loop: readonly Point[], piece: number): [Point, Point][] {
   const chords: [Point, Point][] = [];
   let start = loop[0];
@@ -113,7 +113,7 @@ function drawWall(
 const FAR_STEPS = 24;
 // Beyond this share of the reach a rim would be thinner than a pixel.
 const PLAIN_FAR = 0.6;
-// By distance and tone: to put such words together anew for each wall would cost more than drawing.
+// Cached by distance and tone: building these strings for each wall would cost more than drawing.
 const WALL_COLOURS = [0, 1].map((shade) =>
   Array.from({ length: FAR_STEPS + 1 }, (_, step): [string, string] => {
     const far = step / FAR_STEPS;

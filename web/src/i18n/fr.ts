@@ -1,4 +1,4 @@
-// Tout ce que dit la page, en français.
+// All texts of the page, in French.
 
 import type { Words } from './en';
 

@@ -1,4 +1,4 @@
-// The language of the page: the browser's, where we know it, or the one that was chosen.
+// The language of the page: the browser's, if there is a translation, or the one chosen.
 
 import { type Words, en } from './en';
 import { fr } from './fr';

@@ -1,19 +1,19 @@
-// How much a driver is helped: from an empty road to a kart that brakes and accelerates by itself.
-// Help follows the reference line; where a race has none, nobody is helped. The driver steers, and
-// a foot on the brake always counts.
+// Driving assistance: from none to a kart that brakes and accelerates by itself.
+// It follows the reference line; a race without one has no assistance. The driver steers, and
+// pressing the brake always counts.
 
 import type { ReferenceLine } from '../race/line';
 import { Flag, KartFlag, Phase, Status } from '../wire/tables';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import { clamp, type Wheel } from './wheel';
 
-/** From the least to the most: each has what the one before it has. */
+/** From least to most: each includes the one before it. */
 export const LEVELS = ['none', 'line', 'brakes', 'pedals'] as const;
 export type Level = (typeof LEVELS)[number];
 
 export interface Helped {
   wheel: Wheel;
-  does: 'accelerate' | 'brake' | null; // what the driver did not
+  does: 'accelerate' | 'brake' | null; // what the assistance does now
 }
 
 export interface Situation {
@@ -23,22 +23,22 @@ export interface Situation {
   line: ReferenceLine | null;
 }
 
-// In the slowest bend a driver is held to so much of the line's speed, on the fastest straight to
+// In the slowest bend the limit is this share of the line's speed, on the fastest straight
 // all of it: people miss the line by a metre, and bends are tighter there.
 const BEND_SHARE = 0.85;
-// From what one sees to brakes that bite [s].
+// Delay from the picture to the action of the brakes [s].
 const LATE_S = 0.2;
-// So much too fast, as a share, is braked for fully; so much too slow is full throttle.
+// Relative excess of speed for full brake, relative lack of speed for full throttle.
 const RANGE = 0.1;
 const LEAST_SPEED = 0.1; // [m/s]
 const PRESSED = 0.05; // of a pedal
 
-/** Returns what goes to the kart when a driver who is helped holds the wheel so. */
+/** Returns the controls of the kart for a driver's input with assistance. */
 export function help(level: Level, wheel: Wheel, situation: Situation): Helped {
   const { own, line } = situation;
   const alone = { wheel, does: null };
   const isHelped = level === 'brakes' || level === 'pedals';
-  // Who reverses, or stands across the track, has to get out alone.
+  // No assistance in reverse, or across the track.
   if (!isHelped || !line || wheel.throttle < 0 || !isRacing(situation)) return alone;
   const near = line.nearest(own.x, own.y);
   if (!isAlong(line, near, own.heading)) return alone;
@@ -56,7 +56,7 @@ export function help(level: Level, wheel: Wheel, situation: Situation): Helped {
   return { wheel: { ...wheel, throttle, brake: 0 }, does: isOwn ? null : 'accelerate' };
 }
 
-/** Returns the speed [m/s] that a driver is left at a point of the line, and a moment later. */
+/** Returns the allowed speed [m/s] at a point of the line, and a moment later. */
 export function allowedSpeed(line: ReferenceLine, near: number, speed: number): number {
   const samples = Math.round((LATE_S * Math.max(speed, 0)) / line.frame.spacing);
   const later = (near + samples) % line.count;

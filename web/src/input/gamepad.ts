@@ -7,7 +7,7 @@ const DEAD_ZONE = 0.08;
 const MOVED = 0.12;
 const [A, B, X, LEFT_TRIGGER, RIGHT_TRIGGER] = [0, 1, 2, 6, 7];
 
-/** What we read of a gamepad; the browser's own has more. */
+/** The used part of the browser's Gamepad. */
 export interface PadState {
   axes: readonly number[];
   buttons: readonly { value: number; pressed: boolean }[];
@@ -26,7 +26,7 @@ export class Pad implements Device {
     this.isThere = pad !== null;
     const wheel = pad ? wheelOf(pad, speed) : { steering: 0, throttle: 0, brake: 0, buttons: 0 };
     if (pad && (!this.last || hasMoved(this.last, wheel))) {
-      // A pad that lies on the table has not been taken into the hand.
+      // An untouched gamepad does not count as moved.
       if (this.last || hasMoved({ steering: 0, throttle: 0, brake: 0, buttons: 0 }, wheel)) {
         this.movedMs = nowMs;
       }

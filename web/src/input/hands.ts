@@ -1,5 +1,5 @@
-// Whose hands are on the wheel: the device that was moved last drives. Nobody drives while the page
-// is not in front, or where the device that drove has gone: then nothing is sent, and the server
+// The device that was moved last drives. None drives while the page
+// is not in front, or if the driving device is unplugged: then nothing is sent, and the server
 // brakes the kart.
 
 import { type Device, type DeviceName, NEUTRAL, type Wheel } from './wheel';
@@ -7,7 +7,7 @@ import { type Device, type DeviceName, NEUTRAL, type Wheel } from './wheel';
 export interface Grip {
   device: DeviceName | 'none';
   wheel: Wheel;
-  /** Whether a person drives: else nothing may be sent. */
+  /** Whether a device drives: otherwise nothing may be sent. */
   isHeld: boolean;
 }
 
@@ -17,14 +17,14 @@ export class Hands {
 
   constructor(private readonly devices: readonly Device[]) {}
 
-  /** The page is no longer in front: all devices are let go. */
+  /** The page is no longer in front: all devices are released. */
   leave(nowMs: number): void {
     this.isAway = true;
     this.awayMs = nowMs;
     for (const device of this.devices) device.release();
   }
 
-  /** The page is in front again; the first device that is moved drives on. */
+  /** The page is in front again; the first device that moves drives. */
   comeBack(): void {
     this.isAway = false;
   }

@@ -1,5 +1,5 @@
-// Keys: pressed or not, so wheel and pedals are moved to their places at the speed of a hand, and
-// the wheel no further than the tyres hold.
+// Keys are pressed or not, so steering and pedals move at the speed of a hand, and
+// steering is limited by the grip of the tyres.
 
 import { Button } from '../wire/tables';
 import { type Device, type Wheel, clamp, pedals } from './wheel';
@@ -11,11 +11,11 @@ const STOP = ['ArrowDown', 'KeyS', 'Space'];
 const ITEM = ['KeyE', 'Enter'];
 const RESCUE = ['KeyR'];
 const OURS = new Set([...LEFT, ...RIGHT, ...GO, ...STOP, ...ITEM, ...RESCUE]);
-// Full lock in so many seconds, and back to straight in fewer.
+// Time to full lock [s]; back to straight takes less.
 const TURN_S = 0.28;
 const RETURN_S = 0.16;
 const PEDAL_S = 0.15;
-// A press is sent for at least so long, so that none falls between two messages [ms].
+// Shortest time for which a press is sent, so that none falls between two messages [ms].
 const PRESS_MS = 120;
 
 export class Keyboard implements Device {
@@ -28,14 +28,14 @@ export class Keyboard implements Device {
   private stop = 0;
   private readMs = NaN;
 
-  /** lockAt: how far [0, 1] the wheel is turned at most at a speed [m/s]. */
+  /** lockAt: most steering [0, 1] at a speed [m/s]. */
   constructor(private readonly lockAt: (speed: number) => number = () => 1) {}
 
   get isThere(): boolean {
     return this.movedMs > -Infinity;
   }
 
-  /** Takes a key; returns whether it was one of ours. code: as in KeyboardEvent.code. */
+  /** Handles a key; returns whether it is used here. code: as in KeyboardEvent.code. */
   take(code: string, isDown: boolean, nowMs: number): boolean {
     if (!OURS.has(code)) return false;
     if (isDown) {

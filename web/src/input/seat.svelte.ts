@@ -1,4 +1,4 @@
-// A seat that is driven from this page: reads the hands and sends what they do.
+// A seat that is driven from this page: reads the devices and sends controls.
 
 import { encodeControl } from '../wire/encode';
 import { Response } from '../race/response';
@@ -18,7 +18,7 @@ export class DrivenSeat {
   grip = $state.raw<Grip>({ device: 'none', wheel: NEUTRAL, isHeld: false });
   responseMs = $state(NaN);
   level = $state<Level>(keptLevel());
-  /** What the driver is helped with just now. */
+  /** What the assistance does now. */
   does = $state.raw<Helped['does']>(null);
   readonly touch = new Touch();
   private readonly keyboard = new Keyboard((speed) =>
@@ -45,7 +45,7 @@ export class DrivenSeat {
     this.timer = window.setInterval(() => this.drive(), SEND_MS);
   }
 
-  /** Helps more, and after the most not at all. */
+  /** Selects the next level of assistance; after the last, none. */
   changeLevel(): void {
     this.level = LEVELS[(LEVELS.indexOf(this.level) + 1) % LEVELS.length]!;
     localStorage.setItem(KEPT, this.level);
@@ -78,7 +78,7 @@ export class DrivenSeat {
       this.response.noteAcknowledged(own.acknowledged, now);
       this.responseMs = this.response.ms;
     }
-    // Once more when the hands have left, so that the kart coasts at once.
+    // Once more after the device is released, so that the kart coasts at once.
     if (this.grip.isHeld || wasHeld) this.send(now);
   }
 
@@ -99,7 +99,7 @@ export class DrivenSeat {
     const frame = this.visit.race.buffer.newest;
     if (!frame) return;
     const { epoch, tick } = frame;
-    // A page that was loaded again counts on from where the server is.
+    // A page that was reloaded continues from the server's number.
     const taken = this.visit.race.kart(this.number)?.acknowledged ?? 0;
     const told = this.visit.welcome?.sequence ?? 0;
     const sequence = (this.sequence = Math.max(this.sequence, taken, told) + 1);

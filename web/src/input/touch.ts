@@ -1,13 +1,13 @@
-// Fingers: the left thumb steers from where it came down, the right one holds a pedal.
+// Touch: the left thumb steers relative to where it touched first, the right one holds a pedal.
 
 import { Button } from '../wire/tables';
 import { type Device, type Wheel, clamp, pedals } from './wheel';
 
-// So far from where it came down is full lock [pixels].
+// Distance from the first touch for full lock [pixels].
 const LOCK_PIXELS = 80;
 const PRESS_MS = 150;
 
-/** Returns whether this is a screen that thumbs drive on. */
+/** Returns whether this is a touch screen. */
 export function hasThumbs(): boolean {
   return matchMedia('(pointer: coarse)').matches;
 }

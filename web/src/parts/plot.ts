@@ -23,7 +23,7 @@ export interface PlotSpec {
   secondLabel?: string;
 }
 
-/** Keeps a plot in an element: made anew when its lines change, else only given new numbers. */
+/** Keeps a plot in an element: created again when its lines change, otherwise only updated. */
 export class Plot {
   private plot: uPlot | null = null;
   private kind = '';

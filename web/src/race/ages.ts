@@ -1,4 +1,4 @@
-// How old each kart's input is: as the server tells, or since the number that it acknowledged rose.
+// The age of each kart's input: from the server, or since its acknowledged number rose.
 
 import type { LinksFrame, SnapshotFrame } from '../wire/frames';
 

@@ -1,4 +1,4 @@
-// Snapshots on their way to the display: drawn a stated delay after they were made, in between
+// A buffer of snapshots for the display: drawn with a fixed delay after they were made, in between
 // interpolated, so that an uneven network does not shake the karts.
 
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
@@ -6,11 +6,11 @@ import type { KartFrame, SnapshotFrame } from '../wire/frames';
 export const WATCH_DELAY_MS = 100;
 export const DRIVE_DELAY_MS = 35;
 const MOST_FRAMES = 90;
-// Over so long the least delayed snapshot says how fast the network can be.
+// Window over which the least delayed snapshot gives the delay of the network.
 const WINDOW_MS = 2000;
-// Beyond the newest snapshot karts go straight on for at most so long.
+// Longest extrapolation beyond the newest snapshot.
 const FORWARD_MS = 100;
-// The playhead follows a network that has changed over about so long.
+// Time constant with which the playhead follows a change of the network.
 const SLEW_MS = 400;
 const JUMP_MS = 300;
 
@@ -31,7 +31,7 @@ export class SnapshotBuffer {
 
   constructor(private readonly isRecording = false) {}
 
-  /** How fast the snapshots' time passes, 0 for a recording that stands. */
+  /** Rate of the snapshots' time, 0 for a paused recording. */
   setRate(rate: number): void {
     if (rate === this.rate) return;
     this.rate = rate;
@@ -74,7 +74,7 @@ export class SnapshotBuffer {
     return this.rate * nowMs + this.shiftMs;
   }
 
-  /** Returns what is to be drawn now: the newest snapshot, its karts where they are by then. */
+  /** Returns the snapshot to draw now, its karts interpolated. */
   sample(nowMs: number): SnapshotFrame | null {
     const last = this.frames.length - 1;
     if (last < 0) return null;
@@ -113,7 +113,7 @@ export function between(early: SnapshotFrame, late: SnapshotFrame, share: number
   const before = new Map(early.karts.map((kart) => [kart.seat, kart]));
   const karts = late.karts.map((kart) => {
     const old = before.get(kart.seat);
-    // A kart that was put elsewhere is not drawn on the way there.
+    // A kart that was moved is not drawn in between.
     const isFar = old && Math.hypot(kart.x - old.x, kart.y - old.y) > 1 + 3 * Math.abs(old.speed);
     return old && !isFar ? blend(old, kart, share) : kart;
   });
@@ -134,7 +134,7 @@ function blend(early: KartFrame, late: KartFrame, share: number): KartFrame {
   };
 }
 
-/** Returns a snapshot whose karts went on for `seconds` as they did. */
+/** Returns a snapshot extrapolated by `seconds`. */
 function forward(frame: SnapshotFrame, seconds: number): SnapshotFrame {
   if (seconds <= 0 || frame.lights > 0) return frame;
   const karts = frame.karts.map((kart) => {

@@ -12,7 +12,7 @@ export interface Message {
   at: string; // race clock
   tone: Tone;
   text: string;
-  seat: number; // whom it concerns, -1 for everybody
+  seat: number; // that it concerns, -1 for all
 }
 
 export interface Cast {
@@ -41,7 +41,7 @@ const TONES = new Map<number, Tone>([
   [EventKind.WARNING, 'danger'],
 ]);
 
-/** Returns an event as a message, or nothing for what is not worth telling. */
+/** Returns an event as a message, null for one that is not shown. */
 export function messageOf(event: EventFrame, cast: Cast, words: Words): Message | null {
   if (UNTOLD.has(event.kind)) return null;
   const text = textOf(event, cast, words);

@@ -17,7 +17,7 @@ export interface Box {
 export class Course {
   readonly samples: number;
   readonly length: number; // [m] of the centre line
-  readonly loops: Point[][]; // borders, each a closed way
+  readonly loops: Point[][]; // borders, each a closed path
   readonly box: Box; // around all borders
 
   private readonly edgeLines = new Map<string, readonly Point[]>();
@@ -60,14 +60,14 @@ export class Course {
     };
   }
 
-  /** Returns the edge of the asphalt. beyond: so much further out [m]. */
+  /** Returns the edge of the asphalt. beyond: distance further out [m]. */
   edge(sample: number, side: 'left' | 'right', beyond = 0): Point {
     const left = this.frame.halfWidths[2 * sample]!;
     const right = this.frame.halfWidths[2 * sample + 1]!;
     return this.beside(sample, side === 'left' ? left + beyond : -right - beyond);
   }
 
-  /** Returns an edge of the asphalt as points about `step` metres apart; worked out once. */
+  /** Returns an edge of the asphalt as points about `step` metres apart; cached. */
   edgeLine(side: 'left' | 'right', beyond: number, step: number): readonly Point[] {
     const name = `${side} ${beyond} ${step}`;
     let line = this.edgeLines.get(name);
@@ -87,7 +87,7 @@ export class Course {
   }
 }
 
-/** Returns wall segments as closed ways. borders: x0, y0, x1, y1 of each. */
+/** Returns wall segments as closed paths. borders: x0, y0, x1, y1 of each. */
 export function loopsOf(borders: ArrayLike<number>): Point[][] {
   const loops: Point[][] = [];
   let loop: Point[] = [];

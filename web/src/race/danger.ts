@@ -1,4 +1,4 @@
-// What a driver has to be warned of.
+// Warnings for a driver.
 
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
 import { Flag, KartFlag, Phase, Status } from '../wire/tables';
@@ -15,16 +15,16 @@ export interface Watch {
   linkMs: number; // age of what the driver sees
 }
 
-// What comes within so many seconds is ahead of a driver, and within so many lengths in any case.
+// Limits of what counts as ahead of a driver: time [s], and a least distance [lengths].
 const AHEAD_S = 1.6;
 const AHEAD_LENGTHS = 7;
-// A hazard so far to the side is passed [lengths].
+// A hazard further to the side than this is no danger [lengths].
 const BESIDE_LENGTHS = 2.5;
 const SLOW_SHARE = 0.4;
-/** Beyond this age one drives by what is no longer so [ms]. */
+/** Beyond this age the picture is too old to drive by [ms]. */
 export const BAD_LINK_MS = 300;
 
-/** Returns what to show in big signs, the most urgent first. */
+/** Returns the warnings to show, the most urgent first. */
 export function alertsFor(watch: Watch): Alert[] {
   const { own, frame, flag, linkMs } = watch;
   const alerts: Alert[] = [];

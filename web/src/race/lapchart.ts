@@ -1,4 +1,4 @@
-// Who was where at the end of each lap.
+// The places at the end of each lap.
 
 import type { StandingFrame } from '../wire/frames';
 

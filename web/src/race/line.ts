@@ -1,12 +1,12 @@
-// The reference line: the lap of minimum time, or what stands in for it.
+// The reference line: the lap of minimum time, or a substitute.
 
 import type { LineFrame } from '../wire/frames';
 import type { Course } from './course';
 
-/** What one asks of the kart at a point of the line. */
+/** What the line requires at a point. */
 export type Zone = 'accelerate' | 'hold' | 'brake';
 
-// Less than this counts as holding the speed [m/s²].
+// Accelerations below this count as constant speed [m/s²].
 const HOLD = 0.35;
 
 export class ReferenceLine {
@@ -53,7 +53,7 @@ export class ReferenceLine {
 
 /** A lap as times and speeds at equal steps of progress, the start first. */
 export interface LapTrace {
-  seconds: Float64Array; // since the lap began, NaN where it is not known
+  seconds: Float64Array; // since the lap began, NaN if unknown
   speeds: Float64Array; // [m/s]
 }
 
@@ -71,7 +71,7 @@ export function referenceTrace(line: ReferenceLine, course: Course, bins: number
   const begin = seconds[0] ?? 0;
   return {
     seconds: seconds.map((time, bin) => {
-      // The point abreast of the timing line may be the last of the line as well as the first.
+      // The point beside the timing line may be the last of the line as well as the first.
       const laps = Math.round(bin / bins - (time - begin) / line.lapS || 0);
       return time - begin + laps * line.lapS;
     }),

@@ -13,16 +13,16 @@ export interface OwnLap {
   karts: number;
   lastUs: number;
   bestUs: number;
-  toBestS: number; // NaN where it is not known
+  toBestS: number; // NaN if unknown
   toReferenceS: number;
   item: number;
-  zone: Zone | null; // what the reference line does here; nobody is told before the start
+  zone: Zone | null; // of the reference line here; null before the start
   isImmune: boolean;
   isHome: boolean;
   isOut: boolean;
 }
 
-/** Returns how the lap of a kart stands. */
+/** Returns the state of a kart's lap. */
 export function ownLap(race: Race, kart: KartFrame): OwnLap {
   const row = race.standings?.rows.find(({ seat }) => seat === kart.seat);
   const laps = race.standings?.laps ?? 0;

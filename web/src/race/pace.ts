@@ -1,4 +1,4 @@
-// How fast each kart was where: the time and speed at equal steps of each lap. From this follow
+// Time and speed of each kart at equal steps of each lap, the basis of
 // gaps, speed traces and deltas.
 
 import type { KartFrame } from '../wire/frames';
@@ -9,7 +9,7 @@ import type { LapTrace } from './line';
 export const BINS = 240;
 
 export class Pace {
-  /** Distance covered since the start [m], the grid's places below zero; NaN before anything. */
+  /** Distance since the start [m], negative on the grid; NaN without data. */
   distance = NaN;
   private ticks: number[] = []; // at which each step was reached
   private speeds: number[] = [];
@@ -19,7 +19,7 @@ export class Pace {
 
   constructor(private readonly lapLength: number) {}
 
-  /** Takes note of where the kart is at a tick. isEarly: the race has hardly begun. */
+  /** Records the position of the kart at a tick. isEarly: shortly after the start. */
   note(kart: KartFrame, tick: number, isEarly: boolean): void {
     const distance = this.distanceOf(kart, isEarly);
     const step = this.lapLength / BINS;
@@ -32,13 +32,13 @@ export class Pace {
         this.speeds[bin] = this.speed + share * (kart.speed - this.speed);
       }
     }
-    // Backwards, or put back: what lies ahead will be driven anew.
+    // Backwards, or put back: the steps ahead will be driven again.
     if (!(gained < 0 && gained > -0.25 * this.lapLength)) this.distance = distance;
     this.tick = tick;
     this.speed = kart.speed;
   }
 
-  /** Returns the tick at which a distance was reached, NaN where that is not known. */
+  /** Returns the tick at which a distance was reached, NaN if unknown. */
   tickAt(distance: number): number {
     const place = (distance / this.lapLength) * BINS;
     const bin = Math.floor(place);
@@ -47,7 +47,7 @@ export class Pace {
     return before + (place - bin) * (after - before);
   }
 
-  /** Returns lap `lap`, counted from 0, as far as it was seen. */
+  /** Returns lap `lap`, counted from 0, as far as it was received. */
   trace(lap: number): LapTrace {
     const seconds = new Float64Array(BINS).fill(NaN);
     const speeds = new Float64Array(BINS).fill(NaN);
@@ -66,7 +66,7 @@ export class Pace {
     return Number.isNaN(this.distance) ? -1 : Math.floor(this.distance / this.lapLength);
   }
 
-  /** Returns the quickest lap that was seen from end to end, -1 where there is none. */
+  /** Returns the fastest complete lap, -1 if there is none. */
   get bestLap(): number {
     let best = -1;
     let least = Infinity;
@@ -82,7 +82,7 @@ export class Pace {
     return distance / this.lapLength;
   }
 
-  /** Laps of which something was seen. */
+  /** Laps with data. */
   get laps(): number {
     return Math.ceil(this.ticks.length / BINS);
   }
@@ -95,7 +95,7 @@ export class Pace {
   }
 }
 
-/** Returns by how many seconds `behind` follows `ahead`, NaN where that is not known. */
+/** Returns by how many seconds `behind` follows `ahead`, NaN if unknown. */
 export function gapBetween(ahead: Pace, behind: Pace, tick: number): number {
   return (tick - ahead.tickAt(behind.distance)) / TICKS_PER_SECOND;
 }

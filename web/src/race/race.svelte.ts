@@ -1,4 +1,4 @@
-// One race as the page knows it: what came is kept here, and views read it. What changes with every
+// The state of one race, which views read. What changes with every
 // snapshot is plain data for the drawing loop; what people read is reactive and changes slowly.
 
 import type {
@@ -24,12 +24,12 @@ import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
 import { Trails } from './trails';
 
-// What people read is renewed so often [ms].
+// Interval of updates of text and tables [ms].
 const READ_MS = 250;
 const MOST_EVENTS = 400;
-// So long after the lights karts count as still being on the grid side of the timing line [ticks].
+// Until this long after the lights karts count as before the timing line [ticks].
 const EARLY_TICKS = 5 * TICKS_PER_SECOND;
-// A race that a server takes up begins a few ticks earlier; further back it is another one.
+// A race that a server resumes starts a few ticks earlier; further back it is another race.
 const BACK_TICKS = TICKS_PER_SECOND;
 
 export interface KartBody {
@@ -38,7 +38,7 @@ export interface KartBody {
   ahead: number; // [m] from the centre of gravity forward to the middle
 }
 
-// Of the 1/10 car, where nothing is told.
+// The default: a 1/10 car.
 const SMALL_BODY: KartBody = { length: 0.45, width: 0.19, ahead: 0 };
 
 export interface Headline {
@@ -125,19 +125,19 @@ export class Race {
     return this.buffer.newest?.karts.find((kart) => kart.seat === seat) ?? null;
   }
 
-  /** The flag that this page's driver is shown: that of the race, or a graver one of its own. */
+  /** The flag for this page's driver: that of the race, or a more severe one for its kart. */
   flagIn(frame: SnapshotFrame): number {
     return Math.max(frame.flag, this.hud?.flag ?? 0);
   }
 
-  /** Forgets what was driven, for another race or another place in a recording. */
+  /** Clears the data of the track, for another race or another place in a recording. */
   forget(): void {
     this.forgetDriving();
     this.forgetEvents();
     this.measureReference();
   }
 
-  /** What comes next replaces all that was known, as after a leap through a recording. */
+  /** The next data replace all others, as after seeking in a recording. */
   startOver(): void {
     this.buffer.clear();
     this.forget();
@@ -165,7 +165,7 @@ export class Race {
       if (this.epoch >= 0) this.forgetDriving();
       this.epoch = frame.epoch;
     }
-    // A server that was started anew counts races, and what happens in them, from one again.
+    // A restarted server counts races and events from one again.
     if (last && frame.epoch === last.epoch && frame.tick < last.tick - BACK_TICKS) {
       this.forgetEvents();
     }
@@ -202,14 +202,14 @@ export class Race {
     }
   }
 
-  /** Forgets what was on the track: a lobby sends no snapshots that would say so. */
+  /** Clears the track: a lobby sends no snapshots. */
   private clearTrack(epoch: number): void {
     if (!this.buffer.newest) return;
     this.buffer.clear();
     this.forgetDriving();
     this.epoch = -1;
     this.readMs = -Infinity;
-    // What happened in the race before is told until the next one; not that of another server.
+    // Events of the previous race are shown until the next one; not those of another server.
     if (epoch !== this.told) this.forgetEvents();
   }
 
@@ -249,7 +249,7 @@ export class Race {
   }
 }
 
-/** Returns whether somebody has to be warned by a flag. */
+/** Returns whether a flag is a warning. */
 export function isCaution(flag: number): boolean {
   return flag !== Flag.GREEN;
 }

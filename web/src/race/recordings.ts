@@ -14,12 +14,12 @@ export async function allRecordings(): Promise<RecordingEntry[]> {
   return (await answer.json()) as RecordingEntry[];
 }
 
-/** Returns the name of the newest recording of a session, '' where there is none. */
+/** Returns the name of the newest recording of a session, '' if there is none. */
 export async function recordingOf(session: string): Promise<string> {
   try {
     const all = await allRecordings();
     return all.find(({ name }) => name.startsWith(`${session}-`))?.name ?? '';
   } catch {
-    return ''; // the command then shows where the name belongs
+    return ''; // the command then shows a placeholder
   }
 }

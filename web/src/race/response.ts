@@ -1,5 +1,5 @@
-// How long a driver's control takes to the server and back: from sending it until a snapshot says
-// that the server took it.
+// The round trip of a driver's control: from sending it until a snapshot says
+// that the server accepted it.
 
 const MOST_SENT = 240;
 const SHARE = 0.2; // of a new measurement in the average

@@ -3,7 +3,7 @@
 import type { EventFrame } from '../wire/frames';
 import { EventKind } from '../wire/tables';
 
-/** The best of all, the best of this kart, or neither. */
+/** Best of all, best of this kart, or neither. */
 export type Merit = 'best' | 'own' | 'none';
 
 export interface SectorTime {
@@ -31,7 +31,7 @@ export class Sectors {
     return this.newest.get(seat) ?? [];
   }
 
-  /** How many sectors a lap has, as far as is known. */
+  /** Count of sectors of a lap, as far as known. */
   get count(): number {
     return this.best.length;
   }

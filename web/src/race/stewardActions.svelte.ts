@@ -1,4 +1,4 @@
-// The steward's decisions on their way: each has a number, and its answer carries it back.
+// Pending decisions of the steward: each has a number, which its answer repeats.
 
 import type { Visit } from './visit.svelte';
 
@@ -14,7 +14,7 @@ export class StewardActions {
 
   constructor(private readonly visit: Visit) {}
 
-  /** The newest decision that was answered. */
+  /** The newest answered decision. */
   get answer(): Answer | null {
     for (const { id, what } of [...this.asked].reverse()) {
       const acted = this.visit.acted.get(id);

@@ -1,4 +1,4 @@
-// The rows of the leaderboard, from what the server tells and what was seen on the track.
+// The rows of the leaderboard, from standings and snapshots.
 
 import type { SnapshotFrame, StandingsFrame } from '../wire/frames';
 import { Status } from '../wire/tables';
@@ -12,7 +12,7 @@ export interface Row {
   place: number;
   laps: number;
   status: number;
-  gapS: number; // to the leader, NaN where it is not known, 0 for the leader
+  gapS: number; // to the leader, NaN if unknown, 0 for the leader
   lapsBehind: number; // whole laps behind the leader
   intervalS: number; // to the kart one place ahead
   lastUs: number;
@@ -24,7 +24,7 @@ export interface Row {
   penaltyUs: number;
   raceUs: number; // 0 until the finish
   flags: number;
-  ageMs: number; // of its newest input, NaN where it is not known
+  ageMs: number; // of its newest input, NaN if unknown
 }
 
 export interface Sources {

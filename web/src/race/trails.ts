@@ -1,4 +1,4 @@
-// Where each kart was in the last seconds.
+// The path of each kart in the last seconds.
 
 import type { SnapshotFrame } from '../wire/frames';
 

@@ -47,7 +47,7 @@ export class Visit {
     this.link.open();
   }
 
-  /** What the reader is told of the connection; in a lobby nobody has to drive. */
+  /** The notice about the connection; none about driving in a lobby. */
   get note(): Notice | null {
     const inLobby = this.race.standings?.phase === Phase.LOBBY;
     return inLobby && this.notice?.code === 'dead-man' ? null : this.notice;
@@ -72,7 +72,7 @@ export class Visit {
   private take(frame: Frame, arrivedMs: number): void {
     const before = this.race.standings?.phase;
     this.race.take(frame, arrivedMs);
-    // Who was ready for one race is asked again before the next.
+    // Readiness for one race does not count for the next.
     if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) this.isReady = false;
   }
 

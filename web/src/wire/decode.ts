@@ -23,7 +23,7 @@ import {
   Standings,
 } from './tables';
 
-/** Returns the message in some bytes, or nothing where they are damaged or unknown. */
+/** Returns the message in some bytes, null if they are damaged or unknown. */
 export function decode(data: ArrayBuffer): Frame | null {
   if (data.byteLength < 8) return null;
   const bytes = new Uint8Array(data);
@@ -33,7 +33,7 @@ export function decode(data: ArrayBuffer): Frame | null {
   try {
     return read(new ByteBuffer(bytes));
   } catch {
-    return null; // only a damaged message claims what cannot be
+    return null; // only a damaged message raises an error
   }
 }
 
@@ -218,7 +218,7 @@ function readRays(buffer: ByteBuffer): Frame {
     lidar: table.lidarArray() ?? NOTHING,
     radarAngles: table.radarAnglesArray() ?? NOTHING,
     radar: table.radarArray() ?? NOTHING,
-    radarKinds: table.radarKindsArray() ?? NOTHING,
+    radarKinds: table.radarKindsArray() ?? [],
   };
 }
 
@@ -268,7 +268,7 @@ function readBriefing(buffer: ByteBuffer): Frame {
 
 const NOTHING = new Float64Array();
 
-// More rows than this no message has.
+// No valid message has more rows.
 const MOST_ROWS = 100_000;
 
 function rowsOf<Row>(count: number, read: (row: number) => Row): Row[] {

@@ -9,12 +9,12 @@ export interface ControlFrame {
   sequence: number; // rises with every message
   tick: number; // of the snapshot that the driver saw
   steering: number; // [-1, 1], left positive
-  throttle: number; // [-1, 1], negative drives in reverse
+  throttle: number; // [-1, 1], negative for reverse
   brake: number; // [0, 1]
   buttons: number;
 }
 
-/** Returns a control as the bytes that the gateway takes. */
+/** Returns a control as bytes for the gateway. */
 export function encodeControl(frame: ControlFrame): Uint8Array<ArrayBuffer> {
   const builder = new Builder(128);
   ControlMessage.startControlMessage(builder);

@@ -1,6 +1,6 @@
-// What comes from the gateway, as plain data. SI units; angles in radians, left positive.
+// Messages of the gateway as plain data. SI units; angles in radians, left positive.
 
-import type { EventKind, Flag, Phase, Status } from './tables';
+import type { EventKind, Flag, Phase, RayHit, Status } from './tables';
 
 export interface KartFrame {
   seat: number;
@@ -12,7 +12,7 @@ export interface KartFrame {
   steering: number; // at the road wheels
   progress: number; // [m] along the centre line from the timing line
   speedCap: number; // [m/s]
-  acknowledged: number; // sequence of the newest control that the server took
+  acknowledged: number; // sequence of the newest control that the server accepted
   laps: number; // completed
   rank: number; // from 1
   status: Status;
@@ -100,7 +100,7 @@ export interface CourseFrame {
   grid: Float64Array; // x, y, heading of each place
   boxes: Float64Array; // x, y of each item box
   obstacles: Float64Array; // x, y, heading, length, width of each
-  kartLength: number; // [m], 0 where it is not told
+  kartLength: number; // [m], 0 if unknown
   kartWidth: number; // [m]
   kartAhead: number; // [m] from the centre of gravity forward to the middle of the body
 }
@@ -119,7 +119,7 @@ export interface LineFrame {
   speed: ArrayLike<number>; // [m/s]
   time: ArrayLike<number>; // [s]
   lapS: number; // [s] of the whole lap
-  note: string; // why it only stands in for the shortest lap
+  note: string; // why it is not the line of the shortest lap
 }
 
 export interface RaysFrame {
@@ -133,10 +133,10 @@ export interface RaysFrame {
   radarAhead: number; // [m]
   lidarField: number; // [rad] between the outermost rays
   lidarReach: number; // [m]
-  lidar: ArrayLike<number>; // ranges, right to left, 0 where nothing came back
+  lidar: ArrayLike<number>; // ranges, right to left, 0 without a return
   radarAngles: ArrayLike<number>;
   radar: ArrayLike<number>;
-  radarKinds: ArrayLike<number>;
+  radarKinds: ArrayLike<RayHit>;
 }
 
 export interface LinksFrame {

@@ -1,4 +1,4 @@
-// One connection to the gateway that comes back by itself.
+// A connection to the gateway that reconnects by itself.
 
 import { decode } from './decode';
 import type { Frame } from './frames';
@@ -15,9 +15,9 @@ export interface LinkListener {
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 8000;
 const PING_MS = 2000;
-// The gateway sends something every few hundredths of a second; after so long the link is dead.
+// The gateway sends many times a second; after this time without data the link is dead.
 const SILENCE_MS = 25_000;
-// By the last of them the gateway has heard nothing of the line that was lost for two seconds.
+// At the last of them the gateway has received nothing on the lost connection for two seconds.
 const DRIVER_TRIES = 3;
 
 export class Link {
@@ -51,7 +51,7 @@ export class Link {
     if (this.isOpen) this.socket!.send(JSON.stringify(request));
   }
 
-  /** Sends bytes, unless those before still wait to leave: an old control is worth nothing. */
+  /** Sends bytes, unless earlier ones are still queued: an old control is useless. */
   sendBytes(bytes: Uint8Array<ArrayBuffer>): boolean {
     if (!this.isOpen || this.socket!.bufferedAmount > 4 * bytes.byteLength) return false;
     this.socket!.send(bytes);
@@ -109,8 +109,8 @@ export class Link {
     if (socket !== this.socket || this.isEnded) return;
     clearInterval(this.pinging);
     const refusal = this.refusal;
-    // A word that was used up: come in by the door. A driver's may only be early: the gateway
-    // refuses it while it holds the line that was lost for one that is still there.
+    // A resume token that was used: log in with the token. A driver's may only be early: the gateway
+    // refuses it while it takes the lost connection for an open one.
     const isStale = refusal?.code === 'used' && this.keeper.hasTaken;
     if (isStale) this.keeper.putBack();
     if (refusal && !isPassing(refusal.code) && !isStale) {
@@ -123,11 +123,11 @@ export class Link {
   }
 }
 
-/** Keeps the single-use token with which a page that was loaded again has its seat back. */
+/** Keeps the single-use token with which a page that is reloaded gets its seat back. */
 export class ResumeKeeper {
   hasTaken = false;
   private readonly name: string;
-  private readonly most: number; // so often a token is shown
+  private readonly most: number; // uses of a token
   private token = '';
   private shown = 0;
 
@@ -151,7 +151,7 @@ export class ResumeKeeper {
     return this.token;
   }
 
-  /** The token was refused: it may be shown again, a few times. */
+  /** The token was refused: it may be used again, a few times. */
   putBack(): void {
     if (this.shown < this.most) sessionStorage.setItem(this.name, this.token);
   }

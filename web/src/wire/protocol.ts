@@ -16,9 +16,9 @@ export interface Welcome {
   role: Role;
   session: string;
   seat?: number;
-  sequence?: number; // of a driver's newest control that the server took
+  sequence?: number; // of a driver's newest control that the server accepted
   source: string;
-  resume: string; // for one return
+  resume: string; // token for one reconnection
   preset?: string;
   delay_ms?: number;
   version: string;
@@ -47,7 +47,7 @@ export interface Acted {
 export interface Log {
   type: 'log';
   lines: string[];
-  reason?: string; // where they cannot be had
+  reason?: string; // if they are not available
 }
 
 export interface Pong {
@@ -63,7 +63,7 @@ export interface Position {
   last: number;
   playing: boolean;
   speed: number;
-  sought?: boolean; // what follows replaces all that was known
+  sought?: boolean; // the next data replace all others
 }
 
 export interface ReadyAnswer {
@@ -88,7 +88,7 @@ export type Request =
   | { type: 'seek'; tick: number }
   | { type: 'step'; ticks: number };
 
-/** Refusals after which it is worth trying again by oneself. */
+/** Refusals after which the page retries by itself. */
 const PASSING = new Set(['full', 'late', 'too-fast', 'slow', 'no-race']);
 
 export function isPassing(code: string): boolean {
