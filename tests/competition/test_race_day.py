@@ -21,7 +21,6 @@ from race_server.competition.race_day.formats import Format, Obstacles, Races, T
 from race_server.competition.race_day.picture import check_picture
 from race_server.competition.race_day.race import LocalRace, Team
 from race_server.competition.race_day.report import day_document
-from race_server.competition.race_day.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
@@ -233,17 +232,6 @@ def test_obstacles_of_a_trial_are_the_same_for_all_and_other_with_another_seed()
     one, two = (replace(plan_of("circler", form=form, seed=s), courses=wide) for s in (1, 2))
     assert one.course_of(stage).obstacles == one.course_of(stage).obstacles
     assert one.course_of(stage).obstacles != two.course_of(stage).obstacles
-
-
-def test_somebody_elses_alarm_goes_on_after_ours() -> None:
-    import signal
-
-    before = signal.getitimer(signal.ITIMER_REAL)[0]
-    with pytest.raises(TimeLimitExceeded), time_limit(0.05):
-        time.sleep(5.0)
-    after = signal.getitimer(signal.ITIMER_REAL)[0]
-    assert (before > 0.0) == (after > 0.0)
-    assert after <= before
 
 
 def test_the_command_prints_one_document_and_draws_the_sheet(

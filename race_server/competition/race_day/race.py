@@ -6,7 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 from race_server.competition.race_day.incidents import Incidents
-from race_server.competition.race_day.time_limit import TimeLimitExceeded, time_limit
+from race_server.competition.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import driver_named
 from race_server.core.messages import Phase, Status
 from race_server.errors import RaceError

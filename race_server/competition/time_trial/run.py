@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from race_server.competition.time_limit import TimeLimitExceeded, time_limit
 from race_server.competition.time_trial.gaps import DECISION_S
 from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
 from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, RunSpec, task_of
-from race_server.competition.time_trial.time_limit import TimeLimitExceeded, time_limit
 from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named

@@ -1,7 +1,7 @@
 """From the words of a track file to a course: the three forms meet here."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -117,12 +117,10 @@ def build(plan: TrackSpec) -> Course:
         digest=plan.digest,
     )
     spots = plan.items if plan.items is not None else _item_rows(course, scale, length)
-    return Course(
-        **{
-            **course.__dict__,
-            "grid": _grid(course, scale, plan.places),
-            "spots": np.array([_at(course, *spot)[:2] for spot in spots]).reshape(-1, 2),
-        }
+    return replace(
+        course,
+        grid=_grid(course, scale, plan.places),
+        spots=np.array([_at(course, *spot)[:2] for spot in spots]).reshape(-1, 2),
     )
 
 

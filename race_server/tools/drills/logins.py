@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zenoh
 
@@ -19,16 +19,14 @@ from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
 from race_server.tools.drills.report import Finding
 from race_server.tools.drills.requests import refusal_of
+from race_server.tools.drills.scene import Scene
 from race_server.tools.drills.served_session import SESSION, ServedSession
-
-if TYPE_CHECKING:
-    from race_server.tools.drills.deny import Scene
 
 TLS = "transport/link/tls"
 USER = "transport/auth/usrpwd"
 
 
-def try_logins(scene: "Scene") -> None:
+def try_logins(scene: Scene) -> None:
     """Logins that must not come about, and one that leads nowhere."""
     stage, own = scene.stage, scene.stage.keys("seat-0")
     with TemporaryDirectory() as name:
@@ -84,7 +82,7 @@ def _expired(own: ClientKeys) -> Path:
     return own.folder
 
 
-def try_double_login(scene: "Scene") -> None:
+def try_double_login(scene: Scene) -> None:
     """Somebody with a copy of a driver's keys, while the driver races."""
     session, server = scene.stage.server.session, scene.stage.server
     with Intruder(scene.stage.address, scene.stage.keys("seat-0")) as thief:
@@ -108,7 +106,7 @@ def try_double_login(scene: "Scene") -> None:
         scene.deny("end the driver's presence", "" if seat.is_present else "the driver is gone")
 
 
-def try_full_house(scene: "Scene") -> None:
+def try_full_house(scene: Scene) -> None:
     """More connections than two for each seat, spectators and spares."""
     most = 2 * scene.stage.seats + 4 + 4
     keys = scene.stage.keys("spectator")

@@ -1,23 +1,20 @@
 """Forbidden messages: on keys of others, too large, too often, and again."""
 
 import time
-from typing import TYPE_CHECKING
 
 from race_server.core.messages import Control
 from race_server.credentials import badge_of
 from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.tools.drills.intruder import SETTLE_S, Ears, Intruder, key
-
-if TYPE_CHECKING:
-    from race_server.tools.drills.deny import Scene
+from race_server.tools.drills.scene import Scene
 
 MEGABYTES = 3_000_000
 # Controls a second of somebody who sends too fast, and for how long.
 FAST_HZ, FAST_S = 1000, 1.0
 
 
-def try_legal(scene: "Scene") -> None:
+def try_legal(scene: Scene) -> None:
     """An honest driver's controls count, and it sees; an honest spectator watches."""
     session = scene.stage.server.session
     driver = scene.drivers[0]
@@ -36,7 +33,7 @@ def try_legal(scene: "Scene") -> None:
     scene.allow("ask for the rules as spectator", "" if rules else "no answer")
 
 
-def try_puts(scene: "Scene") -> None:
+def try_puts(scene: Scene) -> None:
     """Puts and deletes on keys that are not one's own."""
     with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
         tries = {
@@ -67,7 +64,7 @@ def try_puts(scene: "Scene") -> None:
             scene.deny(act, "reached the server" if scene.arrived.count > counts else "")
 
 
-def try_listening(scene: "Scene") -> None:
+def try_listening(scene: Scene) -> None:
     """Subscriptions to what is for others."""
 
     def nothing() -> None:
@@ -89,7 +86,7 @@ def try_listening(scene: "Scene") -> None:
         scene.deny("listen to controls", "heard" if heard else "")
 
 
-def try_presence(scene: "Scene") -> None:
+def try_presence(scene: Scene) -> None:
     """Liveliness tokens of others, and who is there."""
     server = scene.stage.server
     with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
@@ -111,7 +108,7 @@ def try_presence(scene: "Scene") -> None:
         scene.deny("listen to who comes and goes", "heard" if ears.count else "")
 
 
-def try_limits(scene: "Scene") -> None:
+def try_limits(scene: Scene) -> None:
     """Messages that are too large, and too many."""
     badge = badge_of(scene.drivers[2].welcome.secret).encode()
     own = key("in/2")
@@ -148,7 +145,7 @@ def _send_fast(seat: Intruder, own: str, badge: bytes) -> None:
     time.sleep(SETTLE_S)
 
 
-def try_replay(scene: "Scene") -> None:
+def try_replay(scene: Scene) -> None:
     """A control that is sent again, and one of an epoch that is over."""
     session, driver = scene.stage.server.session, scene.drivers[0]
     seat = session.seats[0]
@@ -172,5 +169,5 @@ def _control(epoch: int, sequence: int) -> bytes:
     return encode_control(ControlFrame(epoch, sequence, 0, Control(throttle=1.0)))
 
 
-def _as(scene: "Scene", role: str) -> Intruder:
+def _as(scene: Scene, role: str) -> Intruder:
     return Intruder(scene.stage.address, scene.stage.keys(role))

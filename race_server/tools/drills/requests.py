@@ -1,7 +1,5 @@
 """Forbidden requests: for seats of others, forged, again, and the steward's."""
 
-from typing import TYPE_CHECKING
-
 from race_server.core.messages import Flag
 from race_server.errors import SeatError
 from race_server.live.client.steward import StewardClient
@@ -17,9 +15,7 @@ from race_server.net.wire.lobby import (
     new_serial,
 )
 from race_server.tools.drills.intruder import Intruder, key
-
-if TYPE_CHECKING:
-    from race_server.tools.drills.deny import Scene
+from race_server.tools.drills.scene import Scene
 
 
 def refusal_of(answer: bytes | None) -> str:
@@ -33,17 +29,17 @@ def refusal_of(answer: bytes | None) -> str:
     return ""
 
 
-def _deny(scene: "Scene", act: str, answer: bytes | None) -> None:
+def _deny(scene: Scene, act: str, answer: bytes | None) -> None:
     """Note a request that the server itself has to refuse, with its reason."""
     granted = "granted" if answer else "no answer"
     scene.deny(act, "" if refusal_of(answer) else granted)
 
 
-def _allow(scene: "Scene", act: str, answer: bytes | None) -> None:
+def _allow(scene: Scene, act: str, answer: bytes | None) -> None:
     scene.allow(act, (refusal_of(answer) if answer else "no answer"))
 
 
-def try_requests(scene: "Scene") -> None:
+def try_requests(scene: Scene) -> None:
     """Requests on keys that are not one's own."""
     with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
         join = encode_join(Join("thief", "track", 1))
@@ -69,7 +65,7 @@ def try_requests(scene: "Scene") -> None:
         scene.deny("answer in the server's place", "believed" if b"forged" in answers else "")
 
 
-def try_forgery(scene: "Scene") -> None:
+def try_forgery(scene: Scene) -> None:
     """Messages that claim to be somebody else's, or are copies."""
     own, other = scene.drivers[0].welcome.secret, scene.drivers[1].welcome.secret
     with _as(scene, "seat-0") as seat:
@@ -91,7 +87,7 @@ def try_forgery(scene: "Scene") -> None:
             _deny(scene, f"the same {act} again", seat.ask(name, data))
 
 
-def try_steward(scene: "Scene") -> None:
+def try_steward(scene: Scene) -> None:
     """What is the steward's, asked by others, without the token, and again."""
     session, token = scene.stage.server.session, scene.stage.keys("steward").token
     with scene.stage.link("steward") as link:
@@ -122,7 +118,7 @@ def try_steward(scene: "Scene") -> None:
         scene.allow("the steward's log", _unless(len(marshal.log()) == 5))
 
 
-def _flag(scene: "Scene") -> int:
+def _flag(scene: Scene) -> int:
     return int(scene.stage.server.session.world.races[0].flag)
 
 
@@ -130,5 +126,5 @@ def _unless(done: bool) -> str:
     return "" if done else "it had no effect"
 
 
-def _as(scene: "Scene", role: str) -> Intruder:
+def _as(scene: Scene, role: str) -> Intruder:
     return Intruder(scene.stage.address, scene.stage.keys(role))
