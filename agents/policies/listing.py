@@ -14,7 +14,7 @@ UNKNOWN = "–"
 
 
 @dataclass(frozen=True)
-class Entry:
+class PolicyEntry:
     """One policy."""
 
     name: str  # behind `learned:`
@@ -28,7 +28,7 @@ class Entry:
     remark: str = ""  # why it cannot be driven
 
 
-def entries() -> list[Entry]:
+def entries() -> list[PolicyEntry]:
     """Return the policies that come along, and those of the user's runs."""
     shipped = [
         _entry(path.stem, path, path.with_suffix(".json"), path.stem, is_run=False)
@@ -41,19 +41,19 @@ def entries() -> list[Entry]:
     return [*shipped, *runs]
 
 
-def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool) -> Entry:
+def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool) -> PolicyEntry:
     try:
-        nature = Policy(path).nature
+        metadata = Policy(path).metadata
     except DriverError as error:
-        return Entry(name, str(path), is_run, preset, remark=str(error))
-    return Entry(
+        return PolicyEntry(name, str(path), is_run, preset, remark=str(error))
+    return PolicyEntry(
         name=name,
         file=str(path),
         is_run=is_run,
         preset=preset,
-        vehicle=nature.vehicle,
-        algorithm=nature.algorithm,
-        tracks=nature.tracks,
+        vehicle=metadata.vehicle,
+        algorithm=metadata.algorithm,
+        tracks=metadata.tracks,
         evaluation=_evaluation(evaluation),
     )
 

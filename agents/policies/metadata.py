@@ -68,9 +68,9 @@ def metadata_of(metadata: Mapping[str, str], name: str) -> PolicyMetadata:
             f"{name} is a policy of version {version!r}, this program drives version {VERSION}; "
             "train or export it again"
         )
-    nature = _built(words, name)
-    _check(nature, name)
-    return nature
+    built = _built(words, name)
+    _check(built, name)
+    return built
 
 
 def _built(words: dict[str, Any], name: str) -> PolicyMetadata:
@@ -98,32 +98,34 @@ def _fits(value: Any, wanted: Any) -> bool:
     return isinstance(value, wanted) and (wanted is not float or math.isfinite(value))
 
 
-def _check(nature: PolicyMetadata, name: str) -> None:
-    unknown = [part for part in nature.parts if part not in PART_NUMBERS]
-    if unknown or not nature.parts:
+def _check(metadata: PolicyMetadata, name: str) -> None:
+    unknown = [part for part in metadata.parts if part not in PART_NUMBERS]
+    if unknown or not metadata.parts:
         raise DriverError(
             f"{name} wants to see {unknown or 'nothing'}, which this program does not know; "
             "train it again"
         )
-    if nature.action not in ACTIONS:
+    if metadata.action not in ACTIONS:
         raise DriverError(
-            f"{name} answers with actions {nature.action!r}; known are {', '.join(ACTIONS)}"
+            f"{name} answers with actions {metadata.action!r}; known are {', '.join(ACTIONS)}"
         )
-    if (ACTIONS[nature.action] == RESIDUAL) != bool(nature.base):
+    if (ACTIONS[metadata.action] == RESIDUAL) != bool(metadata.base):
         raise DriverError(
-            f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; "
+            f"{name}: actions {metadata.action!r} and base {metadata.base!r} do not fit; "
             "export it again"
         )
-    if ":" in nature.base:  # such as a policy, which might advise itself
-        raise DriverError(f"{name}: base {nature.base!r} takes no advice; export it again")
-    if nature.decision_s <= 0.0:
-        raise DriverError(f"{name} decides every {nature.decision_s:g} s; export it again")
-    sizes_fit = len(nature.sizes) == len(nature.parts)
-    if not sizes_fit or not all(size > 0 for size in nature.sizes):
-        raise DriverError(f"{name}: {len(nature.parts)} parts of sizes {nature.sizes} do not fit")
+    if ":" in metadata.base:  # such as a policy, which might advise itself
+        raise DriverError(f"{name}: base {metadata.base!r} takes no advice; export it again")
+    if metadata.decision_s <= 0.0:
+        raise DriverError(f"{name} decides every {metadata.decision_s:g} s; export it again")
+    sizes_fit = len(metadata.sizes) == len(metadata.parts)
+    if not sizes_fit or not all(size > 0 for size in metadata.sizes):
+        raise DriverError(
+            f"{name}: {len(metadata.parts)} parts of sizes {metadata.sizes} do not fit"
+        )
 
 
-def preset_for(nature: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
+def preset_for(metadata: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
     """Return the smallest observation of a live race that holds all that a policy sees.
 
     more: parts that the driver sees which it advises.
@@ -131,8 +133,8 @@ def preset_for(nature: PolicyMetadata, name: str, more: tuple[str, ...] = ()) ->
     Raises:
         DriverError: there is none.
     """
-    wanted = {*nature.parts, *more}
+    wanted = {*metadata.parts, *more}
     fitting = [preset for preset, parts in PRESETS.items() if wanted <= set(parts)]
     if not fitting:
-        raise DriverError(f"{name} sees {', '.join(nature.parts)}: no observation holds them all")
+        raise DriverError(f"{name} sees {', '.join(metadata.parts)}: no observation holds them all")
     return min(fitting, key=lambda preset: len(PRESETS[preset]))

@@ -26,13 +26,13 @@ class Policy:
         """
         self.name = str(path)
         self._session = _session_of(path)
-        metadata = self._session.get_modelmeta().custom_metadata_map
-        self.nature: PolicyMetadata = metadata_of(metadata, self.name)
+        properties = self._session.get_modelmeta().custom_metadata_map
+        self.metadata: PolicyMetadata = metadata_of(properties, self.name)
         self._check_shapes()
 
     def _check_shapes(self) -> None:
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        size, width = self.nature.size, WIDTHS[ACTIONS[self.nature.action]]
+        size, width = self.metadata.size, WIDTHS[ACTIONS[self.metadata.action]]
         seen, answer = _columns_of(inputs, INPUT), _columns_of(outputs, OUTPUT)
         if len(inputs) != 1 or (seen, answer) != (size, width):
             raise DriverError(
@@ -52,7 +52,7 @@ class Policy:
             reason = str(error).partition("\n")[0][:MOST_WORDS]
             raise DriverError(f"{self.name} cannot answer: {reason}; train it again") from error
         # What is declared binds nobody, and kernels look no number up twice.
-        wanted = (len(seen), WIDTHS[ACTIONS[self.nature.action]])
+        wanted = (len(seen), WIDTHS[ACTIONS[self.metadata.action]])
         if actions.shape != wanted:
             raise DriverError(
                 f"{self.name} answers with {actions.shape} numbers, {wanted} are wanted; "

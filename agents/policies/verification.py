@@ -51,7 +51,7 @@ def observations_of(policy: Policy, count: int) -> Rows:
     Raises:
         RaceError: it cannot drive there.
     """
-    batch = Batch(_task(policy.nature), worlds=WORLDS, seed=SEED)
+    batch = Batch(_task(policy.metadata), worlds=WORLDS, seed=SEED)
     rows = np.concatenate(list(islice(_seen(batch, policy), -(-count // WORLDS))))
     batch.close()
     return np.ascontiguousarray(rows[:count])
@@ -64,38 +64,38 @@ def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
         batch.step(policy.decide(seen))
 
 
-def _task(nature: PolicyMetadata) -> Task:
+def _task(metadata: PolicyMetadata) -> Task:
     """Return a task in which a policy drives all unseen tracks, from anywhere, on and on."""
-    others = OTHERS if any(part.startswith("karts") for part in nature.parts) else ()
+    others = OTHERS if any(part.startswith("karts") for part in metadata.parts) else ()
     # A lidar that nobody looks at needs no fewer rays.
-    lidar = Lidar(rays=nature.lidar_rays) if nature.lidar_rays else Lidar()
+    lidar = Lidar(rays=metadata.lidar_rays) if metadata.lidar_rays else Lidar()
     scenarios = [
         Scenario(
             course_named(name),
             karts=1 + len(others),
-            vehicles=(vehicle_named(nature.vehicle),),
+            vehicles=(vehicle_named(metadata.vehicle),),
             rules=LEARNING_RULES,
             lidar=lidar,
         )
-        for name in _courses(nature)
+        for name in _courses(metadata)
     ]
     return Task(
         tuple(scenarios),
         opponents=others,
         learners=1,
-        observation=nature.parts,
-        action=nature.action,
-        base=nature.base,
-        decision_ticks=ticks_of(nature.decision_s),
-        most_steps=round(EPISODE_S / nature.decision_s),
+        observation=metadata.parts,
+        action=metadata.action,
+        base=metadata.base,
+        decision_ticks=ticks_of(metadata.decision_s),
+        most_steps=round(EPISODE_S / metadata.decision_s),
         random_start=True,
     )
 
 
-def _courses(nature: PolicyMetadata) -> list[str]:
+def _courses(metadata: PolicyMetadata) -> list[str]:
     """Return the unseen courses; with a reference line only those whose line comes along."""
     names = set_named(UNSEEN)
-    if nature.base or wants_line(nature.parts):
+    if metadata.base or wants_line(metadata.parts):
         return [name for name in names if not name.startswith("generated:")]
     return names
 

@@ -12,7 +12,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.reproductions.exam import examine
-from race_agents.reproductions.plan import Exam, Reproduction, Row, Scale
+from race_agents.reproductions.plan import Exam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
 from race_agents.training.learner import learner_of
@@ -30,10 +30,10 @@ Tell = Callable[[float], None]  # called with the share of the cell that is done
 
 
 @dataclass(frozen=True)
-class Cell:
+class TrainingJob:
     """One training and its exam."""
 
-    row: Row
+    row: Variant
     seed: int
     settings: Settings
     exam: Exam
@@ -46,7 +46,7 @@ class Cell:
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 
-def cells_of(plan: Reproduction, scale: Scale) -> list[Cell]:
+def cells_of(plan: Reproduction, scale: TrainingScale) -> list[TrainingJob]:
     """Return all cells of a reproduction, seed by seed, so that every row has one early.
 
     That is also the order in which they are driven.
@@ -59,7 +59,7 @@ def cells_of(plan: Reproduction, scale: Scale) -> list[Cell]:
     ]
 
 
-def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
+def _cell(plan: Reproduction, scale: TrainingScale, row: Variant, seed: int) -> TrainingJob:
     steps = max(round(scale.steps * row.steps_share), 1)
     quick = row.quick_changes if scale is plan.quick else ()
     changes = (*plan.changes, *row.changes, *scale.changes, *quick)
@@ -69,7 +69,7 @@ def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
     if row.twist.choices:
         # Settings know no picking among increments: what arrives at the world are increments.
         settings = settings.model_copy(update={"action": "increments"})
-    return Cell(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
+    return TrainingJob(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
 
 
 def _check_plain(settings: Settings, preset: str) -> None:
@@ -92,7 +92,7 @@ def _check_plain(settings: Settings, preset: str) -> None:
         )
 
 
-def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
+def drive_cell(cell: TrainingJob, tell: Tell = lambda _: None) -> dict[str, Any]:
     """Train and examine one cell.
 
     Raises:
@@ -155,7 +155,7 @@ class _Watch(BaseCallback):
         return True
 
 
-def read_cell(path: Path, cell: Cell) -> dict[str, Any] | None:
+def read_cell(path: Path, cell: TrainingJob) -> dict[str, Any] | None:
     """Return what is known of a cell; None if it is not there, damaged, or of other settings."""
     try:
         found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))

@@ -19,7 +19,7 @@ class Twist:
 
 
 @dataclass(frozen=True)
-class Row:
+class Variant:
     """One line of the table: what is changed, and what the report found."""
 
     name: str
@@ -43,7 +43,7 @@ class Exam:
 
 
 @dataclass(frozen=True)
-class Scale:
+class TrainingScale:
     """How much is trained."""
 
     steps: int  # decisions of each run
@@ -68,10 +68,10 @@ class Reproduction:
     title: str
     source: str  # where the report's figures stand
     preset: str
-    rows: tuple[Row, ...]
+    rows: tuple[Variant, ...]
     exam: Exam
-    full: Scale
-    quick: Scale
+    full: TrainingScale
+    quick: TrainingScale
     their_heads: tuple[str, ...]
     columns: tuple[Column, ...]
     plotted: Column
@@ -114,7 +114,7 @@ class Reproduction:
         """Return what is plotted, without its unit."""
         return self.plotted.head.split(",")[0]
 
-    def exam_words(self, scale: Scale) -> str:
+    def exam_words(self, scale: TrainingScale) -> str:
         """Return how a policy is examined."""
         where = " and ".join((*self.exam.tracks.names, *self._set_words()))
         starts = "one start" if self.exam.seeds == 1 else f"{self.exam.seeds} starts"

@@ -11,10 +11,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from race_agents.reproductions.cell import Cell, cells_of, drive_cell, read_cell, write_cell
-from race_agents.reproductions.plan import Reproduction, Scale
+from race_agents.reproductions.cell import TrainingJob, cells_of, drive_cell, read_cell, write_cell
+from race_agents.reproductions.plan import Reproduction, TrainingScale
 from race_agents.reproductions.plot import draw
-from race_agents.reproductions.summary import Line, lines_of, remarks_on
+from race_agents.reproductions.summary import VariantSummary, lines_of, remarks_on
 from race_agents.reproductions.table import page, scale_words
 from race_agents.training.folder import versions
 from race_server.errors import ScenarioError
@@ -23,7 +23,7 @@ CELLS, TABLE, FIGURES, PLOT = "cells", "README.md", "table.json", "plot.png"
 
 
 @dataclass(frozen=True)
-class News:
+class ReproductionProgress:
     """How far a reproduction is."""
 
     done: float  # cells, the share of the one under way included
@@ -31,16 +31,16 @@ class News:
     name: str  # of the cell
 
 
-Tell = Callable[[News], None]
+Tell = Callable[[ReproductionProgress], None]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ReproductionResult:
     """What came of a reproduction."""
 
     plan: Reproduction
-    scale: Scale
-    lines: list[Line]
+    scale: TrainingScale
+    lines: list[VariantSummary]
     document: dict[str, Any]
     stopped: bool = False
 
@@ -55,7 +55,7 @@ def reproduce(
     rows: str = "",
     seeds: int | None = None,
     tell: Tell = lambda _: None,
-) -> Outcome:
+) -> ReproductionResult:
     """Drive all cells that are not known yet, and write table and plot of all that are.
 
     rows: comma-separated names of those that are driven now, all without; seeds: so many of each
@@ -84,17 +84,17 @@ def reproduce(
             write_cell(_path(store, cell), outcome)
             outcomes.append(outcome)
             done += 1
-            tell(News(done, len(wanted), _name(cell)))
+            tell(ReproductionProgress(done, len(wanted), _name(cell)))
     except KeyboardInterrupt:
         stopped = True
     lines = lines_of(plan, outcomes)
     document = _write(name, plan, scale, place, lines, quick=quick)
-    return Outcome(plan, scale, lines, document, stopped)
+    return ReproductionResult(plan, scale, lines, document, stopped)
 
 
 def _wanted(
-    plan: Reproduction, scale: Scale, cells: list[Cell], rows: str, seeds: int | None
-) -> list[Cell]:
+    plan: Reproduction, scale: TrainingScale, cells: list[TrainingJob], rows: str, seeds: int | None
+) -> list[TrainingJob]:
     """Return the cells that are to be there after this call."""
     if seeds is not None and seeds > scale.seeds:
         raise ScenarioError(f"--seeds {seeds}: each row has {scale.seeds}; give no more")
@@ -104,13 +104,13 @@ def _wanted(
 
 
 def _driven(
-    cells: list[Cell], jobs: int, tell: Callable[[int, Cell, float], None]
-) -> Iterator[tuple[Cell, dict[str, Any]]]:
+    cells: list[TrainingJob], jobs: int, tell: Callable[[int, TrainingJob, float], None]
+) -> Iterator[tuple[TrainingJob, dict[str, Any]]]:
     """Yield cells with their outcomes as they are done."""
     if jobs == 1:
         for number, cell in enumerate(cells):
 
-            def on_share(share: float, number: int = number, cell: Cell = cell) -> None:
+            def on_share(share: float, number: int = number, cell: TrainingJob = cell) -> None:
                 tell(number, cell, share)
 
             on_share(0.0)
@@ -138,21 +138,29 @@ def _begin_worker() -> None:
     warnings.filterwarnings("ignore", module="stable_baselines3")
 
 
-def _telling(tell: Tell, known: int, cells: int) -> Callable[[int, Cell, float], None]:
-    return lambda number, cell, share: tell(News(known + number + share, cells, _name(cell)))
+def _telling(tell: Tell, known: int, cells: int) -> Callable[[int, TrainingJob, float], None]:
+    return lambda number, cell, share: tell(
+        ReproductionProgress(known + number + share, cells, _name(cell))
+    )
 
 
-def _name(cell: Cell) -> str:
+def _name(cell: TrainingJob) -> str:
     return f"{cell.row.name}, seed {cell.seed}"
 
 
-def _path(store: Path, cell: Cell) -> Path:
+def _path(store: Path, cell: TrainingJob) -> Path:
     plain = "".join(letter if letter.isalnum() else "-" for letter in cell.row.name.lower())
     return store / f"{plain}-seed-{cell.seed}.json"
 
 
 def _write(
-    name: str, plan: Reproduction, scale: Scale, place: Path, lines: list[Line], *, quick: bool
+    name: str,
+    plan: Reproduction,
+    scale: TrainingScale,
+    place: Path,
+    lines: list[VariantSummary],
+    *,
+    quick: bool,
 ) -> dict[str, Any]:
     """Write table and plot; return the table as a document."""
     command = f"race reproduce {name}{' --quick' if quick else ''}"
@@ -187,11 +195,11 @@ def _write(
     return document
 
 
-def _names(lines: list[Line]) -> set[str]:
+def _names(lines: list[VariantSummary]) -> set[str]:
     return {line.row.name for line in lines}
 
 
-def _row(line: Line) -> dict[str, Any]:
+def _row(line: VariantSummary) -> dict[str, Any]:
     return {
         "name": line.row.name,
         "changes": list(line.row.changes),

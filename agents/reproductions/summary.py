@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.reproductions.plan import Column, Reproduction, Row
+from race_agents.reproductions.plan import Column, Reproduction, Variant
 
 
 @dataclass(frozen=True)
-class Line:
+class VariantSummary:
     """One row of the table with our figures."""
 
-    row: Row
+    row: Variant
     runs: int
     steps: int  # decisions of each run
     means: dict[str, float | None]  # None: no run has such a figure
@@ -25,7 +25,7 @@ class Line:
         return self.means.get(column.key)
 
 
-def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[Line]:
+def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[VariantSummary]:
     """Return a line for each row of which something is known."""
     lines = []
     for row in plan.rows:
@@ -35,7 +35,7 @@ def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[Lin
     return lines
 
 
-def _line(row: Row, runs: Sequence[dict[str, Any]]) -> Line:
+def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
     means: dict[str, float | None] = {}
     spreads: dict[str, float] = {}
     for key in runs[0]["figures"]:
@@ -49,10 +49,10 @@ def _line(row: Row, runs: Sequence[dict[str, Any]]) -> Line:
     )
     steps = max(run["steps"] for run in runs)
     pairs = tuple((float(at), float(value)) for at, value in curve)
-    return Line(row, len(runs), steps, means, spreads, pairs)
+    return VariantSummary(row, len(runs), steps, means, spreads, pairs)
 
 
-def remarks_on(plan: Reproduction, lines: Sequence[Line]) -> list[str]:
+def remarks_on(plan: Reproduction, lines: Sequence[VariantSummary]) -> list[str]:
     """Return in sentences where ours agree with the report's figures, and where they do not."""
     remarks = []
     column = plan.plotted

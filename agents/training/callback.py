@@ -28,7 +28,7 @@ ROWS = 200  # of the curve between two evaluations' rows, over a whole training,
 
 
 @dataclass(frozen=True)
-class News:
+class TrainingProgress:
     """What is told of a training under way."""
 
     share: float
@@ -43,7 +43,7 @@ class News:
     stage: str = ""  # of the curriculum, in words
 
 
-Tell = Callable[[News], None]
+Tell = Callable[[TrainingProgress], None]
 
 
 class TrainingCallback(BaseCallback):
@@ -152,10 +152,10 @@ class TrainingCallback(BaseCallback):
                 self._log.record(f"race/{name}", value)
         self._log.dump(point.steps)
 
-    def _news(self, rate: float, marks: Marks | None) -> News:
+    def _news(self, rate: float, marks: Marks | None) -> TrainingProgress:
         episodes = list(self.model.ep_info_buffer or ())
         laps = [row["best_lap_s"] for row in episodes if row["best_lap_s"] > 0.0]
-        return News(
+        return TrainingProgress(
             share=self.pace.share,
             steps=self.pace.done,
             steps_per_s=rate,
@@ -167,7 +167,7 @@ class TrainingCallback(BaseCallback):
             stage=str(self.stages) if self.stages else "",
         )
 
-    def _point(self, news: News) -> Point:
+    def _point(self, news: TrainingProgress) -> Point:
         marks = news.marks
         rated = self.self_play.newest if self.self_play is not None else None
         return Point(

@@ -13,7 +13,7 @@ import torch
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from race_agents.training.normaliser import put_back, state_of
-from race_agents.training.reward_wrapper import Rows, Scale, network
+from race_agents.training.reward_wrapper import Rows, RunningScale, network
 from race_agents.training.settings import Curiosity
 
 
@@ -31,7 +31,7 @@ class Curious:
         self._forward = network((count + width, hidden, count), seed + 2)
         self._networks = torch.nn.ModuleList([self._features, self._inverse, self._forward])
         self._optimiser = torch.optim.Adam(self._networks.parameters(), lr=wanted.learning_rate)
-        self._scale = Scale(size)
+        self._scale = RunningScale(size)
         self._usual = RunningMeanStd()
         self._chance = np.random.default_rng(seed)
 

@@ -138,10 +138,10 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         RaceError: the file is damaged, or was recorded with another vehicle, pace or lidar.
     """
     shown = read_demonstrations(path)
-    about, nature = shown.about, metadata_from(settings, ())
+    about, metadata = shown.about, metadata_from(settings, ())
     for name, recorded, wanted in (
-        ("vehicle", about.vehicle, nature.vehicle),
-        ("decision_s", about.decision_s, nature.decision_s),
+        ("vehicle", about.vehicle, metadata.vehicle),
+        ("decision_s", about.decision_s, metadata.decision_s),
     ):
         if recorded != wanted:
             raise ScenarioError(
@@ -156,7 +156,7 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
     try:
         layout = layout_of(about.parts, about.lidar_rays)
         gear = np.array([about.lidar_field, about.lidar_reach, about.decision_s])
-        places = places_in(layout, nature, gear, "the learner")
+        places = places_in(layout, metadata, gear, "the learner")
     except RaceError as error:
         raise ScenarioError(f"{path}: {error}") from error
     speeds = shown.observations[:, layout.slices["speed"].start]

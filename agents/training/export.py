@@ -22,7 +22,7 @@ from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import digest_of
 from race_agents.training.tasks import decision_s
-from race_agents.training.view import NEAREST, View
+from race_agents.training.view import NEAREST, ObservationView
 from race_server import __version__
 from race_server.core.observation import PARTS, layout_of
 from race_server.errors import ScenarioError
@@ -58,7 +58,7 @@ class _Graph:
         return output
 
 
-def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMetadata) -> None:
+def export_policy(path: Path, learner: Any, world: Normaliser, metadata: PolicyMetadata) -> None:
     """Write the actor of a learner as an ONNX file.
 
     Raises:
@@ -69,7 +69,7 @@ def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMet
     width = _act(graph, learner, world.action_space)
     # The last output gets the name that drivers ask for.
     graph.nodes[-1].output[0] = OUTPUT
-    seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", nature.size])
+    seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", metadata.size])
     answer = helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["n", width])
     body = helper.make_graph(graph.nodes, "policy", [seen], [answer], graph.constants)
     model = helper.make_model(
@@ -79,7 +79,7 @@ def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMet
         ir_version=IR_VERSION,
         opset_imports=[helper.make_opsetid("", OPSET)],
     )
-    helper.set_model_props(model, {KEY: nature.as_text()})
+    helper.set_model_props(model, {KEY: metadata.as_text()})
     onnx.checker.check_model(model)
     aside = path.with_suffix(".part")
     aside.write_bytes(model.SerializeToString())
@@ -101,8 +101,8 @@ def _normalise(graph: _Graph, world: Normaliser) -> None:
     graph.then("Cast", to=TensorProto.FLOAT)
 
 
-def _view(graph: _Graph, view: View, size: int) -> None:
-    """Add what `View` does; the end is in double precision then."""
+def _view(graph: _Graph, view: ObservationView, size: int) -> None:
+    """Add what `ObservationView` does; the end is in double precision then."""
     if np.isfinite(view.horizon):
         graph.then("Clip", -view.horizon, view.horizon)
     graph.then("Cast", to=TensorProto.DOUBLE)

@@ -13,7 +13,7 @@ import torch
 from torch.nn import functional
 
 from race_agents.training.demonstrations import pairs_for
-from race_agents.training.reward_wrapper import Rows, Scale, network
+from race_agents.training.reward_wrapper import Rows, RunningScale, network
 from race_agents.training.settings import Gail, Settings
 
 
@@ -34,7 +34,7 @@ class Discriminator:
         size = self._seen.shape[1] + self._actions.shape[1]
         self._network = network((size, *wanted.layers, 1), settings.seed)
         self._optimiser = torch.optim.Adam(self._network.parameters(), lr=wanted.learning_rate)
-        self._scale = Scale(size)
+        self._scale = RunningScale(size)
         self._scale.update(np.concatenate([self._seen, self._actions], axis=1))
         self._chance = np.random.default_rng(settings.seed)
 

@@ -20,7 +20,7 @@ from race_agents.training.reward_wrapper import Judge, RewardWrapper, width_of
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import training_task
-from race_agents.training.view import View
+from race_agents.training.view import ObservationView
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
@@ -56,7 +56,7 @@ def world_of(
     shown = around(karts) if around is not None else _judged(settings, karts)
     gamma = settings.algorithm.options.get("gamma", 0.99)
     rewards = settings.algorithm.normalise_reward
-    return Normaliser(shown, View.of(settings), norm_reward=rewards, gamma=gamma)
+    return Normaliser(shown, ObservationView.of(settings), norm_reward=rewards, gamma=gamma)
 
 
 def _judged(settings: Settings, karts: VecEnv) -> VecEnv:

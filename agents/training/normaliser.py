@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from race_agents.training.view import View
+from race_agents.training.view import ObservationView
 
 Rows = NDArray[Any]
 
@@ -21,7 +21,7 @@ class Normaliser(VecNormalize):
     would hardly be learned, so `stretch` makes them as good as uncorrelated.
     """
 
-    def __init__(self, karts: VecEnv, view: View, **options: Any) -> None:
+    def __init__(self, karts: VecEnv, view: ObservationView, **options: Any) -> None:
         """Wrap the karts; options are those of `VecNormalize`."""
         super().__init__(karts, **options)
         self.view = view
@@ -71,7 +71,7 @@ def put_back(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> None:
 
 
 class _Means(RunningMeanStd):
-    def __init__(self, view: View, shape: Any) -> None:
+    def __init__(self, view: ObservationView, shape: Any) -> None:
         super().__init__(shape=shape)
         self._view = view
 

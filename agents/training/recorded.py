@@ -24,14 +24,14 @@ from race_server.storage.recording.scenario_codec import unpack_scenario
 
 
 @dataclass(frozen=True)
-class Drive:
+class RecordedDrive:
     """What a seat did in a recorded race."""
 
     laps: int = 0
     wall_contacts: int = 0
 
 
-def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, Drive]:
+def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, RecordedDrive]:
     """Return what a seat of a recording shows, and how it did there.
 
     A pair is what the seat saw when a decision was due, and the control that acted last before the
@@ -133,6 +133,6 @@ def _look(session: Session, seat: int) -> Float32s | None:
     return session.view(seat).copy()
 
 
-def _drive_of(events: list[Event]) -> Drive:
+def _drive_of(events: list[Event]) -> RecordedDrive:
     kinds = [event.kind for event in events]
-    return Drive(kinds.count(EventKind.LAP), kinds.count(EventKind.CONTACT_WALL))
+    return RecordedDrive(kinds.count(EventKind.LAP), kinds.count(EventKind.CONTACT_WALL))

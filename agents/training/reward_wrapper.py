@@ -99,7 +99,7 @@ def network(sizes: Sequence[int], seed: int) -> torch.nn.Sequential:
     return torch.nn.Sequential(*layers[:-1])
 
 
-class Scale:
+class RunningScale:
     """Running means: what a network is given has a mean of zero and a deviation of one."""
 
     def __init__(self, size: int) -> None:

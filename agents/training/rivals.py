@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
-from race_agents.training.settings import LEARNER, SelfPlay
+from race_agents.training.settings import LEARNER, SelfPlaySettings
 
 POOL = "pool"  # in the seats
 SNAPSHOTS = "snapshots"
@@ -13,7 +13,7 @@ SNAPSHOTS = "snapshots"
 class Rivals:
     """The pool of self-play, and who of it sits where."""
 
-    def __init__(self, settings: SelfPlay, folder: Path) -> None:
+    def __init__(self, settings: SelfPlaySettings, folder: Path) -> None:
         """Begin with the anchors, and with snapshots that a run left before."""
         self.settings = settings
         self.folder = folder / SNAPSHOTS

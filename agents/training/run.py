@@ -35,7 +35,7 @@ FRESH_SEEDS = 100_000  # the last evaluation's seeds lie so far behind those tha
 
 
 @dataclass
-class Outcome:
+class TrainingResult:
     """What came of a run."""
 
     folder: Path
@@ -51,7 +51,7 @@ def train(
     tell: Tell = lambda _: None,
     say: Callable[[str], None] = lambda _: None,
     tensorboard: bool = False,
-) -> Outcome:
+) -> TrainingResult:
     """Train, and leave a complete folder behind; Ctrl-C ends the learning early, not the run.
 
     Raises:
@@ -98,7 +98,7 @@ def train(
     finally:
         world.close()
         overseer.examiner.close()
-    return Outcome(place, document, stopped)
+    return TrainingResult(place, document, stopped)
 
 
 def _learned_on(settings: Settings) -> list[str]:

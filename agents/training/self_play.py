@@ -67,10 +67,10 @@ class SelfPlay:
     def keep(self, learner: Any, done: int) -> None:
         """Take the learner as it is now into the pool, and rate it."""
         path = self.rivals.place_for(done)
-        nature = metadata_from(
+        metadata = metadata_from(
             self.settings, names_of(self.settings.tracks.names, self.settings.tracks.set)
         )
-        export_policy(path, learner, self._world, nature)
+        export_policy(path, learner, self._world, metadata)
         self.rivals.add(path)
         self.races += self._raced(path)
         self.ratings = ratings(self.races)

@@ -68,7 +68,7 @@ class Gap(_Table):
     grip: Range = (1.0, 1.0)
 
 
-class Race(_Table):
+class RaceSettings(_Table):
     """Who else is on the track, and the rules; they stand in `race_server.scenario.race.Rules`."""
 
     karts: int = Field(default=1, ge=1, le=64)
@@ -84,7 +84,7 @@ class Race(_Table):
         return self.fields or (self.karts,)
 
 
-class SelfPlay(_Table):
+class SelfPlaySettings(_Table):
     """Who sits in which seat of a race, drawn anew for each stretch of the training.
 
     A seat is `learner`, `pool`, or the name of a driver. The pool: anchors, and snapshots of the
@@ -255,8 +255,8 @@ class Settings(_Table):
     network: Network = Network()
     lidar: Lidar = Lidar()
     gap: Gap = Gap()
-    race: Race = Race()
-    self_play: SelfPlay = SelfPlay()
+    race: RaceSettings = RaceSettings()
+    self_play: SelfPlaySettings = SelfPlaySettings()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()

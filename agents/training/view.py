@@ -19,7 +19,7 @@ NOWHERE: Places = np.zeros(0, np.intp)
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ObservationView:
     """Numbers are cut at a horizon; ranges can be learned as logarithms.
 
     Where nobody is near an observation says 1000 m. That would be most of the variance, and a
@@ -37,7 +37,7 @@ class View:
     reach: float = Lidar().reach  # [m]
 
     @classmethod
-    def of(cls, settings: Settings) -> "View":
+    def of(cls, settings: Settings) -> "ObservationView":
         """Return the view that settings ask for."""
         horizon = np.float32(np.inf if settings.horizon is None else settings.horizon)
         slices = layout_of(settings.observation, settings.lidar.rays).slices

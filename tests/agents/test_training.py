@@ -22,7 +22,7 @@ from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
 from race_agents.training.evaluation import Examiner
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
-from race_agents.training.run import Outcome, train, warn_of_lidar
+from race_agents.training.run import TrainingResult, train, warn_of_lidar
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
@@ -37,13 +37,13 @@ from support.trainings import QUICK, Train, side_by_side, untrained
 
 
 @pytest.fixture(scope="module")
-def outcome(trained: Train) -> Outcome:
+def outcome(trained: Train) -> TrainingResult:
     """A run of two thousand decisions."""
     return trained("time-trial-ppo", QUICK)
 
 
 @pytest.fixture
-def policy_file(outcome: Outcome) -> Path:
+def policy_file(outcome: TrainingResult) -> Path:
     return outcome.folder / "policy.onnx"
 
 
@@ -57,7 +57,7 @@ def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
 # A run
 
 
-def test_a_run_leaves_a_complete_folder(outcome: Outcome) -> None:
+def test_a_run_leaves_a_complete_folder(outcome: TrainingResult) -> None:
     names = {path.name for path in outcome.folder.iterdir()}
     wanted = {"config.toml", "versions.json", "evaluation.json", "policy.onnx", "README.md"}
     assert wanted | {CURVE, "curve.png", LATEST, BEST} <= names
@@ -66,12 +66,12 @@ def test_a_run_leaves_a_complete_folder(outcome: Outcome) -> None:
     assert [row["track"] for row in outcome.evaluation["tracks"]] == ["oval", "all"]
 
 
-def test_the_file_answers_like_the_learner(outcome: Outcome) -> None:
+def test_the_file_answers_like_the_learner(outcome: TrainingResult) -> None:
     assert outcome.evaluation["compared_observations"] >= 400
     assert outcome.evaluation["parity"] <= 1e-5
 
 
-def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> None:
+def test_a_resumed_run_goes_on_counting(outcome: TrainingResult, tmp_path: Path) -> None:
     for name in ("config.toml", LATEST, BEST, CURVE, "evaluation.json"):
         (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
     again = train(folder.settings_in(tmp_path, ("steps=2800",)), tmp_path, resume=True)
@@ -220,7 +220,7 @@ def test_demonstrations_are_found_from_anywhere() -> None:
     assert settings.warm_start.demonstrations == str(Path.cwd() / "laps.npz")
 
 
-def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:
+def test_a_damaged_checkpoint_is_refused(outcome: TrainingResult, tmp_path: Path) -> None:
     (tmp_path / BEST).write_bytes(b"\x80\x04nonsense")
     with pytest.raises(ScenarioError, match=r"best.pt: damaged"):
         train(folder.settings_in(outcome.folder), tmp_path, resume=True)
@@ -250,9 +250,9 @@ def test_every_algorithm_makes_a_file_that_answers_like_it(
 def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() -> None:
     path = SHIPPED / "time-trial.onnx"
     assert path.stat().st_size < 1_000_000
-    nature = Policy(path).nature
-    assert nature.parts == ("lidar", "lidar_before", "speed", "steering")
-    assert nature.vehicle == "tt02"
+    metadata = Policy(path).metadata
+    assert metadata.parts == ("lidar", "lidar_before", "speed", "steering")
+    assert metadata.vehicle == "tt02"
 
 
 def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> None:
@@ -296,12 +296,12 @@ def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None
     from race_agents.drivers.learned import places_in
     from race_server.core.observation import layout_of
 
-    nature = Policy(policy_file).nature
-    places = places_in(layout_of("lidar", 201), nature, GEAR, "it")
+    metadata = Policy(policy_file).metadata
+    places = places_in(layout_of("lidar", 201), metadata, GEAR, "it")
     assert places[:3].tolist() == [0, 10, 20]
-    assert len(places) == nature.size
+    assert len(places) == metadata.size
     with pytest.raises(DriverError, match="learned with 21 numbers of 'lidar', the race shows 200"):
-        places_in(layout_of("lidar", 200), nature, GEAR, "it")
+        places_in(layout_of("lidar", 200), metadata, GEAR, "it")
 
 
 def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
@@ -373,7 +373,7 @@ def test_a_network_that_answers_with_no_numbers_drives_nobody(
     onnx.save(model, bad)
     policy = Policy(bad)
     with pytest.raises(DriverError, match=message):
-        policy.decide(np.ones((1, policy.nature.size), np.float32))
+        policy.decide(np.ones((1, policy.metadata.size), np.float32))
 
 
 def test_an_unknown_policy_is_named_with_the_known_ones() -> None:

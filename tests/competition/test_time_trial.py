@@ -16,7 +16,13 @@ import pytest
 from rich.console import Console
 
 from race_server.cli.trial import trial
-from race_server.competition.time_trial.figures import LimitTime, Row, intervals, losses_of, rows_of
+from race_server.competition.time_trial.figures import (
+    LimitTime,
+    TrialSummary,
+    intervals,
+    losses_of,
+    rows_of,
+)
 from race_server.competition.time_trial.gaps import GAPS, NONE, Gap, custom_gap, gaps_named
 from race_server.competition.time_trial.ghost import delta, ghost_of, save_lap, sector_deltas
 from race_server.competition.time_trial.lap import (
@@ -508,5 +514,5 @@ def test_the_page_on_time_trials_names_every_figure_and_gap() -> None:
     page = (Path(__file__).parents[2] / "docs" / "time-trial.md").read_text()
     told = {"driver", "track", "vehicle", "gap", "seeds", "laps_wanted", "failed"}
     intervals_told = {"spread_low_s", "spread_high_s", "limit_reason"}
-    figures = {field.name for field in fields(Row)} - told - intervals_told
+    figures = {field.name for field in fields(TrialSummary)} - told - intervals_told
     assert [name for name in (*sorted(figures), *GAPS) if f"`{name}`" not in page] == []

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from race_server.competition.race_day.formats.format import Format, Races, TimeTrial
-from race_server.competition.race_day.race import Drive, RaceRecord, Team
+from race_server.competition.race_day.race import RaceRecord, Team, TeamResult
 from race_server.scenario.track.course import Course
 
 
@@ -12,7 +12,7 @@ class TrialRow:
     """One team in a time trial."""
 
     team: str
-    attempts: tuple[Drive, ...]
+    attempts: tuple[TeamResult, ...]
     times_us: tuple[int, ...]  # of the attempts, a failure at its price
     time_us: int  # the one that counts
     points: int

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from race_server.competition.race_day.formats.format import TimeTrial
 from race_server.competition.race_day.ledger import TrialResult, TrialRow
 from race_server.competition.race_day.points import falling_points
-from race_server.competition.race_day.race import Drive, LocalRace, Team
+from race_server.competition.race_day.race import LocalRace, Team, TeamResult
 from race_server.scenario.track.course import Course
 
 
@@ -22,7 +22,7 @@ def run_trial(
     race: a session of one kart on the course; seed_for: gives each attempt chance of its own;
     tell: hears what comes next.
     """
-    attempts: dict[str, list[Drive]] = {team.name: [] for team in teams}
+    attempts: dict[str, list[TeamResult]] = {team.name: [] for team in teams}
     for number in range(1, stage.attempts + 1):
         for team in teams:
             tell(f"{stage.name}: {team.name}, attempt {number}")
@@ -31,7 +31,9 @@ def run_trial(
     return trial_result(stage, course, attempts)
 
 
-def trial_result(stage: TimeTrial, course: Course, attempts: dict[str, list[Drive]]) -> TrialResult:
+def trial_result(
+    stage: TimeTrial, course: Course, attempts: dict[str, list[TeamResult]]
+) -> TrialResult:
     """Return who was how fast; teams with equal times keep their order."""
     failure_us = round(stage.failure_s * 1e6)
     times = {
@@ -48,6 +50,6 @@ def trial_result(stage: TimeTrial, course: Course, attempts: dict[str, list[Driv
     return TrialResult(stage, course, tuple(rows))
 
 
-def counted_us(drive: Drive, failure_us: int) -> int:
+def counted_us(drive: TeamResult, failure_us: int) -> int:
     """Return the time [µs] of an attempt; who did not finish, or too late, is given a failure's."""
     return min(drive.time_us, failure_us) if drive.place > 0 else failure_us

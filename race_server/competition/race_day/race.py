@@ -33,7 +33,7 @@ class Team:
 
 
 @dataclass(frozen=True)
-class Drive:
+class TeamResult:
     """What became of one team in one race."""
 
     team: str
@@ -54,7 +54,7 @@ class RaceRecord:
     """A race that was run: its drives, best first, and the digest of its last tick."""
 
     digest: str
-    drives: tuple[Drive, ...]
+    drives: tuple[TeamResult, ...]
 
 
 class LocalRace:
@@ -134,7 +134,7 @@ class LocalRace:
             racer = racers[row.seat]
             has_finished = row.status is Status.FINISHED
             drives.append(
-                Drive(
+                TeamResult(
                     team=teams[row.seat].name,
                     place=row.rank if has_finished else 0,
                     laps=row.laps,

@@ -4,7 +4,7 @@ from typing import Any
 
 from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Heat, Ledger, TrialResult
-from race_server.competition.race_day.race import Drive
+from race_server.competition.race_day.race import TeamResult
 from race_server.core.clock import seconds_of
 from race_server.scenario.track.course import Course
 
@@ -70,7 +70,7 @@ def _course(course: Course) -> dict[str, Any]:
     }
 
 
-def _drive(drive: Drive) -> dict[str, Any]:
+def _drive(drive: TeamResult) -> dict[str, Any]:
     return {
         "team": drive.team,
         "place": drive.place or None,

@@ -26,7 +26,7 @@ class LimitTime:
 
 
 @dataclass(frozen=True)
-class Row:
+class TrialSummary:
     """One driver on one track with one vehicle under one reality gap, over all seeds.
 
     Times are those of laps from a flying start unless their name says otherwise.
@@ -71,7 +71,7 @@ def _rounded(value: Any) -> Any:
     return round(value, 6) if isinstance(value, float) else value
 
 
-def rows_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> list[Row]:
+def rows_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> list[TrialSummary]:
     """Return one row for each driver, track, vehicle and gap, in the order of the runs.
 
     limits: by track and vehicle.
@@ -87,7 +87,7 @@ def key_of(run: Run) -> tuple[str, str, str, str]:
     return (cell.track, cell.vehicle, cell.gap.name, cell.driver)
 
 
-def _row_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> Row:
+def _row_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> TrialSummary:
     track, vehicle, gap, driver = key_of(runs[0])
     limit = limits[track, vehicle]
     laps = [lap for run in runs for lap in run.laps]
@@ -97,7 +97,7 @@ def _row_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> Ro
     middle, spread = intervals([of_run for of_run in flying if of_run])
     middle_lap = median(times) if times else None
     best = min(times, default=None)
-    return Row(
+    return TrialSummary(
         driver=driver,
         track=track,
         vehicle=vehicle,
@@ -206,7 +206,7 @@ class Loss:
         return {name: _rounded(value) for name, value in asdict(self).items()}
 
 
-def losses_of(rows: Sequence[Row]) -> list[Loss]:
+def losses_of(rows: Sequence[TrialSummary]) -> list[Loss]:
     """Return what degrades and how much, for each row with a gap whose nominal row is there."""
     nominal = {(row.driver, row.track, row.vehicle): row for row in rows if row.gap == NONE.name}
     found = []

@@ -15,16 +15,16 @@ from race_server.scenario.track.load import load_course
 
 
 @dataclass
-class Limits:
+class LapLimits:
     """The limits of all tracks and vehicles of a trial."""
 
     times: dict[tuple[str, str], LimitTime] = field(default_factory=dict)  # by track and vehicle
     lines: dict[tuple[str, str], Raceline] = field(default_factory=dict)
 
 
-def limits_of(places: Sequence[tuple[str, str]]) -> Limits:
+def limits_of(places: Sequence[tuple[str, str]]) -> LapLimits:
     """Return the limit of each track and vehicle; what cannot be found has its reason instead."""
-    limits = Limits()
+    limits = LapLimits()
     for track, vehicle in places:
         try:
             line = reference_limit(load_course(track), vehicle_named(vehicle)).minimum_time

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from race_server.competition.time_trial.draw import Drawn, draw_trial
-from race_server.competition.time_trial.figures import Loss, Row, losses_of, rows_of
+from race_server.competition.time_trial.figures import Loss, TrialSummary, losses_of, rows_of
 from race_server.competition.time_trial.gaps import DECISION_S, Gap
 from race_server.competition.time_trial.ghost import Ghost, ghost_of, sector_deltas
 from race_server.competition.time_trial.lap import TrialLap
-from race_server.competition.time_trial.limits import Limits, limits_of, trace_of_line
+from race_server.competition.time_trial.limits import LapLimits, limits_of, trace_of_line
 from race_server.competition.time_trial.pool import Report, is_ready, run_cells
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec, task_of
@@ -44,7 +44,7 @@ class Trial:
     """A trial under way, or over: what is known of it so far."""
 
     plan: TrialPlan
-    limits: Limits
+    limits: LapLimits
     ghosts: dict[Place, Ghost]
     runs: dict[int, Run] = field(default_factory=dict)  # by number of the cell
     stopped: bool = False
@@ -55,7 +55,7 @@ class Trial:
         return [self.runs[number] for number in sorted(self.runs)]
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[TrialSummary]:
         """The figures of each driver."""
         return rows_of(self.done, self.limits.times)
 

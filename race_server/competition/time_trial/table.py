@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from race_server.competition.time_trial.figures import Loss, Row
+from race_server.competition.time_trial.figures import Loss, TrialSummary
 from race_server.competition.time_trial.gaps import NONE
 from race_server.competition.time_trial.report_b import LAPS, RACE_DAY, VALIDATION_TRACK
 from race_server.competition.time_trial.run import Run
@@ -56,7 +56,7 @@ def _interval_text(low: float | None, high: float | None) -> str:
     return f"{low:.2f}–{high:.2f}"
 
 
-def tables_of(rows: Sequence[Row], gaps: dict[str, str]) -> Group:
+def tables_of(rows: Sequence[TrialSummary], gaps: dict[str, str]) -> Group:
     """Return a table for each track and vehicle. gaps: what each setting means, by name."""
     parts: list[Table | Text] = []
     for (track, vehicle), group in groupby(rows, lambda row: (row.track, row.vehicle)):
@@ -75,13 +75,13 @@ def tables_of(rows: Sequence[Row], gaps: dict[str, str]) -> Group:
     return Group(*parts)
 
 
-def _who(row: Row, gaps: dict[str, str]) -> str:
+def _who(row: TrialSummary, gaps: dict[str, str]) -> str:
     return row.driver if len(gaps) == 1 else f"{row.driver}, {row.gap}"
 
 
 _INTERVAL, _STANDING = "95 %", ("from rest", "total")
 # The columns of a table, and what each shows of a row.
-_FIGURES: dict[str, Callable[[Row], str]] = {
+_FIGURES: dict[str, Callable[[TrialSummary], str]] = {
     "laps": lambda row: f"{row.laps}/{row.laps_wanted}",
     "clean": lambda row: f"{100.0 * row.clean_lap_rate:.0f} %",
     "median": lambda row: seconds_text(row.median_lap_s),
@@ -95,7 +95,7 @@ _FIGURES: dict[str, Callable[[Row], str]] = {
 }
 
 
-def _rows_table(title: str, rows: Sequence[Row], *, with_gap: bool) -> Table:
+def _rows_table(title: str, rows: Sequence[TrialSummary], *, with_gap: bool) -> Table:
     is_standing = any(row.standing_lap_s for row in rows)
     hidden = {_INTERVAL} if is_standing and with_gap else set()  # or eighty columns are too few
     hidden |= set() if is_standing else set(_STANDING)
@@ -146,7 +146,7 @@ def ghost_table(name: str, rows: Iterable[tuple[str, float, Sequence[float]]]) -
     return table
 
 
-def beside_report_b(rows: Sequence[Row], words: dict[str, str]) -> Group:
+def beside_report_b(rows: Sequence[TrialSummary], words: dict[str, str]) -> Group:
     """Return our laps below those of the report. words: what is particular of each driver."""
     table = _table(
         "time trial on the validation track, the report's (table 5.3) and ours",
@@ -174,7 +174,7 @@ def beside_report_b(rows: Sequence[Row], words: dict[str, str]) -> Group:
     return Group(*parts, Text(note, style="dim"), _race_day(rows))
 
 
-def _our_lap(row: Row, words: dict[str, str]) -> tuple[str, ...]:
+def _our_lap(row: TrialSummary, words: dict[str, str]) -> tuple[str, ...]:
     particular = words.get(row.driver, "")
     if row.gap != NONE.name:
         particular += f" (gap: {row.gap})"
@@ -187,7 +187,7 @@ def _our_lap(row: Row, words: dict[str, str]) -> tuple[str, ...]:
     return (row.driver, particular, time, str(row.crashes), remark)
 
 
-def _race_day(rows: Sequence[Row]) -> Table:
+def _race_day(rows: Sequence[TrialSummary]) -> Table:
     table = _table(
         "two laps from standstill: race day 2023, other tracks, and ours, in s",
         ("driver",),

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from race_server.scenario.raceline.baselines import Line
+from race_server.scenario.raceline.baselines import OffsetLine
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.raceline.frame import Frame, frame_of
-from race_server.scenario.raceline.minimum_time import Lap
+from race_server.scenario.raceline.minimum_time import TimedLine
 from race_server.scenario.raceline.result import Limit, Solution, limit_of
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.load import own_tracks
@@ -68,7 +68,7 @@ def write_bundled(course: Course, bounds: Bounds, solution: Solution) -> Path:
 
 
 def _solution(frame: Frame, rows: Floats) -> Solution:
-    best, calm, near = (Line(*rows[first : first + 3]) for first in (0, 3, 6))
+    best, calm, near = (OffsetLine(*rows[first : first + 3]) for first in (0, 3, 6))
     speed = rows[9]
     time_s = float(np.sum(frame.step * best.stretch(frame) / speed))
-    return Solution(Lap(best, speed, time_s), calm, near)
+    return Solution(TimedLine(best, speed, time_s), calm, near)

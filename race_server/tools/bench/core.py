@@ -35,7 +35,7 @@ WORLDS, KARTS, DECISION_TICKS = 64, 8, 3
 
 
 @dataclass(frozen=True)
-class Setting:
+class BenchSetting:
     """One thing to measure."""
 
     course: Course
@@ -91,7 +91,7 @@ def lane_keeping(world: World) -> Floats:
     return controls
 
 
-def measure(setting: Setting, *, seconds: float = 2.0) -> dict[str, float]:
+def measure(setting: BenchSetting, *, seconds: float = 2.0) -> dict[str, float]:
     """Return agent-steps per second of one core; an agent-step is one decision of one kart."""
     world = setting.world()
     agents = setting.worlds * setting.karts
@@ -171,7 +171,7 @@ def _radar(world: World, rounds: int) -> None:
 
 def profile(course: Course) -> dict[str, float]:
     """Return where the time of one agent-step goes [ns], each part alone in a loop."""
-    world = Setting(course, codes.LIDAR | codes.RADAR).world()
+    world = BenchSetting(course, codes.LIDAR | codes.RADAR).world()
     substeps = DECISION_TICKS * SUBSTEPS
     rays = len(world.sight.lidar_rays)
     parts: list[tuple[str, Callable[[World, int], None], int]] = [
@@ -212,9 +212,9 @@ def _nanoseconds(part: Callable[[World, int], None], world: World) -> float:
 def bench_core(course: Course, *, seconds: float = 2.0) -> dict[str, Any]:
     """Return the figures of `race bench core`."""
     parts = profile(course)
-    radar = measure(Setting(course, codes.RADAR), seconds=seconds)
-    lidar = measure(Setting(course, codes.LIDAR), seconds=seconds)
-    blind = measure(Setting(course, 0), seconds=seconds)
+    radar = measure(BenchSetting(course, codes.RADAR), seconds=seconds)
+    lidar = measure(BenchSetting(course, codes.LIDAR), seconds=seconds)
+    blind = measure(BenchSetting(course, 0), seconds=seconds)
     radar["ns_per_ray"] = parts["radar_ns_per_ray"]
     lidar["ns_per_ray"] = parts["lidar_ns_per_ray"]
     parts["without_sensors_agent_steps_per_s"] = blind["agent_steps_per_s"]

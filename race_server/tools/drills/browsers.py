@@ -87,7 +87,7 @@ class Watchers:
                 self._there -= 1
 
 
-class Driver:
+class BrowserDriver:
     """A browser that drives, badly but without a break."""
 
     def __init__(self, base: str, token: str) -> None:
@@ -162,5 +162,5 @@ if __name__ == "__main__":
     kind, where, more = sys.argv[1:4]
     # Real browsers are on other machines: these must not take the server's time.
     os.nice(NICE)
-    player = Watchers(where, int(more)) if kind == "watchers" else Driver(where, more)
+    player = Watchers(where, int(more)) if kind == "watchers" else BrowserDriver(where, more)
     asyncio.run(player.run())

@@ -49,7 +49,7 @@ Lap = tuple[int, int, int]  # seat, number, time [µs]
 
 
 @dataclass
-class Spectator:
+class CrashSpectator:
     """Hears a race over the network, as anybody can, and remembers what it was told."""
 
     laps: set[Lap] = field(default_factory=set)
@@ -161,7 +161,7 @@ def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) 
         group.start([*(plant if seat in spread(real, KARTS) else ["drive", name]), *ask], log)
 
 
-def _watch(address: str) -> tuple[Spectator, ClientLink]:
+def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
     deadline = time.monotonic() + START_S
     while True:
         try:
@@ -170,7 +170,7 @@ def _watch(address: str) -> tuple[Spectator, ClientLink]:
             if time.monotonic() > deadline:
                 raise
             continue
-        spectator = Spectator()
+        spectator = CrashSpectator()
         link.listen(topics.EVENTS, spectator.hear_events)
         link.listen(topics.SNAPSHOT, spectator.hear_snapshot)
         return spectator, link
@@ -178,7 +178,7 @@ def _watch(address: str) -> tuple[Spectator, ClientLink]:
 
 def _kill_and_wait(
     group: ProcessGroup,
-    spectator: Spectator,
+    spectator: CrashSpectator,
     report: RaceReport,
     most: int,
     chance: random.Random,
@@ -217,7 +217,9 @@ def _wait(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
         time.sleep(0.002)
 
 
-def _check(place: Path, spectator: Spectator, real: tuple[int, ...], report: RaceReport) -> None:
+def _check(
+    place: Path, spectator: CrashSpectator, real: tuple[int, ...], report: RaceReport
+) -> None:
     """Hold what was announced against result, recording and results file."""
     result = place / "result.json"
     if not result.exists():

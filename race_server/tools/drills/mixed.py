@@ -38,7 +38,7 @@ OBEYS = 0.1
 
 
 @dataclass(frozen=True)
-class Setting:
+class MixedRaceSetting:
     """One run of the drill."""
 
     track: str = "hangar-400"
@@ -52,7 +52,7 @@ class Setting:
     driver: str = "pure_pursuit"  # of all karts: one that is slow would hold the others up
 
 
-def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
+def drill_mixed(setting: MixedRaceSetting, console: Console) -> dict[str, Any]:
     """Run the drill and return what came of it: `ok`, and `why` not."""
     walker, cut = spread(2, setting.karts)
     with tempfile.TemporaryDirectory(prefix="race-drill-") as folder:
@@ -106,11 +106,13 @@ def _drive_again(folder: Path, digest: str) -> dict[str, Any]:
     return {"why": why, "digests": rerun.compared, "placements": placements}
 
 
-def _link(setting: Setting) -> tuple[str, ...]:
+def _link(setting: MixedRaceSetting) -> tuple[str, ...]:
     return ("--delay-ms", str(setting.delay_ms)) if setting.delay_ms else ()
 
 
-def _plan(setting: Setting, address: str, real: tuple[TrackedSeat, ...], folder: str) -> RaceSpec:
+def _plan(
+    setting: MixedRaceSetting, address: str, real: tuple[TrackedSeat, ...], folder: str
+) -> RaceSpec:
     serve = ["--track", setting.track, "--vehicle", setting.vehicle, "--results", "none"]
     serve += ["--record", folder, "--fresh"]
     serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
