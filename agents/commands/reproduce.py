@@ -105,9 +105,9 @@ def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionPr
         task = bar.add_task("reproduction", total=1.0)
 
         def tell(news: "ReproductionProgress") -> None:
-            bar.update(task, completed=news.done, total=news.cells, description=news.name)
+            bar.update(task, completed=news.done, total=news.trainings, description=news.name)
             if isinstance(news.done, int) and not quiet and not console.is_terminal:
-                text = f"{news.done} of {news.cells}: {news.name}"
+                text = f"{news.done} of {news.trainings}: {news.name}"
                 console.print(text, markup=False, highlight=False)
 
         yield tell
@@ -118,17 +118,17 @@ def _show(outcome: "ReproductionResult", *, quick: bool) -> None:
 
     from race_agents.reproductions.table import (
         base_of,
-        cells_of,
         heads_of,
         partial_words,
         scale_words,
+        texts_of,
     )
 
     plan, base = outcome.plan, base_of(outcome.plan, outcome.lines)
     title = f"{plan.title}\n{scale_words(outcome.scale, outcome.lines, quick=quick)}"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     heads = heads_of(plan)
-    texts = [cells_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
+    texts = [texts_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
     # Texts of the report would leave no room for figures.
     shown = [number for number, head in enumerate(heads) if not head.endswith(WORDY)]
     for number in shown:

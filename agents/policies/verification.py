@@ -1,4 +1,4 @@
-"""A policy's file put to the proof: on what it sees on courses that no policy learns on.
+"""Verify a policy file on observations from courses that no policy learns on.
 
 Nothing here needs PyTorch; `race_agents.training.parity` makes the comparison with the learner.
 """
@@ -27,9 +27,9 @@ UNSEEN = "unseen"  # the set of tracks
 WORLDS = 16
 EPISODE_S = 60.0
 SEED = 300_000  # far from those of training and evaluation
-# Whoever sees other karts is among these.
+# Opponents of a policy that observes other karts.
 OTHERS = ("follow_gap", "pure_pursuit", "avoider")
-# A policy's file answers like its learner, up to rounding.
+# Largest difference between a policy file and its learner: rounding.
 MOST_DIFFERENCE = 1e-5
 WARM_UP = 200  # decisions that are not timed
 
@@ -38,7 +38,7 @@ Rows = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Times:
-    """How long decisions take, one observation at a time, on one thread [µs]."""
+    """Times of decisions, one observation at a time, on one thread [µs]."""
 
     median: float
     p99: float
@@ -46,7 +46,7 @@ class Times:
 
 
 def observations_of(policy: Policy, count: int) -> Rows:
-    """Return what a policy sees while it drives the unseen tracks, shape (count, size).
+    """Return observations of a policy that drives the unseen tracks, shape (count, size).
 
     Raises:
         RaceError: it cannot drive there.
@@ -65,9 +65,9 @@ def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
 
 
 def _task(metadata: PolicyMetadata) -> Task:
-    """Return a task in which a policy drives all unseen tracks, from anywhere, on and on."""
+    """Return a task of all unseen tracks, from random places, without end."""
     others = OTHERS if any(part.startswith("karts") for part in metadata.parts) else ()
-    # A lidar that nobody looks at needs no fewer rays.
+    # Without lidar in the observation the number of rays does not matter.
     lidar = Lidar(rays=metadata.lidar_rays) if metadata.lidar_rays else Lidar()
     scenarios = [
         Scenario(
@@ -93,7 +93,7 @@ def _task(metadata: PolicyMetadata) -> Task:
 
 
 def _courses(metadata: PolicyMetadata) -> list[str]:
-    """Return the unseen courses; with a reference line only those whose line comes along."""
+    """Return the unseen courses; with a reference line only those whose line is bundled."""
     names = set_named(UNSEEN)
     if metadata.base or wants_line(metadata.parts):
         return [name for name in names if not name.startswith("generated:")]
@@ -101,7 +101,7 @@ def _courses(metadata: PolicyMetadata) -> list[str]:
 
 
 def times_of(policy: Policy, seen: Rows) -> Times:
-    """Return how long a policy takes to decide, from observations (n, size)."""
+    """Return the times of decisions of a policy on observations (n, size)."""
     rows = [np.ascontiguousarray(row[None]) for row in seen]
     for row in rows[:WARM_UP]:
         policy.decide(row)

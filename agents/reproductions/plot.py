@@ -1,4 +1,4 @@
-"""A reproduction as a picture: how it learned, and the figure that is compared."""
+"""A reproduction as a picture: learning curves, and the figure that is compared."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ OURS, THEIRS = "tab:blue", "tab:orange"
 
 
 def draw(path: Path, plan: Reproduction, lines: Sequence[VariantSummary], words: str) -> None:
-    """Draw the curves of learning, and ours beside theirs. words: how much was trained."""
+    """Draw the curves of learning, and ours beside theirs. words: the amount of training."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 1.5 + max(3.2, 0.5 * len(lines))), layout="constrained")

@@ -1,4 +1,4 @@
-"""The figures of a reproduction: means over seeds, beside the report's."""
+"""The figures of a reproduction: means over seeds, beside those of the report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class VariantSummary:
 
 
 def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[VariantSummary]:
-    """Return a line for each row of which something is known."""
+    """Return a summary for each row with results."""
     lines = []
     for row in plan.rows:
         runs = [outcome for outcome in outcomes if outcome["row"] == row.name]
@@ -43,7 +43,7 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
         means[key] = float(np.mean(known)) if known else None
         spreads[key] = float(np.std(known)) if known else 0.0
     points = min(len(run["curve"]) for run in runs)
-    # The ends are abreast; the first episode may be over sooner or later.
+    # The ends are aligned; the first episode may end at different steps.
     curve = (
         np.mean([run["curve"][-points:] for run in runs], axis=0) if points else np.zeros((0, 2))
     )
@@ -53,7 +53,7 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
 
 
 def remarks_on(plan: Reproduction, lines: Sequence[VariantSummary]) -> list[str]:
-    """Return in sentences where ours agree with the report's figures, and where they do not."""
+    """Return sentences on where our figures agree with the report's, and where they do not."""
     remarks = []
     column = plan.plotted
     numbers = {line.row.name: line.number(column) for line in lines}

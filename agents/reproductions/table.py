@@ -14,12 +14,12 @@ def heads_of(plan: Reproduction) -> list[str]:
     return ["setting", *theirs, *(f"ours: {column.head}" for column in plan.columns), "ours: runs"]
 
 
-def cells_of(
+def texts_of(
     plan: Reproduction, line: VariantSummary, base: VariantSummary | None, seeds: int
 ) -> list[str]:
     """Return the texts of a line, one for each head.
 
-    base: what differences are told to; seeds: so many runs the line will be the mean of.
+    base: the line that differences are given to; seeds: number of runs wanted for the mean.
     """
     theirs = line.row.theirs or (NOTHING,) * len(plan.their_heads)
     ours = [_figure(column, line, base) for column in plan.columns]
@@ -44,7 +44,7 @@ def _figure(column: Column, line: VariantSummary, base: VariantSummary | None) -
 
 
 def scale_words(scale: TrainingScale, lines: Sequence[VariantSummary], *, quick: bool) -> str:
-    """Return how much was trained."""
+    """Return a text on the amount of training."""
     counts = [line.runs for line in lines] or [scale.seeds]
     least, most = min(counts), max(counts)
     count = f"{most}" if least == most else f"{least} to {most}"
@@ -54,7 +54,7 @@ def scale_words(scale: TrainingScale, lines: Sequence[VariantSummary], *, quick:
 
 
 def partial_words(plan: Reproduction, scale: TrainingScale, lines: Sequence[VariantSummary]) -> str:
-    """Return in a sentence what is not there yet, nothing if all is."""
+    """Return a sentence on missing runs, "" if there are none."""
     runs, wanted = sum(line.runs for line in lines), scale.seeds * len(plan.rows)
     if runs == wanted:
         return ""
@@ -74,7 +74,7 @@ def page(
 ) -> str:
     """Return the page. words: facts to end with, such as the command and the versions."""
     base = base_of(plan, lines)
-    rows = [heads_of(plan), *(cells_of(plan, line, base, scale.seeds) for line in lines)]
+    rows = [heads_of(plan), *(texts_of(plan, line, base, scale.seeds) for line in lines)]
     table = ["| " + " | ".join(row) + " |" for row in rows]
     table.insert(1, "|" + "---|" * len(rows[0]))
     parts = [

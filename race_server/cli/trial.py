@@ -211,7 +211,7 @@ def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -
         trial = prepare(plan)
         if not is_ready():
             status.update("compiling the simulation for this machine, once: about a minute")
-            compile_once(plan.cells[0])
+            compile_once(plan.specs[0])
     with _progress(plan, console, quiet=quiet) as report:
         trial.drive(log, report)
     return trial
@@ -235,13 +235,13 @@ def _progress(
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
-        task = bar.add_task("laps", total=sum(cell.laps for cell in plan.cells))
-        driven = [0] * len(plan.cells)
+        task = bar.add_task("laps", total=sum(spec.laps for spec in plan.specs))
+        driven = [0] * len(plan.specs)
 
         def report(number: int, laps: int) -> None:
             driven[number] = laps
-            cell = plan.cells[number]
-            bar.update(task, completed=sum(driven), description=f"{cell.driver}, {cell.track}")
+            spec = plan.specs[number]
+            bar.update(task, completed=sum(driven), description=f"{spec.driver}, {spec.track}")
 
         yield report
 

@@ -60,14 +60,14 @@ def settings(*changes: str) -> Settings:
 def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
     """Return a learner after its warm start, and what was said."""
     said: list[str] = []
-    pace, world, learner = untrained(wanted)
+    budget, world, learner = untrained(wanted)
     imitation = Imitation(wanted, learner, world, said.append)
 
     def passed(decisions: int) -> bool:
-        pace.done += decisions
+        budget.done += decisions
         return True
 
-    imitation.go(pace, passed)
+    imitation.go(budget, passed)
     imitation.close()
     world.close()
     return learner, said
@@ -179,7 +179,7 @@ def test_a_warm_start_ends_once_its_goal_is_reached_and_is_logged(tmp_path: Path
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (("action=report_b",), "'report_b': a teacher shows pedals and wheel"),
+        (("action=report_b",), "'report_b': a teacher answers with pedals and steering"),
         (("algorithm.name=sac", "algorithm.options={}"), "only ppo with continuous actions"),
         (("warm_start.teacher=learned:nobody",), "policy 'nobody' is unknown"),
         (("warm_start.teacher=nobody",), "driver 'nobody' is unknown"),
@@ -205,12 +205,12 @@ def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
     wanted = wanted.model_copy(
         update={"network": wanted.network.model_copy(update={"last_log_std": -4.0})}
     )
-    pace, world, learner = untrained(wanted)
-    schedule = Schedule(wanted, pace)
+    budget, world, learner = untrained(wanted)
+    schedule = Schedule(wanted, budget)
     schedule.init_callback(learner)
     learns = []
     for done in (500, 599, 600, 1000):
-        pace.done = done
+        budget.done = done
         schedule.on_rollout_start()
         learns.append(learner.policy.action_net.weight.requires_grad)
     assert learns == [False, False, True, True]
@@ -239,12 +239,12 @@ def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate
         "algorithm.last_learning_rate=0.0",
         "steps=1000",
     )
-    pace, world, learner = untrained(wanted)
-    schedule = Schedule(wanted, pace)
+    budget, world, learner = untrained(wanted)
+    schedule = Schedule(wanted, budget)
     schedule.init_callback(learner)
     rates, logarithms = [], []
     for done in (599, 600, 750, 1000):
-        pace.done = done
+        budget.done = done
         schedule.on_rollout_start()
         rates.append(learner.lr_schedule(1.0))
         logarithms.append(learner.policy.log_std.tolist())

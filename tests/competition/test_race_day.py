@@ -203,7 +203,7 @@ def test_the_same_seed_gives_the_same_sheet() -> None:
 
 
 def test_a_sheet_of_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"sheet.doc: draw the sheet as .png, .svg, .pdf"):
+    with pytest.raises(ScenarioError, match=r"sheet.doc: draw the picture as .png, .svg, .pdf"):
         check_picture(Path("sheet.doc"))
 
 
@@ -271,7 +271,7 @@ def test_a_list_without_a_driver_is_refused() -> None:
 
 
 def test_a_track_that_the_vehicle_cannot_lap_is_refused() -> None:
-    assert call("--vehicle", "kart-30").startswith("covapsy-base is no track for this day: 0.9")
+    assert call("--vehicle", "kart-30").startswith("covapsy-base cannot be used on this day: 0.9")
 
 
 def test_too_few_tracks_are_refused() -> None:

@@ -45,9 +45,9 @@ QUICK = (
 
 def untrained(settings: Settings) -> tuple[Budget, Normaliser, Any]:
     """Return a learner that has learned nothing, the world that it is to learn in, and its pace."""
-    pace = Budget.of(settings)
-    world = world_of(settings, pace)
-    return pace, world, learner_of(settings, world, pace, None)
+    budget = Budget.of(settings)
+    world = world_of(settings, budget)
+    return budget, world, learner_of(settings, world, budget, None)
 
 
 def side_by_side(

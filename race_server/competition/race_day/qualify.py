@@ -17,10 +17,10 @@ def run_trial(
     seed_for: Callable[[str], int],
     tell: Callable[[str], None],
 ) -> TrialResult:
-    """Let every team make its attempts, all first ones before the second ones.
+    """Run the attempts of every team, all first ones before the second ones.
 
-    race: a session of one kart on the course; seed_for: gives each attempt chance of its own;
-    tell: hears what comes next.
+    race: a session of one kart on the course; seed_for: returns the seed of an attempt; tell:
+    called with the title of each attempt.
     """
     attempts: dict[str, list[TeamResult]] = {team.name: [] for team in teams}
     for number in range(1, stage.attempts + 1):
@@ -34,7 +34,7 @@ def run_trial(
 def trial_result(
     stage: TimeTrial, course: Course, attempts: dict[str, list[TeamResult]]
 ) -> TrialResult:
-    """Return who was how fast; teams with equal times keep their order."""
+    """Return the teams by their best times; teams with equal times keep their order."""
     failure_us = round(stage.failure_s * 1e6)
     times = {
         name: tuple(counted_us(drive, failure_us) for drive in drives)
@@ -51,5 +51,5 @@ def trial_result(
 
 
 def counted_us(drive: TeamResult, failure_us: int) -> int:
-    """Return the time [µs] of an attempt; who did not finish, or too late, is given a failure's."""
+    """Return the time [µs] of an attempt, at most that of a failed one."""
     return min(drive.time_us, failure_us) if drive.place > 0 else failure_us

@@ -10,7 +10,7 @@ from race_server.scenario.track.course import Course
 
 
 def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
-    """Return everything that a sheet shows, and every lap; times in seconds, null where none."""
+    """Return all tables of a day and every lap; times in seconds, null without one."""
     stages: list[dict[str, Any]] = []
     for stage in ledger.stages:
         if isinstance(stage, TrialResult):

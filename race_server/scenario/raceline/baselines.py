@@ -47,7 +47,7 @@ def least_curved(frame: Frame, bounds: Bounds) -> OffsetLine:
 
 
 def shortest(frame: Frame, bounds: Bounds, start: OffsetLine) -> OffsetLine:
-    """Return the shortest line that the steering allows, looked for from another line."""
+    """Return the shortest line that the steering allows, starting from another line."""
     return _best_line(frame, bounds, start, shortest=True)
 
 
@@ -70,7 +70,7 @@ def _best_line(frame: Frame, bounds: Bounds, start: OffsetLine, *, shortest: boo
 
 
 def follow_track(program: Program, frame: Frame, offset: Any, bearing: Any, curvature: Any) -> Any:
-    """Ask that offset and bearing follow from a line's curvature; return its stretch (N,)."""
+    """Require that offset and bearing follow from a line's curvature; return its stretch (N,)."""
     ca, k = program.casadi, frame.curvature
     room = 1.0 - offset * k
     stretch = room / ca.cos(bearing)

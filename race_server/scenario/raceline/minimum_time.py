@@ -26,7 +26,7 @@ class TimedLine:
 
 
 def fastest_lap(frame: Frame, bounds: Bounds, start: OffsetLine, speed: Floats) -> TimedLine:
-    """Return the flying lap of minimum time, looked for from another line and its speeds.
+    """Return the flying lap of minimum time, starting from another line and its speeds.
 
     States along the centre line's s: offset n, bearing b, speed v, curvature c; controls: the
     accelerations of motor and brakes, and the rate u of the curvature. With k the curvature of the

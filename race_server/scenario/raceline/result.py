@@ -1,4 +1,4 @@
-"""What a reference limit is: four closed lines with their speeds."""
+"""The reference limit: four closed lines with their speeds."""
 
 from dataclasses import dataclass
 
@@ -62,9 +62,9 @@ class Raceline:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a vehicle can reach on a course, along four lines."""
+    """The fastest laps of a vehicle on a course, along four lines."""
 
-    solve_s: float  # that it took to find them, when they were found; zero if they were shipped
+    solve_s: float  # time of the solver; zero if the lines were bundled or cached
     minimum_time: Raceline
     minimum_curvature: Raceline
     centre_line: Raceline
@@ -73,7 +73,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver finds; all else of a limit follows from it without a solver."""
+    """The solution; the rest of a limit follows from it without a solver."""
 
     best: TimedLine
     calm: OffsetLine  # the least curved

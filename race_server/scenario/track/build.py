@@ -1,4 +1,4 @@
-"""From the words of a track file to a course: the three forms meet here."""
+"""From a track file to a course, for all three forms."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -54,7 +54,7 @@ SCALES = {
 
 @dataclass(frozen=True)
 class TrackSpec:
-    """A track file, checked word by word."""
+    """A track file, checked value by value."""
 
     name: str
     title: str
@@ -80,7 +80,7 @@ def build(plan: TrackSpec) -> Course:
     """Return the course that a plan describes.
 
     Raises:
-        TrackError: it describes none.
+        TrackError: it describes no course.
     """
     scale = SCALES[plan.scale]
     if plan.form == "blocks":

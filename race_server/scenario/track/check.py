@@ -1,4 +1,4 @@
-"""Is a course one that a vehicle can race on?"""
+"""Check whether a vehicle can race on a course."""
 
 from dataclasses import dataclass
 
@@ -14,14 +14,14 @@ ROOM = 0.3
 
 @dataclass(frozen=True)
 class CourseIssue:
-    """Something that is wrong with a course, or may be."""
+    """An error or a warning about a course."""
 
     level: str  # error or warning
     what: str
 
 
 def check_course(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
-    """Return what a vehicle would trip over; nothing for a good course."""
+    """Return all errors and warnings; none for a good course."""
     return [
         *_open_borders(course),
         *_crossing_borders(course),
@@ -32,7 +32,7 @@ def check_course(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
 
 
 def _open_borders(course: Course) -> list[CourseIssue]:
-    """Every end of a wall must be the beginning of another."""
+    """Return places where the end of a wall is not the start of another."""
     starts, ends = course.borders[:, :2], course.borders[:, 2:]
     found = []
     for end in ends:

@@ -1,4 +1,4 @@
-"""How many karts one core can simulate, with sensors, and where the time goes."""
+"""How many karts one core can simulate, with sensors, and where time is spent."""
 
 import time
 from collections.abc import Callable
@@ -36,7 +36,7 @@ WORLDS, KARTS, DECISION_TICKS = 64, 8, 3
 
 @dataclass(frozen=True)
 class BenchSetting:
-    """One thing to measure."""
+    """One configuration to measure."""
 
     course: Course
     sensors: int
@@ -44,7 +44,7 @@ class BenchSetting:
     karts: int = KARTS
 
     def world(self) -> World:
-        """Return worlds in which all karts are under way, spread over the course."""
+        """Return worlds in which all karts race, spread over the course."""
         decision_s = DECISION_TICKS * TICK_S
         scenario = Scenario(
             self.course,
@@ -74,7 +74,7 @@ def spread_out(world: World) -> None:
 
 
 def lane_keeping(world: World) -> Floats:
-    """Return controls that keep every kart near the centre line at a pace of its own."""
+    """Return controls that keep every kart near the centre line, each at another speed."""
     bodies, racers = world.bodies, world.racers
     controls = np.zeros((*bodies.shape, 4))
     line = world.route.line
@@ -84,7 +84,7 @@ def lane_keeping(world: World) -> Floats:
     pace = 1.5 + 0.02 * np.arange(bodies.shape[1])
     controls[..., 1] = np.clip(pace - bodies["speed"], -1.0, 1.0)
     controls[..., 3] = (world.races["tick"][:, None] // DECISION_TICKS) % 2 * codes.USE_ITEM
-    # A kart in a jam backs out in turns.
+    # Karts in a jam take turns to reverse.
     jammed = (racers["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
     controls[..., 1] = np.where(jammed, -1.0, controls[..., 1])
     controls[..., 3] += codes.ACCEPT_RESCUE
@@ -170,7 +170,7 @@ def _radar(world: World, rounds: int) -> None:
 
 
 def profile(course: Course) -> dict[str, float]:
-    """Return where the time of one agent-step goes [ns], each part alone in a loop."""
+    """Return the time of each part of one agent-step [ns], measured alone in a loop."""
     world = BenchSetting(course, codes.LIDAR | codes.RADAR).world()
     substeps = DECISION_TICKS * SUBSTEPS
     rays = len(world.sight.lidar_rays)
@@ -197,7 +197,7 @@ def _nanoseconds(part: Callable[[World, int], None], world: World) -> float:
     """Return the CPU time of one call for one kart [ns], the best of five runs."""
     world = deepcopy(
         world
-    )  # what one part leaves behind, say karts in walls, is not the next one's
+    )  # so that the effects of one part, such as karts in walls, do not reach the next
     part(world, 1)
     agents = world.bodies.size
     rounds = 20

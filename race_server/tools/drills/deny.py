@@ -26,13 +26,13 @@ def drill_deny() -> dict[str, Any]:
     findings = list(_closed_doors())
     with Log(stream=said) as log:
         with scene_of(log) as scene:
-            for part in (*_PARTS, logins.try_full_house):
+            for part in (*_PARTS, logins.try_too_many):
                 part(scene)
-            refused = dict(scene.stage.server.refused)
+            refused = dict(scene.served.server.refused)
         findings += scene.findings
     findings.append(_told_once(said.getvalue()))
-    with served_session(1, 1, "tcp") as stage:
-        findings += logins.try_passwords_only(stage)
+    with served_session(1, 1, "tcp") as served:
+        findings += logins.try_passwords_only(served)
     seconds = round(time.perf_counter() - begun, 1)
     return matrix_of(findings, acts=len(findings), seconds=seconds, refused=refused)
 
@@ -53,7 +53,7 @@ _PARTS: tuple[Callable[[Scene], None], ...] = (
 
 
 def _closed_doors() -> Iterator[Finding]:
-    """Yield what a server without keys does with addresses that others can reach."""
+    """Yield how a server without keys treats addresses that other machines can reach."""
     for address in ("tcp/0.0.0.0:7447", "tcp/192.168.1.10:7447", "tls/127.0.0.1:7447"):
         try:
             check_listen_settings(ListenSettings(address, "race", 2))

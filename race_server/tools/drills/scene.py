@@ -20,9 +20,9 @@ SEATS, SPECTATORS = 3, 4
 class Scene:
     """The session under attack, its honest participants, and the findings."""
 
-    stage: ServedSession
+    served: ServedSession
     drivers: list[ClientSeat]
-    watcher: ClientLink
+    spectator: ClientLink
     arrived: Ears  # what reached the server
     told: Ears  # what reached an honest spectator and an honest driver
     findings: list[Finding] = field(default_factory=list)
@@ -44,18 +44,18 @@ class Scene:
 @contextlib.contextmanager
 def scene_of(log: Log) -> Iterator[Scene]:
     """Start a race of honest drivers with an honest spectator."""
-    with served_session(SEATS, SPECTATORS, log=log) as stage, contextlib.ExitStack() as stack:
+    with served_session(SEATS, SPECTATORS, log=log) as served, contextlib.ExitStack() as stack:
         arrived, told = Ears(), Ears()
-        stage.server.link.overhear(arrived.hear_at)
-        links = [stack.enter_context(stage.link(f"seat-{seat}")) for seat in range(SEATS)]
+        served.server.link.overhear(arrived.hear_at)
+        links = [stack.enter_context(served.link(f"seat-{seat}")) for seat in range(SEATS)]
         drivers = [
             take_seat(link, Join(f"honest {seat}", "track", seat))
             for seat, link in enumerate(links)
         ]
-        watcher = stack.enter_context(stage.link("spectator"))
+        spectator = stack.enter_context(served.link("spectator"))
         for topic in (topics.SNAPSHOT, topics.EVENTS, topics.STANDINGS):
-            watcher.listen(topic, told.hear)
+            spectator.listen(topic, told.hear)
         links[1].listen(topics.OBSERVATION, told.hear, 1)
         for driver in drivers:
             driver.act(topics.READY)
-        yield Scene(stage, drivers, watcher, arrived, told)
+        yield Scene(served, drivers, spectator, arrived, told)
