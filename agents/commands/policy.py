@@ -88,7 +88,7 @@ def _difference(path: Path, loaded: Any, seen: Any) -> tuple[float | None, str]:
     except ImportError as error:
         return None, (
             f"not compared with its learner: {error.name} is not installed, "
-            "`pip install race-server[train]` brings it"
+            "`pip install race-server[train]` installs it"
         )
     return difference_in(run, loaded, seen), ""
 

@@ -158,7 +158,7 @@ def _changes(options: TrainOptions) -> list[str]:
         names = list(names_in(options.tracks))
         changes += [f"tracks.set={json.dumps(options.track_set)}"]
         changes += [f"tracks.names={json.dumps(names)}"]
-        # Stages of a preset name tracks of its own set.
+        # Stages of a preset name tracks of the preset's set.
         changes.append("curriculum=[]")
     if minutes is not None:
         changes += ["steps=none", f"minutes={minutes}"]

@@ -121,7 +121,7 @@ class Reproduction:
         company = "alone" if self.exam.alone else "among the other cars"
         return (
             f"each then drives {scale.exam_s:g} s without exploration from {starts} "
-            f"on each of {where}, {company}, beginning anew after a crash"
+            f"on each of {where}, {company}, starting again after a crash"
         )
 
     def _set_words(self) -> tuple[str, ...]:

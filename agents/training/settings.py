@@ -190,7 +190,7 @@ class WarmStart(_Table):
 
     @property
     def is_wanted(self) -> bool:
-        """Whether there is anybody to imitate."""
+        """Whether there is a teacher or a demonstration to imitate."""
         return bool(self.teacher or self.demonstrations)
 
     @property

@@ -64,8 +64,8 @@ class Teacher:
         self._action = action_kind(task.action)
         if self._action not in {CONTINUOUS, CONTROL}:
             raise ScenarioError(
-                f"action = {task.action!r}: a teacher answers with pedals and steering; choose 'continuous' "
-                "or 'control'"
+                f"action = {task.action!r}: a teacher answers with pedals and steering; choose "
+                "'continuous' or 'control'"
             )
         gear = np.array([lidar.field, lidar.reach, task.decision_ticks * TICK_S])
         names = tuple(item.name for item in items())

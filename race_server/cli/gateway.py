@@ -44,7 +44,7 @@ class GatewayOptions:
     spectators: Annotated[
         str,
         typer.Option(
-            help="open: anybody may watch. token: only browsers with the printed address. "
+            help="open: all browsers may watch. token: only browsers with the printed address. "
             "Default: open, with --open token."
         ),
     ] = ""

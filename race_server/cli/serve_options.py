@@ -49,8 +49,8 @@ class ServeOptions(RaceOptions):
     fill: Annotated[
         str,
         typer.Option(
-            help="Comma-separated drivers for seats that nobody takes, repeated as needed. "
-            "Default: such seats stay empty."
+            help="Comma-separated drivers for seats that stay free, repeated as needed. "
+            "Default: none."
         ),
     ] = ""
     wait_for: Annotated[

@@ -44,7 +44,7 @@ def test_a_stage_ends_once_enough_of_its_last_episodes_succeed_and_not_before() 
         assert stages(20 * turn, [one]) is None  # too few, or one of four
     assert str(stages) == "stage 1 of 2, 25 % succeed"
     assert stages(100, [success]) == [1.0, 1.0]  # two of the last four
-    assert stages(120, [crash] * 9) is None  # nobody goes back
+    assert stages(120, [crash] * 9) is None  # no stage comes back
     assert str(stages) == "stage 2 of 2"
 
 

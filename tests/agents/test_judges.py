@@ -175,7 +175,7 @@ def test_a_judge_sees_where_an_episode_ended_and_not_where_the_next_began() -> N
         assert rewards.tolist() == [2.0] * 4
     notes = world.judge.jumps  # type: ignore[attr-defined]
     assert len(notes) == 45
-    # A kart that begins anew loses its speed at once; no kart can brake like that.
+    # A kart that starts again loses its speed at once; no kart can brake like that.
     assert max(notes) < 1.0
     world.close()
 

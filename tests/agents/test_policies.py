@@ -1,4 +1,4 @@
-"""Policies by name: put to the proof, and listed with where they come from."""
+"""Policies by name: verified, and listed with their origin."""
 
 import json
 import shutil
@@ -130,7 +130,7 @@ def test_a_list_tells_of_runs_and_of_what_is_damaged(
     assert "mine" in told
 
 
-# The policy that comes along and knows the course
+# The bundled policy that knows the course
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Self-play: who sits where, snapshots that are rated, and a policy that advises a driver."""
+"""Self-play: drivers of seats, rated snapshots, and a policy that advises a driver."""
 
 import json
 from dataclasses import replace
@@ -215,7 +215,7 @@ def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
     while not batch.world.races["over"].all():
         batch.step(np.zeros((6, 1, 6)))
         gained += batch.rewards[:, 0]
-    # Of three rivals so many are behind, less those who are ahead.
+    # Of three rivals: those behind less those ahead.
     at_the_end = 5 - 2 * batch.world.racers["rank"][:, 0]
     assert before + gained == pytest.approx(at_the_end, abs=1e-3)
 
@@ -253,7 +253,7 @@ def _shared(task: Task, observation: object) -> dict[str, object]:
     }
 
 
-# The policy that comes along
+# The bundled policy
 
 
 def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:

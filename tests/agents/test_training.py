@@ -377,8 +377,8 @@ def test_a_network_that_answers_with_no_numbers_drives_nobody(
 
 
 def test_an_unknown_policy_is_named_with_the_known_ones() -> None:
-    with pytest.raises(DriverError, match="policy 'nobody' is unknown; known are"):
-        driver_named("learned:nobody")
+    with pytest.raises(DriverError, match="policy 'none-such' is unknown; known are"):
+        driver_named("learned:none-such")
 
 
 def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> None:

@@ -25,7 +25,7 @@ class Options:
 
 
 def parsed(*words: str) -> tuple[Options, int]:
-    """Return what a command is given that has options of its own beside those of the class."""
+    """Return what a command is given that has one option beside those of the class."""
     given: list[tuple[Options, int]] = []
     app = typer.Typer()
 

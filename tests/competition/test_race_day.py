@@ -131,7 +131,7 @@ def run(plan: DayPlan) -> tuple[dict[str, object], list[str]]:
 
 
 def remarks(*drivers: str) -> list[str]:
-    """Return the remark on each driver after one lap in one race; none for who finished."""
+    """Return the remark on each driver after one lap in one race; none for one that finished."""
     rules = Rules(laps=1, items=False, countdown_s=0.5, stuck_s=0.0, stopped_limit_s=5.0)
     race = LocalRace("test", Scenario(COURSE, karts=len(drivers), rules=rules), None)
     teams = teams_of(drivers)
@@ -258,8 +258,8 @@ def call(*words: str) -> str:
 
 
 def test_an_unknown_driver_is_refused_with_the_known_ones() -> None:
-    error = call("--drivers", "avoider,nobody")
-    assert error.startswith("driver nobody is unknown; installed drivers are avoider, ")
+    error = call("--drivers", "avoider,none_such")
+    assert error.startswith("driver none_such is unknown; installed drivers are avoider, ")
 
 
 def test_an_unknown_format_is_refused_with_the_known_ones() -> None:

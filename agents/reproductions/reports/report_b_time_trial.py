@@ -68,7 +68,7 @@ REPRODUCTION = Reproduction(
         *ASSUMPTIONS,
         f"{VALIDATION_TRACK} is likely, not certainly, the report's validation track.",
         "Its figures are of one lap, with one network of each kind. Ours drive for 180 s in each "
-        "direction, and begin anew at the start after each crash.",
+        "direction, and start again from the grid after each crash.",
         "It prints 500 000 episodes for PPO 3 where the others have 1 000 000; both are read as "
         "steps.",
         "It prints a clip range of 0.02 among values that are otherwise the library's defaults; "

@@ -100,7 +100,7 @@ def try_double_login(scene: Scene) -> None:
         token = thief.session.liveliness().declare_token(key("alive/0/00"))
         time.sleep(SETTLE_S)
         seen = server.link.holders.is_doubled(0)
-        scene.allow("a token of one's own seat is seen", "" if seen else "it was not")
+        scene.allow("a token of the client's seat is seen", "" if seen else "it was not")
         token.undeclare()
         time.sleep(SETTLE_S)
         scene.deny("end the driver's presence", "" if seat.is_present else "the driver is gone")

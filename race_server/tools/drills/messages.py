@@ -101,7 +101,7 @@ def try_presence(scene: Scene) -> None:
         for token in tokens:
             token.undeclare()
         found = list(liveliness.get(key("alive/**"), timeout=SETTLE_S))
-        scene.deny("ask who is there", f"{len(found)} answers" if found else "")
+        scene.deny("ask for present clients", f"{len(found)} answers" if found else "")
         ears = Ears()
         liveliness.declare_subscriber(key("alive/**"), lambda sample: ears.hear(b""), history=True)
         time.sleep(SETTLE_S)
