@@ -17,7 +17,7 @@ from race_server.scenario.race import Scenario, make_world
 from support.courses import ring
 
 if TYPE_CHECKING:
-    from race_agents.training.run import Outcome
+    from race_agents.training.run import TrainingResult
     from support.trainings import Train
 
 
@@ -38,7 +38,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> "Train":
     from race_agents.training.settings_toml import read_settings
 
     @cache
-    def train_by(preset: str, changes: tuple[str, ...]) -> "Outcome":
+    def train_by(preset: str, changes: tuple[str, ...]) -> "TrainingResult":
         place = folder.new_folder("quick", tmp_path_factory.mktemp("runs") / "quick")
         return train(read_settings(preset, changes), place)
 

@@ -1,7 +1,7 @@
-"""`race demonstrate`: laps of a driver go into a file from which others learn."""
+"""`race demonstrate`: record laps of a driver as training data."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -10,34 +10,45 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import names_in
 from race_server.errors import ScenarioError, brought_by
 
+if TYPE_CHECKING:
+    from race_agents.training.demonstrations import Demonstrations
+
 
 def demonstrate(
     driver: Annotated[
-        str, typer.Argument(help="An installed driver, such as raceline; none with --recording.")
+        str, typer.Argument(help="Installed driver, such as raceline; not with --recording.")
     ] = "",
     tracks: Annotated[
         str, typer.Option("--tracks", "--track", help="Comma-separated names of tracks.")
     ] = "covapsy-train-2023",
-    laps: Annotated[int, typer.Option(min=1, help="On each track.")] = 5,
-    vehicle: Annotated[str, typer.Option(help="Such as tt02 or kart-60.")] = "tt02",
-    seed: Annotated[int, typer.Option(min=0, help="Of sensors, start and noise.")] = 1,
+    laps: Annotated[int, typer.Option(min=1, help="Laps on each track.")] = 5,
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60.")
+    ] = "tt02",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of sensors, start and noise.")] = 1,
     noise: Annotated[
         float,
         typer.Option(
-            min=0.0, max=1.0, help="Deviation of pedals and wheel, against which the driver drives."
+            min=0.0,
+            max=1.0,
+            help="Deviation of the noise added to pedals and steering, which the driver corrects.",
         ),
     ] = 0.0,
     recording: Annotated[
-        Path | None, typer.Option(help="A recorded race, .mcap, instead of driving one.")
+        Path | None,
+        typer.Option(
+            help="Take the laps from this recording (.mcap file) instead of driving them."
+        ),
     ] = None,
-    seat: Annotated[int, typer.Option(min=0, help="With --recording: whose seat.")] = 0,
-    out: Annotated[Path, typer.Option(help="The file.")] = Path("demonstrations.npz"),
+    seat: Annotated[int, typer.Option(min=0, help="With --recording: number of the seat.")] = 0,
+    out: Annotated[Path, typer.Option(help="File to write (.npz).")] = Path("demonstrations.npz"),
     as_json: AsJson = False,
 ) -> None:
-    """Record what a driver sees and does: `race demonstrate raceline --noise 0.1 --out laps.npz`.
+    """Record observations and actions of a driver as demonstrations.
 
-    Or take it from a race that anybody drove: `race demonstrate --recording FILE --seat 2`.
-    Learn from it: `race train time-trial --set warm_start.demonstrations=laps.npz`.
+    From laps driven now: `race demonstrate raceline --noise 0.1 --out laps.npz`.
+    From a recorded race: `race demonstrate --recording FILE --seat 2`.
+    To learn from the file: `race train time-trial --set warm_start.demonstrations=laps.npz`.
     """
     names = names_in(tracks)
     if not names:
@@ -48,21 +59,26 @@ def demonstrate(
         raise ScenarioError(f"--out {out}: there is no folder {out.parent}")
     with brought_by("train"):
         from race_agents.training.demonstrations import write_demonstrations
-        from race_agents.training.demonstrator import demonstrate as watch
+        from race_agents.training.demonstrator import demonstrate as drive_laps
         from race_agents.training.recorded import demonstrations_in
     if recording is not None:
-        shown, drive = demonstrations_in(recording, seat)
-        driven, contacts = drive.laps, drive.wall_contacts
+        shown, recorded = demonstrations_in(recording, seat)
+        driven, contacts = recorded.laps, recorded.wall_contacts
     else:
-        shown, runs = watch(driver, names, vehicle, laps, seed, noise)
+        shown, runs = drive_laps(driver, names, vehicle, laps, seed, noise)
         driven, contacts = laps, sum(run.crashes for run in runs)
     write_demonstrations(out, shown)
+    _show(out, shown, driven, contacts, as_json=as_json)
+
+
+def _show(out: Path, shown: "Demonstrations", laps: int, contacts: int, *, as_json: bool) -> None:
+    """Print what was recorded: on stderr, or as one document."""
+    decisions = len(shown.observations)
     if as_json:
-        count = len(shown.observations)
-        print_document({"file": str(out), "decisions": count, "wall_contacts": contacts})
+        print_document({"file": str(out), "decisions": decisions, "wall_contacts": contacts})
         return
     Console(stderr=True).print(
-        f"{out}: {len(shown.observations)} decisions of {shown.about.driver} in {driven} laps on "
+        f"{out}: {decisions} decisions of {shown.about.driver} in {laps} laps on "
         f"{', '.join(shown.about.tracks)}, with {contacts} wall contacts",
         markup=False,
         soft_wrap=True,

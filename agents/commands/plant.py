@@ -1,4 +1,4 @@
-"""`race plant`: a kart that exists, as far as the server can tell."""
+"""`race plant`: a simulated stand-in for a real kart."""
 
 import os
 from pathlib import Path
@@ -10,31 +10,34 @@ from race_server.cli.access import Connect, KeysFolder, SessionName, access
 
 
 def plant(
-    driver: Annotated[str, typer.Option(help="The installed driver at the wheel.")] = (
-        "pure_pursuit"
-    ),
+    driver: Annotated[str, typer.Option(help="Installed driver of the kart.")] = ("pure_pursuit"),
     connect: Connect = "",
     session: SessionName = "",
     keys: KeysFolder = None,
-    seat: Annotated[int, typer.Option(help="The seat wanted; -1 for any.")] = -1,
-    patience: Annotated[float, typer.Option(help="Seconds to wait for a server.")] = 20.0,
+    seat: Annotated[
+        int, typer.Option(help="Number of the seat to take; -1: any, or the one in the keys.")
+    ] = -1,
+    patience: Annotated[float, typer.Option(help="Seconds to wait for the server.")] = 20.0,
     deviation: Annotated[
-        float, typer.Option(help="Standard deviation of position fixes, in m; ten fixes a second.")
+        float, typer.Option(help="Standard deviation of the position fixes [m], ten a second.")
     ] = 0.02,
-    delay_ms: Annotated[float, typer.Option(help="Added to every message, each way.")] = 0.0,
+    delay_ms: Annotated[float, typer.Option(help="Delay of every message, each way [ms].")] = 0.0,
     pedestrian: Annotated[
-        float | None, typer.Option(help="Somebody steps in front after so many s of racing.")
+        float | None,
+        typer.Option(
+            help="Time at which a pedestrian steps in front of the kart [s]. Default: none."
+        ),
     ] = None,
     cut_link: Annotated[
-        float | None, typer.Option(help="The radio goes off after so many s of racing.")
+        float | None, typer.Option(help="Time at which the radio link is lost [s]. Default: never.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the kart as built and of its sensors.")] = 1,
     report: Annotated[
-        Path | None, typer.Option(help="Write what the kart did to this JSON file.")
+        Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
     ] = None,
 ) -> None:
-    """Play a real kart: own physics and sensors, a control unit that obeys and keeps it safe."""
-    # Before any kernel is imported: a kart's own process needs no compiler.
+    """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
+    # Set before any kernel is imported: one kart needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_agents.plant.kart import Sensors
     from race_agents.plant.run import PlantSetting, run_plant

@@ -1,4 +1,4 @@
-"""`race policy`: which policies there are, and whether one does what it should."""
+"""`race policy`: list policies, and verify one."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -13,10 +13,10 @@ from race_agents.policies.registry import policy_path
 from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError
 
-app = typer.Typer(help="Learned policies: which there are, and one put to the proof.")
+app = typer.Typer(help="List learned policies, and verify one.")
 
 UNKNOWN = "–"
-# What the metadata say besides what is seen, with units.
+# Metadata beside the observations, with units.
 FACTS = {
     **dict.fromkeys(("action", "base", "vehicle", "lidar_rays"), ""),
     "lidar_field": " rad",
@@ -28,17 +28,27 @@ FACTS = {
 
 @app.command()
 def check(
-    policy: Annotated[str, typer.Argument(help="A run, a shipped policy, or an .onnx file.")],
+    policy: Annotated[
+        str, typer.Argument(help="Name of a run or of a bundled policy, or an .onnx file.")
+    ],
     observations: Annotated[
-        int, typer.Option(min=1, help="So many, from driving tracks that no policy learns on.")
+        int,
+        typer.Option(
+            min=1, help="Number of observations to compare, from tracks that no policy learns on."
+        ),
     ] = 10_000,
     example: Annotated[
         Path | None,
-        typer.Option(help="Write one observation to this text file, as examples/policy_cpp reads."),
+        typer.Option(
+            help="Write one observation to this text file, in the format of examples/policy_cpp."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a policy's file with its learner, time its decisions, show what it says of itself."""
+    """Compare a policy file with its learner, time its decisions, and show its metadata.
+
+    Exit code 1 if the two differ.
+    """
     from race_agents.policies.session import Policy
     from race_agents.policies.verification import MOST_DIFFERENCE, observations_of, times_of
 
@@ -55,7 +65,7 @@ def check(
         "remark": remark,
         "most_difference": MOST_DIFFERENCE,
         "ok": difference is None or difference <= MOST_DIFFERENCE,
-        "metadata": asdict(loaded.nature),
+        "metadata": asdict(loaded.metadata),
         "example": _example(example, loaded, seen) if example else None,
     }
     if as_json:
@@ -67,7 +77,7 @@ def check(
 
 
 def _difference(path: Path, loaded: Any, seen: Any) -> tuple[float | None, str]:
-    """Return the largest difference to the learner, or why there is nothing to compare with."""
+    """Return the largest difference to the learner, or why there is none to compare with."""
     from race_agents.policies.registry import BEST, CONFIG
 
     run = path.parent
@@ -78,13 +88,13 @@ def _difference(path: Path, loaded: Any, seen: Any) -> tuple[float | None, str]:
     except ImportError as error:
         return None, (
             f"not compared with its learner: {error.name} is not installed, "
-            "`pip install race-server[train]` brings it"
+            "`pip install race-server[train]` installs it"
         )
     return difference_in(run, loaded, seen), ""
 
 
 def _example(path: Path, loaded: Any, seen: Any) -> dict[str, Any]:
-    """Write the last observation as text, a number a line; return what the policy answers."""
+    """Write the last observation as text, one number per line; return the policy's answer."""
     row = seen[-1:]
     text = "".join(f"{value:.9g}\n" for value in row[0].tolist())
     try:
@@ -97,15 +107,15 @@ def _example(path: Path, loaded: Any, seen: Any) -> dict[str, Any]:
 def _show(document: dict[str, Any]) -> None:
     console = Console(soft_wrap=True)
     facts = Table("", "", show_header=False, box=None)
-    times, nature = document["decision_us"], document["metadata"]
+    times, metadata = document["decision_us"], document["metadata"]
     rows = {
         "file": f"{document['file']}, {document['bytes'] / 1e3:.1f} kB",
-        "a decision": f"{times['median']:.0f} µs, 99 of 100 within {times['p99']:.0f} µs, "
+        "one decision": f"{times['median']:.0f} µs, 99 of 100 within {times['p99']:.0f} µs, "
         "one at a time on one thread",
         "observations": f"{document['observations']} of the unseen tracks",
-        "sees": _parts(nature),
+        "sees": _parts(metadata),
         **{
-            name.removesuffix("_s").replace("_", " "): _fact(nature[name]) + unit
+            name.removesuffix("_s").replace("_", " "): _fact(metadata[name]) + unit
             for name, unit in FACTS.items()
         },
     }
@@ -127,8 +137,8 @@ def _show(document: dict[str, Any]) -> None:
         console.print(f"{words}, {limit}: export it again", style="red", markup=False)
 
 
-def _parts(nature: dict[str, Any]) -> str:
-    pairs = zip(nature["parts"], nature["sizes"], strict=True)
+def _parts(metadata: dict[str, Any]) -> str:
+    pairs = zip(metadata["parts"], metadata["sizes"], strict=True)
     return ", ".join(part if size == 1 else f"{part} ({size})" for part, size in pairs)
 
 
@@ -140,7 +150,7 @@ def _fact(value: Any) -> str:
 
 @app.command("list")
 def list_policies(as_json: AsJson = False) -> None:
-    """Show the policies that come along and those of your runs, and how they did when tried out."""
+    """List the bundled policies and those of your runs, with their figures on unseen tracks."""
     from race_agents.policies.listing import entries
 
     known = entries()
@@ -158,7 +168,7 @@ def list_policies(as_json: AsJson = False) -> None:
         table.add_column(head, justify="right")
     console = Console()
     for one in known:
-        preset = one.preset if one.is_run else "comes along"
+        preset = one.preset if one.is_run else "bundled"
         facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
         table.add_row(*map(escape, (one.name, *facts)), *_figures(one.evaluation))
     console.print(table)
@@ -168,7 +178,7 @@ def list_policies(as_json: AsJson = False) -> None:
 
 
 def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:
-    """Return how good a policy was on unseen courses."""
+    """Return the figures of a policy on unseen courses."""
     if not evaluation:
         return (UNKNOWN,) * 3
     lap = evaluation["best_lap_s"]
@@ -177,7 +187,7 @@ def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _tracks(names: tuple[str, ...]) -> str:
-    """Return in few words on which tracks a policy learned."""
+    """Return the tracks on which a policy learned, as a set if they are one."""
     from race_server.scenario.track.sets import set_named, track_sets
 
     for name in track_sets():

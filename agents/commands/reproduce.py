@@ -1,4 +1,4 @@
-"""`race reproduce`: a table of the reports, made again here and set beside theirs."""
+"""`race reproduce`: repeat the experiments of a published report beside its own figures."""
 
 import sys
 import warnings
@@ -14,7 +14,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError, brought_by
 
 if TYPE_CHECKING:
-    from race_agents.reproductions.run import News, Outcome
+    from race_agents.reproductions.run import ReproductionProgress, ReproductionResult
 
 RESULTS = Path("docs") / "results"
 NAME_WIDTH = 14  # characters of a row's name on a narrow terminal
@@ -22,25 +22,34 @@ WORDY = ("remark", "finding")  # columns of the report that are sentences
 
 
 def reproduce(
-    name: Annotated[str, typer.Argument(help="Of the table; none: which there are.")] = "",
+    name: Annotated[str, typer.Argument(help="Name of the table. Default: list all tables.")] = "",
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer steps and seeds: minutes instead of hours.")
+        bool, typer.Option("--quick", help="Train fewer steps and seeds: minutes instead of hours.")
     ] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Trainings at once, a process each.")] = 1,
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Number of trainings in parallel, one process each.")
+    ] = 1,
     rows: Annotated[
-        str, typer.Option(help="Drive only these rows, comma-separated names or beginnings.")
+        str,
+        typer.Option(
+            help="Comma-separated rows to train: names or their beginnings. Default: all."
+        ),
     ] = "",
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Drive only the first so many runs of each row.")
+        int | None,
+        typer.Option(min=1, help="Train at most this many runs of each row. Default: all."),
     ] = None,
     as_json: AsJson = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder; otherwise docs/results/NAME, quick in NAME-quick.")
+        Path | None,
+        typer.Option(
+            help="Folder to write. Default: docs/results/NAME; with --quick NAME-quick there."
+        ),
     ] = None,
 ) -> None:
-    """Make a table of the reports again: `race reproduce report-b-algorithms --quick`.
+    """Reproduce a table of the reports: `race reproduce report-b-algorithms --quick`.
 
-    What was driven before is kept: the table shows all that is known, whatever is driven now.
+    Runs that were finished before are kept and shown too.
     """
     with brought_by("train"):
         from race_agents.reproductions.registry import reproduction_named, reproduction_names
@@ -59,7 +68,7 @@ def reproduce(
             )
     except OSError as error:
         raise ScenarioError(
-            f"{error.filename or place}: {error.strerror or error}; the same command goes on"
+            f"{error.filename or place}: {error.strerror or error}; the same command continues"
         ) from error
     if as_json:
         print_document({"folder": str(place), "stopped": outcome.stopped, **outcome.document})
@@ -67,12 +76,12 @@ def reproduce(
         _show(outcome, quick=quick)
         console.print(f"table and plot: {place}", markup=False, soft_wrap=True)
     if outcome.stopped:
-        console.print("stopped; the same command goes on", markup=False)
+        console.print("stopped; the same command continues", markup=False)
         sys.exit(130)
 
 
 def _list(titles: dict[str, str], *, as_json: bool) -> None:
-    """Show which tables there are."""
+    """List all tables."""
     if as_json:
         print_document([{"name": name, "title": title} for name, title in titles.items()])
         return
@@ -82,8 +91,8 @@ def _list(titles: dict[str, str], *, as_json: bool) -> None:
 
 
 @contextmanager
-def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["News"], None]]:
-    """Show how many cells are done; without a terminal, say each that is."""
+def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionProgress"], None]]:
+    """Show how many runs are finished; without a terminal, print each."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -95,32 +104,32 @@ def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["News"], None]]
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bar:
         task = bar.add_task("reproduction", total=1.0)
 
-        def tell(news: "News") -> None:
-            bar.update(task, completed=news.done, total=news.cells, description=news.name)
+        def tell(news: "ReproductionProgress") -> None:
+            bar.update(task, completed=news.done, total=news.trainings, description=news.name)
             if isinstance(news.done, int) and not quiet and not console.is_terminal:
-                text = f"{news.done} of {news.cells}: {news.name}"
+                text = f"{news.done} of {news.trainings}: {news.name}"
                 console.print(text, markup=False, highlight=False)
 
         yield tell
 
 
-def _show(outcome: "Outcome", *, quick: bool) -> None:
+def _show(outcome: "ReproductionResult", *, quick: bool) -> None:
     from rich.table import Table
 
     from race_agents.reproductions.table import (
         base_of,
-        cells_of,
         heads_of,
         partial_words,
         scale_words,
+        texts_of,
     )
 
     plan, base = outcome.plan, base_of(outcome.plan, outcome.lines)
     title = f"{plan.title}\n{scale_words(outcome.scale, outcome.lines, quick=quick)}"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     heads = heads_of(plan)
-    texts = [cells_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
-    # Words of the report would leave no room for figures.
+    texts = [texts_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
+    # Texts of the report would leave no room for figures.
     shown = [number for number, head in enumerate(heads) if not head.endswith(WORDY)]
     for number in shown:
         justify: Literal["left", "right"] = "right" if number else "left"
@@ -131,7 +140,7 @@ def _show(outcome: "Outcome", *, quick: bool) -> None:
     console = Console()
     for row in texts:
         table.add_row(*(row[number] for number in shown))
-    # Rather wider than the terminal than without its last figures.
+    # Wider than the terminal if necessary, so that the last figures are shown.
     least = sum((column.width or 0) + 2 for column in table.columns)
     console.width = max(console.width, least)
     console.print(table)

@@ -1,10 +1,11 @@
-"""`race train`: a policy learns to drive, and leaves a folder with everything behind."""
+"""`race train`: train a policy, and keep everything of the run in one folder."""
 
 import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,125 +14,162 @@ import typer
 from rich.console import Console
 
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.option_fields import expand_options
+from race_server.cli.options import names_in
 from race_server.errors import ScenarioError, brought_by
 
 if TYPE_CHECKING:
-    from race_agents.training.callback import News
-    from race_agents.training.run import Outcome
+    from race_agents.training.callback import TrainingProgress
+    from race_agents.training.run import TrainingResult
     from race_agents.training.settings import Settings
 
-BESIDE_BAR = 17  # characters: share, time that remains, and what is between columns
+BESIDE_BAR = 17  # characters: share, remaining time, and the space between columns
 
 
-def train(
+@dataclass(frozen=True)
+class TrainOptions:
+    """All arguments and options of `race train`."""
+
     preset: Annotated[
         str,
         typer.Argument(
             help="time-trial, time-trial-ppo, race, full, report-b, or a .toml file of settings."
         ),
-    ] = "",
+    ] = ""
     track_set: Annotated[
-        str, typer.Option(help="A named set: train, train-narrow, train-few, …")
-    ] = "",
-    tracks: Annotated[str, typer.Option(help="Comma-separated names, instead of a set.")] = "",
-    minutes: Annotated[float | None, typer.Option(help="Learn for so long, in all.")] = None,
-    steps: Annotated[int | None, typer.Option(help="Learn for so many decisions, in all.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of worlds and network.")] = None,
-    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or dqn.")] = "",
-    worlds: Annotated[int | None, typer.Option(help="Races at once.")] = None,
-    threads: Annotated[int | None, typer.Option(help="Cores to spread the worlds over.")] = None,
+        str,
+        typer.Option(
+            help="Named set of tracks: train, train-narrow, train-few, … Default: the preset's."
+        ),
+    ] = ""
+    tracks: Annotated[
+        str, typer.Option(help="Comma-separated names of tracks, instead of a set.")
+    ] = ""
+    minutes: Annotated[
+        float | None,
+        typer.Option(help="Total minutes of training; not with --steps. Default: the preset's."),
+    ] = None
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            help="Total decisions to train on; not with --minutes. Default: the preset's."
+        ),
+    ] = None
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of worlds and network. Default: the preset's.")
+    ] = None
+    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or dqn. Default: the preset's.")] = (
+        ""
+    )
+    worlds: Annotated[
+        int | None, typer.Option(help="Races that run in parallel. Default: the preset's.")
+    ] = None
+    threads: Annotated[
+        int | None, typer.Option(help="Threads that step the worlds. Default: the preset's.")
+    ] = None
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the run; otherwise one of the user's runs.")
-    ] = None,
-    resume: Annotated[str, typer.Option(help="Go on with a run: its name or its folder.")] = "",
+        Path | None, typer.Option(help="New folder for the run. Default: one in the user's runs.")
+    ] = None
+    resume: Annotated[
+        str, typer.Option(help="Continue a run: its name or its folder. Takes no preset.")
+    ] = ""
     changes: Annotated[
         list[str] | None,
-        typer.Option("--set", help="key=value of the settings, such as reward.crash=-3."),
-    ] = None,
+        typer.Option(
+            "--set", help="Change a setting: key=value, such as reward.crash=-3; may be repeated."
+        ),
+    ] = None
     tensorboard: Annotated[
-        bool, typer.Option("--tensorboard", help="Write a log for TensorBoard, too.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Let a policy learn to drive: `race train time-trial --minutes 5`."""
+        bool, typer.Option("--tensorboard", help="Also write a log for TensorBoard.")
+    ] = False
+    as_json: AsJson = False
+
+
+@expand_options
+def train(options: TrainOptions) -> None:
+    """Train a policy to drive: `race train time-trial --minutes 5`."""
     with brought_by("train"):
         from race_agents.training import folder
         from race_agents.training.run import train as train_it
-        from race_agents.training.settings_toml import read_settings
-    words = _words(track_set, tracks, minutes, steps, seed, algorithm, worlds, threads)
-    words += changes or []
     console = Console(stderr=True)
-    if tensorboard:
+    if options.tensorboard:
         with brought_by("curves"):
             import_module("tensorboard")
-    if resume:
-        _check_resumed(resume, preset, out)
-        place = _run_folder(resume)
-        settings = folder.settings_in(place, tuple(words))
-    else:
-        if not preset:
-            raise ScenarioError("name a preset or a .toml file, such as `race train time-trial`")
-        settings = read_settings(preset, words)
-        place = folder.new_folder(Path(preset).stem, out)
+    settings, place = _settings(options)
     console.print(f"run: {place}", markup=False, soft_wrap=True)
     with (
         _disk_named(place),
         folder.occupied(place),
-        nullcontext() if resume else _left_clean(place),
-        _bar(settings, console, quiet=as_json) as tell,
+        nullcontext() if options.resume else _left_clean(place),
+        _bar(settings, console, quiet=options.as_json) as tell,
         warnings.catch_warnings(),
     ):
         warnings.filterwarnings("ignore", module="stable_baselines3")
         outcome = train_it(
             settings,
             place,
-            resume=bool(resume),
+            resume=bool(options.resume),
             tell=tell,
             say=lambda text: console.print(text, markup=False, soft_wrap=True),
-            tensorboard=tensorboard,
+            tensorboard=options.tensorboard,
         )
-    _show(outcome, settings, console, as_json=as_json)
+    _show(outcome, settings, console, as_json=options.as_json)
     if outcome.stopped:
         sys.exit(130)
 
 
+def _settings(options: TrainOptions) -> tuple["Settings", Path]:
+    """Return the settings and the folder of a run: of a new one, or of one that continues.
+
+    Raises:
+        ScenarioError: options contradict each other, or a setting is wrong.
+    """
+    from race_agents.training import folder
+    from race_agents.training.settings_toml import read_settings
+
+    changes = _changes(options)
+    if options.resume:
+        _check_resumed(options.resume, options.preset, options.out)
+        place = _run_folder(options.resume)
+        return folder.settings_in(place, tuple(changes)), place
+    if not options.preset:
+        raise ScenarioError("name a preset or a .toml file, such as `race train time-trial`")
+    settings = read_settings(options.preset, changes)
+    return settings, folder.new_folder(Path(options.preset).stem, options.out)
+
+
 def _check_resumed(resume: str, preset: str, out: Path | None) -> None:
-    """Refuse what a run that goes on would not heed."""
+    """Refuse options that a resumed run would ignore."""
     for given in (preset, f"--out {out}" if out is not None else ""):
         if given:
             raise ScenarioError(
-                f"--resume {resume} goes on with that run's own settings in its own folder: leave "
+                f"--resume {resume} continues with the settings and the folder of that run: leave "
                 f"out {given}; --set changes a setting"
             )
 
 
-def _words(
-    track_set: str,
-    tracks: str,
-    minutes: float | None,
-    steps: int | None,
-    seed: int | None,
-    algorithm: str,
-    worlds: int | None,
-    threads: int | None,
-) -> list[str]:
-    """Return options of the command line as changes of settings."""
+def _changes(options: TrainOptions) -> list[str]:
+    """Return the options of the command line as changes of settings."""
+    minutes, steps = options.minutes, options.steps
     if minutes is not None and steps is not None:
         raise ScenarioError(f"--minutes {minutes:g} and --steps {steps}: give one of the two")
-    words: list[str] = []
-    if track_set or tracks:
-        names = [name.strip() for name in tracks.split(",") if name.strip()]
-        words += [f"tracks.set={json.dumps(track_set)}", f"tracks.names={json.dumps(names)}"]
-        # Stages of a preset name tracks of its own set.
-        words.append("curriculum=[]")
+    changes: list[str] = []
+    if options.track_set or options.tracks:
+        names = list(names_in(options.tracks))
+        changes += [f"tracks.set={json.dumps(options.track_set)}"]
+        changes += [f"tracks.names={json.dumps(names)}"]
+        # Stages of a preset name tracks of the preset's set.
+        changes.append("curriculum=[]")
     if minutes is not None:
-        words += ["steps=none", f"minutes={minutes}"]
+        changes += ["steps=none", f"minutes={minutes}"]
     if steps is not None:
-        words += ["minutes=none", f"steps={steps}"]
-    if algorithm:
-        words += [f"algorithm.name={algorithm}"]
-    numbers: dict[str, Any] = {"seed": seed, "worlds": worlds, "threads": threads}
-    return words + [f"{name}={value}" for name, value in numbers.items() if value is not None]
+        changes += ["minutes=none", f"steps={steps}"]
+    if options.algorithm:
+        changes += [f"algorithm.name={options.algorithm}"]
+    for name in ("seed", "worlds", "threads"):
+        if (value := getattr(options, name)) is not None:
+            changes.append(f"{name}={value}")
+    return changes + (options.changes or [])
 
 
 def _run_folder(name: str) -> Path:
@@ -143,7 +181,7 @@ def _run_folder(name: str) -> Path:
 
 @contextmanager
 def _left_clean(place: Path) -> Iterator[None]:
-    """Leave no folder behind where settings make no training."""
+    """Remove the folder of a run that could not begin."""
     from race_agents.training import folder
 
     try:
@@ -155,25 +193,25 @@ def _left_clean(place: Path) -> Iterator[None]:
 
 @contextmanager
 def _disk_named(place: Path) -> Iterator[None]:
-    """Say in a sentence what a full or locked disk did to a training."""
+    """Explain how a full or locked disk ended a training."""
     try:
         yield
     except OSError as error:
         raise ScenarioError(
-            f"{error.filename or place}: {error.strerror or error}; the training is off; where it "
-            "left a latest.pt, --resume goes on"
+            f"{error.filename or place}: {error.strerror or error}; the training has stopped; if "
+            "it left a latest.pt, --resume continues it"
         ) from error
 
 
 @contextmanager
 def _bar(
     settings: "Settings", console: Console, *, quiet: bool
-) -> Iterator[Callable[["News"], None]]:
-    """Show how far a training is and how it goes."""
+) -> Iterator[Callable[["TrainingProgress"], None]]:
+    """Show the progress and the latest figures of a training."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
     from rich.table import Column
 
-    # On a narrow terminal rather the last figures go than the bar and the time.
+    # On a narrow terminal the last figures are cut, not the bar and the time.
     length = min(40, console.width // 5)
     words = Column(no_wrap=True, max_width=max(console.width - length - BESIDE_BAR, 12))
     columns = (
@@ -186,7 +224,7 @@ def _bar(
     with Progress(*columns, console=console, disable=hidden) as bar:
         task = bar.add_task(settings.title or "training", total=1.0)
 
-        def tell(news: "News") -> None:
+        def tell(news: "TrainingProgress") -> None:
             bar.update(task, completed=news.share, description=_words_of(news))
             if news.marks is not None and not quiet:
                 console.print(
@@ -202,7 +240,7 @@ def _bar(
         yield tell
 
 
-def _words_of(news: "News") -> str:
+def _words_of(news: "TrainingProgress") -> str:
     reward = "–" if news.reward is None else f"{news.reward:.1f}"
     crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
     lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
@@ -210,7 +248,7 @@ def _words_of(news: "News") -> str:
     return ": ".join(word for word in (news.stage, news.method, figures) if word)
 
 
-def _ratings_in_words(news: "News") -> str:
+def _ratings_in_words(news: "TrainingProgress") -> str:
     return ", ".join(f"{one.driver} {one.mu:.1f} ± {2.0 * one.sigma:.1f}" for one in news.ratings)
 
 
@@ -219,7 +257,9 @@ def _marks_in_words(marks: Any) -> str:
     return f"{marks.speed:.2f} m/s, {100.0 * marks.crash_rate:.0f} % crash, {lap}"
 
 
-def _show(outcome: "Outcome", settings: "Settings", console: Console, *, as_json: bool) -> None:
+def _show(
+    outcome: "TrainingResult", settings: "Settings", console: Console, *, as_json: bool
+) -> None:
     if as_json:
         print_document(
             {

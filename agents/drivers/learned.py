@@ -55,11 +55,11 @@ class Learned:
             DriverError: there is none of that name, or its file is foreign or damaged.
         """
         self.policy = Policy(policy_path(name))
-        nature = self.policy.nature
+        nature = self.policy.metadata
         self._base = driver_named(nature.base) if nature.base else None
         seen = PRESETS[self._base.preset] if self._base is not None else ()
         self.preset = preset_for(nature, self.policy.name, seen)
-        self._kind = action_kind(self.policy.nature.action)
+        self._kind = action_kind(self.policy.metadata.action)
         self._table = discrete_table()
 
     def reset(self, briefing: Briefing) -> None:
@@ -68,7 +68,7 @@ class Learned:
         Raises:
             DriverError: the policy learned with another vehicle or at another pace.
         """
-        _check_briefing(self.policy.nature, briefing, self.policy.name)
+        _check_briefing(self.policy.metadata, briefing, self.policy.name)
         self._briefing = briefing
         self._drive: Callable[[], None] | None = None
         self._places: Ints | None = None
@@ -89,7 +89,7 @@ class Learned:
 
     def _act_by_advice(self, base: KernelDriver, observation: Observation) -> Control:
         """Return what the driver does that the policy advises."""
-        told, nature = self._briefing, self.policy.nature
+        told, nature = self._briefing, self.policy.metadata
         if self._places is None:
             gear = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
             self._places = places_in(observation.layout, nature, gear, self.policy.name)
@@ -127,7 +127,7 @@ class Learned:
         Raises:
             DriverError: the karts have another lidar than the policy learned with.
         """
-        places = places_in(layout, self.policy.nature, gear, self.policy.name)
+        places = places_in(layout, self.policy.metadata, gear, self.policy.name)
         worlds, numbers = seats[:, 0], seats[:, 1]
         if self._base is not None:
             base: Any = type(self._base)

@@ -1,1 +1,1 @@
-"""What a policy is once its learning is over: one ONNX file that says what it is for."""
+"""Trained policies: one ONNX file each, with metadata that say what it is for."""

@@ -1,4 +1,4 @@
-"""All policies that there are, each with where it comes from and how good it was."""
+"""List all policies with their origin and their figures."""
 
 import json
 import tomllib
@@ -14,22 +14,22 @@ UNKNOWN = "–"
 
 
 @dataclass(frozen=True)
-class Entry:
+class PolicyEntry:
     """One policy."""
 
     name: str  # behind `learned:`
     file: str
-    is_run: bool  # else it comes along with this program
+    is_run: bool  # else it is bundled with this program
     preset: str = UNKNOWN  # its title
     vehicle: str = UNKNOWN
     algorithm: str = UNKNOWN
     tracks: tuple[str, ...] = ()  # that it learned on
-    evaluation: dict[str, Any] = field(default_factory=dict)  # on unseen courses, all together
-    remark: str = ""  # why it cannot be driven
+    evaluation: dict[str, Any] = field(default_factory=dict)  # means over all unseen courses
+    remark: str = ""  # why it cannot be loaded
 
 
-def entries() -> list[Entry]:
-    """Return the policies that come along, and those of the user's runs."""
+def entries() -> list[PolicyEntry]:
+    """Return the bundled policies, and those of the user's runs."""
     shipped = [
         _entry(path.stem, path, path.with_suffix(".json"), path.stem, is_run=False)
         for path in sorted(SHIPPED.glob("*.onnx"))
@@ -41,25 +41,25 @@ def entries() -> list[Entry]:
     return [*shipped, *runs]
 
 
-def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool) -> Entry:
+def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool) -> PolicyEntry:
     try:
-        nature = Policy(path).nature
+        metadata = Policy(path).metadata
     except DriverError as error:
-        return Entry(name, str(path), is_run, preset, remark=str(error))
-    return Entry(
+        return PolicyEntry(name, str(path), is_run, preset, remark=str(error))
+    return PolicyEntry(
         name=name,
         file=str(path),
         is_run=is_run,
         preset=preset,
-        vehicle=nature.vehicle,
-        algorithm=nature.algorithm,
-        tracks=nature.tracks,
+        vehicle=metadata.vehicle,
+        algorithm=metadata.algorithm,
+        tracks=metadata.tracks,
         evaluation=_evaluation(evaluation),
     )
 
 
 def _title(policy: Path) -> str:
-    """Return the title of the preset that a run was trained by."""
+    """Return the title of the preset of a run."""
     try:
         words = tomllib.loads(policy.with_name(CONFIG).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
@@ -68,7 +68,7 @@ def _title(policy: Path) -> str:
 
 
 def _evaluation(path: Path) -> dict[str, Any]:
-    """Return the row of all courses together; nothing where a file tells none."""
+    """Return the figures over all courses; empty if the file has none."""
     try:
         rows = json.loads(path.read_text(encoding="utf-8"))["tracks"]
         (row,) = [one for one in rows if one["track"] == "all"]

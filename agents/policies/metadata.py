@@ -1,4 +1,4 @@
-"""What a policy's file says of itself: what it sees, what its answers mean, where it learned."""
+"""Metadata of a policy file: its observations, the meaning of its actions, its training."""
 
 import json
 import math
@@ -10,16 +10,16 @@ from race_server.core.observation import PART_NUMBERS, PRESETS
 from race_server.envs.actions import ACTIONS, RESIDUAL
 from race_server.errors import DriverError
 
-# Raise it when a part of an observation or a kind of action comes to mean something else.
+# Increase it when the meaning of an observation part or of an action changes.
 VERSION = 1
 KEY = "race-server-policy"  # of the metadata of the ONNX file
 INPUT, OUTPUT = "observation", "action"
-MOST_BITS = 64  # of a whole number that stands for another
+MOST_BITS = 64  # of an integer
 
 
 @dataclass(frozen=True)
 class PolicyMetadata:
-    """What a policy is, as its file tells it."""
+    """Metadata of a policy, as stored in its file."""
 
     parts: tuple[str, ...]  # of the observation, in order
     sizes: tuple[int, ...]  # of the parts
@@ -48,7 +48,7 @@ class PolicyMetadata:
 
 
 def metadata_of(metadata: Mapping[str, str], name: str) -> PolicyMetadata:
-    """Return what the metadata of an ONNX file say.
+    """Return the metadata of an ONNX file.
 
     Raises:
         DriverError: the file is no policy of this program, of another version, or damaged.
@@ -68,9 +68,9 @@ def metadata_of(metadata: Mapping[str, str], name: str) -> PolicyMetadata:
             f"{name} is a policy of version {version!r}, this program drives version {VERSION}; "
             "train or export it again"
         )
-    nature = _built(words, name)
-    _check(nature, name)
-    return nature
+    built = _built(words, name)
+    _check(built, name)
+    return built
 
 
 def _built(words: dict[str, Any], name: str) -> PolicyMetadata:
@@ -83,7 +83,7 @@ def _built(words: dict[str, Any], name: str) -> PolicyMetadata:
             value = float(value) if value.bit_length() < MOST_BITS else math.inf
         if not _fits(value, field.type):
             raise DriverError(
-                f"{name}: {field.name} = {value!r:.60} in its metadata makes no policy; "
+                f"{name}: {field.name} = {value!r:.60} in its metadata is not valid; "
                 "export it again"
             )
         values[field.name] = value
@@ -91,48 +91,50 @@ def _built(words: dict[str, Any], name: str) -> PolicyMetadata:
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Return whether a value is of a type, with all members of a tuple, and no endless number."""
+    """Return whether a value is of a type, all members of a tuple included, and finite."""
     if get_origin(wanted) is tuple:
         member = get_args(wanted)[0]
         return isinstance(value, tuple) and all(isinstance(one, member) for one in value)
     return isinstance(value, wanted) and (wanted is not float or math.isfinite(value))
 
 
-def _check(nature: PolicyMetadata, name: str) -> None:
-    unknown = [part for part in nature.parts if part not in PART_NUMBERS]
-    if unknown or not nature.parts:
+def _check(metadata: PolicyMetadata, name: str) -> None:
+    unknown = [part for part in metadata.parts if part not in PART_NUMBERS]
+    if unknown or not metadata.parts:
         raise DriverError(
-            f"{name} wants to see {unknown or 'nothing'}, which this program does not know; "
+            f"{name} observes {unknown or 'nothing'}, which this program does not know; "
             "train it again"
         )
-    if nature.action not in ACTIONS:
+    if metadata.action not in ACTIONS:
         raise DriverError(
-            f"{name} answers with actions {nature.action!r}; known are {', '.join(ACTIONS)}"
+            f"{name} answers with actions {metadata.action!r}; known are {', '.join(ACTIONS)}"
         )
-    if (ACTIONS[nature.action] == RESIDUAL) != bool(nature.base):
+    if (ACTIONS[metadata.action] == RESIDUAL) != bool(metadata.base):
         raise DriverError(
-            f"{name}: actions {nature.action!r} and base {nature.base!r} do not fit; "
+            f"{name}: actions {metadata.action!r} and base {metadata.base!r} do not fit; "
             "export it again"
         )
-    if ":" in nature.base:  # such as a policy, which might advise itself
-        raise DriverError(f"{name}: base {nature.base!r} takes no advice; export it again")
-    if nature.decision_s <= 0.0:
-        raise DriverError(f"{name} decides every {nature.decision_s:g} s; export it again")
-    sizes_fit = len(nature.sizes) == len(nature.parts)
-    if not sizes_fit or not all(size > 0 for size in nature.sizes):
-        raise DriverError(f"{name}: {len(nature.parts)} parts of sizes {nature.sizes} do not fit")
+    if ":" in metadata.base:  # such as a policy, which could name itself
+        raise DriverError(f"{name}: base {metadata.base!r} takes no advice; export it again")
+    if metadata.decision_s <= 0.0:
+        raise DriverError(f"{name} decides every {metadata.decision_s:g} s; export it again")
+    sizes_fit = len(metadata.sizes) == len(metadata.parts)
+    if not sizes_fit or not all(size > 0 for size in metadata.sizes):
+        raise DriverError(
+            f"{name}: {len(metadata.parts)} parts of sizes {metadata.sizes} do not fit"
+        )
 
 
-def preset_for(nature: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
-    """Return the smallest observation of a live race that holds all that a policy sees.
+def preset_for(metadata: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
+    """Return the smallest preset of a live race with all parts that a policy observes.
 
-    more: parts that the driver sees which it advises.
+    more: parts that its base driver observes.
 
     Raises:
         DriverError: there is none.
     """
-    wanted = {*nature.parts, *more}
+    wanted = {*metadata.parts, *more}
     fitting = [preset for preset, parts in PRESETS.items() if wanted <= set(parts)]
     if not fitting:
-        raise DriverError(f"{name} sees {', '.join(nature.parts)}: no observation holds them all")
+        raise DriverError(f"{name} observes {', '.join(metadata.parts)}: no preset has them all")
     return min(fitting, key=lambda preset: len(PRESETS[preset]))

@@ -1,4 +1,4 @@
-"""Where policies lie: a path, the folder of a run of training, or the policies that come along."""
+"""Find policies: by path, by the folder of a training run, or among the bundled ones."""
 
 import os
 from pathlib import Path
@@ -22,7 +22,7 @@ def policy_path(name: str) -> Path:
     """Return the file of a policy.
 
     name: a path that ends in ``.onnx``, a folder with a policy, the name of a run, or that of a
-    policy that comes with this program.
+    bundled policy.
 
     Raises:
         DriverError: there is none.
@@ -41,12 +41,12 @@ def policy_path(name: str) -> Path:
 
 
 def name_of(run: Path) -> str:
-    """Return the name by which a run of training is found: its folder's, or the whole path."""
+    """Return the name by which a training run is found: its folder's, or the whole path."""
     return run.name if run.absolute().parent == runs_folder().absolute() else str(run.absolute())
 
 
 def policy_names() -> list[str]:
-    """Return the names of shipped policies and of runs that have one."""
+    """Return the names of bundled policies and of runs that have one."""
     runs = {path.parent.name for path in runs_folder().glob(f"*/{POLICY}")}
     return sorted(runs | {path.stem for path in SHIPPED.glob("*.onnx")})
 
@@ -59,7 +59,7 @@ def policy_bytes(path: Path) -> bytes:
     """
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise DriverError(f"{path}: larger than {MOST_BYTES} bytes: this is no policy")
+            raise DriverError(f"{path}: larger than {MOST_BYTES} bytes: not a policy")
         return path.read_bytes()
     except OSError as error:
         raise DriverError(f"{path}: cannot be read: {error.strerror}") from error

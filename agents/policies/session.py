@@ -1,4 +1,4 @@
-"""A policy that is ready to answer: ONNX Runtime on one thread, no PyTorch, nothing unpickled."""
+"""Run a policy: ONNX Runtime on one thread, without PyTorch or pickle."""
 
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,11 @@ from race_server.envs.actions import ACTIONS, WIDTHS
 from race_server.errors import DriverError
 
 Float32s = NDArray[np.float32]
-MOST_WORDS = 200  # characters of what the runtime says
+MOST_WORDS = 200  # characters of an error of the runtime
 
 
 class Policy:
-    """A network with its normalisation, and what it is for."""
+    """A network with its normalisation and its metadata."""
 
     def __init__(self, path: Path) -> None:
         """Load the policy of a file.
@@ -26,13 +26,13 @@ class Policy:
         """
         self.name = str(path)
         self._session = _session_of(path)
-        metadata = self._session.get_modelmeta().custom_metadata_map
-        self.nature: PolicyMetadata = metadata_of(metadata, self.name)
+        properties = self._session.get_modelmeta().custom_metadata_map
+        self.metadata: PolicyMetadata = metadata_of(properties, self.name)
         self._check_shapes()
 
     def _check_shapes(self) -> None:
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        size, width = self.nature.size, WIDTHS[ACTIONS[self.nature.action]]
+        size, width = self.metadata.size, WIDTHS[ACTIONS[self.metadata.action]]
         seen, answer = _columns_of(inputs, INPUT), _columns_of(outputs, OUTPUT)
         if len(inputs) != 1 or (seen, answer) != (size, width):
             raise DriverError(
@@ -44,30 +44,30 @@ class Policy:
         """Return the actions (n, A) for observations (n, size).
 
         Raises:
-            DriverError: the network fails, or answers with something else than numbers.
+            DriverError: the network fails, or answers with other than finite numbers.
         """
         try:
             actions: Float32s = self._session.run([OUTPUT], {INPUT: seen})[0]
         except Exception as error:  # the runtime's errors have no common class
             reason = str(error).partition("\n")[0][:MOST_WORDS]
             raise DriverError(f"{self.name} cannot answer: {reason}; train it again") from error
-        # What is declared binds nobody, and kernels look no number up twice.
-        wanted = (len(seen), WIDTHS[ACTIONS[self.nature.action]])
+        # Checked here, as the declared shape need not hold and kernels do not check it.
+        wanted = (len(seen), WIDTHS[ACTIONS[self.metadata.action]])
         if actions.shape != wanted:
             raise DriverError(
-                f"{self.name} answers with {actions.shape} numbers, {wanted} are wanted; "
+                f"{self.name} answers with {actions.shape} numbers instead of {wanted}; "
                 "export it again"
             )
         if not np.isfinite(actions).all():
             raise DriverError(
-                f"{self.name} answers with {actions.tolist()[0]}, where a number is endless or "
-                "none; train it again"
+                f"{self.name} answers with {actions.tolist()[0]}, which are not all finite; "
+                "train it again"
             )
         return actions
 
 
 def _columns_of(ends: Any, name: str) -> Any:
-    """Return how many columns an input or output has; 0 where it is no table of floats."""
+    """Return the number of columns of an input or output; 0 if it is no table of floats."""
     for one in ends:
         if one.name == name and one.type == "tensor(float)" and len(one.shape) == 2:
             return one.shape[1]
@@ -79,7 +79,7 @@ def _session_of(path: Path) -> Any:
         import onnxruntime
     except ImportError as error:
         raise DriverError(
-            f"{path}: onnxruntime is not installed: `pip install onnxruntime` brings it"
+            f"{path}: onnxruntime is not installed: `pip install onnxruntime` installs it"
         ) from error
     options = onnxruntime.SessionOptions()
     # A network this small is slower on many threads, and a race has many drivers.

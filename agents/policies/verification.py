@@ -1,4 +1,4 @@
-"""A policy's file put to the proof: on what it sees on courses that no policy learns on.
+"""Verify a policy file on observations from courses that no policy learns on.
 
 Nothing here needs PyTorch; `race_agents.training.parity` makes the comparison with the learner.
 """
@@ -27,9 +27,9 @@ UNSEEN = "unseen"  # the set of tracks
 WORLDS = 16
 EPISODE_S = 60.0
 SEED = 300_000  # far from those of training and evaluation
-# Whoever sees other karts is among these.
+# Opponents of a policy that observes other karts.
 OTHERS = ("follow_gap", "pure_pursuit", "avoider")
-# A policy's file answers like its learner, up to rounding.
+# Largest difference between a policy file and its learner: rounding.
 MOST_DIFFERENCE = 1e-5
 WARM_UP = 200  # decisions that are not timed
 
@@ -38,7 +38,7 @@ Rows = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Times:
-    """How long decisions take, one observation at a time, on one thread [µs]."""
+    """Times of decisions, one observation at a time, on one thread [µs]."""
 
     median: float
     p99: float
@@ -46,12 +46,12 @@ class Times:
 
 
 def observations_of(policy: Policy, count: int) -> Rows:
-    """Return what a policy sees while it drives the unseen tracks, shape (count, size).
+    """Return observations of a policy that drives the unseen tracks, shape (count, size).
 
     Raises:
         RaceError: it cannot drive there.
     """
-    batch = Batch(_task(policy.nature), worlds=WORLDS, seed=SEED)
+    batch = Batch(_task(policy.metadata), worlds=WORLDS, seed=SEED)
     rows = np.concatenate(list(islice(_seen(batch, policy), -(-count // WORLDS))))
     batch.close()
     return np.ascontiguousarray(rows[:count])
@@ -64,44 +64,44 @@ def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
         batch.step(policy.decide(seen))
 
 
-def _task(nature: PolicyMetadata) -> Task:
-    """Return a task in which a policy drives all unseen tracks, from anywhere, on and on."""
-    others = OTHERS if any(part.startswith("karts") for part in nature.parts) else ()
-    # A lidar that nobody looks at needs no fewer rays.
-    lidar = Lidar(rays=nature.lidar_rays) if nature.lidar_rays else Lidar()
+def _task(metadata: PolicyMetadata) -> Task:
+    """Return a task of all unseen tracks, from random places, without end."""
+    others = OTHERS if any(part.startswith("karts") for part in metadata.parts) else ()
+    # Without lidar in the observation the number of rays does not matter.
+    lidar = Lidar(rays=metadata.lidar_rays) if metadata.lidar_rays else Lidar()
     scenarios = [
         Scenario(
             course_named(name),
             karts=1 + len(others),
-            vehicles=(vehicle_named(nature.vehicle),),
+            vehicles=(vehicle_named(metadata.vehicle),),
             rules=LEARNING_RULES,
             lidar=lidar,
         )
-        for name in _courses(nature)
+        for name in _courses(metadata)
     ]
     return Task(
         tuple(scenarios),
         opponents=others,
         learners=1,
-        observation=nature.parts,
-        action=nature.action,
-        base=nature.base,
-        decision_ticks=ticks_of(nature.decision_s),
-        most_steps=round(EPISODE_S / nature.decision_s),
+        observation=metadata.parts,
+        action=metadata.action,
+        base=metadata.base,
+        decision_ticks=ticks_of(metadata.decision_s),
+        most_steps=round(EPISODE_S / metadata.decision_s),
         random_start=True,
     )
 
 
-def _courses(nature: PolicyMetadata) -> list[str]:
-    """Return the unseen courses; with a reference line only those whose line comes along."""
+def _courses(metadata: PolicyMetadata) -> list[str]:
+    """Return the unseen courses; with a reference line only those whose line is bundled."""
     names = set_named(UNSEEN)
-    if nature.base or wants_line(nature.parts):
+    if metadata.base or wants_line(metadata.parts):
         return [name for name in names if not name.startswith("generated:")]
     return names
 
 
 def times_of(policy: Policy, seen: Rows) -> Times:
-    """Return how long a policy takes to decide, from observations (n, size)."""
+    """Return the times of decisions of a policy on observations (n, size)."""
     rows = [np.ascontiguousarray(row[None]) for row in seen]
     for row in rows[:WARM_UP]:
         policy.decide(row)

@@ -1,1 +1,1 @@
-"""Tables of the reports, made again here: what is trained, how it is measured, what they found."""
+"""Reproductions of tables of published reports, beside their own figures."""

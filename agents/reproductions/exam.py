@@ -1,4 +1,4 @@
-"""How a trained policy drives: it begins anew after each crash, and everything is counted."""
+"""Figures of a trained policy, which starts again after each crash."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,22 +17,22 @@ from race_server.envs.rewards import TERMS
 Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
 
 FIRST_SEED = 70_000  # far from those of training
-# After a start ranks are put in order for the first time: no place was gained by that.
+# After a start ranks are sorted for the first time, which gains no place.
 SETTLED_S = 1.0
 _AT = {name: number for number, name in enumerate(TERMS)}
 
 
 @dataclass(frozen=True)
 class Figures:
-    """What a policy did in an exam, over all tracks and starts."""
+    """Figures of a policy in an exam, over all tracks and starts."""
 
     minutes: float  # of driving
     reward: float  # of a decision, crashes included
     speed: float  # [m/s]
-    nearest: float  # [m] to whatever is nearest, the mean
+    nearest: float  # [m] mean distance to the nearest obstacle
     crashes: int
     crashes_per_minute: float
-    stops: int  # ends of an episode that were no crash: it stood, or drove the wrong way
+    stops: int  # episodes that ended without a crash: the kart stood, or drove the wrong way
     places_per_minute: float  # gained, less those lost
     laps: int  # whole ones, from a start or flying
     median_lap_s: float | None
@@ -78,7 +78,7 @@ class _Tally:
             over = batch.terminated[:, 0].astype(bool)
             self.ends += int(over.sum())
             self.crashes += int((terms[:, _AT["crash"]] > 0.0).sum())
-            # A world that began anew tells of its last episode elsewhere.
+            # A world that was reset keeps the figures of its last episode elsewhere.
             episodes = batch.rig.episodes[:, 0]
             now = np.where(over, batch.rig.ended[:, 0]["laps"], episodes["laps"])
             last = np.where(over, batch.rig.ended[:, 0]["last_lap_us"], episodes["last_lap_us"])

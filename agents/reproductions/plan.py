@@ -1,4 +1,4 @@
-"""What a reproduction is: rows of settings, the report's figures beside them, and what is shown."""
+"""A reproduction: rows of settings, the report's figures beside them, and the columns to show."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,7 +9,7 @@ from race_server.errors import ScenarioError
 
 @dataclass(frozen=True)
 class Twist:
-    """What a report does that settings of a training cannot say."""
+    """Peculiarities of a report that settings of a training cannot express."""
 
     # Observations by running means, divided by their largest values, or as they are.
     scaling: Literal["running", "largest", "none"] = "running"
@@ -19,7 +19,7 @@ class Twist:
 
 
 @dataclass(frozen=True)
-class Row:
+class Variant:
     """One line of the table: what is changed, and what the report found."""
 
     name: str
@@ -33,18 +33,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Exam:
-    """How a trained policy is driven: it begins anew after each crash until the time is over."""
+    """How a trained policy is examined: it starts again after each crash until the time is over."""
 
     tracks: Tracks
-    alone: bool  # or among the karts of the training
+    alone: bool  # otherwise among the karts of the training
     random_start: bool
     seeds: int = 4
     seconds: float = 180.0  # of driving, for each seed and track
 
 
 @dataclass(frozen=True)
-class Scale:
-    """How much is trained."""
+class TrainingScale:
+    """The amount of training."""
 
     steps: int  # decisions of each run
     seeds: int  # runs of each row
@@ -68,10 +68,10 @@ class Reproduction:
     title: str
     source: str  # where the report's figures stand
     preset: str
-    rows: tuple[Row, ...]
+    rows: tuple[Variant, ...]
     exam: Exam
-    full: Scale
-    quick: Scale
+    full: TrainingScale
+    quick: TrainingScale
     their_heads: tuple[str, ...]
     columns: tuple[Column, ...]
     plotted: Column
@@ -83,10 +83,10 @@ class Reproduction:
     def rows_named(self, text: str) -> tuple[str, ...]:
         """Return the names of the rows of a comma-separated list.
 
-        The beginning of a name will do where only one begins so. Names may hold commas themselves.
+        The beginning of a name is enough if it is unique. Names may contain commas.
 
         Raises:
-            ScenarioError: there is no such row, or several begin so.
+            ScenarioError: there is no such row, or several names begin so.
         """
         parts, found = text.split(","), list[str]()
         while parts:
@@ -104,24 +104,24 @@ class Reproduction:
         return tuple(dict.fromkeys(found))
 
     def _rows_like(self, words: str) -> list[str]:
-        """Return the row of this name, or else all that begin so."""
+        """Return the row of this name, or else all whose names begin so."""
         words, names = words.strip().lower(), [row.name for row in self.rows]
         same = [name for name in names if name.lower() == words]
         return same or [name for name in names if words and name.lower().startswith(words)]
 
     @property
     def plotted_word(self) -> str:
-        """Return what is plotted, without its unit."""
+        """Return the plotted figure, without its unit."""
         return self.plotted.head.split(",")[0]
 
-    def exam_words(self, scale: Scale) -> str:
-        """Return how a policy is examined."""
+    def exam_words(self, scale: TrainingScale) -> str:
+        """Return a text on how a policy is examined."""
         where = " and ".join((*self.exam.tracks.names, *self._set_words()))
         starts = "one start" if self.exam.seeds == 1 else f"{self.exam.seeds} starts"
         company = "alone" if self.exam.alone else "among the other cars"
         return (
             f"each then drives {scale.exam_s:g} s without exploration from {starts} "
-            f"on each of {where}, {company}, beginning anew after a crash"
+            f"on each of {where}, {company}, starting again after a crash"
         )
 
     def _set_words(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""A reproduction as a picture: how it learned, and the figure that is compared."""
+"""A reproduction as a picture: learning curves, and the figure that is compared."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from race_agents.reproductions.plan import Reproduction
-from race_agents.reproductions.summary import Line
+from race_agents.reproductions.summary import VariantSummary
 
 OURS, THEIRS = "tab:blue", "tab:orange"
 
 
-def draw(path: Path, plan: Reproduction, lines: Sequence[Line], words: str) -> None:
-    """Draw the curves of learning, and ours beside theirs. words: how much was trained."""
+def draw(path: Path, plan: Reproduction, lines: Sequence[VariantSummary], words: str) -> None:
+    """Draw the curves of learning, and ours beside theirs. words: the amount of training."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 1.5 + max(3.2, 0.5 * len(lines))), layout="constrained")
@@ -24,7 +24,7 @@ def draw(path: Path, plan: Reproduction, lines: Sequence[Line], words: str) -> N
     figure.savefig(path, dpi=100)
 
 
-def _curves(plot: Any, lines: Sequence[Line]) -> None:
+def _curves(plot: Any, lines: Sequence[VariantSummary]) -> None:
     import matplotlib
 
     colours = matplotlib.colormaps["tab20"].colors  # type: ignore[attr-defined]  # untyped there
@@ -42,7 +42,7 @@ def _curves(plot: Any, lines: Sequence[Line]) -> None:
         plot.legend(frameon=False, fontsize=7)
 
 
-def _bars(plot: Any, plan: Reproduction, lines: Sequence[Line]) -> None:
+def _bars(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> None:
     places = np.arange(len(lines))
     has_theirs = any(line.row.their_number is not None for line in lines)
     height = 0.4 if has_theirs else 0.7

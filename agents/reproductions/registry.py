@@ -1,4 +1,4 @@
-"""Where reproductions lie: one file each, found by its name."""
+"""Find reproductions by name: one file each."""
 
 import importlib
 import pkgutil

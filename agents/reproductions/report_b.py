@@ -1,6 +1,6 @@
 """What all reproductions of the report of the 1/10 race share."""
 
-from race_agents.reproductions.plan import Row, Twist
+from race_agents.reproductions.plan import Twist, Variant
 
 # It divides what the car sees by the largest values that can be.
 OWN = Twist(scaling="largest")
@@ -8,9 +8,9 @@ GROWING_CRASH = Twist(scaling="largest", growing_crash=True)
 STEPS_OF_2 = Twist(scaling="largest", steering_share=2.0 / 9.0)
 
 
-def as_printed(name: str, *changes: str) -> Row:
+def as_printed(name: str, *changes: str) -> Variant:
     """Return the row of a car whose speed only rises, which the report's tables do not have."""
-    return Row(f"as printed: {name}, never slower", (*changes, "action=report_b"), OWN)
+    return Variant(f"as printed: {name}, never slower", (*changes, "action=report_b"), OWN)
 
 
 ASSUMPTIONS = (

@@ -1,4 +1,4 @@
-"""A reproduction from its cells to its folder."""
+"""Run a reproduction: its trainings, table and plot."""
 
 import json
 import multiprocessing
@@ -11,11 +11,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from race_agents.reproductions.cell import Cell, cells_of, drive_cell, read_cell, write_cell
-from race_agents.reproductions.plan import Reproduction, Scale
+from race_agents.reproductions.plan import Reproduction, TrainingScale
 from race_agents.reproductions.plot import draw
-from race_agents.reproductions.summary import Line, lines_of, remarks_on
+from race_agents.reproductions.summary import VariantSummary, lines_of, remarks_on
 from race_agents.reproductions.table import page, scale_words
+from race_agents.reproductions.training import (
+    Training,
+    read_outcome,
+    run_training,
+    trainings_of,
+    write_outcome,
+)
 from race_agents.training.folder import versions
 from race_server.errors import ScenarioError
 
@@ -23,24 +29,24 @@ CELLS, TABLE, FIGURES, PLOT = "cells", "README.md", "table.json", "plot.png"
 
 
 @dataclass(frozen=True)
-class News:
-    """How far a reproduction is."""
+class ReproductionProgress:
+    """Progress of a reproduction."""
 
-    done: float  # cells, the share of the one under way included
-    cells: int
-    name: str  # of the cell
+    done: float  # trainings, with the share of the present one
+    trainings: int
+    name: str  # of the training
 
 
-Tell = Callable[[News], None]
+Tell = Callable[[ReproductionProgress], None]
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of a reproduction."""
+class ReproductionResult:
+    """Result of a reproduction."""
 
     plan: Reproduction
-    scale: Scale
-    lines: list[Line]
+    scale: TrainingScale
+    lines: list[VariantSummary]
     document: dict[str, Any]
     stopped: bool = False
 
@@ -55,77 +61,83 @@ def reproduce(
     rows: str = "",
     seeds: int | None = None,
     tell: Tell = lambda _: None,
-) -> Outcome:
-    """Drive all cells that are not known yet, and write table and plot of all that are.
+) -> ReproductionResult:
+    """Run all trainings without a result, and write table and plot of all results.
 
-    rows: comma-separated names of those that are driven now, all without; seeds: so many of each
-    row. The table shows all that is known, whatever is driven. Ctrl-C leaves those that are done;
-    the next call goes on with the others.
+    rows: comma-separated names of the rows to train, default all; seeds: number of runs of each
+    row. The table shows all results, new and old. Ctrl-C keeps those that are finished; the next
+    call continues with the others.
 
     Raises:
         RaceError: there is no such row or seed, the settings make no training, or the folder
             cannot be written.
     """
     scale = plan.quick if quick else plan.full
-    cells = cells_of(plan, scale)
-    wanted = _wanted(plan, scale, cells, rows, seeds)
+    trainings = trainings_of(plan, scale)
+    wanted = _wanted(plan, scale, trainings, rows, seeds)
     store = place / CELLS
     try:
         store.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ScenarioError(f"{store}: cannot be made: {error.strerror}") from error
-    known = [read_cell(_path(store, cell), cell) for cell in cells]
+    known = [read_outcome(_path(store, training), training) for training in trainings]
     outcomes = [outcome for outcome in known if outcome is not None]
     there = {(outcome["row"], outcome["seed"]) for outcome in outcomes}
-    missing = [cell for cell in wanted if (cell.row.name, cell.seed) not in there]
+    missing = [training for training in wanted if (training.row.name, training.seed) not in there]
     done, stopped = len(wanted) - len(missing), False
     try:
-        for cell, outcome in _driven(missing, jobs, _telling(tell, done, len(wanted))):
-            write_cell(_path(store, cell), outcome)
+        for training, outcome in _driven(missing, jobs, _telling(tell, done, len(wanted))):
+            write_outcome(_path(store, training), outcome)
             outcomes.append(outcome)
             done += 1
-            tell(News(done, len(wanted), _name(cell)))
+            tell(ReproductionProgress(done, len(wanted), _name(training)))
     except KeyboardInterrupt:
         stopped = True
     lines = lines_of(plan, outcomes)
     document = _write(name, plan, scale, place, lines, quick=quick)
-    return Outcome(plan, scale, lines, document, stopped)
+    return ReproductionResult(plan, scale, lines, document, stopped)
 
 
 def _wanted(
-    plan: Reproduction, scale: Scale, cells: list[Cell], rows: str, seeds: int | None
-) -> list[Cell]:
-    """Return the cells that are to be there after this call."""
+    plan: Reproduction,
+    scale: TrainingScale,
+    trainings: list[Training],
+    rows: str,
+    seeds: int | None,
+) -> list[Training]:
+    """Return the trainings whose results are wanted after this call."""
     if seeds is not None and seeds > scale.seeds:
         raise ScenarioError(f"--seeds {seeds}: each row has {scale.seeds}; give no more")
     names = plan.rows_named(rows) if rows else [row.name for row in plan.rows]
     most = scale.seeds if seeds is None else seeds
-    return [cell for cell in cells if cell.row.name in names and cell.seed <= most]
+    return [
+        training for training in trainings if training.row.name in names and training.seed <= most
+    ]
 
 
 def _driven(
-    cells: list[Cell], jobs: int, tell: Callable[[int, Cell, float], None]
-) -> Iterator[tuple[Cell, dict[str, Any]]]:
-    """Yield cells with their outcomes as they are done."""
+    trainings: list[Training], jobs: int, tell: Callable[[int, Training, float], None]
+) -> Iterator[tuple[Training, dict[str, Any]]]:
+    """Yield trainings with their outcomes as they finish."""
     if jobs == 1:
-        for number, cell in enumerate(cells):
+        for number, training in enumerate(trainings):
 
-            def on_share(share: float, number: int = number, cell: Cell = cell) -> None:
-                tell(number, cell, share)
+            def on_share(share: float, number: int = number, training: Training = training) -> None:
+                tell(number, training, share)
 
             on_share(0.0)
-            yield cell, drive_cell(cell, on_share)
+            yield training, run_training(training, on_share)
         return
     # PyTorch's threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_worker) as pool:
-        waiting = {pool.submit(drive_cell, cell): cell for cell in cells}
+        waiting = {pool.submit(run_training, training): training for training in trainings}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
         except BrokenProcessPool as error:
             raise ScenarioError(
-                "the process of a training died; the same command goes on, fewer --jobs need "
+                "the process of a training died; the same command continues, fewer --jobs need "
                 "less memory"
             ) from error
         finally:
@@ -133,26 +145,34 @@ def _driven(
 
 
 def _begin_worker() -> None:
-    """Let Ctrl-C end this process without a word: the one that started it speaks."""
+    """End this process silently on Ctrl-C: its parent reports it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     warnings.filterwarnings("ignore", module="stable_baselines3")
 
 
-def _telling(tell: Tell, known: int, cells: int) -> Callable[[int, Cell, float], None]:
-    return lambda number, cell, share: tell(News(known + number + share, cells, _name(cell)))
+def _telling(tell: Tell, known: int, trainings: int) -> Callable[[int, Training, float], None]:
+    return lambda number, training, share: tell(
+        ReproductionProgress(known + number + share, trainings, _name(training))
+    )
 
 
-def _name(cell: Cell) -> str:
-    return f"{cell.row.name}, seed {cell.seed}"
+def _name(training: Training) -> str:
+    return f"{training.row.name}, seed {training.seed}"
 
 
-def _path(store: Path, cell: Cell) -> Path:
-    plain = "".join(letter if letter.isalnum() else "-" for letter in cell.row.name.lower())
-    return store / f"{plain}-seed-{cell.seed}.json"
+def _path(store: Path, training: Training) -> Path:
+    plain = "".join(letter if letter.isalnum() else "-" for letter in training.row.name.lower())
+    return store / f"{plain}-seed-{training.seed}.json"
 
 
 def _write(
-    name: str, plan: Reproduction, scale: Scale, place: Path, lines: list[Line], *, quick: bool
+    name: str,
+    plan: Reproduction,
+    scale: TrainingScale,
+    place: Path,
+    lines: list[VariantSummary],
+    *,
+    quick: bool,
 ) -> dict[str, Any]:
     """Write table and plot; return the table as a document."""
     command = f"race reproduce {name}{' --quick' if quick else ''}"
@@ -187,11 +207,11 @@ def _write(
     return document
 
 
-def _names(lines: list[Line]) -> set[str]:
+def _names(lines: list[VariantSummary]) -> set[str]:
     return {line.row.name for line in lines}
 
 
-def _row(line: Line) -> dict[str, Any]:
+def _row(line: VariantSummary) -> dict[str, Any]:
     return {
         "name": line.row.name,
         "changes": list(line.row.changes),

@@ -1,4 +1,4 @@
-"""The figures of a reproduction: means over seeds, beside the report's."""
+"""The figures of a reproduction: means over seeds, beside those of the report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.reproductions.plan import Column, Reproduction, Row
+from race_agents.reproductions.plan import Column, Reproduction, Variant
 
 
 @dataclass(frozen=True)
-class Line:
+class VariantSummary:
     """One row of the table with our figures."""
 
-    row: Row
+    row: Variant
     runs: int
     steps: int  # decisions of each run
     means: dict[str, float | None]  # None: no run has such a figure
@@ -25,8 +25,8 @@ class Line:
         return self.means.get(column.key)
 
 
-def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[Line]:
-    """Return a line for each row of which something is known."""
+def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[VariantSummary]:
+    """Return a summary for each row with results."""
     lines = []
     for row in plan.rows:
         runs = [outcome for outcome in outcomes if outcome["row"] == row.name]
@@ -35,7 +35,7 @@ def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[Lin
     return lines
 
 
-def _line(row: Row, runs: Sequence[dict[str, Any]]) -> Line:
+def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
     means: dict[str, float | None] = {}
     spreads: dict[str, float] = {}
     for key in runs[0]["figures"]:
@@ -43,17 +43,17 @@ def _line(row: Row, runs: Sequence[dict[str, Any]]) -> Line:
         means[key] = float(np.mean(known)) if known else None
         spreads[key] = float(np.std(known)) if known else 0.0
     points = min(len(run["curve"]) for run in runs)
-    # The ends are abreast; the first episode may be over sooner or later.
+    # The ends are aligned; the first episode may end at different steps.
     curve = (
         np.mean([run["curve"][-points:] for run in runs], axis=0) if points else np.zeros((0, 2))
     )
     steps = max(run["steps"] for run in runs)
     pairs = tuple((float(at), float(value)) for at, value in curve)
-    return Line(row, len(runs), steps, means, spreads, pairs)
+    return VariantSummary(row, len(runs), steps, means, spreads, pairs)
 
 
-def remarks_on(plan: Reproduction, lines: Sequence[Line]) -> list[str]:
-    """Return in sentences where ours agree with the report's figures, and where they do not."""
+def remarks_on(plan: Reproduction, lines: Sequence[VariantSummary]) -> list[str]:
+    """Return sentences on where our figures agree with the report's, and where they do not."""
     remarks = []
     column = plan.plotted
     numbers = {line.row.name: line.number(column) for line in lines}

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from race_agents.reproductions.plan import Column, Reproduction, Scale
-from race_agents.reproductions.summary import Line, remarks_on
+from race_agents.reproductions.plan import Column, Reproduction, TrainingScale
+from race_agents.reproductions.summary import VariantSummary, remarks_on
 
 NOTHING = "–"
 
@@ -14,10 +14,12 @@ def heads_of(plan: Reproduction) -> list[str]:
     return ["setting", *theirs, *(f"ours: {column.head}" for column in plan.columns), "ours: runs"]
 
 
-def cells_of(plan: Reproduction, line: Line, base: Line | None, seeds: int) -> list[str]:
+def texts_of(
+    plan: Reproduction, line: VariantSummary, base: VariantSummary | None, seeds: int
+) -> list[str]:
     """Return the texts of a line, one for each head.
 
-    base: what differences are told to; seeds: so many runs the line will be the mean of.
+    base: the line that differences are given to; seeds: number of runs wanted for the mean.
     """
     theirs = line.row.theirs or (NOTHING,) * len(plan.their_heads)
     ours = [_figure(column, line, base) for column in plan.columns]
@@ -25,12 +27,12 @@ def cells_of(plan: Reproduction, line: Line, base: Line | None, seeds: int) -> l
     return [line.row.name, *theirs, *ours, runs]
 
 
-def base_of(plan: Reproduction, lines: Sequence[Line]) -> Line | None:
+def base_of(plan: Reproduction, lines: Sequence[VariantSummary]) -> VariantSummary | None:
     """Return the line that the others are compared with, if there is one."""
     return next((line for line in lines if line.row.name == plan.base), None)
 
 
-def _figure(column: Column, line: Line, base: Line | None) -> str:
+def _figure(column: Column, line: VariantSummary, base: VariantSummary | None) -> str:
     value = line.number(column)
     if value is None:
         return NOTHING
@@ -41,8 +43,8 @@ def _figure(column: Column, line: Line, base: Line | None) -> str:
     return text if first is None else f"{text} ({value - first:+.{column.digits}f})"
 
 
-def scale_words(scale: Scale, lines: Sequence[Line], *, quick: bool) -> str:
-    """Return how much was trained."""
+def scale_words(scale: TrainingScale, lines: Sequence[VariantSummary], *, quick: bool) -> str:
+    """Return a text on the amount of training."""
     counts = [line.runs for line in lines] or [scale.seeds]
     least, most = min(counts), max(counts)
     count = f"{most}" if least == most else f"{least} to {most}"
@@ -51,8 +53,8 @@ def scale_words(scale: Scale, lines: Sequence[Line], *, quick: bool) -> str:
     return f"QUICK: {words}; too few to judge by" if quick else words
 
 
-def partial_words(plan: Reproduction, scale: Scale, lines: Sequence[Line]) -> str:
-    """Return in a sentence what is not there yet, nothing if all is."""
+def partial_words(plan: Reproduction, scale: TrainingScale, lines: Sequence[VariantSummary]) -> str:
+    """Return a sentence on missing runs, "" if there are none."""
     runs, wanted = sum(line.runs for line in lines), scale.seeds * len(plan.rows)
     if runs == wanted:
         return ""
@@ -63,11 +65,16 @@ def partial_words(plan: Reproduction, scale: Scale, lines: Sequence[Line]) -> st
 
 
 def page(
-    plan: Reproduction, scale: Scale, lines: Sequence[Line], words: dict[str, str], *, quick: bool
+    plan: Reproduction,
+    scale: TrainingScale,
+    lines: Sequence[VariantSummary],
+    words: dict[str, str],
+    *,
+    quick: bool,
 ) -> str:
     """Return the page. words: facts to end with, such as the command and the versions."""
     base = base_of(plan, lines)
-    rows = [heads_of(plan), *(cells_of(plan, line, base, scale.seeds) for line in lines)]
+    rows = [heads_of(plan), *(texts_of(plan, line, base, scale.seeds) for line in lines)]
     table = ["| " + " | ".join(row) + " |" for row in rows]
     table.insert(1, "|" + "---|" * len(rows[0]))
     parts = [

@@ -1,4 +1,4 @@
-"""The training world of a cell: that of `race train`, with a report's peculiarities around it."""
+"""The training world of a reproduction: that of `race train`, adapted to a report."""
 
 from functools import partial
 from itertools import product
@@ -33,21 +33,21 @@ def actions_of(twist: Twist, answers: Array) -> Array:
 
 
 class Twisted(VecEnvWrapper):
-    """Karts whose actions and rewards are a report's."""
+    """Karts with the actions and rewards of a report."""
 
     def __init__(self, karts: KartVecEnv, twist: Twist) -> None:
-        """Stand between the karts and whoever learns."""
+        """Wrap the karts of a learner."""
         chosen = spaces.Discrete(len(CHOICES)) if twist.choices else karts.action_space
         super().__init__(karts, action_space=chosen)
         self.twist = twist
         self.crashes = 0
 
     def reset(self) -> Any:
-        """Begin new races."""
+        """Start new races."""
         return self.venv.reset()
 
     def step_async(self, actions: Array) -> None:
-        """Take a policy's answers."""
+        """Take the answers of a policy."""
         self.venv.step_async(actions_of(self.twist, actions))
 
     def step_wait(self) -> Any:
@@ -62,13 +62,13 @@ class Twisted(VecEnvWrapper):
         return seen, rewards, dones, infos
 
 
-def world_of(settings: Settings, twist: Twist, pace: Budget) -> VecNormalize:
+def world_of(settings: Settings, twist: Twist, budget: Budget) -> VecNormalize:
     """Return the karts that learn.
 
     Raises:
-        RaceError: the settings make no race.
+        RaceError: the settings are not valid.
     """
-    world = training_world_of(settings, pace, partial(Twisted, twist=twist))
+    world = training_world_of(settings, budget, partial(Twisted, twist=twist))
     world.norm_obs = twist.scaling != "none"
     if twist.scaling == "largest":
         karts: KartVecEnv = world.unwrapped  # type: ignore[assignment]
@@ -80,7 +80,7 @@ def world_of(settings: Settings, twist: Twist, pace: Budget) -> VecNormalize:
 
 
 def largest_values(layout: Layout, vehicle: str) -> NDArray[np.float64]:
-    """Return what each number of an observation is divided by, shape (size,)."""
+    """Return the divisor of each number of an observation, shape (size,)."""
     car = vehicle_named(vehicle)
     known = {
         "lidar": Lidar().reach,

@@ -1,1 +1,1 @@
-"""Learning to drive: settings, learner, evaluation, and the folder that a run leaves behind."""
+"""Learning to drive: settings, learner, evaluation, and the folder of a run."""

@@ -1,4 +1,4 @@
-"""How much of a training is over: by the clock, or by decisions."""
+"""The budget of a training: minutes, or decisions."""
 
 import time
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from race_agents.training.settings import Settings
 
 @dataclass
 class Budget:
-    """The elapsed share of a training, also across interruptions. Its clock stands at first."""
+    """The elapsed share of a training, across interruptions. Its clock starts stopped."""
 
     minutes: float | None
     steps: int | None
@@ -18,15 +18,15 @@ class Budget:
 
     @classmethod
     def of(cls, settings: Settings) -> "Budget":
-        """Return the pace that settings ask for, at its beginning."""
+        """Return the unspent budget of settings."""
         return cls(settings.minutes, settings.steps)
 
     def start(self) -> None:
-        """Let the clock run: what was got ready before is not training."""
+        """Start the clock: preparation before it is not training."""
         self._begun = time.monotonic()
 
     def stop(self) -> None:
-        """Let the clock stand."""
+        """Stop the clock."""
         self.spent_s, self._begun = self.seconds, None
 
     @property
@@ -42,15 +42,15 @@ class Budget:
         return min(self.seconds / (60.0 * (self.minutes or 1.0)), 1.0)
 
     def share_since(self, begin: float) -> float:
-        """Return the elapsed share of what comes behind a share of the training, 0 to 1."""
+        """Return the elapsed share of the part after a share of the training, 0 to 1."""
         return max(self.share - begin, 0.0) / max(1.0 - begin, 1e-9)
 
     @property
     def is_over(self) -> bool:
-        """Whether the training has lasted as long as it should."""
+        """Whether the budget is spent."""
         return self.share >= 1.0
 
     @property
     def steps_left(self) -> int:
-        """Decisions that are left; more than anybody will make where the clock decides."""
+        """Decisions that are left; practically unlimited for a budget in minutes."""
         return max(self.steps - self.done, 0) if self.steps is not None else 10**12

@@ -1,4 +1,4 @@
-"""Who watches a training: shows it, tries the policy out, keeps the best, ends it in time."""
+"""Monitor a training: report it, evaluate the policy, save the best, end it in time."""
 
 import time
 from collections.abc import Callable
@@ -23,13 +23,13 @@ from race_agents.training.settings import Settings
 from race_server.storage.results.ratings import Rating
 
 CURVE, LATEST = "curve.csv", "latest.pt"
-TELL_S = 1.0  # between two looks at the figures
-ROWS = 200  # of the curve between two evaluations' rows, over a whole training, at most
+TELL_S = 1.0  # between two progress reports
+ROWS = 200  # of the curve besides those of evaluations, over a whole training, at most
 
 
 @dataclass(frozen=True)
-class News:
-    """What is told of a training under way."""
+class TrainingProgress:
+    """Progress of a training."""
 
     share: float
     steps: int
@@ -37,13 +37,13 @@ class News:
     reward: float | None
     crash_rate: float | None
     best_lap_s: float | None
-    method: str  # how it learns: by imitation, or an algorithm's name
+    method: str  # imitation, or the name of the algorithm
     marks: Marks | None = None
-    ratings: tuple[Rating, ...] = ()  # where they have just changed, the strongest first
-    stage: str = ""  # of the curriculum, in words
+    ratings: tuple[Rating, ...] = ()  # if they have just changed, the strongest first
+    stage: str = ""  # of the curriculum, as text
 
 
-Tell = Callable[[News], None]
+Tell = Callable[[TrainingProgress], None]
 
 
 class TrainingCallback(BaseCallback):
@@ -54,16 +54,16 @@ class TrainingCallback(BaseCallback):
         settings: Settings,
         folder: Path,
         world: Normaliser,
-        pace: Budget,
+        budget: Budget,
         tell: Tell,
         best_score: float = -np.inf,
         self_play: SelfPlay | None = None,
         log: Path | None = None,
     ) -> None:
-        """Watch a training whose files go into `folder`. log: a folder for TensorBoard."""
+        """Monitor a training whose files go into `folder`. log: a folder for TensorBoard."""
         super().__init__()
         self.settings = settings
-        self.pace = pace
+        self.budget = budget
         self.self_play = self_play
         stages = companions_in(world).get(CURRICULUM)
         self.stages = stages if isinstance(stages, Curriculum) else None
@@ -79,10 +79,10 @@ class TrainingCallback(BaseCallback):
         self._tell = tell
         self._log = configure(str(log), ["tensorboard"]) if log is not None else None
         self._told = time.monotonic()
-        self._told_steps = pace.done
+        self._told_steps = budget.done
         self._rate = 0.0
-        self._rows = int(pace.share * ROWS)
-        self._tries = int(pace.share * settings.evaluation.times)
+        self._rows = int(budget.share * ROWS)
+        self._tries = int(budget.share * settings.evaluation.times)
 
     def decide(self, seen: NDArray[np.float32]) -> NDArray[Any]:
         """Return the learner's best actions."""
@@ -93,52 +93,52 @@ class TrainingCallback(BaseCallback):
         return actions
 
     def imitated(self, decisions: int) -> bool:
-        """Take note of decisions outside of the learner's own worlds; return whether to go on."""
-        self.pace.done += decisions
+        """Count decisions outside of the learner's own worlds; return whether to continue."""
+        self.budget.done += decisions
         if time.monotonic() - self._told > TELL_S:
             self._look()
         self._examine_in_time()
         return not self.reached
 
     def _on_step(self) -> bool:
-        self.pace.done += self.training_env.num_envs
+        self.budget.done += self.training_env.num_envs
         if time.monotonic() - self._told > TELL_S:
             self._look()
-        return not (self.pace.is_over or self.reached)
+        return not (self.budget.is_over or self.reached)
 
     def _on_rollout_start(self) -> None:
-        # Between rollouts, so that no policy is tried out half-way through its lessons.
-        if self.self_play is not None and self.self_play.go_on(self.model, self.pace.done):
+        # Between rollouts, so that no policy is evaluated between its gradient steps.
+        if self.self_play is not None and self.self_play.go_on(self.model, self.budget.done):
             self._look(rated=True)
         self._examine_in_time()
 
     def _examine_in_time(self) -> None:
-        if int(self.pace.share * self.settings.evaluation.times) > self._tries:
+        if int(self.budget.share * self.settings.evaluation.times) > self._tries:
             self.examine()
 
     def examine(self) -> None:
-        """Try the policy out, and keep it if it is the best so far."""
-        self._tries = int(self.pace.share * self.settings.evaluation.times)
-        self._look()  # so that no time of trying out counts as that of learning's pace
+        """Evaluate the policy, and save it if it is the best so far."""
+        self._tries = int(self.budget.share * self.settings.evaluation.times)
+        self._look()  # so that the time of the evaluation does not count in the rate of learning
         self.last = self.examiner.examine(self.decide)
-        save_checkpoint(self._folder / LATEST, self.model, self._world, self.pace)
+        save_checkpoint(self._folder / LATEST, self.model, self._world, self.budget)
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
             self.best, self.best_score = self.last, score
-            save_checkpoint(self._folder / BEST, self.model, self._world, self.pace, score)
+            save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score)
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 
     def _look(self, marks: Marks | None = None, *, rated: bool = False) -> None:
         now = time.monotonic()
-        if self.pace.done > self._told_steps:
-            self._rate = (self.pace.done - self._told_steps) / max(now - self._told, 1e-6)
-        self._told, self._told_steps = now, self.pace.done
+        if self.budget.done > self._told_steps:
+            self._rate = (self.budget.done - self._told_steps) / max(now - self._told, 1e-6)
+        self._told, self._told_steps = now, self.budget.done
         news = self._news(self._rate, marks)
         if rated and self.self_play is not None:
             news = replace(news, ratings=tuple(self.self_play.ratings))
         self._tell(news)
-        row = int(self.pace.share * ROWS)
+        row = int(self.budget.share * ROWS)
         if marks is not None or rated or row > self._rows:
             self._rows = row
             self._note(self._point(news))
@@ -152,12 +152,12 @@ class TrainingCallback(BaseCallback):
                 self._log.record(f"race/{name}", value)
         self._log.dump(point.steps)
 
-    def _news(self, rate: float, marks: Marks | None) -> News:
+    def _news(self, rate: float, marks: Marks | None) -> TrainingProgress:
         episodes = list(self.model.ep_info_buffer or ())
         laps = [row["best_lap_s"] for row in episodes if row["best_lap_s"] > 0.0]
-        return News(
-            share=self.pace.share,
-            steps=self.pace.done,
+        return TrainingProgress(
+            share=self.budget.share,
+            steps=self.budget.done,
             steps_per_s=rate,
             reward=float(np.mean([row["r"] for row in episodes])) if episodes else None,
             crash_rate=float(np.mean([row["crashes"] for row in episodes])) if episodes else None,
@@ -167,11 +167,11 @@ class TrainingCallback(BaseCallback):
             stage=str(self.stages) if self.stages else "",
         )
 
-    def _point(self, news: News) -> Point:
+    def _point(self, news: TrainingProgress) -> Point:
         marks = news.marks
         rated = self.self_play.newest if self.self_play is not None else None
         return Point(
-            minutes=self.pace.seconds / 60.0,
+            minutes=self.budget.seconds / 60.0,
             steps=news.steps,
             steps_per_s=news.steps_per_s,
             learning_rate=float(self.model.lr_schedule(1.0)),

@@ -1,7 +1,7 @@
 """Checkpoints: weights, optimisers, normalisation and counters as plain tensors.
 
-What learns beside the learner is in them, too: judges with their networks, the curriculum. They
-are read with PyTorch's restricted reader: nothing is unpickled that could run.
+They also hold what learns beside the learner: judges with their networks, the curriculum. They are
+read with PyTorch's restricted reader, which unpickles no code.
 """
 
 import io
@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from race_agents.training.budget import Budget
 from race_agents.training.curriculum import Curriculum
-from race_agents.training.normaliser import Normaliser, put_back, state_of
+from race_agents.training.normaliser import Normaliser, restore_means, state_of
 from race_agents.training.reward_wrapper import RewardWrapper
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
@@ -23,22 +23,22 @@ from race_server.errors import ScenarioError
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 CURRICULUM = "curriculum"
 ENTROPY = "log_ent_coef"
-RETURN = "return_"  # before the names of the rewards' means
+RETURN = "return_"  # in front of the names of the rewards' means
 STRETCH = "stretch"
 
 
 class Companion(Protocol):
-    """Whatever in a world has to go on where it was."""
+    """A part of a world with a state that checkpoints keep."""
 
     def state(self) -> dict[str, Any]:
-        """Return where it stands."""
+        """Return its state."""
 
-    def take_up(self, state: Mapping[str, Any]) -> None:
-        """Go on where `state` was taken."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore a state that `state` returned."""
 
 
 def companions_in(world: VecEnv) -> dict[str, Companion]:
-    """Return who goes along with a learner in a world, by name: judges and the curriculum."""
+    """Return the companions of a learner in a world, by name: judges and the curriculum."""
     found: dict[str, Companion] = {}
     while isinstance(world, VecEnvWrapper):
         if isinstance(world, RewardWrapper):
@@ -50,15 +50,15 @@ def companions_in(world: VecEnv) -> dict[str, Companion]:
 
 
 def _weights_beside(learner: Any) -> dict[str, torch.Tensor]:
-    """Return what a learner adjusts besides its networks: SAC's weight of the entropy."""
+    """Return what a learner trains besides its networks: SAC's weight of the entropy."""
     weight = getattr(learner, ENTROPY, None)
     return {} if weight is None else {ENTROPY: weight.detach()}
 
 
 def save_checkpoint(
-    path: Path, learner: Any, world: Normaliser, pace: Budget, score: float = 0.0
+    path: Path, learner: Any, world: Normaliser, budget: Budget, score: float = 0.0
 ) -> None:
-    """Write where a training stands, and what score the policy had if it was the best."""
+    """Write the state of a training, and the score of its policy if it was the best."""
     seen: Any = world.obs_rms  # one box, hence one set of means
     returns = {RETURN + name: value for name, value in state_of(world.ret_rms).items()}
     stretch = np.empty(0) if world.stretch is None else world.stretch
@@ -68,24 +68,23 @@ def save_checkpoint(
         "normalisation": state_of(seen) | returns | {STRETCH: torch.from_numpy(stretch).clone()},
         "counters": {name: int(getattr(learner, name)) for name in COUNTERS},
         "companions": {name: one.state() for name, one in companions_in(world).items()},
-        "seconds": pace.seconds,
-        "done": pace.done,
+        "seconds": budget.seconds,
+        "done": budget.done,
         "score": score,
     }
-    # Written aside and moved: whoever is killed here leaves the checkpoint before whole.
+    # Written aside and moved: a killed process leaves the checkpoint before intact.
     aside = path.with_suffix(".part")
-    # By way of memory: of a full disk PyTorch's writer tells in words of its own.
+    # Through memory: PyTorch's writer does not raise OSError on a full disk.
     written = io.BytesIO()
     torch.save(content, written)
     aside.write_bytes(written.getbuffer())
     aside.replace(path)
 
 
-def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Budget) -> float:
-    """Take a training up where a checkpoint left it; return the score that it was kept for.
+def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget) -> float:
+    """Restore a training from a checkpoint; return the score it was saved with.
 
-    A judge that the checkpoint does not know, as the training goes on with other settings, begins
-    anew.
+    A judge that the checkpoint does not have, as the settings have changed, starts untrained.
 
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
@@ -99,8 +98,10 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Budget) -
                 weight.copy_(beside[name])  # in its place, where its optimiser knows it
         numbers = content["normalisation"]
         seen: Any = world.obs_rms
-        put_back(seen, numbers)
-        put_back(world.ret_rms, {name: numbers[RETURN + name] for name in state_of(world.ret_rms)})
+        restore_means(seen, numbers)
+        restore_means(
+            world.ret_rms, {name: numbers[RETURN + name] for name in state_of(world.ret_rms)}
+        )
         stretch = numbers[STRETCH].numpy()
         world.stretch = stretch if stretch.size else None
         for name in COUNTERS:
@@ -108,13 +109,13 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, pace: Budget) -
         known = content.get("companions", {})
         for name, one in companions_in(world).items():
             if name in known:
-                one.take_up(known[name])
-        pace.spent_s, pace.done = float(content["seconds"]), int(content["done"])
+                one.restore(known[name])
+        budget.spent_s, budget.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
     except FileNotFoundError as error:
         raise ScenarioError(
-            f"{path}: no such checkpoint, as the run ended before it was first tried out; begin it "
+            f"{path}: no such checkpoint, as the run ended before its first evaluation; begin it "
             "anew"
         ) from error
-    except Exception as error:  # PyTorch's reader raises whatever a damaged file leads it to
+    except Exception as error:  # PyTorch's reader raises errors of many types on a damaged file
         raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error

@@ -1,7 +1,7 @@
-"""Curiosity: what cannot be foreseen yet is worth going to.
+"""Curiosity: transitions that the model cannot predict yet are rewarded.
 
 An inverse model learns features that tell which action led from one observation to the next; a
-forward model foresees the next features. Its error is the reward: Pathak et al., ICML 2017,
+forward model predicts the next features. Its error is the reward: Pathak et al., ICML 2017,
 https://arxiv.org/abs/1705.05363
 """
 
@@ -12,18 +12,18 @@ import numpy as np
 import torch
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 
-from race_agents.training.normaliser import put_back, state_of
-from race_agents.training.reward_wrapper import Rows, Scale, network
+from race_agents.training.normaliser import restore_means, state_of
+from race_agents.training.reward_wrapper import Rows, RunningScale, network
 from race_agents.training.settings import Curiosity
 
 
 class Curious:
-    """A judge who likes what is new."""
+    """A judge that rewards novelty."""
 
     name = "curiosity"
 
     def __init__(self, wanted: Curiosity, size: int, width: int, seed: int) -> None:
-        """Begin without knowing anything. size, width: of an observation and of an action."""
+        """Start untrained. size, width: of an observation and of an action."""
         self._wanted = wanted
         count, hidden = wanted.features, wanted.hidden
         self._features = network((size, hidden, count), seed)
@@ -31,12 +31,12 @@ class Curious:
         self._forward = network((count + width, hidden, count), seed + 2)
         self._networks = torch.nn.ModuleList([self._features, self._inverse, self._forward])
         self._optimiser = torch.optim.Adam(self._networks.parameters(), lr=wanted.learning_rate)
-        self._scale = Scale(size)
+        self._scale = RunningScale(size)
         self._usual = RunningMeanStd()
         self._chance = np.random.default_rng(seed)
 
     def worth(self, seen: Rows, actions: Rows, after: Rows) -> Rows:
-        """Return a reward for each transition, shape (n,): the surprise, in usual ones."""
+        """Return a reward for each transition, shape (n,): the error over its running mean."""
         with torch.no_grad():
             error = self._surprise(self._scale(seen), torch.from_numpy(actions), self._scale(after))
         surprise = error.numpy()
@@ -45,7 +45,7 @@ class Curious:
         return np.asarray(self._wanted.bonus * np.minimum(surprise / usual, 5.0), np.float32)
 
     def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
-        """Learn to foresee, from transitions of several decisions."""
+        """Train the models on transitions of several decisions."""
         self._scale.update(seen)
         before, done, then = self._scale(seen), torch.from_numpy(actions), self._scale(after)
         for rows in np.array_split(
@@ -60,7 +60,7 @@ class Curious:
             self._optimiser.step()
 
     def state(self) -> dict[str, Any]:
-        """Return networks, optimiser, scale, and how great a surprise is usual."""
+        """Return networks, optimiser, scale, and the running mean of the error."""
         return {
             "networks": self._networks.state_dict(),
             "optimiser": self._optimiser.state_dict(),
@@ -68,15 +68,15 @@ class Curious:
             "usual": state_of(self._usual),
         }
 
-    def take_up(self, state: Mapping[str, Any]) -> None:
-        """Go on where `state` was taken."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore a state that `state` returned."""
         self._networks.load_state_dict(state["networks"])
         self._optimiser.load_state_dict(state["optimiser"])
-        self._scale.take_up(state["scale"])
-        put_back(self._usual, state["usual"])
+        self._scale.restore(state["scale"])
+        restore_means(self._usual, state["usual"])
 
     def _guess(self, before: torch.Tensor, then: torch.Tensor) -> torch.Tensor:
-        """Return which action led from one observation to another."""
+        """Return the predicted action between two observations."""
         pair = torch.cat([self._features(before), self._features(then)], dim=1)
         return torch.as_tensor(self._inverse(pair))
 

@@ -13,13 +13,13 @@ NONE_YET = -1  # in place of the number of a stage
 
 
 class Curriculum:
-    """Says which stage of a training runs.
+    """Decides which stage of a training runs.
 
-    The next one begins once enough episodes of the stage succeed, or at its share of the training.
+    The next stage begins once enough episodes of this one succeed, or at its share of the training.
     """
 
-    def __init__(self, settings: Settings, pace: Budget) -> None:
-        """Work out the weights of each stage.
+    def __init__(self, settings: Settings, budget: Budget) -> None:
+        """Compute the weights of each stage.
 
         Raises:
             ScenarioError: a stage names a track that is not trained on.
@@ -36,7 +36,7 @@ class Curriculum:
             [float(name in (stage.tracks or names)) for name in names for _ in settings.race.sizes]
             for stage in self.stages
         ]
-        self._pace = pace
+        self._budget = budget
         self._karts = settings.worlds * settings.race.learners
         self._number = self._told = NONE_YET
         self._since = 0  # decisions of all karts before the stage
@@ -45,7 +45,7 @@ class Curriculum:
     def __call__(
         self, decisions: int, episodes: Sequence[Mapping[str, Any]]
     ) -> Sequence[float] | None:
-        """Return the weights of the stage that begins now; None while it lasts.
+        """Return the weights of a stage that begins now, None otherwise.
 
         decisions: of all karts so far; episodes: those that have ended now, none at a reset.
         """
@@ -53,8 +53,8 @@ class Curriculum:
         while self._is_over():
             self._number += 1
             self._successes.clear()
-            # Who has just ended an episode has begun the next one already. At a reset all begin
-            # after this.
+            # A kart that has just ended an episode has begun the next one already. At a reset all
+            # begin after this.
             self._since = decisions if episodes else decisions - 1
         if self._number == self._told:
             return None
@@ -62,7 +62,7 @@ class Curriculum:
         return self._weights[self._number]
 
     def _note(self, decisions: int, episodes: Sequence[Mapping[str, Any]]) -> None:
-        """Take note of the episodes that belong to the stage."""
+        """Count the episodes that belong to the stage."""
         if self._number == NONE_YET:
             return
         stage = self.stages[self._number]
@@ -77,7 +77,7 @@ class Curriculum:
         following = self._number + 1
         if following >= len(self.stages):
             return False
-        return self._has_succeeded() or self.stages[following].after <= self._pace.share
+        return self._has_succeeded() or self.stages[following].after <= self._budget.share
 
     def _has_succeeded(self) -> bool:
         if self._number == NONE_YET:
@@ -87,7 +87,7 @@ class Curriculum:
             return False
         return self.success_rate >= stage.until_success
 
-    # What others read
+    # Read by others
 
     @property
     def number(self) -> int:
@@ -96,11 +96,11 @@ class Curriculum:
 
     @property
     def success_rate(self) -> float:
-        """Share of the stage's last episodes that succeeded; 0 before the first is over."""
+        """Share of the stage's last episodes that succeeded; 0 before the first has ended."""
         return sum(self._successes) / max(len(self._successes), 1)
 
     def __str__(self) -> str:
-        """Return in words which stage runs."""
+        """Return a text on the present stage."""
         if self._number == NONE_YET:
             return "before the first stage"
         words = f"stage {self.number} of {len(self.stages)}"
@@ -109,14 +109,14 @@ class Curriculum:
             return words
         return f"{words}, {100.0 * self.success_rate:.0f} % succeed"
 
-    # A training that goes on
+    # Checkpoints
 
     def state(self) -> dict[str, Any]:
-        """Return where the curriculum stands, as plain data."""
+        """Return the state of the curriculum as plain data."""
         return {"number": self._number, "successes": [int(one) for one in self._successes]}
 
-    def take_up(self, state: Mapping[str, Any]) -> None:
-        """Go on where `state` was taken."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore a state that `state` returned."""
         self._number = min(int(state["number"]), len(self.stages) - 1)
         self._told, self._since = NONE_YET, -1
         self._successes = deque(bool(one) for one in state["successes"])

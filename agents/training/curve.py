@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-# Of the picture: what is drawn in each, in training and when tried out.
+# Panels of the picture: columns from training and from evaluation.
 PANELS = {
     "return": ("reward", "tried_reward"),
     "speed [m/s]": ("tried_speed",),
@@ -16,7 +16,7 @@ PANELS = {
 
 @dataclass(frozen=True)
 class Point:
-    """Where a training stood at one moment; what was not measured then is None."""
+    """Figures of a training at one moment; None for those not measured."""
 
     minutes: float
     steps: int
@@ -35,7 +35,7 @@ class Point:
 
 
 def append(path: Path, point: Point) -> None:
-    """Add a row to the table; the first one brings the head, and later ones keep to it."""
+    """Add a row to the table; the first row writes the head, later ones follow it."""
     head = _head_of(path)
     with path.open("a", newline="", encoding="utf-8") as file:
         names = head or [field.name for field in fields(Point)]
@@ -58,7 +58,7 @@ def _head_of(path: Path) -> list[str]:
 
 
 def read(path: Path) -> list[dict[str, float]]:
-    """Return the rows of a table, without what was not measured."""
+    """Return the rows of a table, without missing figures."""
     with path.open(newline="", encoding="utf-8") as file:
         return [
             {name: float(value) for name, value in row.items() if value}
@@ -92,7 +92,7 @@ def draw(table: Path, picture: Path, title: str) -> None:
 
 
 def _draw_column(plot: Any, rows: list[dict[str, float]], column: str) -> None:
-    """Draw one column where there are figures: what was tried out by points, and in orange."""
+    """Draw one column if it has figures: evaluations as points, in orange."""
     points = [(row["minutes"], row[column]) for row in rows if column in row]
     if not points:
         return
@@ -103,7 +103,7 @@ def _draw_column(plot: Any, rows: list[dict[str, float]], column: str) -> None:
 
 
 def _mark_stage(plots: Any, row: dict[str, float]) -> None:
-    """Draw where a stage of the curriculum begins."""
+    """Mark where a stage of the curriculum begins."""
     for plot in plots:
         plot.axvline(row["minutes"], color="grey", linestyle=":", linewidth=1)
     at = plots[0].get_xaxis_transform()

@@ -1,8 +1,8 @@
-"""Demonstrations: what a driver saw and what it did, in a file that anybody may read safely.
+"""Demonstrations: observations and controls of a driver, in a file that is safe to read.
 
 An .npz of plain arrays: `observations` (n, size) with the parts that `about` names, `controls`
-(n, 4) steering, throttle, brake, buttons, and `about`, a JSON text. A policy takes what it sees out
-of the observations, as it does in a race.
+(n, 4) steering, throttle, brake, buttons, and `about`, a JSON text. A policy selects its parts from
+the observations, as in a race.
 """
 
 import json
@@ -23,10 +23,10 @@ from race_server.core.observation import layout_of
 from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
 
-# Raise it when a part of an observation or a control comes to mean something else.
+# Increase it when the meaning of an observation part or of a control changes.
 VERSION = 1
 Rows = NDArray[np.float32]
-# What a damaged or foreign file leads NumPy and its unpacking to.
+# Errors of NumPy and of unpacking on a damaged or foreign file.
 DAMAGES = (
     *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, NotImplementedError),
     *(AttributeError, RecursionError, zipfile.BadZipFile, zlib.error),
@@ -35,7 +35,7 @@ DAMAGES = (
 
 @dataclass(frozen=True)
 class About:
-    """Where demonstrations come from."""
+    """Origin of demonstrations."""
 
     driver: str
     tracks: tuple[str, ...]
@@ -50,7 +50,7 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class Demonstrations:
-    """What a driver saw and did."""
+    """Observations and controls of a driver."""
 
     about: About
     observations: Rows  # (n, size)
@@ -78,7 +78,7 @@ def write_demonstrations(path: Path, shown: Demonstrations) -> None:
 
 
 def read_demonstrations(path: Path) -> Demonstrations:
-    """Return what a file holds.
+    """Return the content of a file.
 
     Raises:
         RecordingError: it is missing, damaged, or of another version.
@@ -109,7 +109,7 @@ def _about(words: Any, path: Path) -> About:
         value = tuple(map(str, value)) if isinstance(value, list) else value
         kind: Any = tuple if "tuple" in str(field.type) else field.type
         if not isinstance(value, kind):
-            raise RecordingError(f"{path}: {field.name} = {value!r} makes no demonstrations")
+            raise RecordingError(f"{path}: {field.name} = {value!r} is not valid")
         values[field.name] = value
     return About(**values)
 
@@ -123,8 +123,8 @@ def _check(shown: Demonstrations, path: Path) -> None:
     count = len(seen) if seen.ndim else 0
     if count < 1 or seen.shape != (count, size) or controls.shape != (count, 4):
         raise RecordingError(
-            f"{path}: observations {seen.shape} and controls {controls.shape}: (n, {size}) and "
-            "(n, 4) are wanted, n above zero"
+            f"{path}: observations {seen.shape} and controls {controls.shape}: expected "
+            f"(n, {size}) and (n, 4), n above zero"
         )
     for name, rows in (("observations", seen), ("controls", controls)):
         if rows.dtype != np.float32 or not np.isfinite(rows).all():
@@ -132,16 +132,16 @@ def _check(shown: Demonstrations, path: Path) -> None:
 
 
 def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
-    """Return what a learner would have seen, (n, size), and should have answered, (n, A).
+    """Return observations (n, size) and actions (n, A) of demonstrations for a learner.
 
     Raises:
-        RaceError: the file is damaged, or was recorded with another vehicle, pace or lidar.
+        RaceError: the file is damaged, or recorded with another vehicle, interval or lidar.
     """
     shown = read_demonstrations(path)
-    about, nature = shown.about, metadata_from(settings, ())
+    about, metadata = shown.about, metadata_from(settings, ())
     for name, recorded, wanted in (
-        ("vehicle", about.vehicle, nature.vehicle),
-        ("decision_s", about.decision_s, nature.decision_s),
+        ("vehicle", about.vehicle, metadata.vehicle),
+        ("decision_s", about.decision_s, metadata.decision_s),
     ):
         if recorded != wanted:
             raise ScenarioError(
@@ -150,13 +150,13 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
     kind = action_kind(settings.action)
     if kind not in {CONTINUOUS, CONTROL}:
         raise ScenarioError(
-            f"action = {settings.action!r}: demonstrations show pedals and wheel; choose "
+            f"action = {settings.action!r}: demonstrations have pedals and steering; choose "
             "'continuous' or 'control'"
         )
     try:
         layout = layout_of(about.parts, about.lidar_rays)
         gear = np.array([about.lidar_field, about.lidar_reach, about.decision_s])
-        places = places_in(layout, nature, gear, "the learner")
+        places = places_in(layout, metadata, gear, "the learner")
     except RaceError as error:
         raise ScenarioError(f"{path}: {error}") from error
     speeds = shown.observations[:, layout.slices["speed"].start]

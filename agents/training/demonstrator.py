@@ -1,4 +1,4 @@
-"""A driver is watched while it drives laps of a trial: what it sees, and what it does then."""
+"""Record observations and controls of a driver in laps of a trial."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,16 +20,16 @@ EVERYTHING = "full"
 
 
 class Watched:
-    """A driver that sees what it always sees; everything else is written down beside it.
+    """Wraps a driver, and records all observations and the driver's controls.
 
-    With noise the kart does not quite do what the driver wants, and what the driver does about
-    that is shown, too: Laskey et al., "DART", CoRL 2017, https://arxiv.org/abs/1703.09327
+    With noise the kart deviates from what the driver wants, so that its corrections are recorded,
+    too: Laskey et al., "DART", CoRL 2017, https://arxiv.org/abs/1703.09327
     """
 
     preset = EVERYTHING
 
     def __init__(self, driver: Driver, noise: float, seed: int) -> None:
-        """Watch a driver. noise: standard deviation of pedals and wheel, as a share."""
+        """Wrap a driver. noise: standard deviation of pedals and steering, as a share."""
         self.observations: list[np.ndarray] = []
         self.controls: list[np.ndarray] = []
         self._driver = driver
@@ -52,7 +52,7 @@ class Watched:
         self.controls.append(numbers)
         aside = self._chance.normal(0.0, self._noise, 2) if self._noise > 0.0 else np.zeros(2)
         steering, drive = np.clip(numbers[:2] + aside, -1.0, 1.0).tolist()
-        # Who brakes does not press the other pedal as well.
+        # A driver that brakes does not press the other pedal as well.
         throttle = drive if numbers[2] == 0.0 else float(numbers[1])
         return Control(steering, throttle, float(numbers[2]), Button(int(numbers[3])))
 
@@ -64,7 +64,7 @@ def _as_is(driver: Driver, _: str) -> Driver:
 def demonstrate(
     driver: str, tracks: Sequence[str], vehicle: str, laps: int, seed: int, noise: float
 ) -> tuple[Demonstrations, list[Run]]:
-    """Return what a driver shows on some tracks, and how it did there.
+    """Return demonstrations of a driver on some tracks, and its runs.
 
     Raises:
         RaceError: there is no such driver, track or vehicle.
@@ -73,9 +73,9 @@ def demonstrate(
     runs: list[Run] = []
     shown: list[Watched] = []
     for track in tracks:
-        cell = RunSpec(driver, track, vehicle, seed=seed, laps=laps)
+        spec = RunSpec(driver, track, vehicle, seed=seed, laps=laps)
         watched = Watched(driver_named(driver), noise, seed)
-        run = drive_run(cell, make=partial(_as_is, watched))
+        run = drive_run(spec, make=partial(_as_is, watched))
         if run.remark:
             raise ScenarioError(f"{driver} on {track}: {run.remark}; nothing was recorded")
         runs.append(run)

@@ -1,4 +1,4 @@
-"""How good a policy is: tried out on courses and seeds that it did not learn on."""
+"""Evaluation of a policy on courses and seeds that it did not learn on."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -20,10 +20,10 @@ Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
 
 @dataclass(frozen=True)
 class Marks:
-    """How a policy did on one course, over all seeds, or on all courses."""
+    """Figures of a policy on one course over all seeds, or on all courses."""
 
     track: str
-    speed: float  # [m/s] along the centre line until the time was over, crashes included
+    speed: float  # [m/s] along the centre line until the time limit, crashes included
     crash_rate: float  # share of the karts that crashed
     laps: float  # of a kart
     best_lap_s: float | None
@@ -31,7 +31,7 @@ class Marks:
     runs: int
 
     def reaches(self, goal: Goal) -> bool:
-        """Return whether all of a goal is reached; without any part it never is."""
+        """Return whether all parts of a goal are reached; never without any part."""
         wanted = goal.model_dump(exclude_none=True)
         lap = self.best_lap_s if self.best_lap_s is not None else np.inf
         return bool(wanted) and (
@@ -41,13 +41,13 @@ class Marks:
         )
 
     def score(self, kind: str) -> float:
-        """Return what tells a better policy from a worse one."""
+        """Return the score by which policies are compared, higher is better."""
         return self.speed if kind == "speed" else self.reward
 
 
 @dataclass
 class Examiner:
-    """The worlds in which policies are tried out; they are made once."""
+    """The worlds in which policies are evaluated, built once."""
 
     settings: Settings
     tracks: Tracks
@@ -71,7 +71,7 @@ class Examiner:
         return [*marks, _together(marks)]
 
     def observations(self, decide: Decide, steps: int) -> NDArray[np.float32]:
-        """Return what karts see that a policy drives, shape (n, size)."""
+        """Return observations of karts that a policy drives, shape (n, size)."""
         batch = self._batch(self._names[0])
         first = batch.reset(self.first_seed)
         seen = [first.reshape(-1, batch.layout.size).copy()]
@@ -96,8 +96,8 @@ class Examiner:
                 break
         ended = batch.rig.ended
         crashed = ended["crashes"] > 0
-        # Who crashed, or stood until he was out, would have had the rest of the time; who came to
-        # the finish is done.
+        # A kart that crashed, or stood until it was out, could have used the rest of the time; a
+        # kart that finished could not.
         done = cut | (ended["status"] == codes.FINISHED)
         metres = batch.world.racers["distance"][:, :learners] - begun
         speeds = metres / np.where(done, np.maximum(times, decision_s()), horizon)
@@ -113,7 +113,7 @@ class Examiner:
         )
 
     def close(self) -> None:
-        """Let the worlds go."""
+        """Close the worlds."""
         for batch in self.batches.values():
             batch.close()
 

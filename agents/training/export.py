@@ -1,4 +1,4 @@
-"""A learned policy as one ONNX file: normalisation, network, limits of the actions, and its nature.
+"""Export a policy as one ONNX file: normalisation, network, action limits and metadata.
 
 The graph is written layer by layer, so that the file depends on nothing but ONNX itself.
 """
@@ -22,7 +22,7 @@ from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import digest_of
 from race_agents.training.tasks import decision_s
-from race_agents.training.view import NEAREST, View
+from race_agents.training.view import NEAREST, ObservationView
 from race_server import __version__
 from race_server.core.observation import PARTS, layout_of
 from race_server.errors import ScenarioError
@@ -58,7 +58,7 @@ class _Graph:
         return output
 
 
-def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMetadata) -> None:
+def export_policy(path: Path, learner: Any, world: Normaliser, metadata: PolicyMetadata) -> None:
     """Write the actor of a learner as an ONNX file.
 
     Raises:
@@ -67,9 +67,9 @@ def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMet
     graph = _Graph()
     _normalise(graph, world)
     width = _act(graph, learner, world.action_space)
-    # The last output gets the name that drivers ask for.
+    # The last output gets the name that drivers look for.
     graph.nodes[-1].output[0] = OUTPUT
-    seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", nature.size])
+    seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", metadata.size])
     answer = helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["n", width])
     body = helper.make_graph(graph.nodes, "policy", [seen], [answer], graph.constants)
     model = helper.make_model(
@@ -79,7 +79,7 @@ def export_policy(path: Path, learner: Any, world: Normaliser, nature: PolicyMet
         ir_version=IR_VERSION,
         opset_imports=[helper.make_opsetid("", OPSET)],
     )
-    helper.set_model_props(model, {KEY: nature.as_text()})
+    helper.set_model_props(model, {KEY: metadata.as_text()})
     onnx.checker.check_model(model)
     aside = path.with_suffix(".part")
     aside.write_bytes(model.SerializeToString())
@@ -95,14 +95,14 @@ def _normalise(graph: _Graph, world: Normaliser) -> None:
     most = np.float64(world.clip_obs)
     graph.then("Clip", -most, most)
     if world.stretch is not None:
-        # It takes most of the file's bytes, and lessons use it in single precision, too.
+        # It takes most of the file's bytes, and supervised steps use single precision, too.
         stretch = graph.add("Cast", world.stretch.astype(np.float32), to=TensorProto.DOUBLE)
         graph.then("MatMul", stretch)
     graph.then("Cast", to=TensorProto.FLOAT)
 
 
-def _view(graph: _Graph, view: View, size: int) -> None:
-    """Add what `View` does; the end is in double precision then."""
+def _view(graph: _Graph, view: ObservationView, size: int) -> None:
+    """Add what `ObservationView` does; the end is in double precision then."""
     if np.isfinite(view.horizon):
         graph.then("Clip", -view.horizon, view.horizon)
     graph.then("Cast", to=TensorProto.DOUBLE)
@@ -122,7 +122,7 @@ def _view(graph: _Graph, view: View, size: int) -> None:
 
 
 def _act(graph: _Graph, learner: Any, space: spaces.Space[Any]) -> int:
-    """Add the actor and what becomes of its answer; return how many numbers that has."""
+    """Add the actor and the scaling of its answer; return the number of its columns."""
     if isinstance(learner, PPO):
         _layers(graph, [*learner.policy.mlp_extractor.policy_net, learner.policy.action_net])
     elif isinstance(learner, SAC):
@@ -164,7 +164,7 @@ def _layers(graph: _Graph, layers: Iterable[torch.nn.Module]) -> None:
 
 
 def metadata_from(settings: Settings, tracks: tuple[str, ...]) -> PolicyMetadata:
-    """Return what the policy of a training is for."""
+    """Return the metadata of the policy of a training."""
     layout = layout_of(settings.observation, settings.lidar.rays)
     names = [PARTS[number].name for number in layout.numbers]
     sees_lidar = bool({"lidar", "lidar_before"} & set(names))
@@ -187,10 +187,10 @@ def metadata_from(settings: Settings, tracks: tuple[str, ...]) -> PolicyMetadata
 
 
 def difference(policy: Policy, learner: Any, world: Normaliser, seen: NDArray[Any]) -> float:
-    """Return by how much a file's answers differ at most from the learner's own.
+    """Return the largest difference between the answers of a file and of its learner.
 
-    Of answers that are picked: how much less the learner thinks of the file's than of its own, as
-    two that it takes for alike are told apart by rounding alone.
+    For discrete actions: how much less the learner values the file's choice than its own, as
+    rounding alone decides between two of equal value.
     """
     rows, answers = world.normalize_obs(seen), policy.decide(seen)
     if isinstance(world.action_space, spaces.Discrete):
@@ -200,7 +200,7 @@ def difference(policy: Policy, learner: Any, world: Normaliser, seen: NDArray[An
 
 
 def _merits(learner: Any, rows: torch.Tensor) -> torch.Tensor:
-    """Return what a learner thinks of each answer, shape (n, answers)."""
+    """Return the value of each answer to a learner, shape (n, answers)."""
     with torch.no_grad():
         if isinstance(learner, DQN):
             return torch.as_tensor(learner.q_net(rows))

@@ -1,4 +1,4 @@
-"""The folder that a run of training leaves behind."""
+"""The folder of a training run."""
 
 import fcntl
 import json
@@ -25,7 +25,7 @@ MOST_RUNS = 10_000
 
 
 def new_folder(name: str, wanted: Path | None) -> Path:
-    """Make and return the folder of a new run: the one that is wanted, or the next of its name.
+    """Make and return the folder of a new run: the given one, or the next of its name.
 
     Raises:
         ScenarioError: it cannot be made, or holds a run already.
@@ -41,18 +41,20 @@ def new_folder(name: str, wanted: Path | None) -> Path:
             place.mkdir(parents=True, exist_ok=wanted is not None)
         except OSError as error:
             if wanted is None and place.is_dir():
-                continue  # another training has just made it
+                continue  # another training has just created it
             raise ScenarioError(f"{place}: cannot be made: {error.strerror}") from error
         return place
-    raise ScenarioError(f"{places[0]} holds a run already; go on with --resume, or choose another")
+    raise ScenarioError(
+        f"{places[0]} holds a run already; continue it with --resume, or choose another"
+    )
 
 
 @contextmanager
 def occupied(folder: Path) -> Iterator[None]:
-    """Keep the folder of a run from other trainings meanwhile; it leaves no trace.
+    """Lock the folder of a run against other trainings; the lock leaves no file.
 
     Raises:
-        ScenarioError: a training is at work there.
+        ScenarioError: another training uses it.
     """
     place = os.open(folder, os.O_RDONLY)
     try:
@@ -60,7 +62,7 @@ def occupied(folder: Path) -> Iterator[None]:
             fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise ScenarioError(
-                f"{folder}: another training is at work there; wait for its end, or choose another"
+                f"{folder}: another training uses it; wait for its end, or choose another"
             ) from error
         yield
     finally:
@@ -68,7 +70,7 @@ def occupied(folder: Path) -> Iterator[None]:
 
 
 def abandon(folder: Path) -> None:
-    """Take away what `begin` wrote, and the folder with it, where nothing was learned."""
+    """Remove what `begin` wrote, and the folder, if nothing was learned."""
     found = list(folder.iterdir())
     if {path.name for path in found} <= {CONFIG, VERSIONS}:
         for path in found:
@@ -77,7 +79,7 @@ def abandon(folder: Path) -> None:
 
 
 def begin(folder: Path, settings: Settings) -> None:
-    """Write what a run is before it begins."""
+    """Write the settings and versions of a run before it begins."""
     (folder / CONFIG).write_text(as_toml(settings), encoding="utf-8")
     _write_json(folder / VERSIONS, versions())
 
@@ -94,7 +96,7 @@ def settings_in(folder: Path, changes: tuple[str, ...] = ()) -> Settings:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that decide what is learned."""
+    """Return the versions of Python and of the packages that affect the result."""
     found = {"python": sys.version.split()[0]}
     for package in PACKAGES:
         try:
@@ -105,7 +107,7 @@ def versions() -> dict[str, str]:
 
 
 def write_evaluation(folder: Path, marks: list[Marks], more: dict[str, Any]) -> dict[str, Any]:
-    """Write and return how the best policy does."""
+    """Write and return the figures of the best policy."""
     document = {"tracks": [asdict(one) for one in marks], **more}
     _write_json(folder / EVALUATION, document)
     return document
@@ -116,7 +118,7 @@ def _write_json(path: Path, document: dict[str, Any]) -> None:
 
 
 def write_readme(folder: Path, settings: Settings, evaluation: dict[str, Any]) -> None:
-    """Write how to repeat a run and what came of it."""
+    """Write a page on how to repeat a run, with its results."""
     rows = [
         f"| {row['track']} | {row['speed']:.2f} | {row['crash_rate']:.2f} | {_lap(row)} |"
         for row in evaluation["tracks"]
@@ -131,7 +133,7 @@ Do it again, in this folder, {_likeness(settings, evaluation)}:
 
     race train {CONFIG}
 
-Go on with it, until it has learned for twice as long in all:
+Continue it, until it has learned for twice as long in all:
 
     race train --resume {shlex.quote(name_of(folder))} {_twice(settings)}
 
@@ -142,7 +144,7 @@ Drive it:
 
 The best policy on each of the courses of `evaluation.final`, under \
 {settings.evaluation.seeds} seeds from the start grid. The speed is that along the centre line \
-until {settings.evaluation.seconds:g} s or the race are over; who crashed stands until then:
+until {settings.evaluation.seconds:g} s or the race are over; a kart that crashed stands until then:
 
 | track | speed [m/s] | crash rate | best lap [s] |
 |---|---|---|---|
@@ -162,7 +164,7 @@ def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, str]:
         for name in names_of(settings.evaluation.final.names, settings.evaluation.final.set)
         if not name.endswith(REVERSED)
     ]
-    # Where nothing is said both take the 1/10 car, and a course that is wide enough for it.
+    # Without options both take the 1/10 car, and a course that is wide enough for it.
     own = settings.vehicle != Settings.model_fields["vehicle"].default
     vehicle = f" --vehicle {settings.vehicle}" if own else ""
     track = shlex.quote(courses[0]) if courses else ""
@@ -175,9 +177,9 @@ def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, str]:
 
 
 def _likeness(settings: Settings, evaluation: dict[str, Any]) -> str:
-    """Return how much alike a repetition is: a clock never stops a training at the same place."""
+    """Return how exact a repetition is: a clock never ends a training at the same decision."""
     if evaluation["stopped"] or evaluation["resumed"]:
-        return "at one go: this run was interrupted, so another policy comes out"
+        return "without interruption: this run was interrupted, so the policy will differ"
     if settings.steps is not None:
         return f"to the bit with the versions in {VERSIONS}"
     return "as far as a clock allows; with --steps it is the same to the bit"

@@ -1,7 +1,7 @@
-"""Adversarial imitation: to be taken for the expert is what is worth something.
+"""Generative adversarial imitation learning (GAIL).
 
-A discriminator learns to tell what is driven from what was demonstrated, and rewards what it takes
-for a demonstration: Ho and Ermon, NeurIPS 2016, https://arxiv.org/abs/1606.03476
+A discriminator learns to distinguish driving from demonstrations, and rewards what it takes for a
+demonstration: Ho and Ermon, NeurIPS 2016, https://arxiv.org/abs/1606.03476
 """
 
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ import torch
 from torch.nn import functional
 
 from race_agents.training.demonstrations import pairs_for
-from race_agents.training.reward_wrapper import Rows, Scale, network
+from race_agents.training.reward_wrapper import Rows, RunningScale, network
 from race_agents.training.settings import Gail, Settings
 
 
 class Discriminator:
-    """A judge who likes what looks like the demonstrations."""
+    """A judge that rewards what looks like the demonstrations."""
 
     name = "gail"
 
@@ -26,7 +26,7 @@ class Discriminator:
         """Read the demonstrations.
 
         Raises:
-            RaceError: they are damaged, or do not fit what is to be learned.
+            RaceError: they are damaged, or do not fit the task.
         """
         wanted: Gail = settings.gail
         self._wanted = wanted
@@ -34,7 +34,7 @@ class Discriminator:
         size = self._seen.shape[1] + self._actions.shape[1]
         self._network = network((size, *wanted.layers, 1), settings.seed)
         self._optimiser = torch.optim.Adam(self._network.parameters(), lr=wanted.learning_rate)
-        self._scale = Scale(size)
+        self._scale = RunningScale(size)
         self._scale.update(np.concatenate([self._seen, self._actions], axis=1))
         self._chance = np.random.default_rng(settings.seed)
 
@@ -44,7 +44,7 @@ class Discriminator:
             return np.asarray(self._wanted.scale * functional.softplus(self._logit(seen, actions)))
 
     def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
-        """Learn to tell what was driven from what was demonstrated."""
+        """Train to distinguish driving from demonstrations."""
         count = self._wanted.batch_size
         for _ in range(self._wanted.lessons):
             own = self._chance.integers(0, len(seen), count)
@@ -69,14 +69,14 @@ class Discriminator:
             "scale": self._scale.state(),
         }
 
-    def take_up(self, state: Mapping[str, Any]) -> None:
-        """Go on where `state` was taken."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore a state that `state` returned."""
         self._network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
-        self._scale.take_up(state["scale"])
+        self._scale.restore(state["scale"])
 
     def _logit(self, seen: Rows, actions: Rows, blur: float = 0.0) -> torch.Tensor:
-        """Return how much pairs look like the expert's, shape (n,); blur: noise on all inputs."""
+        """Return the logit that pairs are the expert's, shape (n,); blur: noise on all inputs."""
         pairs = self._scale(np.concatenate([seen, actions], axis=1))
         if blur > 0.0:
             noise = self._chance.normal(0.0, blur, tuple(pairs.shape)).astype(np.float32)

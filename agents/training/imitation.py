@@ -1,7 +1,7 @@
 """The warm start: a policy imitates before it learns by reward.
 
-From a teacher it learns in the states that it comes to itself, since what a teacher does on its
-own path says nothing of how to get back to it: DAgger, Ross et al., AISTATS 2011,
+It learns from a teacher in the states that it reaches itself, since the teacher's own path does not
+show how to return to it: DAgger, Ross et al., AISTATS 2011,
 https://arxiv.org/abs/1011.0686
 """
 
@@ -29,22 +29,22 @@ from race_server.envs.batch import Batch
 from race_server.envs.vector import after_an_episode
 from race_server.errors import ScenarioError
 
-FIRM = 1e12  # observations after which means do not move any more
-LOOKED_AT = 20_000  # observations whose spread is found out
-EPISODES = 100  # the last ones, of which figures are told
+FIRM = 1e12  # observations after which means are fixed
+LOOKED_AT = 20_000  # observations whose spread is measured
+EPISODES = 100  # the last ones, for the figures
 
-# Called with the decisions since the last call; returns whether to go on.
+# Called with the decisions since the last call; returns whether to continue.
 Pass = Callable[[int], bool]
 
 
 class School:
-    """The worlds in which a learner drives and a teacher says what it would have done."""
+    """The worlds in which a learner drives and a teacher gives the labels."""
 
     def __init__(self, settings: Settings, say: Say) -> None:
-        """Find the teacher's lines and build the worlds.
+        """Compute the teacher's lines and build the worlds.
 
         Raises:
-            RaceError: there is no such teacher, or it cannot show what is to be learned.
+            RaceError: there is no such teacher, or it cannot teach the task.
         """
         wanted = settings.warm_start
         task = shown_to_both(training_task(settings), wanted.teacher)
@@ -54,7 +54,7 @@ class School:
         self.batch = Batch(
             task,
             worlds=settings.worlds,
-            # Others than those of the rewards, so that both together show more places.
+            # Seeds other than those of reinforcement learning, so that both show more places.
             seed=settings.seed + settings.worlds,
             after=after,
             threads=settings.threads,
@@ -64,24 +64,24 @@ class School:
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 
     def look(self, size: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return what learners see, shape (n, size), and what they should do, shape (n, A)."""
+        """Return observations of the learners (n, size) and their labels (n, A)."""
         seen = self.batch.observations
         labels = self.teacher.labels(seen, self._begun)
         return seen.reshape(self.karts, -1)[:, :size].copy(), labels
 
     def move(self, actions: NDArray[np.float32]) -> list[dict[str, Any]]:
-        """Move every race on by one decision; return the episodes that are over."""
-        self.teacher.take_note(actions)
+        """Step every race by one decision; return the episodes that ended."""
+        self.teacher.record_driven(actions)
         self.batch.step(actions)
         self._begun = (self.batch.terminated | self.batch.truncated).astype(np.bool_)
         return [self.batch.episode_of(w, k) for w, k in np.argwhere(self._begun)]
 
 
 class Imitation:
-    """A warm start from its first lesson to its last."""
+    """A whole warm start."""
 
     def __init__(self, settings: Settings, learner: Any, world: Normaliser, say: Say) -> None:
-        """Get teacher, demonstrations and memory ready.
+        """Prepare teacher, demonstrations and memory.
 
         Raises:
             RaceError: one of them does not exist or does not fit.
@@ -107,7 +107,7 @@ class Imitation:
         self._lessons = SupervisedSteps(wanted, learner, world, weights, quantiles)
         self._chance = np.random.default_rng(settings.seed)
         self._episodes: deque[dict[str, Any]] = deque(maxlen=EPISODES)
-        # Where SB3 goes on with them later, if both are there.
+        # SB3 continues with them later, if both exist.
         learner.ep_info_buffer, learner.ep_success_buffer = self._episodes, deque(maxlen=EPISODES)
         if wanted.demonstrations:
             seen, labels = pairs_for(settings, Path(wanted.demonstrations))
@@ -116,23 +116,23 @@ class Imitation:
             self._memory.add(world.view(seen), labels)
         self._school = School(settings, say) if wanted.teacher else None
         self._errors = np.zeros(width)
-        self._next_look = 1  # once there are so many labels
+        self._next_look = 1  # once there are this many labels
 
-    def go(self, pace: Budget, passed: Pass) -> None:
-        """Imitate until the share of the training for it is over, or nobody wants more."""
-        while not pace.is_over and pace.share < self._wanted.share:
-            elapsed = pace.share / self._wanted.share
+    def go(self, budget: Budget, passed: Pass) -> None:
+        """Imitate until its share of the training is over, or `passed` returns False."""
+        while not budget.is_over and budget.share < self._wanted.share:
+            elapsed = budget.share / self._wanted.share
             if self._school is not None:
                 for _ in range(self._wanted.decisions):
                     self._drive(self._school, elapsed)
             self._learn(elapsed)
-            # With demonstrations alone nobody drives: as much counts as if somebody did.
+            # With demonstrations alone no kart drives: count as many decisions as if they did.
             if not passed(self._wanted.decisions * self._world.num_envs):
                 break
         policy = self._learner.policy
         policy.log_std.data.copy_(deviations(self._wanted.log_std, policy.log_std))
         show_the_critic(policy)
-        # What was learned rests on these means: those of a few demonstrations would move soon.
+        # The network depends on these means: those of a few demonstrations would soon change.
         means: Any = self._world.obs_rms
         means.count = max(means.count, FIRM)
         figures = ", ".join(f"{error:.3f}" for error in self._errors)
@@ -148,7 +148,7 @@ class Imitation:
             self._errors += 0.02 * (lessons.learn(viewed, labels, elapsed) - self._errors)
 
     def _drive(self, school: School, elapsed: float) -> None:
-        """Let the learner, and at first also the teacher, drive for one decision."""
+        """Step by one decision, driven by the learner and at first also by the teacher."""
         wanted = self._wanted
         seen, labels = school.look(self._size)
         self._memory.add(self._world.view(seen), labels)
@@ -162,15 +162,15 @@ class Imitation:
         self._episodes.extend(school.move(np.clip(actions, self._low, self._high)))
 
     def close(self) -> None:
-        """Let the worlds go."""
+        """Close the worlds."""
         if self._school is not None:
             self._school.batch.close()
 
 
 def show_the_critic(policy: Any) -> None:
-    """Let the critic begin with the layers that the actor has learned, and with no opinion yet.
+    """Start the critic with the layers of the actor, and a value of zero.
 
-    A network that has not learned to look past the noise of a lidar judges by that noise first.
+    A network that has not learned to ignore the noise of a lidar first fits that noise.
     """
     layers = policy.mlp_extractor
     layers.value_net.load_state_dict(layers.policy_net.state_dict())
@@ -181,7 +181,7 @@ def show_the_critic(policy: Any) -> None:
 def _weights(
     wanted: WarmStart, action: str, width: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return how much errors of each number of an action count, and of which side, each (A,)."""
+    """Return weight and quantile of the errors of each number of an action, each (A,)."""
     weights, quantiles = np.ones(width, np.float32), np.full(width, 0.5, np.float32)
     if action_kind(action) == CONTINUOUS:
         weights[1], quantiles[0] = wanted.steering_weight, wanted.quantile

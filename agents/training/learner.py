@@ -20,13 +20,13 @@ from race_agents.training.reward_wrapper import Judge, RewardWrapper, width_of
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import training_task
-from race_agents.training.view import View
+from race_agents.training.view import ObservationView
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "dqn": DQN}
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-# What settings say elsewhere, or what a run decides itself.
+# Options that come from elsewhere in the settings, or that a run decides itself.
 _TAKEN = {
     *("self", "policy", "env", "learning_rate", "seed", "device", "verbose", "tensorboard_log"),
     *("policy_kwargs", "_init_setup_model", "stats_window_size", "action_noise"),
@@ -36,31 +36,30 @@ TD3_NOISE = 0.1
 
 
 def world_of(
-    settings: Settings, pace: Budget, around: Callable[[KartVecEnv], VecEnv] | None = None
+    settings: Settings, budget: Budget, around: Callable[[KartVecEnv], VecEnv] | None = None
 ) -> Normaliser:
-    """Return the karts that learn, with running means of what they see.
+    """Return the karts that learn, with running means of their observations.
 
-    around: what stands between the karts and whoever learns; the judges of the settings, unless
-    something else is wanted.
+    around: wrapper between the karts and the learner; default: the judges of the settings.
 
     Raises:
-        RaceError: the settings make no race.
+        RaceError: the settings are not valid.
     """
     karts = KartVecEnv(
         training_task(settings),
         worlds=settings.worlds,
         seed=settings.seed,
         threads=settings.threads,
-        curriculum=Curriculum(settings, pace) if settings.curriculum else None,
+        curriculum=Curriculum(settings, budget) if settings.curriculum else None,
     )
     shown = around(karts) if around is not None else _judged(settings, karts)
     gamma = settings.algorithm.options.get("gamma", 0.99)
     rewards = settings.algorithm.normalise_reward
-    return Normaliser(shown, View.of(settings), norm_reward=rewards, gamma=gamma)
+    return Normaliser(shown, ObservationView.of(settings), norm_reward=rewards, gamma=gamma)
 
 
 def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
-    """Return the karts with the rewards of all judges that are wanted."""
+    """Return the karts with the rewards of all judges in the settings."""
     gail, curiosity = settings.gail, settings.curiosity
     if gail.demonstrations:
         judge: Judge = Discriminator(settings)
@@ -72,11 +71,11 @@ def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
     return karts
 
 
-def learner_of(settings: Settings, world: VecNormalize, pace: Budget, log: str | None) -> Any:
+def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str | None) -> Any:
     """Return an untrained learner. log: a folder for TensorBoard.
 
     Raises:
-        ScenarioError: an option of the algorithm does not exist, or has no fitting value.
+        ScenarioError: an option of the algorithm does not exist, or its value is not valid.
     """
     # With two, `time-trial` made 3,800 decisions a second instead of 29,000: networks as small as
     # these lose more by threads that wait for one another than they gain.
@@ -97,7 +96,7 @@ def learner_of(settings: Settings, world: VecNormalize, pace: Budget, log: str |
         learner = kind(
             "MlpPolicy",
             world,
-            learning_rate=_rate(settings, pace),
+            learning_rate=_rate(settings, budget),
             policy_kwargs=network,
             seed=settings.seed,
             device="cpu",
@@ -107,7 +106,7 @@ def learner_of(settings: Settings, world: VecNormalize, pace: Budget, log: str |
     except (TypeError, ValueError, ArithmeticError, AssertionError) as error:
         raise ScenarioError(f"algorithm.options of {name}: {error}") from error
     if isinstance(learner, DQN):
-        _explore_by(learner, pace)
+        _explore_by(learner, budget)
     if isinstance(learner, PPO):
         _check_deviations(learner, settings)
     if isinstance(learner, PPO) and settings.network.first_action:
@@ -131,32 +130,32 @@ def _options(settings: Settings) -> dict[str, Any]:
     }
 
 
-def _rate(settings: Settings, pace: Budget) -> Any:
-    """Return a schedule that goes by the pace: the learner's own knows nothing of minutes."""
+def _rate(settings: Settings, budget: Budget) -> Any:
+    """Return a schedule by the budget: the learner's own has no minutes."""
     first, warm = settings.algorithm.learning_rate, settings.warm_start
     last = settings.algorithm.last_learning_rate
     change = 0.0 if last is None else last - first
 
     def rate(_: float) -> float:
-        if warm.critic_learning_rate is not None and pace.share < warm.critic_end:
+        if warm.critic_learning_rate is not None and budget.share < warm.critic_end:
             return warm.critic_learning_rate
-        return first + pace.share_since(warm.critic_end) * change
+        return first + budget.share_since(warm.critic_end) * change
 
     return rate
 
 
-def _explore_by(learner: DQN, pace: Budget) -> None:
+def _explore_by(learner: DQN, budget: Budget) -> None:
     first, last = learner.exploration_initial_eps, learner.exploration_final_eps
     until = learner.exploration_fraction
 
     def chance(_: float) -> float:
-        return first + min(pace.share / max(until, 1e-9), 1.0) * (last - first)
+        return first + min(budget.share / max(until, 1e-9), 1.0) * (last - first)
 
     learner.exploration_schedule = chance
 
 
 def _check_deviations(learner: PPO, settings: Settings) -> None:
-    """Refuse deviations for another action now, and not once they are wanted, minutes later."""
+    """Refuse deviations that do not fit the action before they are used, minutes later."""
     own: Any = getattr(learner.policy, "log_std", None)  # discrete actions have none
     for wanted in (settings.warm_start.log_std, settings.network.last_log_std):
         if own is not None and wanted is not None:
@@ -170,5 +169,5 @@ def _answer_at_first(learner: PPO, action: tuple[float, ...]) -> None:
         raise ScenarioError(
             f"network.first_action = {list(action)}: the action has {len(bias)} numbers"
         )
-    network.weight.data *= 0.1  # so that what is seen hardly matters at first
+    network.weight.data *= 0.1  # so that the observation hardly matters at first
     bias[:] = torch.tensor(action)

@@ -1,4 +1,4 @@
-"""Reference lines for a teacher: looked for before a training, by several processes at once."""
+"""Reference lines for a teacher: computed before a training, by several processes."""
 
 import contextlib
 import itertools
@@ -25,13 +25,12 @@ def find_lines(
 ) -> tuple[Scenario, ...]:
     """Return the scenarios with lines that keep a margin [m]; None: with lines as in a race.
 
-    What is found is kept in the user's cache. Where no line fits with the margin, that of a race
-    does.
+    Lines are kept in the user's cache. If no line fits with the margin, that of a race is used.
     """
     jobs = [(one.course, one.vehicle_of(0), margin) for one in scenarios]
     unknown = [job for job in jobs if known_limit(job[0], bounds_of(job[1], margin=margin)) is None]
     if unknown:
-        say(f"reference lines: {len(unknown)} to be found, about a second each")
+        say(f"reference lines: {len(unknown)} to compute, about a second each")
         _find(unknown, workers, say)
     if margin is None:
         return tuple(scenarios)
@@ -45,18 +44,18 @@ def _find(jobs: Sequence[Job], workers: int, say: Say) -> None:
 
 
 def _found(jobs: Sequence[Job], workers: int) -> Iterator[None]:
-    """Find lines one after the other, and tell of each."""
+    """Compute lines one after the other, and report each."""
     if workers == 1:
         yield from itertools.starmap(find_line, jobs)
         return
-    # A process that is spawned shares no threads with PyTorch, as a fork would.
+    # A spawned process shares no threads with PyTorch; a forked one would.
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for future in as_completed([pool.submit(find_line, *job) for job in jobs]):
             yield future.result()
 
 
 def find_line(course: Course, vehicle: Vehicle, margin: float | None) -> None:
-    """Look for a line and keep it in the user's cache; if there is none, nothing happens."""
+    """Compute a line and keep it in the user's cache; do nothing if there is none."""
     with contextlib.suppress(RaceError):
         reference_limit(course, vehicle, margin=margin)
 

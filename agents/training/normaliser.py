@@ -1,4 +1,4 @@
-"""Running means of what a network is given, and how its numbers are told apart."""
+"""Normalise observations by running means, and decorrelate them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,19 +9,19 @@ from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from race_agents.training.view import View
+from race_agents.training.view import ObservationView
 
 Rows = NDArray[Any]
 
 
 class Normaliser(VecNormalize):
-    """SB3's, of what a view shows; numbers that go together can be stretched apart.
+    """SB3's normalisation after an `ObservationView`, with optional decorrelation.
 
-    Neighbouring rays, and a scan and the one before, tell nearly the same. What tells them apart
-    would hardly be learned, so `stretch` makes them as good as uncorrelated.
+    Neighbouring rays, and a scan and the one before, are nearly equal. Their differences would
+    hardly be learned, so `stretch` makes them nearly uncorrelated.
     """
 
-    def __init__(self, karts: VecEnv, view: View, **options: Any) -> None:
+    def __init__(self, karts: VecEnv, view: ObservationView, **options: Any) -> None:
         """Wrap the karts; options are those of `VecNormalize`."""
         super().__init__(karts, **options)
         self.view = view
@@ -30,22 +30,22 @@ class Normaliser(VecNormalize):
         self.stretch: NDArray[np.float64] | None = None  # (size, size)
 
     def normalize_obs(self, obs: Any) -> Any:
-        """Return observations (n, size) as a network takes them, mean 0 and variance 1."""
+        """Return observations (n, size) as a network takes them, with mean 0 and variance 1."""
         means: Any = self.obs_rms
         rows = self._normalize_obs(self.view(obs), means)
         return (rows if self.stretch is None else rows @ self.stretch).astype(np.float32)
 
     def unnormalize_obs(self, obs: Any) -> Any:
-        """Return observations (n, size) of which `normalize_obs` makes these.
+        """Return the observations (n, size) that `normalize_obs` turns into these.
 
-        So SAC, TD3 and DQN keep the last observations of episodes.
+        SAC, TD3 and DQN store the last observations of episodes by it.
         """
         means: Any = self.obs_rms
         rows = obs if self.stretch is None else obs @ np.linalg.inv(self.stretch)
         return self.view.undone(self._unnormalize_obs(rows, means))
 
     def scaled(self, viewed: Rows) -> NDArray[np.float32]:
-        """Return what the view has shown, (n, size), of mean 0 and variance 1, not stretched."""
+        """Return viewed observations (n, size) with mean 0 and variance 1, not decorrelated."""
         means: Any = self.obs_rms
         spread = np.sqrt(means.var + self.epsilon).astype(np.float32)
         rows = (viewed.astype(np.float32) - means.mean.astype(np.float32)) / spread
@@ -58,20 +58,20 @@ def state_of(means: RunningMeanStd) -> dict[str, torch.Tensor]:
     return {name: torch.as_tensor(value).clone() for name, value in numbers.items()}
 
 
-def put_back(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> None:
-    """Let running means be what they were when `state` was taken.
+def restore_means(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> None:
+    """Restore running means from a state.
 
     Raises:
         ValueError: they are of another size.
     """
     mean, variance = state["mean"].numpy(), state["variance"].numpy()
     if np.shape(mean) != np.shape(means.mean):
-        raise ValueError(f"means of shape {np.shape(mean)}, {np.shape(means.mean)} are wanted")
+        raise ValueError(f"means of shape {np.shape(mean)}, expected {np.shape(means.mean)}")
     means.mean, means.var, means.count = mean, variance, float(state["count"])
 
 
 class _Means(RunningMeanStd):
-    def __init__(self, view: View, shape: Any) -> None:
+    def __init__(self, view: ObservationView, shape: Any) -> None:
         super().__init__(shape=shape)
         self._view = view
 

@@ -15,7 +15,7 @@ from race_server.scenario.track.sets import names_of
 
 
 def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
-    """Return by how much a file answers at most otherwise than the best learner of its run.
+    """Return the largest difference between a file and the best learner of its run.
 
     seen: (n, size) observations.
 
@@ -23,23 +23,23 @@ def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
         ScenarioError: the run has no settings or no checkpoint, or they do not fit together.
     """
     settings = _small(settings_in(run))
-    pace = Budget.of(settings)
-    world = world_of(settings, pace)
+    budget = Budget.of(settings)
+    world = world_of(settings, budget)
     try:
-        learner = learner_of(settings, world, pace, None)
-        load_checkpoint(run / BEST, learner, world, pace)
+        learner = learner_of(settings, world, budget, None)
+        load_checkpoint(run / BEST, learner, world, budget)
         return difference(policy, learner, world, seen)
     finally:
         world.close()
 
 
 def _small(settings: Settings) -> Settings:
-    """Return what makes the same learner in a smaller world: nothing is to be learned."""
+    """Return settings for the same learner in a smaller world, not for training."""
     first = names_of(settings.tracks.names, settings.tracks.set)[0]
     changes = {
         "tracks": Tracks(names=(first,)),
         "curriculum": (),
-        # Their demonstrations may be gone.
+        # Their demonstrations may have been deleted.
         "gail": Gail(),
         "curiosity": Curiosity(),
     }

@@ -1,4 +1,4 @@
-"""A recording of a learned policy: a few laps alone, in a session of its own."""
+"""Record a few laps of a policy, alone in a session."""
 
 import tempfile
 from pathlib import Path

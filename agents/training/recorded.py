@@ -1,7 +1,6 @@
-"""Demonstrations out of a recording: what a seat saw in a live race, and what it did then.
+"""Demonstrations from a recording: observations and controls of a seat in a live race.
 
-The race is driven again, so whoever sat there, at a keyboard or a wheel, need not have seen what a
-learner sees.
+The race is simulated again with all sensors, so the driver of the seat may have been a person.
 """
 
 from dataclasses import dataclass, replace
@@ -24,22 +23,22 @@ from race_server.storage.recording.scenario_codec import unpack_scenario
 
 
 @dataclass(frozen=True)
-class Drive:
-    """What a seat did in a recorded race."""
+class RecordedDrive:
+    """Figures of a seat in a recorded race."""
 
     laps: int = 0
     wall_contacts: int = 0
 
 
-def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, Drive]:
-    """Return what a seat of a recording shows, and how it did there.
+def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, RecordedDrive]:
+    """Return the demonstrations of a seat of a recording, and its figures.
 
-    A pair is what the seat saw when a decision was due, and the control that acted last before the
-    next one: by then an answer over the network has come. There are none before the lights are out,
-    and none after the kart's finish: then a policy that learned stands by itself.
+    A pair is the observation when a decision was due, and the control that acted last before the
+    next one: by then an answer over the network has come. There are none before the start and none
+    after the finish of the kart.
 
     Raises:
-        RecordingError: the recording is damaged, drives otherwise here, or its seat shows nothing.
+        RecordingError: the recording is damaged, differs when simulated, or its seat has no driver.
     """
     recording = read_recording(path)
     about = _about(recording, seat)
@@ -51,7 +50,7 @@ def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, Drive]:
     seen, control, races = _look(session, seat), session.acting(seat), True
     for happened in watched.run(most_ticks=1):
         events += [event for event in happened if event.kart == seat]
-        # After its finish what acts is not the driver's any more.
+        # After its finish the control is no longer the driver's.
         control = session.acting(seat) if races else control
         races = _races(session, seat)
         if session.tick % due == 0:
@@ -66,10 +65,10 @@ def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, Drive]:
 
 
 def _about(recording: Recording, seat: int) -> About:
-    """Return where the demonstrations of a seat come from.
+    """Return the origin of the demonstrations of a seat.
 
     Raises:
-        RecordingError: nobody sat there, or a real kart, whose controls are not recorded.
+        RecordingError: the seat is empty, or has a real kart, whose controls are not recorded.
     """
     rows = {row.number: row for row in recording.start.seats}
     if seat not in rows:
@@ -94,25 +93,25 @@ def _about(recording: Recording, seat: int) -> About:
 
 
 def _check_alike(recording: Recording) -> None:
-    """Drive the race again as it was.
+    """Check that the simulated race equals the recorded one.
 
     Raises:
-        RecordingError: it is another one, so what the seat saw then cannot be known.
+        RecordingError: it differs, so the observations of the seat are unknown.
     """
     rerun = Rerun(recording)
     for _ in rerun.run():
         pass
     if rerun.difference is not None:
         raise RecordingError(
-            f"{recording.path}: the race driven again differs from tick {rerun.difference.tick} "
-            "on; `race replay` says which versions recorded it"
+            f"{recording.path}: the simulated race differs from the recorded one from tick "
+            f"{rerun.difference.tick} on; `race replay` lists the versions that recorded it"
         )
 
 
 def _seeing_everything(recording: Recording, seat: int) -> Recording:
     """Return the recording with all sensors on one kart.
 
-    They change nothing but the digest, in which a kart's sensors are.
+    They change only the digest, which includes the sensors of a kart.
     """
     rows = tuple(
         replace(row, preset=EVERYTHING) if row.number == seat else row
@@ -126,13 +125,13 @@ def _races(session: Session, seat: int) -> bool:
 
 
 def _look(session: Session, seat: int) -> Float32s | None:
-    """Return what a seat sees, None while its kart does not race."""
+    """Return the observation of a seat, None while its kart does not race."""
     if not _races(session, seat) or session.tick < session.world.races[0].start_tick:
         return None
     session.look()
     return session.view(seat).copy()
 
 
-def _drive_of(events: list[Event]) -> Drive:
+def _drive_of(events: list[Event]) -> RecordedDrive:
     kinds = [event.kind for event in events]
-    return Drive(kinds.count(EventKind.LAP), kinds.count(EventKind.CONTACT_WALL))
+    return RecordedDrive(kinds.count(EventKind.LAP), kinds.count(EventKind.CONTACT_WALL))

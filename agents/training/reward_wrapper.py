@@ -1,4 +1,4 @@
-"""A vector environment whose rewards are those of the race and those of a judge that learns."""
+"""A vector environment that adds the rewards of a judge to those of the race."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from race_agents.training.normaliser import put_back, state_of
+from race_agents.training.normaliser import restore_means, state_of
 
 Rows = NDArray[np.float32]
 
 
 class Judge(Protocol):
-    """Says what transitions are worth, and learns from them."""
+    """Rewards transitions, and learns from them."""
 
     name: str  # in a checkpoint
 
@@ -28,20 +28,20 @@ class Judge(Protocol):
         """
 
     def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
-        """Learn from transitions, those of several decisions."""
+        """Learn from transitions of several decisions."""
 
     def state(self) -> dict[str, Any]:
         """Return all that was learned, networks and optimisers, as tensors and plain data."""
 
-    def take_up(self, state: Mapping[str, Any]) -> None:
-        """Go on where `state` was taken."""
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore a state that `state` returned."""
 
 
 class RewardWrapper(VecEnvWrapper):
-    """Adds what a judge says to a share of the race's own reward."""
+    """Adds the reward of a judge to a share of the race's own reward."""
 
     def __init__(self, world: VecEnv, judge: Judge, *, own_share: float, decisions: int) -> None:
-        """Put a judge beside a world, who learns once in so many decisions of each kart."""
+        """Add a judge to a world; it learns every `horizon` decisions of each kart."""
         super().__init__(world)
         self.judge = judge
         self._own_share = own_share
@@ -51,7 +51,7 @@ class RewardWrapper(VecEnvWrapper):
         self._kept: list[tuple[Rows, Rows, Rows]] = []
 
     def reset(self) -> Any:
-        """Begin new races and return what all karts see."""
+        """Start new races and return the observations of all karts."""
         self._seen = np.asarray(self.venv.reset())
         return self._seen
 
@@ -61,7 +61,7 @@ class RewardWrapper(VecEnvWrapper):
         super().step_async(actions)
 
     def step_wait(self) -> Any:
-        """Move every race on by one decision."""
+        """Step every race by one decision."""
         seen, rewards, dones, infos = self.venv.step_wait()
         after = np.array(seen)
         for number in np.flatnonzero(dones):
@@ -85,7 +85,7 @@ def numbers_of(actions: NDArray[Any], space: spaces.Space[Any]) -> Rows:
 
 
 def width_of(space: Any) -> int:
-    """Return how many numbers `numbers_of` makes of an action."""
+    """Return the number of columns of `numbers_of`."""
     return int(space.n) if isinstance(space, spaces.Discrete) else int(space.shape[0])
 
 
@@ -99,26 +99,26 @@ def network(sizes: Sequence[int], seed: int) -> torch.nn.Sequential:
     return torch.nn.Sequential(*layers[:-1])
 
 
-class Scale:
-    """Running means: what a network is given has a mean of zero and a deviation of one."""
+class RunningScale:
+    """Running means that scale rows to a mean of zero and a deviation of one."""
 
     def __init__(self, size: int) -> None:
-        """Begin without having seen anything."""
+        """Start without data."""
         self._numbers = RunningMeanStd(shape=(size,))
 
     def state(self) -> dict[str, torch.Tensor]:
         """Return the means as tensors."""
         return state_of(self._numbers)
 
-    def take_up(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Go on where `state` was taken."""
-        put_back(self._numbers, state)
+    def restore(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Restore a state that `state` returned."""
+        restore_means(self._numbers, state)
 
     def update(self, rows: Rows) -> None:
-        """Take note of rows, shape (n, size)."""
+        """Update the means with rows, shape (n, size)."""
         self._numbers.update(rows)
 
     def __call__(self, rows: Rows) -> torch.Tensor:
-        """Return rows, scaled and within five deviations."""
+        """Return rows, scaled and clipped to five deviations."""
         scaled = (rows - self._numbers.mean) / np.sqrt(self._numbers.var + 1e-4)
         return torch.from_numpy(np.clip(scaled, -5.0, 5.0).astype(np.float32))

@@ -1,35 +1,35 @@
-"""Who races against a learner: drivers that never change, and the learner as it once was."""
+"""Opponents of a learner: drivers that never change, and snapshots of the learner."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
-from race_agents.training.settings import LEARNER, SelfPlay
+from race_agents.training.settings import LEARNER, SelfPlaySettings
 
 POOL = "pool"  # in the seats
 SNAPSHOTS = "snapshots"
 
 
 class Rivals:
-    """The pool of self-play, and who of it sits where."""
+    """The pool of self-play, and its seats."""
 
-    def __init__(self, settings: SelfPlay, folder: Path) -> None:
-        """Begin with the anchors, and with snapshots that a run left before."""
+    def __init__(self, settings: SelfPlaySettings, folder: Path) -> None:
+        """Start with the anchors, and with earlier snapshots of the run."""
         self.settings = settings
         self.folder = folder / SNAPSHOTS
         self.snapshots = sorted(self.folder.glob("*.onnx"))
 
     def place_for(self, decisions: int) -> Path:
-        """Return the file for a snapshot of a learner after so many decisions."""
+        """Return the file for a snapshot of a learner after `done` decisions."""
         self.folder.mkdir(exist_ok=True)
         return self.folder / f"learner-{decisions:09d}.onnx"
 
     def add(self, snapshot: Path) -> None:
-        """Take a snapshot into the pool; once it is full, the oldest but the first leaves.
+        """Add a snapshot to the pool; once it is full, remove the oldest but the first.
 
-        The first stays: who forgets how to beat it has learned in circles.
+        The first stays, so that a learner that forgets how to beat it is noticed.
         """
-        # A run that was killed before its checkpoint comes to the same snapshot again.
+        # A run that was killed before its checkpoint reaches the same snapshot again.
         self.snapshots = [*(one for one in self.snapshots if one != snapshot), snapshot]
         if len(self.snapshots) > self.settings.snapshots:
             self.snapshots.pop(min(1, len(self.snapshots) - 2)).unlink(missing_ok=True)
@@ -48,7 +48,7 @@ class Rivals:
         return chance.choice(self.settings.anchors)
 
     def against(self, snapshot: Path, seats: int, chance: Random) -> tuple[str, ...]:
-        """Return opponents to rate a snapshot by: everybody in turn, in an order that is drawn."""
+        """Return opponents to rate a snapshot by: all in turn, in random order."""
         others = [driver_of(path) for path in self.snapshots if path != snapshot]
         return _in_turn([*self.settings.anchors, *others], seats, chance)
 

@@ -1,4 +1,4 @@
-"""A run of training from its settings to its folder."""
+"""A whole training run, from its settings to its folder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,14 +29,14 @@ from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.sets import names_of
 
-PARITY_STEPS = 200  # decisions whose observations the file and the learner are compared on
+PARITY_STEPS = 200  # observations on which the file and the learner are compared
 TIMED = 2000  # decisions that are timed
-FRESH_SEEDS = 100_000  # the last evaluation's seeds lie so far behind those that chose the policy
+FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 
 
 @dataclass
-class Outcome:
-    """What came of a run."""
+class TrainingResult:
+    """Result of a run."""
 
     folder: Path
     evaluation: dict[str, Any]
@@ -51,54 +51,56 @@ def train(
     tell: Tell = lambda _: None,
     say: Callable[[str], None] = lambda _: None,
     tensorboard: bool = False,
-) -> Outcome:
-    """Train, and leave a complete folder behind; Ctrl-C ends the learning early, not the run.
+) -> TrainingResult:
+    """Train, and write a complete folder; Ctrl-C ends the learning early, not the run.
 
     Raises:
-        RaceError: the settings make no training, or there is nothing to resume.
+        RaceError: the settings are not valid, or there is nothing to resume.
     """
-    pace = Budget.of(settings)
+    budget = Budget.of(settings)
     for tracks in (settings.evaluation.tracks, settings.evaluation.final):
         evaluation_tasks(settings, tracks)  # a wrong name is refused now, not after hours
     warn_of_lidar(settings, say)
-    world = world_of(settings, pace)
-    learner = learner_of(settings, world, pace, str(place / "tensorboard") if tensorboard else None)
+    world = world_of(settings, budget)
+    learner = learner_of(
+        settings, world, budget, str(place / "tensorboard") if tensorboard else None
+    )
     best_score = -np.inf
     if resume:
-        best_score = load_checkpoint(place / BEST, learner, world, pace)
-        load_checkpoint(place / LATEST, learner, world, pace)
-        # Other worlds and other chances than at the beginning.
-        learner.set_random_seed(settings.seed + pace.done)
-        if pace.is_over:
-            say("all of its time is over, so it learns nothing more: give it more, in all")
+        best_score = load_checkpoint(place / BEST, learner, world, budget)
+        load_checkpoint(place / LATEST, learner, world, budget)
+        # Seeds other than at the beginning.
+        learner.set_random_seed(settings.seed + budget.done)
+        if budget.is_over:
+            say("its budget is spent, so it learns nothing more: give it more, in all")
     known = _learned_on(settings)
     if known:
         say(
-            f"evaluation.final: {', '.join(known)}: learned on as well, which tells nothing of "
-            "unseen courses; choose others"
+            f"evaluation.final: {', '.join(known)}: learned on as well, so the figures say nothing "
+            "about unseen courses; choose others"
         )
-    played = SelfPlay(settings, place, world, pace.done) if settings.self_play.seats else None
+    played = SelfPlay(settings, place, world, budget.done) if settings.self_play.seats else None
     folder.begin(place, settings)
     log = place / "tensorboard" / "race" if tensorboard else None
-    overseer = TrainingCallback(settings, place, world, pace, tell, best_score, played, log)
+    callback = TrainingCallback(settings, place, world, budget, tell, best_score, played, log)
     try:
-        stopped = _learn(settings, learner, world, overseer, say)
-        overseer.examine()
-        pace.stop()
+        stopped = _learn(settings, learner, world, callback, say)
+        callback.examine()
+        budget.stop()
         told = {
-            "steps": pace.done,
-            "minutes": pace.seconds / 60.0,
+            "steps": budget.done,
+            "minutes": budget.seconds / 60.0,
             "stopped": stopped,
             "resumed": resume,
             "learned_on": known,
         }
-        # The latest is for going on; what drives is the best.
-        load_checkpoint(place / BEST, learner, world, pace)
-        document = _conclude(settings, place, learner, world, overseer, told, say)
+        # The latest is to resume from; the best is exported.
+        load_checkpoint(place / BEST, learner, world, budget)
+        document = _conclude(settings, place, learner, world, callback, told, say)
     finally:
         world.close()
-        overseer.examiner.close()
-    return Outcome(place, document, stopped)
+        callback.examiner.close()
+    return TrainingResult(place, document, stopped)
 
 
 def _learned_on(settings: Settings) -> list[str]:
@@ -112,45 +114,45 @@ def _learned_on(settings: Settings) -> list[str]:
 
 
 def warn_of_lidar(settings: Settings, say: Say) -> None:
-    """Say so where a policy is to see rays that are not among those of a race."""
+    """Warn if a policy observes rays that are not among those of a race."""
     rays, gaps = metadata_from(settings, ()).lidar_rays, Lidar().rays - 1
     if rays and gaps % (rays - 1):
         fitting = ", ".join(str(gaps // every + 1) for every in range(1, 11) if not gaps % every)
         say(
-            f"lidar.rays = {rays}: no race shows these, so the policy will drive in none; choose "
+            f"lidar.rays = {rays}: no race has these, so the policy cannot drive in one; choose "
             f"one of {fitting}"
         )
 
 
 def _learn(
-    settings: Settings, learner: Any, world: Normaliser, overseer: TrainingCallback, say: Say
+    settings: Settings, learner: Any, world: Normaliser, callback: TrainingCallback, say: Say
 ) -> bool:
-    """Learn until the time is over; return whether a person ended it before."""
-    pace = overseer.pace
+    """Learn until the budget is spent; return whether Ctrl-C ended it before."""
+    budget = callback.budget
     try:
-        if pace.share < settings.warm_start.end:
-            _imitate(settings, learner, world, overseer, say)
-        pace.start()
-        if not (pace.is_over or overseer.reached):
-            overseer.method = settings.algorithm.name
-            callbacks = [overseer, Schedule(settings, pace)]
-            learner.learn(pace.steps_left, callback=callbacks, reset_num_timesteps=False)
+        if budget.share < settings.warm_start.end:
+            _imitate(settings, learner, world, callback, say)
+        budget.start()
+        if not (budget.is_over or callback.reached):
+            callback.method = settings.algorithm.name
+            callbacks = [callback, Schedule(settings, budget)]
+            learner.learn(budget.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True
     return False
 
 
 def _imitate(
-    settings: Settings, learner: Any, world: Normaliser, overseer: TrainingCallback, say: Say
+    settings: Settings, learner: Any, world: Normaliser, callback: TrainingCallback, say: Say
 ) -> None:
-    overseer.init_callback(learner)
+    callback.init_callback(learner)
     imitation = Imitation(settings, learner, world, say)
-    overseer.method = "imitation"
-    overseer.pace.start()
+    callback.method = "imitation"
+    callback.budget.start()
     try:
-        imitation.go(overseer.pace, overseer.imitated)
+        imitation.go(callback.budget, callback.imitated)
     finally:
-        overseer.pace.stop()
+        callback.budget.stop()
         imitation.close()
 
 
@@ -159,13 +161,13 @@ def _conclude(
     place: Path,
     learner: Any,
     world: Normaliser,
-    overseer: TrainingCallback,
+    callback: TrainingCallback,
     told: dict[str, Any],
     say: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Export the best policy, try the file out, and write down what came of it.
+    """Export the best policy, verify the file, and write the results.
 
-    told: what else is to be known of the run.
+    told: more figures of the run.
     """
     path = place / POLICY
     export_policy(
@@ -181,7 +183,7 @@ def _conclude(
     parity = difference(policy, learner, world, seen)
     if parity > MOST_DIFFERENCE:
         raise ScenarioError(
-            f"{path} answers otherwise than the learner, by {parity:.1e}; at most "
+            f"{path} differs from the learner by {parity:.1e}; at most "
             f"{MOST_DIFFERENCE:g} is rounding: report this with {CONFIG}"
         )
     marks = examiner.examine(policy.decide)
@@ -190,14 +192,14 @@ def _conclude(
         place,
         marks,
         {
-            "score": overseer.best_score,
+            "score": callback.best_score,
             "scored_by": tried.score,
             "seeds": tried.seeds,
             "seconds": tried.seconds,
             "parity": parity,
             "compared_observations": len(seen),
             "decision_us": times_of(policy, seen[:TIMED]).mean,
-            "goal_reached": overseer.reached,
+            "goal_reached": callback.reached,
             **told,
         },
     )
@@ -222,4 +224,4 @@ def _film(settings: Settings, place: Path, marks: list[Marks], say: Callable[[st
         say(f"the laps were not recorded: {error}")
         return
     if made is None:
-        say(f"the laps on {track} were not recorded: their race did not come to its end")
+        say(f"the laps on {track} were not recorded: their race did not end")

@@ -1,4 +1,4 @@
-"""What changes while a policy learns by reward: who learns, and how much is tried out."""
+"""What changes while a policy learns by reward: which networks learn, and the exploration."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ def deviations(wanted: Deviations, like: torch.Tensor) -> torch.Tensor:
     like: (A,) those that a policy has.
 
     Raises:
-        ScenarioError: there are not as many as the action has numbers.
+        ScenarioError: their number does not fit the action.
     """
     logarithms = torch.as_tensor(wanted, dtype=like.dtype)
     if logarithms.ndim and logarithms.shape != like.shape:
@@ -29,12 +29,12 @@ def deviations(wanted: Deviations, like: torch.Tensor) -> torch.Tensor:
 
 
 class Schedule(BaseCallback):
-    """PPO after a warm start: first its critic alone learns; and the actions' deviation falls."""
+    """PPO after a warm start: its critic learns alone at first, and the deviation falls."""
 
-    def __init__(self, settings: Settings, pace: Budget) -> None:
-        """Go by the elapsed share of a training."""
+    def __init__(self, settings: Settings, budget: Budget) -> None:
+        """Follow the elapsed share of a training."""
         super().__init__()
-        self._pace = pace
+        self._budget = budget
         warm, network = settings.warm_start, settings.network
         self._begin = warm.end
         self._critic_until = warm.critic_end
@@ -44,17 +44,17 @@ class Schedule(BaseCallback):
     def _on_rollout_start(self) -> None:
         if not isinstance(self.model, PPO):
             return
-        share = self._pace.share
+        share = self._budget.share
         policy: Any = self.model.policy
         for network in (policy.mlp_extractor.policy_net, policy.action_net):
             network.requires_grad_(share >= self._critic_until)
         deviation = getattr(policy, "log_std", None)  # discrete actions have none
         if deviation is None:
             return
-        # A deviation that is learned falls so soon that nothing new is tried out any more.
+        # A learned deviation falls so soon that exploration ends.
         deviation.requires_grad_(self._last is None and share >= self._critic_until)
         if self._last is not None:
-            elapsed = self._pace.share_since(self._begin)
+            elapsed = self._budget.share_since(self._begin)
             first, last = (deviations(each, deviation) for each in (self._first, self._last))
             deviation.data.copy_(first + elapsed * (last - first))
 

@@ -21,9 +21,9 @@ from race_server.scenario.track.sets import names_of
 from race_server.storage.results.ratings import Rating, ratings
 
 RATINGS = "ratings.json"
-# A race that rates is over after this time [s], whoever has not finished by then.
+# A rating race ends after this time [s].
 LONGEST_S = 120.0
-# After the winner nobody waits longer [s]: who is further behind is ranked where he is.
+# Time to finish after the winner [s]; karts further behind are ranked where they are.
 WAITING_S = 10.0
 
 Order = list[tuple[str, int]]
@@ -33,7 +33,7 @@ class SelfPlay:
     """Exchanges opponents, takes snapshots and rates them."""
 
     def __init__(self, settings: Settings, folder: Path, world: Normaliser, done: int) -> None:
-        """Begin, or go on after `done` decisions.
+        """Start, or resume after `done` decisions.
 
         Raises:
             ResultsError: openskill is not installed.
@@ -41,7 +41,7 @@ class SelfPlay:
         """
         for name in sorted({*settings.self_play.seats, *settings.self_play.anchors}):
             if name not in {LEARNER, POOL}:
-                driver_named(name)  # a wrong one is refused now, not once it is drawn
+                driver_named(name)  # a wrong name is refused now, not once it is drawn
         self.settings = settings
         self.rivals = Rivals(settings.self_play, folder)
         self.races, self.ratings = _read(folder / RATINGS)
@@ -53,7 +53,7 @@ class SelfPlay:
         self._snapshot = done // played.snapshot
 
     def go_on(self, learner: Any, done: int) -> bool:
-        """Take a snapshot and begin a stretch where it is time; return whether ratings changed."""
+        """Take a snapshot and begin a new stretch when due; return whether ratings changed."""
         played = self.settings.self_play
         is_rated = done // played.snapshot > self._snapshot
         if is_rated:
@@ -65,12 +65,12 @@ class SelfPlay:
         return is_rated
 
     def keep(self, learner: Any, done: int) -> None:
-        """Take the learner as it is now into the pool, and rate it."""
+        """Add the present learner to the pool, and rate it."""
         path = self.rivals.place_for(done)
-        nature = metadata_from(
+        metadata = metadata_from(
             self.settings, names_of(self.settings.tracks.names, self.settings.tracks.set)
         )
-        export_policy(path, learner, self._world, nature)
+        export_policy(path, learner, self._world, metadata)
         self.rivals.add(path)
         self.races += self._raced(path)
         self.ratings = ratings(self.races)
@@ -86,17 +86,17 @@ class SelfPlay:
         return Random(f"{self.settings.seed}-{what}-{number}")
 
     def _exchange(self, learner: Any) -> None:
-        """Let the next stretch begin: other opponents, other places on the grid."""
+        """Begin the next stretch: new opponents, new places on the grid."""
         karts: KartVecEnv = self._world.unwrapped  # type: ignore[assignment]
         chance = self._chance("stretch", self._stretch)
         task = replace(
             karts.batch.task,
-            # Those of the batch know their reference lines already.
+            # Scenarios of the batch have their reference lines already.
             scenarios=tuple(_reordered(one, chance) for one in karts.batch.scenarios),
             opponents=self.rivals.seated(chance),
         )
         karts.change(task, chance.getrandbits(31))
-        # What was seen last is of races that are no more.
+        # The last observations are of races that have ended.
         learner._last_obs = self._world.reset()
         learner._last_episode_starts[:] = True
         if learner._vec_normalize_env is not None:
@@ -124,7 +124,7 @@ class SelfPlay:
 
 
 def raced(task: Task, policy: Policy, name: str, races: int, seed: int) -> list[Order]:
-    """Return the orders in which karts of several races finish; the first drives by the policy."""
+    """Return the finishing orders of several races; the policy drives the first kart."""
     batch = Batch(task, worlds=races, seed=seed, after=STAY)
     for _ in range(round(LONGEST_S / decision_s())):
         batch.step(policy.decide(batch.observations[:, 0]))

@@ -1,4 +1,4 @@
-"""Everything that decides what a run of training learns, in one frozen structure."""
+"""All settings that the result of a training depends on, in frozen structures."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -24,11 +24,11 @@ class _Table(BaseModel):
 
 
 class Algorithm(_Table):
-    """Who learns. `options` are those of Stable-Baselines3's class."""
+    """The learning algorithm. `options` are those of Stable-Baselines3's class."""
 
     name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
-    # At the end; falls evenly until then, from where the actor learns by reward.
+    # At the end; falls evenly until then, from the moment the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)
     options: dict[str, Any] = {}
     normalise_reward: bool = True
@@ -40,7 +40,7 @@ class Network(_Table):
     layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
-    # PPO: at the end. With it the deviation falls evenly; without it is learned.
+    # PPO: at the end. With it the deviation falls evenly; without it, it is learned.
     last_log_std: Deviations | None = None
     # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
     first_action: tuple[float, ...] = ()
@@ -68,27 +68,27 @@ class Gap(_Table):
     grip: Range = (1.0, 1.0)
 
 
-class Race(_Table):
-    """Who else is on the track, and the rules; they stand in `race_server.scenario.race.Rules`."""
+class RaceSettings(_Table):
+    """The other karts, and the rules: those of `race_server.scenario.race.Rules`."""
 
     karts: int = Field(default=1, ge=1, le=64)
     learners: int = Field(default=1, ge=1, le=64)
     opponents: tuple[str, ...] = ()
-    # Karts of a race, drawn anew for each, the last ones staying away; none: always all.
+    # Numbers of karts, one drawn for each race, the last ones left out; none: always all.
     fields: tuple[int, ...] = ()
     rules: dict[str, Any] = {}
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """The numbers of karts of which one is drawn for each race."""
+        """The numbers of karts, one of which is drawn for each race."""
         return self.fields or (self.karts,)
 
 
-class SelfPlay(_Table):
-    """Who sits in which seat of a race, drawn anew for each stretch of the training.
+class SelfPlaySettings(_Table):
+    """The drivers of the seats, drawn again for each stretch of the training.
 
-    A seat is `learner`, `pool`, or the name of a driver. The pool: anchors, and snapshots of the
-    learner as it once was.
+    A seat is `learner`, `pool`, or the name of a driver. The pool: anchors, and earlier snapshots
+    of the learner.
     """
 
     seats: tuple[str, ...] = ()  # of all karts; none: there is no self-play
@@ -109,7 +109,7 @@ class Episode(_Table):
     )  # decisions until it is cut off; 0: the rules alone end it
     # Share of the races that begin at random places; true is all of them.
     random_start: float = Field(default=1.0, ge=0.0, le=1.0)
-    random_grid: bool = False  # every race begins in another order on the grid
+    random_grid: bool = False  # every race has a random order on the grid
     crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
 
 
@@ -121,30 +121,29 @@ class Tracks(_Table):
 
 
 class Stage(_Table):
-    """While it lasts only these tracks are drawn; none: all of them.
+    """A stage of the curriculum, in which only these tracks are drawn; none: all of them.
 
     An episode succeeds if the kart completes `success_laps` in it and does not crash.
     """
 
-    after: float = Field(ge=0.0, lt=1.0)  # share of the training; it begins then at the latest
+    after: float = Field(ge=0.0, lt=1.0)  # share of the training at which it begins at the latest
     tracks: tuple[str, ...] = ()
-    # The next one begins earlier once such a share of this one's last `episodes` has succeeded.
+    # The next stage begins earlier once this share of the last `episodes` has succeeded.
     until_success: float | None = Field(default=None, gt=0.0, le=1.0)
     episodes: int = Field(default=200, ge=1)
     success_laps: int = Field(default=1, ge=0)
 
 
 class Evaluation(_Table):
-    """How the policy is tried out: on courses and seeds that it does not learn on."""
+    """The evaluation of the policy on courses and seeds that it does not learn on."""
 
-    tracks: Tracks = Tracks(set="validation")  # during training: they say which policy is the best
-    final: Tracks = Tracks(set="unseen")  # at the end, under seeds of their own: how good it is
+    tracks: Tracks = Tracks(set="validation")  # during training, to choose the best policy
+    final: Tracks = Tracks(set="unseen")  # at the end, with other seeds
     seeds: int = Field(default=4, ge=1)
     first_seed: int = Field(default=10_000, ge=0)
     times: int = Field(default=10, ge=1)  # during a training, the end included
     seconds: float = Field(default=60.0, gt=0.0)
-    # What makes a policy the best: metres per second until the time is over, a crash ending
-    # them; or the return.
+    # The score of a policy: metres per second until a crash or the time limit; or the return.
     score: Literal["speed", "return"] = "speed"
 
 
@@ -162,8 +161,8 @@ class WarmStart(_Table):
     teacher: str = ""  # a scripted driver, which may see more than the learner
     # To a teacher that takes it, as a residual action, see `race_server.envs.actions`.
     advice: tuple[float, ...] = ()
-    # The lane that it is in, which it remembers and a learner cannot see, lies at most so far [m]
-    # beside the learner; None: where it remembers.
+    # Greatest distance [m] between the learner and the lane that the teacher remembers, which a
+    # learner cannot observe; None: no limit.
     lane_reach: float | None = Field(default=None, ge=0.0)
     demonstrations: File = ""  # a file of `race demonstrate`
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
@@ -191,7 +190,7 @@ class WarmStart(_Table):
 
     @property
     def is_wanted(self) -> bool:
-        """Whether there is anybody to imitate."""
+        """Whether there is a teacher or a demonstration to imitate."""
         return bool(self.teacher or self.demonstrations)
 
     @property
@@ -247,16 +246,16 @@ class Settings(_Table):
         "continuous"
     )
     base: str = ""  # the driver that residual actions advise
-    # What is seen is cut to this before it is normalised: nobody near is 1000 m away, which
-    # would make all that is near look alike.
+    # Observations are clipped to this before they are normalised: without a kart nearby the
+    # distance is 1000 m, beside which all near ones would look alike.
     horizon: float | None = Field(default=None, gt=0.0)
     reward: str | dict[str, float] = "progress"
     algorithm: Algorithm = Algorithm()
     network: Network = Network()
     lidar: Lidar = Lidar()
     gap: Gap = Gap()
-    race: Race = Race()
-    self_play: SelfPlay = SelfPlay()
+    race: RaceSettings = RaceSettings()
+    self_play: SelfPlaySettings = SelfPlaySettings()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()

@@ -18,18 +18,18 @@ Words = dict[str, Any]
 
 
 def preset_names() -> list[str]:
-    """Return the names of the presets that come with this program."""
+    """Return the names of the bundled presets."""
     return sorted(path.stem for path in PRESETS.glob("*.toml"))
 
 
 def read_settings(name: str, changes: Sequence[str] = ()) -> Settings:
     """Return the settings of a preset or of a .toml file.
 
-    changes: such as ``algorithm.learning_rate=1e-3``; values are TOML, or else words;
-        ``none`` takes a key away.
+    changes: such as ``algorithm.learning_rate=1e-3``; values are TOML, or else text;
+        ``none`` removes a key.
 
     Raises:
-        ScenarioError: names key, value and way out.
+        ScenarioError: a key or a value is not valid.
     """
     path = Path(name) if name.endswith(".toml") else PRESETS / f"{name}.toml"
     if not path.is_file():
@@ -38,7 +38,7 @@ def read_settings(name: str, changes: Sequence[str] = ()) -> Settings:
     try:
         words = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ScenarioError(f"{path.name}: no TOML that can be read: {error}") from error
+        raise ScenarioError(f"{path.name}: not valid TOML: {error}") from error
     for change in changes:
         _apply(words, change)
     return settings_of(words, path.name)
@@ -48,7 +48,7 @@ def settings_of(words: Words, source: str) -> Settings:
     """Return checked settings.
 
     Raises:
-        ScenarioError: names key, value and way out.
+        ScenarioError: a key or a value is not valid.
     """
     try:
         settings = Settings.model_validate(words)

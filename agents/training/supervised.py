@@ -1,4 +1,4 @@
-"""Lessons: a network's answers are drawn towards those that a teacher or a demonstration gave."""
+"""Supervised learning: fit the answers of a network to those of a teacher or a demonstration."""
 
 from typing import Any
 
@@ -15,16 +15,16 @@ Array = NDArray[np.float32]
 
 
 class Memory:
-    """What was viewed and what was to be done then; the newest takes the place of the oldest."""
+    """Pairs of viewed observation and action; new ones overwrite the oldest."""
 
     def __init__(self, capacity: int, size: int, width: int) -> None:
-        """Make room for pairs of an observation (size,) and an action (width,)."""
+        """Allocate pairs of an observation (size,) and an action (width,)."""
         self._seen = np.zeros((capacity, size), np.float32)
         self._labels = np.zeros((capacity, width), np.float32)
         self.count = 0  # of all pairs so far, those that were overwritten included
 
     def add(self, seen: Array, labels: Array) -> None:
-        """Keep pairs, shapes (n, size) and (n, width)."""
+        """Store pairs, shapes (n, size) and (n, width)."""
         capacity = len(self._seen)
         for first in range(0, len(seen), capacity):
             part = slice(first, first + capacity)
@@ -33,7 +33,7 @@ class Memory:
             self.count += len(places)
 
     def draw(self, count: int, chance: np.random.Generator) -> tuple[Array, Array]:
-        """Return so many pairs by lot."""
+        """Return `count` random pairs."""
         rows = chance.integers(0, min(self.count, len(self._seen)), count)
         return self._seen[rows], self._labels[rows]
 
@@ -44,10 +44,10 @@ class SupervisedSteps:
     def __init__(
         self, wanted: WarmStart, learner: PPO, world: Normaliser, weights: Array, quantiles: Array
     ) -> None:
-        """Get ready.
+        """Prepare the optimiser.
 
-        weights: (A,) how much an error of each number of an action counts; quantiles: (A,) share
-        of an error that counts where the answer is too low, the rest where it is too high.
+        weights: (A,) of the error of each number of an action; quantiles: (A,) weight of an error
+        if the answer is too low, one less it if too high.
         """
         policy: Any = learner.policy
         self._wanted = wanted
@@ -60,13 +60,13 @@ class SupervisedSteps:
         self._low, self._high = torch.from_numpy(space.low), torch.from_numpy(space.high)
 
     def look_at(self, viewed: Array) -> None:
-        """Find out how inputs are stretched apart; no answer changes by it."""
+        """Measure how to decorrelate the inputs; no answer changes by it."""
         rows = self._world.scaled(viewed).astype(np.float64)
         size = rows.shape[1]
         before = np.eye(size) if self._world.stretch is None else self._world.stretch
         spread = np.cov(rows.T) + self._wanted.floor * np.eye(size)
         values, directions = np.linalg.eigh(spread)
-        # As exactly as a file holds it.
+        # In the precision of a policy file.
         stretch = (directions @ np.diag(values**-0.5) @ directions.T).astype(np.float32)
         self._world.stretch = stretch.astype(np.float64)
         change = before @ directions @ np.diag(values**0.5) @ directions.T
@@ -90,7 +90,7 @@ class SupervisedSteps:
             group["lr"] = first + elapsed * (last - first)
         wanted = torch.from_numpy(labels)
         answers = self._net(self._stretched(viewed))
-        # Beyond a limit an answer does the same as at it, and is not wrong.
+        # Beyond a limit an answer has the same effect as at it, and is not wrong.
         beyond = ((wanted >= self._high) & (answers > self._high)) | (
             (wanted <= self._low) & (answers < self._low)
         )

@@ -1,4 +1,4 @@
-"""From settings to the tasks of the training world: one to learn, one for each to be tried on."""
+"""Tasks of the training world from settings: one to learn, one for each evaluation."""
 
 from dataclasses import fields, replace
 from typing import Any
@@ -13,11 +13,11 @@ from race_server.scenario.race import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.sets import course_named, names_of
 
-DECISION_TICKS = 3  # those of a live race
+DECISION_TICKS = 3  # as in a live race
 
 
 def training_task(settings: Settings) -> Task:
-    """Return the task that a policy learns: all its tracks in one.
+    """Return the task to learn, with all its tracks.
 
     Raises:
         RaceError: a track, a vehicle or a rule does not exist.
@@ -31,7 +31,7 @@ def training_task(settings: Settings) -> Task:
 
 
 def _with_karts(scenario: Scenario, karts: int, learners: int) -> Scenario:
-    """Return a scenario from which all but the first karts stay away; who learns never does."""
+    """Return a scenario with only the first karts, learners always among them."""
     if not learners <= karts <= scenario.karts:
         raise ScenarioError(
             f"race.fields: {karts} karts, with race.karts = {scenario.karts} and race.learners = "
@@ -42,7 +42,7 @@ def _with_karts(scenario: Scenario, karts: int, learners: int) -> Scenario:
 
 
 def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
-    """Return a task for each track that a policy is to be tried out on, from its start grid.
+    """Return a task for each track of an evaluation, from its start grid.
 
     Raises:
         RaceError: a track does not exist.
@@ -59,7 +59,7 @@ def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
 
 
 def _from_the_middle(scenario: Scenario) -> Scenario:
-    """Return a scenario in which the first kart does not start first: others are to be passed."""
+    """Return a scenario in which the first kart does not start first, so that it has to pass."""
     karts = scenario.karts
     order = tuple((kart + karts // 2) % karts for kart in range(karts))
     return replace(scenario, grid_order=order)

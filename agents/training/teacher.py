@@ -1,8 +1,8 @@
-"""A teacher: a scripted driver that may know the course, asked what it would do in a kart's place.
+"""A teacher: a scripted driver that may know the course, and labels the states of a learner.
 
-The world of imitation shows both what the learner sees and what the teacher sees; the learner's
-numbers come first. Learning from a teacher that knows more than the learner can see:
-Chen et al., "Learning by Cheating", CoRL 2019, https://arxiv.org/abs/1912.12294
+The world of imitation has the observations of learner and teacher; the learner's come first.
+Learning from a teacher that knows more than the learner can observe: Chen et al., "Learning by
+Cheating", CoRL 2019, https://arxiv.org/abs/1912.12294
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ Labels = NDArray[np.float32]
 
 
 def shown_to_both(task: Task, teacher: str) -> Task:
-    """Return the task with what the teacher sees behind what the learner sees.
+    """Return the task with the observation of the teacher behind that of the learner.
 
     Raises:
         DriverError: there is no such driver.
@@ -50,11 +50,11 @@ def shown_to_both(task: Task, teacher: str) -> Task:
 class Teacher:
     """A scripted driver in the place of every learning kart of a batch.
 
-    memory: what it keeps from one decision to the next, shape (W, L, M).
+    memory: its state between decisions, shape (W, L, M).
     """
 
     def __init__(self, wanted: WarmStart, batch: Batch) -> None:
-        """Take a seat beside each learner.
+        """Prepare a driver for each learner.
 
         Raises:
             ScenarioError: the driver is no kernel, the learner's actions are not pedals, or the
@@ -64,8 +64,8 @@ class Teacher:
         self._action = action_kind(task.action)
         if self._action not in {CONTINUOUS, CONTROL}:
             raise ScenarioError(
-                f"action = {task.action!r}: a teacher shows pedals and wheel; choose 'continuous' "
-                "or 'control'"
+                f"action = {task.action!r}: a teacher answers with pedals and steering; choose "
+                "'continuous' or 'control'"
             )
         gear = np.array([lidar.field, lidar.reach, task.decision_ticks * TICK_S])
         names = tuple(item.name for item in items())
@@ -97,7 +97,7 @@ class Teacher:
         seen: (W, L, size); begun: (W, L) true where an episode has just begun.
         """
         self.memory[begun] = 0.0
-        # Whether to press does not depend on whether it would have pressed before.
+        # Whether to press a button does not depend on its last answer.
         self.memory[..., PRESSED] = 0.0
         self.memory[..., ASIDE : FETCH + 1] = self._advice
         self._views[...] = seen[..., self._columns] * self._scale
@@ -108,8 +108,8 @@ class Teacher:
         controls = self._controls.reshape(-1, 4)
         return actions_of(controls, self._action, self._speeds.ravel())
 
-    def take_note(self, actions: NDArray[np.float32]) -> None:
-        """Remember what is driven instead of its answers: by that it tells how late wheels turn.
+    def record_driven(self, actions: NDArray[np.float32]) -> None:
+        """Record the actions driven instead of its answers, by which it knows the steering lag.
 
         actions: (W · L, A)
         """
@@ -118,7 +118,7 @@ class Teacher:
 
 
 def _advice_to(teacher: Opponents, advice: Sequence[float], width: float) -> Floats:
-    """Return what is to stand in a driver's memory, shape (6,); width: of the vehicle [m]."""
+    """Return the advice as a driver's memory holds it, shape (6,); width: of the vehicle [m]."""
     if not advice:
         return np.zeros(WIDTHS[RESIDUAL])
     if len(advice) != WIDTHS[RESIDUAL] or not takes_advice(teacher.driver):
@@ -130,7 +130,7 @@ def _advice_to(teacher: Opponents, advice: Sequence[float], width: float) -> Flo
 
 
 def actions_of(controls: Floats, kind: int, speeds: Floats) -> Labels:
-    """Return what a learner would have to answer for these controls, shape (n, A).
+    """Return the actions of a learner that give these controls, shape (n, A).
 
     controls: (n, 4) steering, throttle, brake, buttons; kind: CONTINUOUS or CONTROL; speeds: (n,)
     [m/s], since a learner that brakes while it stands drives backwards.
@@ -144,7 +144,7 @@ def actions_of(controls: Floats, kind: int, speeds: Floats) -> Labels:
 
 
 def controls_of(actions: NDArray[np.float32], kind: int) -> Floats:
-    """Return steering, throttle and brake of what a learner answers, shape (n, 3)."""
+    """Return steering, throttle and brake of a learner's actions, shape (n, 3)."""
     if kind == CONTROL:
         return actions[:, :COMMAND].astype(np.float64)
     drive, steering = actions[:, 0], actions[:, 1]

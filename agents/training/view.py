@@ -1,4 +1,4 @@
-"""What a network is given of an observation, before it is normalised."""
+"""Clip and transform observations before they are normalised."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from race_server.core.observation import layout_of
 from race_server.scenario.sensors import Lidar
 
 RANGES = ("lidar", "lidar_before")
-# Nearer [m] than this no wall can be: the body is around the lidar.
+# No wall can be nearer than this [m]: the body surrounds the lidar.
 NEAREST = 0.05
 
 Places = NDArray[np.intp]
@@ -19,15 +19,15 @@ NOWHERE: Places = np.zeros(0, np.intp)
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """Numbers are cut at a horizon; ranges can be learned as logarithms.
+class ObservationView:
+    """Clips numbers at a horizon, and can take logarithms of ranges.
 
-    Where nobody is near an observation says 1000 m. That would be most of the variance, and a
+    Without a kart nearby an observation says 1000 m. That would be most of the variance, and a
     kart at 1 m would look like one at 5 m.
 
-    Ten centimetres matter at a wall and not at the end of a straight, which logarithms tell. A ray
-    that came back as nothing, 0, is either as far as its farther neighbour, as one that dropped
-    out, or, where they are nothing, too, as far as the lidar reaches.
+    Ten centimetres matter at a wall and not at the end of a straight, as in logarithms. A range of
+    0 is a ray that dropped out, and becomes that of its farther neighbour; if they are 0 as well,
+    it becomes the reach of the lidar.
     """
 
     horizon: np.float32
@@ -37,8 +37,8 @@ class View:
     reach: float = Lidar().reach  # [m]
 
     @classmethod
-    def of(cls, settings: Settings) -> "View":
-        """Return the view that settings ask for."""
+    def of(cls, settings: Settings) -> "ObservationView":
+        """Return the view of settings."""
         horizon = np.float32(np.inf if settings.horizon is None else settings.horizon)
         slices = layout_of(settings.observation, settings.lidar.rays).slices
         scans = [np.arange(slices[n].start, slices[n].stop) for n in RANGES if n in slices]
@@ -50,7 +50,7 @@ class View:
         return cls(horizon, places[0], places[1], places[2])
 
     def __call__(self, seen: NDArray[Any]) -> NDArray[Any]:
-        """Return observations (..., size) as a network is to see them."""
+        """Return observations (..., size) as a network takes them."""
         seen = np.clip(seen, -self.horizon, self.horizon)
         if not len(self.ranges):
             return seen
@@ -63,7 +63,7 @@ class View:
         return viewed
 
     def undone(self, viewed: NDArray[Any]) -> NDArray[Any]:
-        """Return observations (..., size) of which this is what is viewed."""
+        """Return the observations (..., size) that this view was taken of."""
         seen = viewed.astype(np.float64)
         seen[..., self.ranges] = np.exp(seen[..., self.ranges])
         return seen

@@ -1,4 +1,4 @@
-"""Who connects, and where to: what the words of several commands mean together."""
+"""How a command connects to a session: address, session name, keys."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,20 +14,25 @@ SESSION = "race"
 Connect = Annotated[
     str,
     typer.Option(
-        "--connect", help=f"Address of the server; that in the keys, or {DEFAULT_ADDRESS}."
+        "--connect",
+        help=f"Address of the server. Default: the one in the keys, else {DEFAULT_ADDRESS}.",
     ),
 ]
 SessionName = Annotated[
-    str, typer.Option("--session", help=f"Name of the session; that in the keys, or {SESSION}.")
+    str,
+    typer.Option(
+        "--session", help=f"Name of the session. Default: the one in the keys, else {SESSION}."
+    ),
 ]
 KeysFolder = Annotated[
-    Path | None, typer.Option("--keys", help="Folder of keys that the organiser handed out.")
+    Path | None,
+    typer.Option("--keys", help="Folder of keys from the organiser, for a session with keys."),
 ]
 
 
 @dataclass(frozen=True)
 class Access:
-    """Who connects, and where to."""
+    """How a command connects to a session."""
 
     keys: ClientKeys | None
     address: str
@@ -37,7 +42,7 @@ class Access:
         """Return the seat to ask for.
 
         Raises:
-            KeysError: the keys are another seat's, or no driver's.
+            KeysError: the keys belong to another seat, or to no driver.
         """
         if self.keys is None:
             return wanted
@@ -50,7 +55,7 @@ class Access:
 
 
 def access(folder: Path | None, connect: str, session: str) -> Access:
-    """Return who connects and where to, from the words of a command line.
+    """Return how to connect, from the options of a command.
 
     Raises:
         KeysError: the keys cannot be used, or are those of another session.

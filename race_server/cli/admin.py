@@ -1,4 +1,4 @@
-"""`race admin`: what a steward may do to a session."""
+"""`race admin`: steward a session."""
 
 import getpass
 from pathlib import Path
@@ -12,22 +12,22 @@ from race_server.live.client.steward import StewardClient
 from race_server.net.transport import ClientLink
 
 app = typer.Typer(
-    help="Steward a session: flags, penalties, seats, the clock. Needs the steward's keys, or on "
-    "the machine that serves without keys the token that `race serve` left there.",
+    help="Steward a session: flags, penalties, seats, the clock. Requires the steward's keys; for "
+    "a session without keys, run it on the server's machine, where `race serve` leaves a token.",
     no_args_is_help=True,
 )
 
-SeatNumber = Annotated[int, typer.Argument(min=0, help="Number of the seat.")]
+SeatNumber = Annotated[int, typer.Argument(min=0, help="Number of the seat, from 0.")]
 
 
 @app.command()
 def flag(
-    colour: Annotated[str, typer.Argument(help="green, yellow or red.")],
+    colour: Annotated[str, typer.Argument(help="Flag: green, yellow or red.")],
     keys: KeysFolder = None,
     connect: Connect = "",
     session: SessionName = "",
 ) -> None:
-    """Show a flag to all karts. After red they stand for three more seconds."""
+    """Show a flag to all karts. After a red flag they stay stopped for three more seconds."""
     from race_server.core.messages import Flag
 
     if colour.upper() not in Flag.__members__:
@@ -37,25 +37,25 @@ def flag(
 
 @app.command()
 def pause(keys: KeysFolder = None, connect: Connect = "", session: SessionName = "") -> None:
-    """Stop the clock; drivers keep their links, karts stand where they are."""
+    """Pause the race; drivers stay connected, karts keep their place and speed."""
     _decide("pause", keys, connect, session)
 
 
 @app.command()
 def resume(keys: KeysFolder = None, connect: Connect = "", session: SessionName = "") -> None:
-    """Let the clock go on."""
+    """Resume a paused race."""
     _decide("resume", keys, connect, session)
 
 
 @app.command()
 def penalty(
     seat: SeatNumber,
-    seconds: Annotated[float, typer.Option(help="Added to the race time.")] = 5.0,
+    seconds: Annotated[float, typer.Option(help="Seconds to add to the race time.")] = 5.0,
     keys: KeysFolder = None,
     connect: Connect = "",
     session: SessionName = "",
 ) -> None:
-    """Add seconds to the race time of a seat."""
+    """Penalise a seat with seconds on its race time."""
     _decide("penalty", keys, connect, session, seat=seat, value=seconds)
 
 
@@ -63,7 +63,7 @@ def penalty(
 def kick(
     seat: SeatNumber, keys: KeysFolder = None, connect: Connect = "", session: SessionName = ""
 ) -> None:
-    """Send a driver away: its kart is out, its seat is shut until `open`."""
+    """Remove the driver of a seat from the race and close the seat until `race admin open`."""
     _decide("kick", keys, connect, session, seat=seat)
 
 
@@ -71,7 +71,7 @@ def kick(
 def close(
     seat: SeatNumber, keys: KeysFolder = None, connect: Connect = "", session: SessionName = ""
 ) -> None:
-    """Let nobody take a seat; who has it keeps it."""
+    """Close a seat to new drivers; its present driver keeps it."""
     _decide("close", keys, connect, session, seat=seat)
 
 
@@ -79,22 +79,22 @@ def close(
 def open_seat(
     seat: SeatNumber, keys: KeysFolder = None, connect: Connect = "", session: SessionName = ""
 ) -> None:
-    """Let a seat be taken again."""
+    """Open a closed seat to drivers again."""
     _decide("open", keys, connect, session, seat=seat)
 
 
 @app.command()
 def restart(keys: KeysFolder = None, connect: Connect = "", session: SessionName = "") -> None:
-    """Break the race off and start it anew with the drivers who are there."""
+    """Stop the race and start it again with the drivers that are connected."""
     _decide("restart", keys, connect, session)
 
 
 @app.command("log")
 def show_log(keys: KeysFolder = None, connect: Connect = "", session: SessionName = "") -> None:
-    """Show what was decided, when and by whom."""
-    marshal, link = _marshal(keys, connect, session)
+    """List the decisions of stewards: when, who, what."""
+    steward, link = _steward(keys, connect, session)
     with link:
-        for line in marshal.log():
+        for line in steward.log():
             print(line)
 
 
@@ -107,12 +107,12 @@ def _decide(
     seat: int = -1,
     value: float = 0.0,
 ) -> None:
-    marshal, link = _marshal(keys, connect, session)
+    steward, link = _steward(keys, connect, session)
     with link:
-        print(marshal.decide(act, seat=seat, value=value))
+        print(steward.decide(act, seat=seat, value=value))
 
 
-def _marshal(keys: Path | None, connect: str, session: str) -> tuple[StewardClient, ClientLink]:
+def _steward(keys: Path | None, connect: str, session: str) -> tuple[StewardClient, ClientLink]:
     from race_server.net.auth.token import read_token
 
     given = access(keys, connect, session)

@@ -1,4 +1,4 @@
-"""`race bench`: what this machine reaches."""
+"""`race bench`: how fast this machine runs the program."""
 
 import sys
 from pathlib import Path
@@ -10,16 +10,16 @@ from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 
-app = typer.Typer(help="Measure the speed of this program.", no_args_is_help=True)
+app = typer.Typer(help="Measure the speed of this program on this machine.", no_args_is_help=True)
 
 
 @app.command()
 def core(
     track: Annotated[str, typer.Option(help="Course to measure on.")] = "covapsy-train-2023",
-    seconds: Annotated[float, typer.Option(help="CPU seconds for each figure.")] = 2.0,
+    seconds: Annotated[float, typer.Option(help="CPU seconds to measure each figure.")] = 2.0,
     as_json: AsJson = False,
 ) -> None:
-    """How many karts one core simulates, with radar and lidar, and where the time goes."""
+    """Measure how many karts one core simulates, with radar and lidar, and where time is spent."""
     from race_server.scenario.track.load import load_course
     from race_server.tools.bench.core import bench_core
 
@@ -28,10 +28,10 @@ def core(
 
 @app.command()
 def wire(
-    seconds: Annotated[float, typer.Option(help="Seconds for each number of karts.")] = 10.0,
+    seconds: Annotated[float, typer.Option(help="Seconds to measure each number of karts.")] = 10.0,
     as_json: AsJson = False,
 ) -> None:
-    """Writing and reading messages, and the way from a control to its effect over loopback."""
+    """Measure encoding and decoding, and the latency from control to effect over loopback."""
     from race_server.tools.bench.wire import bench_wire
 
     _show(bench_wire(seconds=seconds), as_json=as_json)
@@ -39,22 +39,24 @@ def wire(
 
 @app.command()
 def env(
-    cores: Annotated[int, typer.Option(min=1, help="Cores for races in batches.")] = 1,
-    seconds: Annotated[float, typer.Option(help="Seconds for each figure.")] = 2.0,
+    cores: Annotated[int, typer.Option(min=1, help="Cores that step batches of races.")] = 1,
+    seconds: Annotated[float, typer.Option(help="Seconds to measure each figure.")] = 2.0,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Also measure against karts, races and cores, and draw that here."),
+        typer.Option(
+            help="Also measure the scaling with karts, races and cores, and plot it into this file."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Steps per second of the training world, through each interface, next to highway-env."""
+    """Measure steps per second of the training world through each interface, beside highway-env."""
     from race_server.tools.bench.env import bench_env, bench_scaling, plot_scaling
 
     figures = bench_env(cores=cores, seconds=seconds)
     if figures["highway_lidar"] is None:
         print(
-            "highway-env is not installed, so nothing is compared with it: "
-            "`pip install race-server[bench]` brings it.",
+            "highway-env is not installed, so there is no comparison with it; "
+            "`pip install race-server[bench]` installs it.",
             file=sys.stderr,
         )
     if plot is not None:
@@ -65,10 +67,10 @@ def env(
 
 @app.command()
 def learn(
-    rollouts: Annotated[int, typer.Option(min=1, help="Rollouts for each figure.")] = 8,
+    rollouts: Annotated[int, typer.Option(min=1, help="Rollouts to measure each figure.")] = 8,
     as_json: AsJson = False,
 ) -> None:
-    """How fast PPO learns here, and how fast it would be if the world cost nothing."""
+    """Measure the speed of PPO training, and what it would be if the simulation took no time."""
     from race_server.tools.bench.learn import bench_learn
 
     _show(bench_learn(rollouts=rollouts), as_json=as_json)

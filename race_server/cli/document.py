@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
 
 
 def print_document(document: Any) -> None:
-    """Print a document on one line, and at once: another program may wait for it."""
+    """Print a document on one line and flush it: another program may wait for it."""
     print(json.dumps(document), flush=True)

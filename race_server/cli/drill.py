@@ -1,4 +1,4 @@
-"""`race drill`: what may go wrong, done on purpose."""
+"""`race drill`: provoke failures and attacks, and check that races survive them."""
 
 import json
 from collections.abc import Iterator
@@ -11,20 +11,26 @@ from rich.progress import Progress
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.options import Track, known_drivers
 
-app = typer.Typer(help="Drills: what may go wrong in a session, done on purpose.")
+app = typer.Typer(
+    help="Provoke failures and attacks in a live race, and check that the race survives them."
+)
 
-Seed = Annotated[int, typer.Option(help="Of the moments that are chosen at random.")]
+Seed = Annotated[int, typer.Option(help="Seed of all random draws.")]
 
 
 @app.command()
 def crash(
-    times: Annotated[int, typer.Option(min=1, help="So often the server is killed.")] = 10,
-    real: Annotated[int, typer.Option(min=0, max=4, help="So many of the eight exist.")] = 0,
+    times: Annotated[int, typer.Option(min=1, help="Number of times to kill the server.")] = 10,
+    real: Annotated[
+        int,
+        typer.Option(min=0, max=4, help="Number of the eight karts that are played as real ones."),
+    ] = 0,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Kill the server of a live race of eight, and see that the race goes on and no lap is lost."""
+    """Kill the server of a race of eight; check that the race continues and no lap is lost."""
     from race_server.tools.drills.crash import drill_crash
 
     with progress("killing the server", times) as tell:
@@ -34,10 +40,10 @@ def crash(
 
 @app.command()
 def deny(as_json: AsJson = False) -> None:
-    """Try everything that nobody may do to an open session, and everything that people may."""
+    """Try every forbidden act against an open session, and check that legal acts still work."""
     from race_server.tools.drills.deny import drill_deny
 
-    with Console(stderr=True).status("knocking at every door", spinner="dots"):
+    with Console(stderr=True).status("trying forbidden acts", spinner="dots"):
         document = drill_deny()
     if not as_json:
         _show_findings(document["matrix"])
@@ -46,12 +52,14 @@ def deny(as_json: AsJson = False) -> None:
 
 @app.command()
 def hostile(
-    messages: Annotated[int, typer.Option(min=1000, help="So many are sent and decoded.")] = 20_000,
-    rate: Annotated[int, typer.Option(min=1, help="So many a second.")] = 5000,
+    messages: Annotated[
+        int, typer.Option(min=1000, help="Number of messages to send and decode.")
+    ] = 20_000,
+    rate: Annotated[int, typer.Option(min=1, help="Messages per second.")] = 5000,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Send damaged and crafted messages on every inbound topic while a race of eight runs."""
+    """Send damaged and crafted messages on every inbound topic during a race of eight."""
     from race_server.tools.drills.hostile import drill_hostile
 
     with progress("sending", messages) as tell:
@@ -61,58 +69,72 @@ def hostile(
 
 @app.command()
 def network(
-    loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.2,
-    delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 100.0,
-    jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 50.0,
-    track: Annotated[str, typer.Option(help="Course.")] = "oval-report",
+    loss: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share of packets lost, 0 to 0.9.")
+    ] = 0.2,
+    delay: Annotated[
+        float, typer.Option(min=0.0, help="Delay of each packet, one way [ms].")
+    ] = 100.0,
+    jitter: Annotated[
+        float, typer.Option(min=0.0, help="Largest deviation from --delay [ms].")
+    ] = 50.0,
+    track: Track = "oval-report",
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3,
     drivers: Annotated[
-        str, typer.Option(help="Comma-separated; repeated until every seat is filled.")
+        str, typer.Option(help="Comma-separated drivers, repeated until all 8 seats are filled.")
     ] = "pure_pursuit,follow_gap,avoider",
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Race over a network that loses, delays and shuffles packets both ways; needs root."""
-    from race_server.cli.options import known_drivers
+    """Race over a network that loses, delays and reorders packets both ways; requires root."""
     from race_server.tools.drills.lossy_link import LinkConditions
     from race_server.tools.drills.network import DRIVERS, drill_network
 
     names = known_drivers(drivers) or DRIVERS
-    weather = LinkConditions(loss, delay / 1e3, jitter / 1e3)
+    conditions = LinkConditions(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
         document = drill_network(
-            weather, track=track, laps=laps, drivers=names, seed=seed, tell=tell
+            conditions, track=track, laps=laps, drivers=names, seed=seed, tell=tell
         )
     finish(document, as_json=as_json, rows="drivers")
 
 
 @app.command()
 def sites(
-    delay: Annotated[float, typer.Option(min=0.0, help="Of each packet, one way [ms].")] = 20.0,
-    jitter: Annotated[float, typer.Option(min=0.0, help="More or less than that [ms].")] = 5.0,
-    loss: Annotated[float, typer.Option(min=0.0, max=0.9, help="Share of packets lost.")] = 0.0,
+    delay: Annotated[
+        float, typer.Option(min=0.0, help="Delay of each packet, one way [ms].")
+    ] = 20.0,
+    jitter: Annotated[
+        float, typer.Option(min=0.0, help="Largest deviation from --delay [ms].")
+    ] = 5.0,
+    loss: Annotated[
+        float, typer.Option(min=0.0, max=0.9, help="Share of packets lost, 0 to 0.9.")
+    ] = 0.0,
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 2,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Race four karts of two halls against each other, over a network between them; needs root."""
+    """Race four karts of two sites against each other over a slow network; requires root."""
     from race_server.tools.drills.lossy_link import LinkConditions
     from race_server.tools.drills.sites import drill_sites
 
-    weather = LinkConditions(loss, delay / 1e3, jitter / 1e3)
+    conditions = LinkConditions(loss, delay / 1e3, jitter / 1e3)
     with progress("racing", None) as tell:
-        document = drill_sites(weather, laps=laps, seed=seed, tell=tell)
+        document = drill_sites(conditions, laps=laps, seed=seed, tell=tell)
     finish(document, as_json=as_json, rows="karts")
 
 
 @app.command()
 def load(
-    karts: Annotated[int, typer.Option(min=1, max=64, help="Karts in the race.")] = 64,
-    spectators: Annotated[int, typer.Option(min=1, help="Who watch it.")] = 200,
-    minutes: Annotated[float, typer.Option(min=0.05, max=14.0, help="For each server.")] = 1.0,
+    karts: Annotated[int, typer.Option(min=1, max=64, help="Number of karts.")] = 64,
+    spectators: Annotated[int, typer.Option(min=1, help="Number of spectators.")] = 200,
+    minutes: Annotated[
+        float,
+        typer.Option(min=0.05, max=14.0, help="Minutes of racing on each of the two servers."),
+    ] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Race before a full hall; next to it the same over websockets and JSON."""
+    """Load a server with karts and spectators; then the same over websockets and JSON."""
     from race_server.tools.drills.load import drill_load
 
     with progress("racing", round(2 * 60 * minutes)) as tell:
@@ -122,11 +144,13 @@ def load(
 
 @app.command()
 def page(
-    clients: Annotated[int, typer.Option(min=1, max=250, help="Browsers that watch.")] = 100,
-    minutes: Annotated[float, typer.Option(min=0.1, max=14.0, help="So long.")] = 5.0,
+    clients: Annotated[
+        int, typer.Option(min=1, max=250, help="Number of browsers that watch.")
+    ] = 100,
+    minutes: Annotated[float, typer.Option(min=0.1, max=14.0, help="Minutes of racing.")] = 5.0,
     as_json: AsJson = False,
 ) -> None:
-    """Race before browsers, of which some misbehave."""
+    """Race in front of browsers, some of which misbehave."""
     from race_server.tools.drills.page import drill_page
 
     with progress("racing", round(60 * minutes)) as tell:
@@ -138,26 +162,28 @@ def page(
 
 @app.command()
 def mixed(
-    track: Annotated[str, typer.Option(help="Course.")] = "hangar-400",
-    vehicle: Annotated[str, typer.Option(help="tt02, kart-30 or kart-60.")] = "kart-30",
-    karts: Annotated[int, typer.Option(min=2, max=64, help="Two of them exist.")] = 8,
+    track: Track = "hangar-400",
+    vehicle: Annotated[str, typer.Option(help="Vehicle: tt02, kart-30 or kart-60.")] = "kart-30",
+    karts: Annotated[
+        int, typer.Option(min=2, max=64, help="Number of karts; two are played as real ones.")
+    ] = 8,
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 2,
-    seed: Annotated[int, typer.Option(help="Seed of all chance in the race.")] = 1,
+    seed: Seed = 1,
     pedestrian: Annotated[
-        float, typer.Option(help="Somebody steps in front after so many s of racing.")
+        float, typer.Option(help="Time at which a pedestrian steps in front of a real kart [s].")
     ] = 12.0,
     cut_link: Annotated[
-        float, typer.Option(help="A radio goes off after so many s of racing.")
+        float, typer.Option(help="Time at which a real kart loses its radio link [s].")
     ] = 110.0,
     delay_ms: Annotated[
-        float, typer.Option(help="Added to each message of a real kart, each way.")
+        float, typer.Option(help="Delay of each message of a real kart, each way [ms].")
     ] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Race two real karts (plants) among simulated ones: a pedestrian, and a cut link."""
-    from race_server.tools.drills.mixed import Setting, drill_mixed
+    """Race two real karts (plants) among simulated ones, with a pedestrian and a cut link."""
+    from race_server.tools.drills.mixed import MixedRaceSetting, drill_mixed
 
-    setting = Setting(track, vehicle, karts, laps, seed, pedestrian, cut_link, delay_ms)
+    setting = MixedRaceSetting(track, vehicle, karts, laps, seed, pedestrian, cut_link, delay_ms)
     document = drill_mixed(setting, Console(stderr=True))
     if not as_json:
         Console().print_json(json.dumps(document["figures"]))
@@ -166,7 +192,7 @@ def mixed(
 
 @contextmanager
 def progress(what: str, total: int | None) -> Iterator[Any]:
-    """Show how far a drill has come, on stderr; yields what is to be told."""
+    """Show a progress bar on stderr; yields the function that takes the number done."""
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
@@ -183,10 +209,10 @@ def _show_findings(rows: list[dict[str, Any]]) -> None:
 def finish(
     document: dict[str, Any], *, as_json: bool, columns: tuple[str, ...] = (), rows: str = ""
 ) -> None:
-    """Print what a drill found, and end with 1 where it is not well.
+    """Print the result of a drill; exit with 1 if it failed.
 
-    columns: parts of the document that hold the same figures, to be shown side by side; rows:
-    the part that is a list of such, shown in the same way.
+    columns: parts of the document with the same figures, shown side by side; rows: the part that is
+    a list of such figures, shown in the same way.
     """
     if as_json:
         print_document(document)
@@ -200,13 +226,13 @@ def finish(
         if columns:
             console.print(_side_by_side({name: document[name] or {} for name in columns}))
         if document.get(rows):
-            # Only numbers: words would need a wider terminal, and are in the document.
+            # Only numbers: texts would need a wider terminal, and are in the document.
             numbers = [
                 {name: value for name, value in row.items() if not isinstance(value, str)}
                 for row in document[rows]
             ]
             console.print(_side_by_side({f"{n}": row for n, row in enumerate(numbers)}))
-        console.print("[green]well[/]" if document["ok"] else f"[red]{document['why']}[/]")
+        console.print("[green]passed[/]" if document["ok"] else f"[red]{document['why']}[/]")
     if not document["ok"]:
         raise typer.Exit(1)
 

@@ -1,13 +1,16 @@
 """`race gateway`: lets browsers watch, drive and steward a race."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName
-from race_server.cli.document import AsJson, print_document
+from race_server.cli.document import print_document
+from race_server.cli.option_fields import expand_options
+from race_server.errors import KeysError
 
 if TYPE_CHECKING:
     from race_server.live.gateway.settings import Addresses, Settings
@@ -15,55 +18,96 @@ if TYPE_CHECKING:
 OPEN, TOKEN = "open", "token"
 
 
-def gateway(
-    connect: Connect = "",
-    session: SessionName = "",
-    keys: KeysFolder = None,
-    listen: Annotated[str, typer.Option(help="Where browsers connect: HOST:PORT.")] = "",
+@dataclass(frozen=True)
+class GatewayOptions:
+    """All options of `race gateway`."""
+
+    connect: Connect = ""
+    session: SessionName = ""
+    keys: KeysFolder = None
+    listen: Annotated[
+        str,
+        typer.Option(help="HOST:PORT on which browsers connect. Default: 127.0.0.1:8080."),
+    ] = ""
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Another port; 0 for any that is free.")
-    ] = None,
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Listen on this port instead of the one in --listen; 0: any free port.",
+        ),
+    ] = None
     is_open: Annotated[
-        bool, typer.Option("--open", help="Let browsers of other machines in: those with tokens.")
-    ] = False,
+        bool,
+        typer.Option("--open", help="Accept browsers with a token from other machines."),
+    ] = False
     spectators: Annotated[
-        str, typer.Option(help="open: anybody may watch. token: only who has the address.")
-    ] = "",
+        str,
+        typer.Option(
+            help="open: all browsers may watch. token: only browsers with the printed address. "
+            "Default: open, with --open token."
+        ),
+    ] = ""
     drivers: Annotated[
-        int, typer.Option(min=0, max=64, help="So many seats may be driven from browsers.")
-    ] = 0,
+        int,
+        typer.Option(min=0, max=64, help="Number of seats that browsers may drive."),
+    ] = 0
     steward: Annotated[
-        bool, typer.Option("--steward", help="Let a browser do what `race admin` does.")
-    ] = False,
+        bool, typer.Option("--steward", help="Let a browser steward the race, as `race admin`.")
+    ] = False
     recordings: Annotated[
         str,
         typer.Option(
-            help="Folder whose recordings may be watched, or none; without it that of the server."
+            help="Folder of recordings that browsers may watch, or none. Default: the folder that "
+            "`race serve` records to."
         ),
-    ] = "",
+    ] = ""
     origin: Annotated[
         list[str] | None,
-        typer.Option(help="Another page that may connect, such as https://race.example."),
-    ] = None,
+        typer.Option(
+            help="Origin of another page that may connect, such as https://race.example; may be "
+            "repeated."
+        ),
+    ] = None
     certificate: Annotated[
-        Path | None, typer.Option(help="Certificate for https (PEM), with --key.")
-    ] = None,
+        Path | None, typer.Option(help="Certificate for https (PEM file); requires --key.")
+    ] = None
     private_key: Annotated[
-        Path | None, typer.Option("--key", help="Its private key (PEM).")
-    ] = None,
-    once: Annotated[bool, typer.Option("--once", help="End when the race has gone.")] = False,
+        Path | None, typer.Option("--key", help="Private key of the certificate (PEM file).")
+    ] = None
+    once: Annotated[bool, typer.Option("--once", help="Exit when the session ends.")] = False
     log_json: Annotated[
         bool, typer.Option("--log-json", help="Log JSON lines, even to a terminal.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Let browsers watch a race, drive seats of it and steward it, from a process of its own."""
-    # Before any kernel is imported: a gateway steps no world and needs no compiler.
+    ] = False
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the addresses as one JSON document.")
+    ] = False
+
+
+@expand_options
+def gateway(options: GatewayOptions) -> None:
+    """Let browsers watch a race, drive seats of it and steward it."""
+    # Set before any kernel is imported: a gateway steps no world and needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
-    from race_server.cli.access import SESSION
-    from race_server.errors import KeysError
-    from race_server.live.gateway.key_ring import KeyRing
     from race_server.live.gateway.service import Gateway
+    from race_server.logs import Log
+
+    settings = _settings(options)
+    with Log(as_json=options.log_json) as log:
+        served = Gateway(settings, log)
+        _print_addresses(served.addresses, settings, as_json=options.as_json)
+        served.run()
+
+
+def _settings(options: GatewayOptions) -> "Settings":
+    """Return the settings of a gateway.
+
+    Raises:
+        KeysError: the keys do not fit what browsers are to do.
+        LinkError: an address is not valid, or open to other machines by mistake.
+    """
+    from race_server.cli.access import SESSION
+    from race_server.live.gateway.key_ring import KeyRing
     from race_server.live.gateway.settings import (
         DEFAULT_PLACE,
         Settings,
@@ -71,43 +115,39 @@ def gateway(
         place_of,
         tokens_for,
     )
-    from race_server.logs import Log
     from race_server.net.transport import DEFAULT_ADDRESS
     from race_server.storage.recording.logbook import folder_of
 
-    if spectators not in {"", OPEN, TOKEN}:
-        raise KeysError(f"--spectators {spectators}: choose {OPEN} or {TOKEN}")
-    ring = KeyRing(keys, session)
+    if options.spectators not in {"", OPEN, TOKEN}:
+        raise KeysError(f"--spectators {options.spectators}: choose {OPEN} or {TOKEN}")
+    ring = KeyRing(options.keys, options.session)
     held = ring.of_watcher()
-    host, chosen = place_of(listen or DEFAULT_PLACE)
+    host, port = place_of(options.listen or DEFAULT_PLACE)
     settings = Settings(
-        address=connect or (held.address if held else DEFAULT_ADDRESS),
-        session=held.session if held else session or SESSION,
+        address=options.connect or (held.address if held else DEFAULT_ADDRESS),
+        session=held.session if held else options.session or SESSION,
         ring=ring,
         host=host,
-        port=chosen if port is None else port,
+        port=port if options.port is None else options.port,
         tokens=tokens_for(
-            drivers=drivers,
-            steward=steward,
-            open_to_all=spectators == OPEN or not (spectators or is_open),
+            drivers=options.drivers,
+            steward=options.steward,
+            open_to_all=options.spectators == OPEN or not (options.spectators or options.is_open),
         ),
-        recordings=folder_of(recordings),
-        origins=tuple(origin or ()),
-        certificate=certificate,
-        private_key=private_key,
-        once=once,
+        recordings=folder_of(options.recordings),
+        origins=tuple(options.origin or ()),
+        certificate=options.certificate,
+        private_key=options.private_key,
+        once=options.once,
     )
-    check_settings(settings, is_open=is_open)
-    if steward:
+    check_settings(settings, is_open=options.is_open)
+    if options.steward:
         ring.of_steward()
-    with Log(as_json=log_json) as log:
-        served = Gateway(settings, log)
-        _tell(served.addresses, settings, as_json=as_json)
-        served.run()
+    return settings
 
 
-def _tell(addresses: "Addresses", settings: "Settings", *, as_json: bool) -> None:
-    """Say what people are to open."""
+def _print_addresses(addresses: "Addresses", settings: "Settings", *, as_json: bool) -> None:
+    """Print the addresses that people open."""
     from dataclasses import asdict
 
     if as_json:
@@ -120,7 +160,7 @@ def _tell(addresses: "Addresses", settings: "Settings", *, as_json: bool) -> Non
         print(f"{what:8} {address}", flush=True)
     if not settings.is_local and settings.certificate is None:
         print(
-            "anybody on the way can read these tokens: use --certificate and --key, or put a "
+            "these tokens are sent in the clear: use --certificate and --key, or put a "
             "reverse proxy with TLS in front (docs/gateway.md)",
             flush=True,
         )

@@ -1,4 +1,4 @@
-"""`race keys`: what a session that is open to other machines needs."""
+"""`race keys`: certificates and passwords of a session that other machines may join."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,27 +6,37 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-app = typer.Typer(help="Keys of a session that is open to other machines.", no_args_is_help=True)
+app = typer.Typer(
+    help="Make and check keys for a session that other machines may join.", no_args_is_help=True
+)
 
 
 @app.command()
 def new(
-    session: Annotated[str, typer.Argument(help="Name of the session that they are for.")],
-    seats: Annotated[int, typer.Option(min=1, max=64, help="Seats; a driver each.")] = 8,
+    session: Annotated[str, typer.Argument(help="Name of the session.")],
+    seats: Annotated[
+        int, typer.Option(min=1, max=64, help="Number of seats; one driver each.")
+    ] = 8,
     spectators: Annotated[
-        int, typer.Option(min=0, help="How many may watch at once, all with the same keys.")
+        int,
+        typer.Option(min=0, help="Spectators that may watch at once; all share one set of keys."),
     ] = 8,
     host: Annotated[
         list[str] | None,
-        typer.Option(help="Name or address of the server as clients see it; may be repeated."),
+        typer.Option(
+            help="Host name or address of the server as clients see it; may be repeated. Default: "
+            "this machine only."
+        ),
     ] = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the server.")] = 7447,
-    days: Annotated[float, typer.Option(min=0.01, help="Days until they expire.")] = 7.0,
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="Port on which the server listens.")
+    ] = 7447,
+    days: Annotated[float, typer.Option(min=0.01, help="Days until the keys expire.")] = 7.0,
     folder: Annotated[
-        Path | None, typer.Option(help="New folder for them; by default keys-SESSION.")
+        Path | None, typer.Option(help="New folder for the keys. Default: keys-SESSION.")
     ] = None,
 ) -> None:
-    """Make certificates and passwords for the server, each seat, spectators and the steward."""
+    """Make certificates and passwords for the server, each seat, the spectators and the steward."""
     from race_server.net.auth.issue import Order, issue_keys
 
     target = folder or Path(f"keys-{session}")
@@ -36,22 +46,24 @@ def new(
     console.print(f"{target}: keys for {seats} seats, spectators and the steward of {session}")
     if not host:
         console.print(
-            "They fit a server on this machine only; for others give its address with --host.",
+            "They fit a server on this machine only; for another one give its address with --host.",
             style="yellow",
         )
     console.print(f"serve:  race serve --open --keys {target} --session {session} --karts {seats}")
     console.print(
         f"drive:  race drive NAME --keys {handed[0].folder}   (connects to {handed[0].address})"
     )
-    console.print(f"{target / 'README.md'} says what to hand to whom.")
+    console.print(f"{target / 'README.md'} lists which folder goes to whom.")
 
 
 @app.command()
 def check(
-    folder: Annotated[Path, typer.Argument(help="Folder of one person, or of the server.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of one role: server, seat-N, spectator or steward.")
+    ],
 ) -> None:
-    """Say whose keys these are, whether they can be read, and until when they are good."""
+    """Print the role and expiry of keys, and fail if they cannot be used."""
     from race_server.net.auth.keys import read_keys
 
     held = read_keys(folder)
-    print(f"{folder}: {held.role} of session {held.session}, good until {held.expires}")
+    print(f"{folder}: {held.role} of session {held.session}, valid until {held.expires}")

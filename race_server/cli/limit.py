@@ -1,4 +1,4 @@
-"""`race limit`: how fast a vehicle can lap a course, and along which lines."""
+"""`race limit`: the fastest lap that physics allows, and other lines beside it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,20 +13,25 @@ from race_server.cli.options import Course
 
 def limit(
     track: Course,
-    vehicle: Annotated[str, typer.Option(help="The vehicle that laps it.")] = "tt02",
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60.")
+    ] = "tt02",
     speed_cap: Annotated[
-        float | None, typer.Option(help="Drive no faster than this, in m/s.")
+        float | None,
+        typer.Option(help="Highest speed allowed [m/s]. Default: the vehicle's top speed."),
     ] = None,
     margin: Annotated[
         float | None,
-        typer.Option(help="Room between body and border, in m. By default 0.26 of the width."),
+        typer.Option(
+            help="Least distance between body and border [m]. Default: 0.26 × vehicle width."
+        ),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the lines into this file: .png or .svg.")
+        Path | None, typer.Option(help="Draw the lines into this .png or .svg file.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Lap times along the fastest, the least curved, the centre and the shortest line."""
+    """Compute lap times along the fastest, the least curved, the centre and the shortest line."""
     from race_server.core.vehicles import vehicle_named
     from race_server.scenario.raceline.reference import NAMES, reference_limit
     from race_server.scenario.track.load import load_course
@@ -57,4 +62,8 @@ def limit(
             str(sum(zone.what == "brake" for zone in line.zones)),
         )
     Console().print(table)
-    print(f"solved in {found.solve_s:.2f} s" if found.solve_s else "solved before, and shipped")
+    print(
+        f"solved in {found.solve_s:.2f} s"
+        if found.solve_s
+        else "read from the solutions already known"
+    )

@@ -1,4 +1,4 @@
-"""`race`: the words a person types. Errors are one line on stderr and exit code 2."""
+"""`race`: the command line. An error is one line on stderr and exit code 2."""
 
 import sys
 from importlib.metadata import entry_points
@@ -10,14 +10,15 @@ from race_server.cli import (
     bench,
     day,
     drill,
+    drive,
     gateway,
     keys,
     limit,
-    race,
     recording,
     relay,
     results,
     serve,
+    start,
     track,
     trial,
 )
@@ -25,16 +26,16 @@ from race_server.errors import RaceError
 
 app = typer.Typer(
     name="race",
-    help="A race and game server for karts.",
+    help="Serve, drive, watch and train kart races.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command()(race.start)
+app.command()(start.start)
 app.command()(serve.serve)
-app.command()(race.drive)
-app.command()(race.watch)
+app.command()(drive.drive)
+app.command()(drive.watch)
 app.command()(gateway.gateway)
 app.command()(relay.relay)
 app.command()(limit.limit)
@@ -48,13 +49,13 @@ app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
-# Other packages bring commands of their own, or groups of them.
+# Other packages add commands, or groups of commands.
 for point in entry_points(group="race_server.commands"):
-    brought = point.load()
-    if isinstance(brought, typer.Typer):
-        app.add_typer(brought, name=point.name)
+    command = point.load()
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=point.name)
     else:
-        app.command(point.name)(brought)
+        app.command(point.name)(command)
 
 
 def main() -> None:

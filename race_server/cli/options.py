@@ -1,6 +1,6 @@
-"""What the words of several commands mean: the race that is wanted, and who drives."""
+"""Options and arguments that several commands share."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -10,35 +10,19 @@ Track = Annotated[str, typer.Option(help="Course to race on: a name from `race t
 Course = Annotated[
     str,
     typer.Argument(
-        help="A name from `race track list`, a .toml file, or a course drawn by lot: "
+        help="A name from `race track list`, a .toml file, or a generated course: "
         "generated:block:SEED, generated:spline:SEED, generated:spline:SEED:kart."
     ),
 ]
 VehicleName = Annotated[
-    str, typer.Option("--vehicle", help="tt02, tt02-drift, kart-13, kart-30 or kart-60.")
-]
-Karts = Annotated[int, typer.Option(min=1, max=64, help="Seats in the race.")]
-Laps = Annotated[int, typer.Option(min=1, help="Laps to the finish.")]
-Seed = Annotated[int, typer.Option(help="Seed of all chance in the race.")]
-Pace = Annotated[
     str,
-    typer.Option(help="real: 60 ticks a second. lockstep: the world waits for every driver."),
+    typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60."),
 ]
-Switch = Literal["on", "off"]
-Items = Annotated[Switch, typer.Option(help="Race with items, or without.")]
-CatchUp = Annotated[Switch, typer.Option(help="Karts behind draw stronger items, or the same.")]
 Results = Annotated[
     str,
     typer.Option(
-        help="File that keeps races and laps, or none; without it $RACE_SERVER_RESULTS, or "
-        "~/.local/share/race-server/results.sqlite."
-    ),
-]
-Record = Annotated[
-    str,
-    typer.Option(
-        help="Folder for recordings, or none; without it $RACE_SERVER_RECORDINGS, or "
-        "~/.local/share/race-server/recordings."
+        help="Results file for races and laps, or none to keep nothing. Default: "
+        "$RACE_SERVER_RESULTS, else ~/.local/share/race-server/results.sqlite."
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""The table in which a race ends."""
+"""The table of results at the end of a race."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""`race replay` and `race recording`: what was recorded."""
+"""`race replay` and `race recording`: check, watch, inspect and cut recordings."""
 
 import json
 import time
@@ -14,19 +14,26 @@ from race_server.cli.document import AsJson, print_document
 from race_server.core.clock import TICKS_PER_SECOND, lap_text
 from race_server.errors import RecordingError
 
-app = typer.Typer(help="Recordings: what is in one, its messages, a part of it.")
+app = typer.Typer(help="Inspect a recording, print its messages, or cut it.")
 
-File = Annotated[Path, typer.Argument(help="A recording, .mcap.")]
+File = Annotated[Path, typer.Argument(help="Recording (.mcap file).")]
 
 
 def replay(
     file: File,
-    play: Annotated[bool, typer.Option("--play", help="Watch it instead of checking it.")] = False,
-    speed: Annotated[float, typer.Option(help="With --play: times real time.")] = 1.0,
-    seek: Annotated[float, typer.Option(help="With --play: begin so many seconds in.")] = 0.0,
+    play: Annotated[
+        bool, typer.Option("--play", help="Show the race in the terminal instead of checking it.")
+    ] = False,
+    speed: Annotated[
+        float, typer.Option(help="With --play: speed as a multiple of real time.")
+    ] = 1.0,
+    seek: Annotated[float, typer.Option(help="With --play: start at this time [s].")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Drive a recorded race again and compare it tick by tick; or watch it."""
+    """Simulate a recorded race again and compare it with the recording; or show it.
+
+    Exit code 1 if the two differ.
+    """
     from race_server.storage.recording.reader import read_recording
 
     recording = read_recording(file)
@@ -45,7 +52,7 @@ def replay(
 
 
 def check(recording: Any) -> dict[str, Any]:
-    """Return whether a race driven again is the recorded one, with the first difference."""
+    """Return whether a simulated race equals the recorded one, with the first difference."""
     from race_server.storage.recording.rerun import Rerun
 
     rerun = Rerun(recording)
@@ -80,7 +87,7 @@ def _why(recording: Any, tick: int) -> str:
         if now.get(name) != value
     ]
     told = f"; it was recorded with {', '.join(other)}" if other else ""
-    return f"the race driven again differs from tick {tick} on{told}"
+    return f"the simulated race differs from the recorded one from tick {tick} on{told}"
 
 
 def _print_check(document: dict[str, Any]) -> None:
@@ -91,8 +98,8 @@ def _print_check(document: dict[str, Any]) -> None:
     console = Console(soft_wrap=True)
     if document["ok"]:
         console.print(
-            f"the same race: {document['digests']} digests are equal, {seconds:.1f} s driven "
-            f"again in {document['seconds']:.2f} s ({state})"
+            f"the same race: {document['digests']} digests are equal, {seconds:.1f} s simulated "
+            f"in {document['seconds']:.2f} s ({state})"
         )
     else:
         console.print(f"{document['why']} ({state})", style="red")
@@ -100,7 +107,7 @@ def _print_check(document: dict[str, Any]) -> None:
 
 @app.command()
 def info(file: File, as_json: AsJson = False) -> None:
-    """Who raced what, when, and which messages a recording holds."""
+    """Show drivers, course, time, laps and message counts of a recording."""
     from race_server.storage.recording.reader import Line, read_lines, read_recording
 
     recording = read_recording(file)
@@ -165,10 +172,14 @@ def _print_info(document: dict[str, Any]) -> None:
 @app.command()
 def cat(
     file: File,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON document a line.")] = False,
-    channel: Annotated[str, typer.Option(help="Only this one, such as laps.")] = "",
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON document per line.")
+    ] = False,
+    channel: Annotated[
+        str, typer.Option(help="Print only this channel, such as laps. Default: all.")
+    ] = "",
 ) -> None:
-    """Print the messages of a recording, one a line."""
+    """Print the messages of a recording, one per line."""
     from race_server.storage.recording.to_json import to_json
 
     for at_s, key, words in _messages(file, channel, to_json):
@@ -198,10 +209,10 @@ def _messages(file: Path, channel: str, to_json: Any) -> Iterator[tuple[float, s
 @app.command()
 def cut(
     file: File,
-    target: Annotated[Path, typer.Argument(help="The new recording, .mcap.")],
-    until: Annotated[float, typer.Option(help="End so many seconds in.")],
+    target: Annotated[Path, typer.Argument(help="New recording (.mcap file).")],
+    until: Annotated[float, typer.Option(help="End of the part to keep [s].")],
 ) -> None:
-    """Write the first part of a recording into another file; it replays like the whole."""
+    """Copy the first part of a recording into another file that replays by itself."""
     from race_server.storage.recording.excerpt import write_excerpt
 
     ticks = write_excerpt(file, target, until)

@@ -1,4 +1,4 @@
-"""A recorded race to watch: its leaderboard, at any speed."""
+"""The leaderboard of a recorded race in the terminal, at any speed."""
 
 import time
 from collections import deque
@@ -15,16 +15,16 @@ from race_server.live.client.leaderboard import Headline, event_text, leaderboar
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.rerun import Rerun
 
-TOLD = 8  # events under the leaderboard
-PICTURES = 8  # a second
+EVENT_LINES = 8  # under the leaderboard
+REFRESH_HZ = 8
 _SILENT = {EventKind.SECTOR, EventKind.EFFECT_END, EventKind.PHASE}
 
 
 def show(recording: Recording, console: Console, *, speed: float, seek_s: float) -> None:
-    """Drive a recording again at `speed` times real time, from `seek_s` [s] on.
+    """Simulate a recording again at `speed` times real time and show it from `seek_s` [s] on.
 
     Raises:
-        RecordingError: speed or place make no sense, or the race driven again is another one.
+        RecordingError: `speed` or `seek_s` is out of range, or the simulated race differs.
     """
     last_s = recording.last_tick / TICKS_PER_SECOND
     if not speed > 0.0:
@@ -32,13 +32,13 @@ def show(recording: Recording, console: Console, *, speed: float, seek_s: float)
     if not 0.0 <= seek_s <= last_s:
         raise RecordingError(f"the recording lasts {last_s:.1f} s; {seek_s:g} s is not in it")
     rerun = Rerun(recording)
-    told: deque[Text] = deque(maxlen=TOLD)
+    told: deque[Text] = deque(maxlen=EVENT_LINES)
     names = [""] * 64
     for row in recording.start.seats:
         names[row.number] = f"{row.driver} {row.number}"
-    with Live(console=console, refresh_per_second=PICTURES) as live:
+    with Live(console=console, refresh_per_second=REFRESH_HZ) as live:
         begun = time.monotonic() - seek_s / speed
-        for events in rerun.run(most_ticks=max(round(speed * TICKS_PER_SECOND / PICTURES), 1)):
+        for events in rerun.run(most_ticks=max(round(speed * TICKS_PER_SECOND / REFRESH_HZ), 1)):
             told.extend(_lines(events, names))
             at_s = rerun.session.tick / TICKS_PER_SECOND
             if at_s >= seek_s:
@@ -47,8 +47,8 @@ def show(recording: Recording, console: Console, *, speed: float, seek_s: float)
         live.update(_board(rerun, told))
     if rerun.difference is not None:
         raise RecordingError(
-            f"recording {recording.path} differs from tick {rerun.difference.tick} on when it is "
-            "driven again; `race replay` without --play says more"
+            f"recording {recording.path} differs from the simulated race from tick "
+            f"{rerun.difference.tick} on; `race replay` without --play says more"
         )
 
 

@@ -1,4 +1,4 @@
-"""`race relay`: karts of two halls in one race."""
+"""`race relay`: karts of two sites in one race."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,34 +13,46 @@ from race_server.net.transport import DEFAULT_ADDRESS
 
 
 def relay(
-    here: Annotated[str, typer.Option(help="Address of the first hall.")] = DEFAULT_ADDRESS,
-    there: Annotated[str, typer.Option(help="Address of the second hall.")] = "",
+    here: Annotated[str, typer.Option(help="Address of the first server.")] = DEFAULT_ADDRESS,
+    there: Annotated[str, typer.Option(help="Address of the second server (required).")] = "",
     bring: Annotated[
-        str, typer.Option(help="Seats whose karts drive there and are to race here too: 2,3.")
+        str,
+        typer.Option(
+            help="Seats driven on the second server that also race on the first, such as 2,3."
+        ),
     ] = "",
     send: Annotated[
-        str, typer.Option(help="Seats whose karts drive here and are to race there too: 0,1.")
+        str,
+        typer.Option(
+            help="Seats driven on the first server that also race on the second, such as 0,1."
+        ),
     ] = "",
-    session: Annotated[str, typer.Option(help="Name of the session here.")] = SESSION,
-    there_session: Annotated[str, typer.Option(help="Name of the session there.")] = SESSION,
+    session: Annotated[
+        str, typer.Option(help="Name of the session on the first server.")
+    ] = SESSION,
+    there_session: Annotated[
+        str, typer.Option(help="Name of the session on the second server.")
+    ] = SESSION,
     keys: Annotated[
         Path | None,
-        typer.Option(help="Folder with `spectator` and `seat-N` of this hall, where it has keys."),
+        typer.Option(
+            help="Folder with `spectator` and `seat-N` keys of the first server, if it has keys."
+        ),
     ] = None,
-    there_keys: Annotated[Path | None, typer.Option(help="The same of the other hall.")] = None,
-    patience: Annotated[float, typer.Option(help="Seconds to wait for the halls.")] = 60.0,
+    there_keys: Annotated[Path | None, typer.Option(help="The same for the second server.")] = None,
+    patience: Annotated[float, typer.Option(help="Seconds to wait for both servers.")] = 60.0,
     as_json: AsJson = False,
 ) -> None:
-    """Let karts of two halls race against each other for one race.
+    """Let karts of two sites race against each other for one race.
 
-    A seat has the same number in both halls; in the hall where its kart does not drive it must be
-    free. Both halls serve the same course.
+    A kart has the same seat number on both servers; on the server where it is not driven its seat
+    must be free. Both servers run the same course.
     """
     from race_server.live.client.bridge import Site
     from race_server.live.client.bridge import relay as relay_race
 
     if not there:
-        raise ScenarioError("--there is missing: give the address of the second hall")
+        raise ScenarioError("--there is missing: give the address of the second server")
     first = Site(here, session, _seats(bring), keys)
     second = Site(there, there_session, _seats(send), there_keys)
     console = Console(stderr=True)
@@ -48,17 +60,17 @@ def relay(
         first,
         second,
         timeout_s=patience,
-        is_ready=lambda: console.print("all guests have their seats"),
+        is_ready=lambda: console.print("all relayed karts have their seats"),
     )
     if as_json:
         print_document(document)
         return
-    for hall, guests in document.items():
+    for site, guests in document.items():
         for guest in guests:
             console.print(
-                f"{hall}, seat {guest['seat']}: {guest['poses']} poses, "
-                f"{guest['miss_median_m']} m from its true place (median), "
-                f"{guest['miss_p99_m']} m at most in 99 of 100"
+                f"{site}, seat {guest['seat']}: {guest['poses']} poses, "
+                f"position error {guest['miss_median_m']} m (median), "
+                f"{guest['miss_p99_m']} m (99th percentile)"
             )
 
 

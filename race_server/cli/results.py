@@ -13,13 +13,13 @@ from race_server.cli.document import AsJson, print_document
 from race_server.core.clock import lap_text
 from race_server.errors import ResultsError
 
-app = typer.Typer(help="What was driven: races, best laps, ratings.", no_args_is_help=True)
+app = typer.Typer(help="Query the results file: races, best laps, ratings.", no_args_is_help=True)
 
-Track = Annotated[str, typer.Option(help="Only on this course.")]
+Track = Annotated[str, typer.Option(help="Show only this course. Default: all.")]
 Results = Annotated[
     str,
     typer.Option(
-        help="The results file; without it $RACE_SERVER_RESULTS, or "
+        help="Results file. Default: $RACE_SERVER_RESULTS, else "
         "~/.local/share/race-server/results.sqlite."
     ),
 ]
@@ -34,10 +34,10 @@ def _file(results: str) -> Path:
     return path
 
 
-def _table(words: Sequence[str], figures: Sequence[str]) -> Table:
+def _table(texts: Sequence[str], figures: Sequence[str]) -> Table:
     """Return an empty table in the style of the leaderboard."""
     table = Table(header_style="dim underline", box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    for name in words:
+    for name in texts:
         table.add_column(name, no_wrap=True)
     for name in figures:
         table.add_column(name, justify="right", no_wrap=True)
@@ -45,22 +45,22 @@ def _table(words: Sequence[str], figures: Sequence[str]) -> Table:
 
 
 def _winner(race: dict[str, Any]) -> str:
-    """Return who won a race, or why nobody did."""
+    """Return the winner of a race, or why there is none."""
     if race["ended"] != "finished":
         return "(stopped)" if race["ended"] else "(not ended)"
     first = race["entries"][0]
-    return first["driver"] if first["status"] == "finished" else "(nobody home)"
+    return first["driver"] if first["status"] == "finished" else "(none finished)"
 
 
 @app.command("list")
 def list_races(
     track: Track = "",
-    driver: Annotated[str, typer.Option(help="Only races that this driver took part in.")] = "",
-    limit: Annotated[int, typer.Option(min=1, help="So many of the newest races.")] = 20,
+    driver: Annotated[str, typer.Option(help="Show only races of this driver. Default: all.")] = "",
+    limit: Annotated[int, typer.Option(min=1, help="Show at most this many races.")] = 20,
     results: Results = "",
     as_json: AsJson = False,
 ) -> None:
-    """List the newest races, newest first."""
+    """List races, newest first."""
     from race_server.storage.results.queries import races
 
     rows = races(_file(results), track=track, driver=driver, limit=limit)
@@ -106,17 +106,17 @@ def best(track: Track = "", results: Results = "", as_json: AsJson = False) -> N
 
 
 def _edition(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
-    """Return the name of a track, with its digest where the file knows several of that name."""
+    """Return the name of a track, with its digest if the file has several of that name."""
     digests = {other["track_digest"] for other in rows if other["track"] == row["track"]}
     return row["track"] if len(digests) == 1 else f"{row['track']} {row['track_digest'][:8]}"
 
 
 @app.command("export")
 def export_laps(
-    to: Annotated[Path, typer.Argument(help="The file to write: .csv or .parquet.")],
+    to: Annotated[Path, typer.Argument(help="Table to write: a .csv or .parquet file.")],
     results: Results = "",
 ) -> None:
-    """Write every lap with all that is known of it into a table."""
+    """Export every lap with all its columns to a table."""
     from race_server.storage.results.export import export
     from race_server.storage.results.queries import all_laps
 
@@ -127,7 +127,7 @@ def export_laps(
 
 @app.command()
 def ratings(results: Results = "", as_json: AsJson = False) -> None:
-    """Rate the drivers by all races that ran to their end (Plackett-Luce)."""
+    """Rate the drivers over all finished races (Plackett-Luce)."""
     from race_server.storage.results.queries import finished_races
     from race_server.storage.results.ratings import ratings as rate
 

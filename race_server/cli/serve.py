@@ -1,180 +1,110 @@
-"""`race serve`: one session on the network, and the guard over it."""
+"""`race serve`: one session on the network, restarted when it is killed."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from race_server.cli.access import SESSION
-from race_server.cli.document import AsJson
-from race_server.cli.options import (
-    CatchUp,
-    Items,
-    Karts,
-    Laps,
-    Pace,
-    Record,
-    Results,
-    Seed,
-    Track,
-    VehicleName,
-    known_drivers,
-)
+from race_server.cli.option_fields import expand_options
+from race_server.cli.options import known_drivers
+from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions
 from race_server.errors import KeysError, ScenarioError
 from race_server.live.server.supervisor import supervised
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
+    from race_server.cli.service import Service
     from race_server.net.auth.keys import ServerKeys
-    from race_server.scenario.race import Rules, Scenario
-
-# Encrypted, to all of this machine's networks.
-OPEN_ADDRESS = "tls/0.0.0.0:7447"
+    from race_server.scenario.race import Scenario
 
 
-def serve(
-    track: Track = "covapsy-train-2023",
-    vehicle: VehicleName = "tt02",
-    karts: Karts = 8,
-    laps: Laps = 3,
-    seed: Seed = 1,
-    pace: Pace = "real",
-    items: Items = "on",
-    catch_up: CatchUp = "on",
-    fill: Annotated[
-        str, typer.Option(help="Comma-separated drivers for seats that stay empty, in turn.")
-    ] = "",
-    wait_for: Annotated[
-        int,
-        typer.Option(help="Drivers to wait for; all seats, or one where --fill takes the rest."),
-    ] = -1,
-    finish_limit: Annotated[
-        float, typer.Option(min=0.0, help="s after the winner in which others may finish; 0: all.")
-    ] = 100.0,
-    once: Annotated[bool, typer.Option("--once", help="End after one race.")] = False,
-    review: Annotated[
-        float,
-        typer.Option(min=0.0, help="With --once: s after it in which stewards may add penalties."),
-    ] = 0.0,
-    result: Annotated[
-        Path | None, typer.Option(help="Write the result of the last race to this file.")
-    ] = None,
-    listen: Annotated[
-        str,
-        typer.Option(help=f"Address to listen on; {DEFAULT_ADDRESS}, with --open {OPEN_ADDRESS}."),
-    ] = "",
-    is_open: Annotated[
-        bool, typer.Option("--open", help="Let other machines in: those with keys.")
-    ] = False,
-    keys: Annotated[
-        Path | None, typer.Option(help="Folder that `race keys new` made, with --open.")
-    ] = None,
-    session: Annotated[
-        str, typer.Option("--session", help="Name of the session; that of the keys, or race.")
-    ] = "",
-    results: Results = "",
-    record: Record = "",
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Do not take up a race whose server was killed.")
-    ] = False,
-    guard: Annotated[
-        bool, typer.Option("--guard/--no-guard", help="Start the server again when it is killed.")
-    ] = True,
-    metrics: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            help="Show /metrics for Prometheus and /healthz on this port of loopback; 0 for any.",
-        ),
-    ] = None,
-    log_json: Annotated[
-        bool, typer.Option("--log-json", help="Log JSON lines, even to a terminal.")
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Serve a race session: wait for drivers, race, and begin again.
+@expand_options
+def serve(options: ServeOptions) -> None:
+    """Serve a race session: wait for drivers, race, and open the next race.
 
-    Started again after it was killed in a race, it takes up the race where it was.
+    When the server is killed during a race it is restarted and resumes that race.
     """
-    from race_server.cli.service import Service, serve_and_tell, serve_races
-    from race_server.core.kernels.jit import is_compiled
-    from race_server.live.server import LOCKSTEP, REAL
-    from race_server.live.server.warm_up import warm_up
-    from race_server.net.auth.settings import ListenSettings, check_listen_settings
-    from race_server.scenario.race import Rules
+    from race_server.cli.service import serve_races, serve_with_status
 
-    held = _server_keys(keys, session, karts, is_open=is_open)
-    session = held.session if held else session or SESSION
-    address = listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
-    check_listen_settings(ListenSettings(address, session, karts, held))
-    if pace not in {REAL, LOCKSTEP}:
-        raise ScenarioError(f"pace {pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
-    log = Log(as_json=log_json)
-    fillers = known_drivers(fill)
-    rules = Rules(
-        laps=laps,
-        items=items == "on",
-        catch_up=catch_up == "on",
-        finish_limit_s=finish_limit,
-    )
-    scenario = _scenario(track, vehicle, karts, rules, seed, fillers, log)
-    if not is_compiled():
-        log.say("compiling the simulation for this machine, once: about half a minute")
-    warm_up(scenario, fillers)
-    awaited = wait_for if wait_for >= 0 else (1 if fillers else karts)
-    service = Service(
-        scenario=scenario,
-        session=session,
-        pace=pace,
-        fillers=fillers,
-        awaited=awaited,
-        listen=address,
-        results=results,
-        record=record,
-        result=result,
-        once=once,
-        review=review,
-        metrics=metrics,
-        as_json=as_json,
-        keys=held,
-    )
-    if not guard:
-        serve_races(service, log, fresh=fresh)
+    log = Log(as_json=options.log_json)
+    service = _service_of(options, log)
+    if not options.guard:
+        serve_races(service, log, fresh=options.fresh)
         return
-    # Only who is started by hand begins anew; who replaces a killed one takes its race up.
+    # Only a server started by hand may discard a race; the one that replaces it resumes it.
     status = supervised(
-        lambda killed: serve_and_tell(service, log, fresh=fresh and killed == 0),
+        lambda killed: serve_with_status(service, log, fresh=options.fresh and killed == 0),
         log.warn,
     )
     if status:
         raise typer.Exit(status)
 
 
-def _scenario(
-    track: str,
-    vehicle: str,
-    karts: int,
-    rules: "Rules",
-    seed: int,
-    fillers: tuple[str, ...],
-    log: Log,
-) -> "Scenario":
-    """Return the race that is wanted, with a line to drive along where one is known."""
+def _service_of(options: ServeOptions, log: Log) -> "Service":
+    """Return what is to be served, checked and compiled.
+
+    Raises:
+        RaceError: an option is wrong, or does not fit another one.
+    """
+    from race_server.cli.service import Service
+    from race_server.core.kernels.jit import is_compiled
+    from race_server.live.server import LOCKSTEP, REAL
+    from race_server.live.server.warm_up import warm_up
+    from race_server.net.auth.settings import ListenSettings, check_listen_settings
+
+    held = _server_keys(options.keys, options.session, options.karts, is_open=options.is_open)
+    session = held.session if held else options.session or SESSION
+    address = options.listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
+    check_listen_settings(ListenSettings(address, session, options.karts, held))
+    if options.pace not in {REAL, LOCKSTEP}:
+        raise ScenarioError(f"pace {options.pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
+    fillers = known_drivers(options.fill)
+    scenario = _scenario(options, fillers, log)
+    if not is_compiled():
+        log.say("compiling the simulation for this machine, once: about half a minute")
+    warm_up(scenario, fillers)
+    every = 1 if fillers else options.karts
+    return Service(
+        scenario=scenario,
+        session=session,
+        pace=options.pace,
+        fillers=fillers,
+        awaited=options.wait_for if options.wait_for >= 0 else every,
+        listen=address,
+        results=options.results,
+        record=options.record,
+        result=options.result,
+        once=options.once,
+        review=options.review,
+        metrics=options.metrics,
+        as_json=options.as_json,
+        keys=held,
+    )
+
+
+def _scenario(options: ServeOptions, fillers: tuple[str, ...], log: Log) -> "Scenario":
+    """Return the race to be driven, with its reference line where one is known."""
     from race_server.core.driver import driver_named
     from race_server.core.observation import wants_line
     from race_server.core.vehicles import vehicle_named
-    from race_server.scenario.race import Scenario
+    from race_server.scenario.race import Rules, Scenario
     from race_server.scenario.raceline.attach import with_line
     from race_server.scenario.track.load import load_course
 
+    rules = Rules(
+        laps=options.laps,
+        items=options.items == "on",
+        catch_up=options.catch_up == "on",
+        finish_limit_s=options.finish_limit,
+    )
     scenario = Scenario(
-        load_course(track),
-        karts=karts,
-        vehicles=(vehicle_named(vehicle),),
+        load_course(options.track),
+        karts=options.karts,
+        vehicles=(vehicle_named(options.vehicle),),
         rules=rules,
-        seed=seed,
+        seed=options.seed,
     )
     wanted = any(wants_line(driver_named(name).preset) for name in fillers)
     scenario = with_line(scenario, solve=wanted)
@@ -201,5 +131,5 @@ def _server_keys(
             f"{karts} --host ADDRESS` and serve with --open --keys keys-{session or SESSION}"
         )
     if not is_open:
-        raise KeysError(f"--keys {folder} lets other machines in: say so with --open")
+        raise KeysError(f"--keys {folder} is for clients from other machines: add --open")
     return read_server_keys(folder, session, karts)

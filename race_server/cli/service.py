@@ -1,6 +1,6 @@
-"""Serving race after race, as `race serve` does it.
+"""Serve race after race, as `race serve` does.
 
-Imports all that serving needs, so that a server that replaces a killed one has it.
+Imports everything that serving needs, so that a server that replaces a killed one has it loaded.
 """
 
 import json
@@ -51,8 +51,8 @@ class Service:
     keys: ServerKeys | None  # None: closed to other machines
 
 
-def serve_and_tell(service: Service, log: Log, *, fresh: bool) -> int:
-    """Serve, and return the exit status; what goes wrong is said as everywhere."""
+def serve_with_status(service: Service, log: Log, *, fresh: bool) -> int:
+    """Serve, and return the exit status; print an error as `race` does."""
     try:
         serve_races(service, log, fresh=fresh)
     except RaceError as error:
@@ -62,13 +62,13 @@ def serve_and_tell(service: Service, log: Log, *, fresh: bool) -> int:
 
 
 def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
-    """Serve race after race until it is enough. fresh: take up none that was left."""
+    """Serve race after race until stopped. fresh: do not resume an unfinished race."""
     with ExitStack() as stack:
         stack.enter_context(log)
         writer = stack.enter_context(writer_for(service.results, log.warn))
         keeper = Keeper(writer) if writer else None
         logbook = stack.enter_context(_logbook(service.record, service.session, log))
-        race, taken_up = _take_up(logbook, keeper, log, fresh=fresh) or (None, None)
+        race, resumed = _resumed(logbook, keeper, log, fresh=fresh) or (None, None)
         race = race or Session(service.session, service.scenario)
         karts, keys = len(race.seats), service.keys
         address, name = service.listen, service.session
@@ -84,7 +84,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             logbook,
             token,
             log,
-            amended=lambda result: _tell(result.as_json(), race, service),
+            amended=lambda result: _publish_result(result.as_json(), race, service),
         )
         stopped = _stop_on_signals(server)
         title = race.scenario.course.title
@@ -95,21 +95,19 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             port = stack.enter_context(exposed(server, service.metrics))
             log.say("metrics", address=f"http://{LOOPBACK}:{port}/metrics")
         while not stopped:
-            outcome = (
-                server.go_on(*taken_up) if taken_up else server.run(min(service.awaited, karts))
-            )
-            taken_up = None
+            outcome = server.go_on(*resumed) if resumed else server.run(min(service.awaited, karts))
+            resumed = None
             if outcome is None:
                 return
-            _tell(outcome.as_json(), race, service)
+            _publish_result(outcome.as_json(), race, service)
             if service.once:
                 server.see_off(service.review)
                 return
             server.reopen()
 
 
-def _tell(document: dict[str, Any], race: Session, service: Service) -> None:
-    """Put the result of a race where it is wanted."""
+def _publish_result(document: dict[str, Any], race: Session, service: Service) -> None:
+    """Write the result of a race to its file, and print it."""
     if service.result is not None:
         service.result.write_text(json.dumps(document))
     if service.as_json:
@@ -119,21 +117,21 @@ def _tell(document: dict[str, Any], race: Session, service: Service) -> None:
 
 
 def _logbook(words: str, session: str, log: Log) -> AbstractContextManager[Logbook | None]:
-    """Return where a session's recordings go, None for nowhere."""
+    """Return the recordings of a session, None if nothing is recorded."""
     if folder := folder_of(words):
         return Logbook(folder, session, log.warn)
     return nullcontext()
 
 
-def _take_up(
+def _resumed(
     logbook: Logbook | None, keeper: Keeper | None, log: Log, *, fresh: bool
 ) -> tuple[Session, tuple[Recording, list[Event]]] | None:
-    """Return the session of a race whose server was killed, with its recording and its events."""
+    """Return the session of an unfinished race, with its recording and its events."""
     recording = logbook.unfinished() if logbook else None
     if logbook is None or recording is None:
         return None
     if fresh:
-        logbook.put_aside("a race whose server was killed is not taken up")
+        logbook.put_aside("an unfinished race is not resumed")
         return None
     begun = time.perf_counter()
     try:
@@ -142,7 +140,7 @@ def _take_up(
         logbook.put_aside(str(error))
         return None
     log.warn(
-        "taking up a race whose server was killed",
+        "resuming an unfinished race",
         begun_at=recording.start.started_at,
         seconds=round(session.tick / TICKS_PER_SECOND, 1),
         laps=len(recording.laps),
@@ -152,7 +150,7 @@ def _take_up(
 
 
 def _stop_on_signals(server: RaceServer) -> list[int]:
-    """Let Ctrl-C and SIGTERM end the race at the next tick; the result is still written."""
+    """End the race at the next tick on Ctrl-C or SIGTERM; its result is still written."""
     received: list[int] = []
 
     def stop(number: int, _frame: object) -> None:

@@ -11,12 +11,12 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Course
 from race_server.errors import TrackError
 
-app = typer.Typer(help="Courses: list, draw, check, import.", no_args_is_help=True)
+app = typer.Typer(help="List, draw, check and import courses.", no_args_is_help=True)
 
 
 @app.command("list")
 def list_tracks(as_json: AsJson = False) -> None:
-    """List all courses with their figures."""
+    """List all courses with length, width, sectors, grid places and item boxes."""
     from race_server.scenario.track.load import load_course, summary, track_names
 
     rows = [summary(load_course(name)) for name in track_names()]
@@ -42,9 +42,11 @@ def list_tracks(as_json: AsJson = False) -> None:
 @app.command()
 def show(
     name: Course,
-    to: Annotated[Path | None, typer.Option("--to", help="File to write: .png or .svg.")] = None,
+    to: Annotated[
+        Path | None, typer.Option("--to", help="File to write: .png or .svg. Default: NAME.png.")
+    ] = None,
 ) -> None:
-    """Draw a course into a PNG or SVG file."""
+    """Draw a course into a .png or .svg file."""
     from race_server.scenario.track.draw import draw_course
     from race_server.scenario.track.load import load_course
 
@@ -57,10 +59,12 @@ def show(
 @app.command()
 def check(
     name: Course,
-    vehicle: Annotated[str, typer.Option(help="The vehicle that is to lap it.")] = "tt02",
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60.")
+    ] = "tt02",
     as_json: AsJson = False,
 ) -> None:
-    """Say whether a vehicle can race on a course. Exit code 1 if it cannot."""
+    """Check whether a vehicle can race on a course. Exit code 1 if it cannot."""
     from race_server.core.vehicles import vehicle_named
     from race_server.scenario.track.check import check_course
     from race_server.scenario.track.load import load_course
@@ -81,12 +85,16 @@ def check(
 
 @app.command("import")
 def import_track(
-    source: Annotated[Path, typer.Argument(help="A TUM .csv, or the .yaml of a ROS map.")],
-    to: Annotated[Path, typer.Option("--to", help="The .toml file to write.")],
-    scale: Annotated[str, typer.Option(help="Size of the karts: 1/10 or kart.")] = "kart",
-    title: Annotated[str, typer.Option(help="Title of the course.")] = "",
+    source: Annotated[Path, typer.Argument(help="TUM .csv file, or the .yaml file of a ROS map.")],
+    to: Annotated[Path, typer.Option("--to", help="Course file to write (.toml).")],
+    scale: Annotated[
+        str, typer.Option(help="Size of the karts: 1/10 (model cars) or kart.")
+    ] = "kart",
+    title: Annotated[
+        str, typer.Option(help="Title of the course. Default: the name of the source file.")
+    ] = "",
 ) -> None:
-    """Read a course of another format and write it in ours."""
+    """Convert a course from another format into a course file."""
     from race_server.scenario.track.importers import import_course
 
     if to.suffix != ".toml":

@@ -27,40 +27,42 @@ from race_server.live.client.spectator import Spectator
 from race_server.logs import last_words
 from race_server.net.transport import ClientLink
 
-# Events that are worth a line under the leaderboard.
-_TOLD = 8
-# What spectators see is marked as old from this age on.
+# Lines of events under the leaderboard.
+_EVENT_LINES = 8
+# From this age on, what spectators see is marked as old [s].
 OLD_S = 0.5
 START_S = 120.0
-# Where the page is, if nobody else is there.
+# Port of the page, if it is free.
 PAGE_PORT = 8080
 
 
 @dataclass
 class ProcessGroup:
-    """The processes of a race: all are ended when the race is left, however it ends."""
+    """The processes of a race, all ended with it."""
 
     processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
-    aside: list[subprocess.Popen[bytes]] = field(default_factory=list)  # the race needs none
+    aside: list[subprocess.Popen[bytes]] = field(
+        default_factory=list
+    )  # the race goes on without them
 
     def start(
         self, arguments: Sequence[str], log: Any, *, aside: bool = False
     ) -> subprocess.Popen[bytes]:
-        """Start ``race`` with these arguments. aside: whether it fails is nobody's matter."""
+        """Start ``race`` with these arguments. aside: its failure does not end the race."""
         command = [sys.executable, "-m", "race_server", *arguments]
-        # A session of its own, so that Ctrl-C reaches this process first.
+        # In a separate process session, so that Ctrl-C reaches this process first.
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
         )
         (self.aside if aside else self.processes).append(process)
         return process
 
-    def fallen(self) -> bool:
+    def has_failed(self) -> bool:
         """Return whether a process has ended in error."""
         return any(process.poll() not in {None, 0} for process in self.processes)
 
     def end(self) -> None:
-        """End what still runs: first politely, then for good."""
+        """End the processes that still run: with SIGTERM, after a timeout with SIGKILL."""
         processes = [*self.processes, *self.aside]
         for process in processes:
             if process.poll() is None:
@@ -76,7 +78,7 @@ class ProcessGroup:
 
 @contextlib.contextmanager
 def process_group() -> Iterator[ProcessGroup]:
-    """Return a team whose processes end with the block."""
+    """Return a group whose processes end with the block."""
     group = ProcessGroup()
     try:
         yield group
@@ -85,12 +87,12 @@ def process_group() -> Iterator[ProcessGroup]:
 
 
 def free_address() -> str:
-    """Return an address of this machine that nobody listens on."""
+    """Return a free address of this machine."""
     return f"tcp/127.0.0.1:{free_port()}"
 
 
 def free_port() -> int:
-    """Return a port of this machine that nobody listens on."""
+    """Return a free port of this machine."""
     # Below the ports that systems give to outgoing connections: one of those may be taken again
     # before the server listens.
     chance = random.SystemRandom()
@@ -111,7 +113,7 @@ def _is_free(port: int) -> bool:
 
 @dataclass(frozen=True)
 class TrackedSeat:
-    """A seat whose kart exists, and arguments of `race plant`."""
+    """A seat with a real kart, and arguments of its `race plant`."""
 
     seat: int
     options: tuple[str, ...] = ()
@@ -119,20 +121,20 @@ class TrackedSeat:
 
 @dataclass(frozen=True)
 class RaceSpec:
-    """What is to be raced, in words of the command line."""
+    """A race to be run, in arguments of the command line."""
 
     serve: tuple[str, ...]  # arguments of `race serve`
     drivers: tuple[str, ...]  # one for each seat
     address: str
     session: str
     in_process: bool = False
-    real: tuple[TrackedSeat, ...] = ()  # karts that exist, played by plants
+    real: tuple[TrackedSeat, ...] = ()  # real karts, played by plants
     page: bool = False  # let browsers watch
-    record: str = ""  # where the server records to, in words of the command line
+    record: str = ""  # `--record` of the server
 
 
 def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
-    """Run a race to its end and return the document that the server leaves.
+    """Run a race to its end and return the document that the server writes.
 
     Raises:
         RaceError: the server cannot start, or ends without a result.
@@ -156,7 +158,7 @@ def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
 
 
 def _start_drivers(plan: RaceSpec, group: ProcessGroup, log: Any) -> None:
-    """Start a process for each seat: a driver, or a plant with a driver at its wheel."""
+    """Start a process for each seat: a driver, or a plant with its driver."""
     plants = {real.seat: real.options for real in plan.real}
     for seat, name in enumerate(plan.drivers):
         ask = ["--connect", plan.address, "--session", plan.session, "--seat", str(seat)]
@@ -185,9 +187,9 @@ def spread(real: int, karts: int) -> tuple[int, ...]:
 def _follow(
     plan: RaceSpec, group: ProcessGroup, console: Console, log_path: Path, page: str
 ) -> None:
-    """Show the leaderboard until the server ends. page: where browsers watch, "" for nowhere."""
+    """Show the leaderboard until the server ends. page: address for browsers, "" for none."""
     server = group.processes[0]
-    waiting = "getting ready"
+    waiting = "preparing"
     if not is_compiled():
         waiting = "compiling the simulation for this machine, once: about half a minute"
     try:
@@ -200,7 +202,7 @@ def _follow(
                 _show(seen, group, console, plan, log_path)
         server.wait()
     except KeyboardInterrupt:
-        # The server writes what has been driven so far.
+        # The server writes the results so far.
         console.print("[yellow]stopping: results so far[/]")
         server.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -209,7 +211,7 @@ def _follow(
 
 @dataclass(frozen=True)
 class _Seen:
-    """A race that answers."""
+    """A running race, as a spectator sees it."""
 
     watcher: Spectator
     items: Sequence[str]
@@ -217,18 +219,18 @@ class _Seen:
 
 
 def _watch(plan: RaceSpec, group: ProcessGroup, log_path: Path) -> _Seen | None:
-    """Return the race once it answers; None where it was over before: a short one is, in lockstep.
+    """Return the race once it answers; None if it ended before, as a short lockstep race may.
 
     Raises:
         RaceError: the server did not start.
-        LinkError: it does not answer for long.
+        LinkError: it does not answer in time.
     """
     server, deadline = group.processes[0], time.monotonic() + START_S
     while server.poll() != 0:
         try:
             link = ClientLink(plan.address, plan.session, timeout_s=1.0)
         except LinkError as error:
-            if group.fallen():
+            if group.has_failed():
                 raise RaceError(f"the server did not start: {last_words(log_path)}") from error
             if time.monotonic() > deadline:
                 raise
@@ -249,14 +251,14 @@ def _show(
     """Draw the leaderboard a few times a second.
 
     Raises:
-        RaceError: a driver fell out before the race; later the race goes on without it.
+        RaceError: a driver failed before the start; after it, the race goes on without it.
     """
     server, watcher = group.processes[0], seen.watcher
     with Live(console=console, refresh_per_second=8, transient=True) as live:
         while server.poll() is None:
             live.update(board_of(watcher, plan.session, seen.items))
             frame = watcher.standings
-            if group.fallen() and (frame is None or frame.phase is Phase.LOBBY):
+            if group.has_failed() and (frame is None or frame.phase is Phase.LOBBY):
                 raise RaceError(f"a driver could not take part: {last_words(log_path)}")
             time.sleep(0.12)
 
@@ -280,7 +282,7 @@ def board_of(watcher: Spectator, session: str, items: Sequence[str]) -> Group:
     for row in frame.rows:
         names[row.seat] = f"{row.driver} {row.seat}"
     told = [text for event in list(watcher.events) if (text := _line(event, names, items))]
-    lines = [Text(text, style="dim") for text in told[-_TOLD:]]
+    lines = [Text(text, style="dim") for text in told[-_EVENT_LINES:]]
     age = watcher.age_s()
     if age is not None:
         style = "dim" if age < OLD_S else "bold red"

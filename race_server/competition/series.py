@@ -1,4 +1,4 @@
-"""Several races one after another, after which the strength of every driver is known."""
+"""Several races in a row, after which the drivers are rated."""
 
 import math
 import random
@@ -12,17 +12,17 @@ from rich.table import Table
 from race_server.competition.launch import RaceSpec
 from race_server.storage.results.ratings import ratings
 
-# A rating lies within so many standard deviations of its mean, in 19 of 20 cases.
+# Half-width of the 95 % interval of a rating, in standard deviations.
 INTERVAL = 1.96
 
 Document = dict[str, Any]
 
 
 def plans_of(plan: RaceSpec, races: int, seed: int) -> Iterator[RaceSpec]:
-    """Return the plan of each race: seeds from `seed` on, and another order on the grid.
+    """Return the plan of each race: seeds from `seed` on, and a different order on the grid.
 
-    In as many races as there are karts everybody starts once from each place; then an order is
-    drawn anew, so that neighbours change.
+    In as many races as there are karts every driver starts once from each place; then a new order
+    is drawn, so that neighbours change.
     """
     chance, order = random.Random(seed), list(plan.drivers)
     for number in range(races):
@@ -39,13 +39,13 @@ def run_series(
 ) -> Document:
     """Run the races and return their documents, with the ratings of all drivers.
 
-    run: runs one race; it is told its plan and its number from 0.
+    run: runs one race, given its plan and its number from 0.
 
     Raises:
         RaceError: a race ends without a result.
         ResultsError: openskill is not installed.
     """
-    ratings([])  # says so before the first race
+    ratings([])  # fails before the first race if it is not installed
     documents = [run(one, number) for number, one in enumerate(plans_of(plan, races, seed))]
     return {"races": documents, "ratings": rated(documents)}
 
@@ -53,7 +53,7 @@ def run_series(
 def rated(documents: list[Document]) -> list[Document]:
     """Return rating, interval, mean place with its standard error, and wins, the best first.
 
-    Over a few races the mean place tells drivers apart that the intervals of ratings do not.
+    Over a few races the mean place separates drivers whose rating intervals overlap.
     """
     orders = [[(kart["driver"], kart["rank"]) for kart in one["karts"]] for one in documents]
     rows = []

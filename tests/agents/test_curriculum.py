@@ -31,10 +31,10 @@ def episode(*, laps: int = 1, crashes: int = 0, steps: int = 10) -> dict[str, An
 
 def begun(wanted: Settings) -> tuple[Curriculum, Budget]:
     """Return a curriculum that has told of its first stage."""
-    pace = Budget.of(wanted)
-    stages = Curriculum(wanted, pace)
+    budget = Budget.of(wanted)
+    stages = Curriculum(wanted, budget)
     assert stages(0, []) == [1.0, 0.0]
-    return stages, pace
+    return stages, budget
 
 
 def test_a_stage_ends_once_enough_of_its_last_episodes_succeed_and_not_before() -> None:
@@ -44,16 +44,16 @@ def test_a_stage_ends_once_enough_of_its_last_episodes_succeed_and_not_before() 
         assert stages(20 * turn, [one]) is None  # too few, or one of four
     assert str(stages) == "stage 1 of 2, 25 % succeed"
     assert stages(100, [success]) == [1.0, 1.0]  # two of the last four
-    assert stages(120, [crash] * 9) is None  # nobody goes back
+    assert stages(120, [crash] * 9) is None  # no stage comes back
     assert str(stages) == "stage 2 of 2"
 
 
 def test_a_stage_ends_at_its_share_at_the_latest() -> None:
-    stages, pace = begun(settings())
-    assert pace.steps is not None
-    pace.done = round(0.79 * pace.steps)
+    stages, budget = begun(settings())
+    assert budget.steps is not None
+    budget.done = round(0.79 * budget.steps)
     assert stages(100, [episode(crashes=1)]) is None
-    pace.done = round(0.8 * pace.steps)
+    budget.done = round(0.8 * budget.steps)
     assert stages(200, [episode(crashes=1)]) == [1.0, 1.0]
 
 
@@ -71,7 +71,7 @@ def test_a_curriculum_goes_on_where_it_was() -> None:
     stages, _ = begun(settings())
     stages(20, [episode(), episode(crashes=1), episode(crashes=1)])
     again = Curriculum(settings(), Budget.of(settings()))
-    again.take_up(stages.state())
+    again.restore(stages.state())
     assert again(0, []) == [1.0, 0.0]
     assert again(20, [episode()]) == [1.0, 1.0]
 

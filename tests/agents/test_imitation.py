@@ -60,14 +60,14 @@ def settings(*changes: str) -> Settings:
 def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
     """Return a learner after its warm start, and what was said."""
     said: list[str] = []
-    pace, world, learner = untrained(wanted)
+    budget, world, learner = untrained(wanted)
     imitation = Imitation(wanted, learner, world, said.append)
 
     def passed(decisions: int) -> bool:
-        pace.done += decisions
+        budget.done += decisions
         return True
 
-    imitation.go(pace, passed)
+    imitation.go(budget, passed)
     imitation.close()
     world.close()
     return learner, said
@@ -94,7 +94,7 @@ def test_a_teacher_looks_at_what_the_learner_does_not_see() -> None:
 def test_controls_become_what_a_learner_would_answer() -> None:
     controls = np.array([[0.5, 0.8, 0.0, 0.0], [-0.2, 0.0, 0.6, 1.0], [0.0, 0.0, 1.0, 0.0]])
     speeds = np.array([2.0, 2.0, 0.0])
-    # Whoever brakes while standing would drive backwards.
+    # A learner that brakes while standing would drive backwards.
     wanted = [[0.8, 0.5, 0.0], [-0.6, -0.2, 1.0], [0.0, 0.0, 0.0]]
     assert actions_of(controls, CONTINUOUS, speeds) == pytest.approx(np.array(wanted))
     assert actions_of(controls, CONTROL, speeds) == pytest.approx(controls)
@@ -179,10 +179,10 @@ def test_a_warm_start_ends_once_its_goal_is_reached_and_is_logged(tmp_path: Path
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (("action=report_b",), "'report_b': a teacher shows pedals and wheel"),
+        (("action=report_b",), "'report_b': a teacher answers with pedals and steering"),
         (("algorithm.name=sac", "algorithm.options={}"), "only ppo with continuous actions"),
-        (("warm_start.teacher=learned:nobody",), "policy 'nobody' is unknown"),
-        (("warm_start.teacher=nobody",), "driver 'nobody' is unknown"),
+        (("warm_start.teacher=learned:none-such",), "policy 'none-such' is unknown"),
+        (("warm_start.teacher=none_such",), "driver 'none_such' is unknown"),
         (("warm_start.advice=[0.5]",), "give 6 numbers to a driver on the reference line"),
         (("curriculum=[{after = 0.0}]",), "with a curriculum: a teacher shows all tracks"),
     ],
@@ -205,12 +205,12 @@ def test_the_critic_learns_before_the_actor_and_deviations_fall() -> None:
     wanted = wanted.model_copy(
         update={"network": wanted.network.model_copy(update={"last_log_std": -4.0})}
     )
-    pace, world, learner = untrained(wanted)
-    schedule = Schedule(wanted, pace)
+    budget, world, learner = untrained(wanted)
+    schedule = Schedule(wanted, budget)
     schedule.init_callback(learner)
     learns = []
     for done in (500, 599, 600, 1000):
-        pace.done = done
+        budget.done = done
         schedule.on_rollout_start()
         learns.append(learner.policy.action_net.weight.requires_grad)
     assert learns == [False, False, True, True]
@@ -239,12 +239,12 @@ def test_each_number_of_an_action_can_have_its_deviation_and_the_critic_its_rate
         "algorithm.last_learning_rate=0.0",
         "steps=1000",
     )
-    pace, world, learner = untrained(wanted)
-    schedule = Schedule(wanted, pace)
+    budget, world, learner = untrained(wanted)
+    schedule = Schedule(wanted, budget)
     schedule.init_callback(learner)
     rates, logarithms = [], []
     for done in (599, 600, 750, 1000):
-        pace.done = done
+        budget.done = done
         schedule.on_rollout_start()
         rates.append(learner.lr_schedule(1.0))
         logarithms.append(learner.policy.log_std.tolist())
@@ -348,7 +348,7 @@ def test_foreign_and_damaged_files_are_refused_in_one_sentence(
     refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
     refused("damaged", about=np.array("{"))
     refused("damaged", observations=np.array([{"an": "object"}], object))
-    refused("are wanted", controls=good["controls"][:-1])
+    refused("n above zero", controls=good["controls"][:-1])
     refused("no numbers", controls=np.full_like(good["controls"], np.nan))
     write_demonstrations(path, shown)
     packed = bytearray(path.read_bytes())

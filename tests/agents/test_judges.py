@@ -114,14 +114,14 @@ def test_a_policy_comes_nearer_to_an_expert_without_the_race_s_reward(laps: Path
 
 def test_judges_go_on_where_a_checkpoint_left_them(laps: Path, tmp_path: Path) -> None:
     wanted = settings(f"gail.demonstrations={laps}", "curiosity.bonus=0.1", "steps=2048")
-    path, pace = tmp_path / "it.pt", Budget.of(wanted)
-    world = world_of(wanted, pace)
-    learner = learner_of(wanted, world, pace, None)
+    path, budget = tmp_path / "it.pt", Budget.of(wanted)
+    world = world_of(wanted, budget)
+    learner = learner_of(wanted, world, budget, None)
     learner.learn(wanted.steps)
-    save_checkpoint(path, learner, world, pace)
-    again = world_of(wanted, pace)
-    other = learner_of(wanted, again, pace, None)
-    load_checkpoint(path, other, again, pace)
+    save_checkpoint(path, learner, world, budget)
+    again = world_of(wanted, budget)
+    other = learner_of(wanted, again, budget, None)
+    load_checkpoint(path, other, again, budget)
     judges, copies = companions_in(world), companions_in(again)
     assert set(judges) == set(copies) == {"gail", "curiosity"}
     chance = np.random.default_rng(0)
@@ -142,11 +142,11 @@ def test_judges_go_on_where_a_checkpoint_left_them(laps: Path, tmp_path: Path) -
 
 def test_a_judge_that_a_checkpoint_does_not_know_begins_anew(tmp_path: Path) -> None:
     plain, curious = settings(), settings("curiosity.bonus=0.1")
-    path, pace = tmp_path / "it.pt", Budget.of(plain)
-    world = world_of(plain, pace)
-    save_checkpoint(path, learner_of(plain, world, pace, None), world, pace, score=3.0)
-    wider = world_of(curious, pace)
-    assert load_checkpoint(path, learner_of(curious, wider, pace, None), wider, pace) == 3.0
+    path, budget = tmp_path / "it.pt", Budget.of(plain)
+    world = world_of(plain, budget)
+    save_checkpoint(path, learner_of(plain, world, budget, None), world, budget, score=3.0)
+    wider = world_of(curious, budget)
+    assert load_checkpoint(path, learner_of(curious, wider, budget, None), wider, budget) == 3.0
 
 
 def test_judges_are_the_same_again_with_the_same_seed() -> None:
@@ -175,7 +175,7 @@ def test_a_judge_sees_where_an_episode_ended_and_not_where_the_next_began() -> N
         assert rewards.tolist() == [2.0] * 4
     notes = world.judge.jumps  # type: ignore[attr-defined]
     assert len(notes) == 45
-    # A kart that begins anew loses its speed at once; no kart can brake like that.
+    # A kart that starts again loses its speed at once; no kart can brake like that.
     assert max(notes) < 1.0
     world.close()
 

@@ -1,4 +1,4 @@
-"""Policies by name: put to the proof, and listed with where they come from."""
+"""Policies by name: verified, and listed with their origin."""
 
 import json
 import shutil
@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import observations_of, times_of
-from race_agents.training.run import Outcome
+from race_agents.training.run import TrainingResult
 from race_server.cli.main import app
 from race_server.core.driver import driver_named
 from race_server.envs.batch import Batch, Task
@@ -24,7 +24,7 @@ from support.trainings import QUICK, Train, write_lapping_policy
 
 
 @pytest.fixture(scope="module")
-def outcome(trained: Train) -> Outcome:
+def outcome(trained: Train) -> TrainingResult:
     """A run of two thousand decisions."""
     return trained("time-trial-ppo", QUICK)
 
@@ -52,7 +52,7 @@ def test_observations_are_those_of_driving_on_unseen_tracks(lapping: Path) -> No
     assert 0.0 < times.median <= times.p99
 
 
-def test_a_run_is_compared_with_its_learner(outcome: Outcome) -> None:
+def test_a_run_is_compared_with_its_learner(outcome: TrainingResult) -> None:
     found = checked(str(outcome.folder))
     difference = found["difference"]
     assert isinstance(difference, float)
@@ -63,7 +63,7 @@ def test_a_run_is_compared_with_its_learner(outcome: Outcome) -> None:
 
 
 def test_a_file_that_answers_otherwise_than_its_learner_fails(
-    outcome: Outcome, lapping: Path, tmp_path: Path
+    outcome: TrainingResult, lapping: Path, tmp_path: Path
 ) -> None:
     for name in ("config.toml", "best.pt", "latest.pt"):
         shutil.copy(outcome.folder / name, tmp_path / name)
@@ -97,7 +97,7 @@ app()
 """
 
 
-def test_a_check_without_pytorch_says_what_is_missing(outcome: Outcome) -> None:
+def test_a_check_without_pytorch_says_what_is_missing(outcome: TrainingResult) -> None:
     words = ["policy", "check", str(outcome.folder), "--observations", "50", "--json"]
     command = [sys.executable, "-c", WITHOUT, *words]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -108,7 +108,7 @@ def test_a_check_without_pytorch_says_what_is_missing(outcome: Outcome) -> None:
 
 
 def test_a_list_tells_of_runs_and_of_what_is_damaged(
-    outcome: Outcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    outcome: TrainingResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     runs = tmp_path / "race-server" / "runs"
@@ -130,7 +130,7 @@ def test_a_list_tells_of_runs_and_of_what_is_damaged(
     assert "mine" in told
 
 
-# The policy that comes along and knows the course
+# The bundled policy that knows the course
 
 
 @pytest.fixture(scope="module")
@@ -140,13 +140,13 @@ def full() -> Policy:
 
 def test_the_policy_that_knows_the_course_is_small_and_needs_no_lidar(full: Policy) -> None:
     assert policy_path("full").stat().st_size < 300_000
-    nature = full.nature
-    assert (nature.action, nature.base, nature.lidar_rays) == ("continuous", "", 0)
+    metadata = full.metadata
+    assert (metadata.action, metadata.base, metadata.lidar_rays) == ("continuous", "", 0)
     assert {"line_speed_ahead", "karts_along", "boxes_x", "hazards_x", "item_use"} <= set(
-        nature.parts
+        metadata.parts
     )
     assert driver_named("learned:full").preset == "rivals"
-    assert not {"covapsy-test-2023", "covapsy-base"} & set(nature.tracks)
+    assert not {"covapsy-test-2023", "covapsy-base"} & set(metadata.tracks)
 
 
 def test_the_policy_that_knows_the_course_comes_before_its_teacher(full: Policy) -> None:
@@ -169,7 +169,7 @@ def test_the_policy_that_knows_the_course_laps_alone_off_the_walls(full: Policy)
 
 def task_on(track: str, policy: Policy, *, karts: int, rules: Rules) -> Task:
     scenario = Scenario(load_course(track), karts=karts, rules=rules)
-    return Task((scenario,), learners=1, observation=policy.nature.parts, action="continuous")
+    return Task((scenario,), learners=1, observation=policy.metadata.parts, action="continuous")
 
 
 def drive(policy: Policy, task: Task, worlds: int, decisions: int) -> Batch:

@@ -1,4 +1,4 @@
-"""A learned driver in a live race, in a process of its own that has no PyTorch."""
+"""A learned driver in a live race, in a separate process without PyTorch."""
 
 import json
 import os

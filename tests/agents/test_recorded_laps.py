@@ -114,7 +114,9 @@ def test_a_race_that_is_another_one_here_shows_nothing(
     place = other.entries.index(first)
     other.entries[place] = replace(first, controls=np.zeros_like(first.controls))
     monkeypatch.setattr(recorded, "read_recording", lambda _: other)
-    with pytest.raises(RecordingError, match="the race driven again differs from tick"):
+    with pytest.raises(
+        RecordingError, match="the simulated race differs from the recorded one from"
+    ):
         recorded.demonstrations_in(recording, 0)
 
 

@@ -9,25 +9,24 @@ import numpy as np
 import pytest
 
 from race_agents.reproductions import run
-from race_agents.reproductions.cell import (
-    Cell,
-    cells_of,
-    drive_cell,
-    mean_return,
-    read_cell,
-    write_cell,
-)
-from race_agents.reproductions.plan import Exam, Reproduction, Row, Scale, Twist
+from race_agents.reproductions.plan import Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.registry import reproduction_named, reproduction_names
 from race_agents.reproductions.reports.report_b_time_trial import seconds_of
 from race_agents.reproductions.summary import lines_of, remarks_on
-from race_agents.reproductions.table import base_of, page
-from race_agents.reproductions.table import cells_of as texts_of
+from race_agents.reproductions.table import base_of, page, texts_of
+from race_agents.reproductions.training import (
+    Training,
+    mean_return,
+    read_outcome,
+    run_training,
+    trainings_of,
+    write_outcome,
+)
 from race_agents.reproductions.world import CHOICES, actions_of
 from race_agents.training.settings import Goal, Tracks
 from race_server.errors import ScenarioError
 
-TINY = Scale(
+TINY = TrainingScale(
     steps=128,
     seeds=1,
     exam_s=2.0,
@@ -39,7 +38,7 @@ TINY = Scale(
 )
 
 
-def tiny(rows: tuple[Row, ...]) -> Reproduction:
+def tiny(rows: tuple[Variant, ...]) -> Reproduction:
     """A reproduction of a few seconds."""
     exam = Exam(Tracks(names=("oval",)), alone=True, random_start=False, seeds=2)
     whole = reproduction_named("report-b-algorithms")
@@ -75,9 +74,9 @@ def test_every_report_has_its_reproductions() -> None:
 def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
     plan = reproduction_named(name)
     for scale in (plan.full, plan.quick):
-        cells = cells_of(plan, scale)
-        assert len(cells) == len(plan.rows) * scale.seeds
-        assert len({cell.key for cell in cells}) == len(cells)
+        trainings = trainings_of(plan, scale)
+        assert len(trainings) == len(plan.rows) * scale.seeds
+        assert len({training.key for training in trainings}) == len(trainings)
     assert all(len(row.theirs) in (0, len(plan.their_heads)) for row in plan.rows)
     assert len({row.name for row in plan.rows}) == len(plan.rows)
     assert not plan.base or plan.base in {row.name for row in plan.rows}
@@ -161,7 +160,7 @@ def test_a_reproduction_is_driven_once_and_goes_on_where_it_was(
 ) -> None:
     growing = Twist(scaling="largest", growing_crash=True)
     picks = ("algorithm.name=dqn", "action=discrete", "algorithm.options={}")
-    plan = tiny((Row("one", twist=growing, theirs=("1", "slow")),))
+    plan = tiny((Variant("one", twist=growing, theirs=("1", "slow")),))
     done = run.reproduce("it", plan, tmp_path, quick=True)
     assert done.lines[0].steps == 128
     assert done.lines[0].means["minutes"] == pytest.approx(2 * 2.0 / 60.0)
@@ -172,12 +171,12 @@ def test_a_reproduction_is_driven_once_and_goes_on_where_it_was(
 
     driven = []
 
-    def drive(cell: Cell, _: Any) -> dict[str, Any]:
-        driven.append(cell.row.name)
-        return {**outcome(cell.row.name, 1), "key": cell.key}
+    def drive(training: Training, _: Any) -> dict[str, Any]:
+        driven.append(training.row.name)
+        return {**outcome(training.row.name, 1), "key": training.key}
 
-    monkeypatch.setattr(run, "drive_cell", drive)
-    rows = (*plan.rows, Row("two", picks, Twist(choices=True), theirs=("2", "fast")))
+    monkeypatch.setattr(run, "run_training", drive)
+    rows = (*plan.rows, Variant("two", picks, Twist(choices=True), theirs=("2", "fast")))
     wider = replace(plan, rows=rows, quick=replace(TINY, changes=TINY.changes[:2]))
     run.reproduce("it", replace(plan, rows=plan.rows), tmp_path, quick=True)
     assert driven == []
@@ -190,12 +189,12 @@ def test_only_the_rows_and_seeds_that_are_wanted_are_driven(
 ) -> None:
     driven = []
 
-    def drive(cell: Cell, _: Any) -> dict[str, Any]:
-        driven.append((cell.row.name, cell.seed))
-        return {**outcome(cell.row.name, cell.seed), "key": cell.key}
+    def drive(training: Training, _: Any) -> dict[str, Any]:
+        driven.append((training.row.name, training.seed))
+        return {**outcome(training.row.name, training.seed), "key": training.key}
 
-    monkeypatch.setattr(run, "drive_cell", drive)
-    plan = tiny((Row("one"), Row("two"), Row("three")))
+    monkeypatch.setattr(run, "run_training", drive)
+    plan = tiny((Variant("one"), Variant("two"), Variant("three")))
     plan = replace(plan, quick=replace(TINY, seeds=3), their_heads=())
     run.reproduce("it", plan, tmp_path, quick=True, rows="two", seeds=1)
     assert driven == [("two", 1)]
@@ -228,35 +227,35 @@ def test_rows_are_found_by_names_with_commas_and_by_their_beginnings() -> None:
 
 
 def test_a_cell_stays_known_when_what_it_does_not_use_changes() -> None:
-    cell = cells_of(tiny((Row("one"),)), TINY)[0]
-    trained = cell.settings.model_copy(update={"goal": Goal(speed=3.0)})
-    assert replace(cell, settings=trained).key == cell.key
-    others = cell.settings.model_copy(update={"worlds": 7})
-    assert replace(cell, settings=others).key != cell.key
+    training = trainings_of(tiny((Variant("one"),)), TINY)[0]
+    trained = training.settings.model_copy(update={"goal": Goal(speed=3.0)})
+    assert replace(training, settings=trained).key == training.key
+    others = training.settings.model_copy(update={"worlds": 7})
+    assert replace(training, settings=others).key != training.key
 
 
 def test_a_preset_that_learns_otherwise_makes_no_reproduction() -> None:
     taught = ("warm_start.teacher=raceline",)
     with pytest.raises(ScenarioError, match="has warm_start: a reproduction learns by the race's"):
-        cells_of(tiny((Row("one", taught),)), TINY)
+        trainings_of(tiny((Variant("one", taught),)), TINY)
 
 
 def test_dqn_learns_to_pick_increments() -> None:
     picks = ("algorithm.name=dqn", "action=discrete")
     scale = replace(TINY, changes=(*TINY.changes[:2], "algorithm.options={learning_starts = 32}"))
-    row = Row("dqn", picks, Twist(scaling="largest", choices=True))
+    row = Variant("dqn", picks, Twist(scaling="largest", choices=True))
     plan = replace(tiny((row,)), quick=scale)
-    found = drive_cell(cells_of(plan, scale)[0])
+    found = run_training(trainings_of(plan, scale)[0])
     assert found["steps"] == 128
     assert found["figures"]["speed"] > 0.0
 
 
 def test_a_damaged_cell_is_driven_again(tmp_path: Path) -> None:
-    plan = tiny((Row("one"),))
-    cell = cells_of(plan, TINY)[0]
+    plan = tiny((Variant("one"),))
+    training = trainings_of(plan, TINY)[0]
     path = tmp_path / "one.json"
-    assert read_cell(path, cell) is None
-    write_cell(path, {"key": cell.key})
-    assert read_cell(path, cell) == {"key": cell.key}
+    assert read_outcome(path, training) is None
+    write_outcome(path, {"key": training.key})
+    assert read_outcome(path, training) == {"key": training.key}
     path.write_text('{"key": ')
-    assert read_cell(path, cell) is None
+    assert read_outcome(path, training) is None

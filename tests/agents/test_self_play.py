@@ -1,4 +1,4 @@
-"""Self-play: who sits where, snapshots that are rated, and a policy that advises a driver."""
+"""Self-play: drivers of seats, rated snapshots, and a policy that advises a driver."""
 
 import json
 from dataclasses import replace
@@ -14,9 +14,9 @@ from race_agents.policies.session import Policy
 from race_agents.training import curve
 from race_agents.training.callback import CURVE
 from race_agents.training.rivals import Rivals, short_name
-from race_agents.training.run import Outcome
+from race_agents.training.run import TrainingResult
 from race_agents.training.self_play import RATINGS
-from race_agents.training.settings import SelfPlay
+from race_agents.training.settings import SelfPlaySettings
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
@@ -47,7 +47,7 @@ QUICK = (
 
 
 @pytest.fixture(scope="module")
-def outcome(trained: Train) -> Outcome:
+def outcome(trained: Train) -> TrainingResult:
     """A run of three thousand decisions in three stretches."""
     return trained("race", QUICK)
 
@@ -59,25 +59,25 @@ BRIEFING = Briefing(0, TT02, 3, "line", 0.05, items=tuple(item.name for item in 
 
 def test_seats_are_mapped_to_drivers_and_the_pool_is_drawn(tmp_path: Path) -> None:
     seats = ("learner", "pool", "raceline", "pool")
-    rivals = Rivals(SelfPlay(seats=seats, anchors=("avoider", "idm")), tmp_path)
+    rivals = Rivals(SelfPlaySettings(seats=seats, anchors=("avoider", "idm")), tmp_path)
     drawn = [rivals.seated(Random(seed)) for seed in range(20)]
     assert {row[1] for row in drawn} == {"raceline"}
     assert {name for row in drawn for name in (row[0], row[2])} == {"avoider", "idm"}
 
 
 def test_a_full_pool_keeps_the_first_snapshot_and_the_newest(tmp_path: Path) -> None:
-    rivals = Rivals(SelfPlay(snapshots=2), tmp_path)
+    rivals = Rivals(SelfPlaySettings(snapshots=2), tmp_path)
     for decisions in (100, 200, 300):
         path = rivals.place_for(decisions)
         path.touch()
         rivals.add(path)
     assert [path.stem[-3:] for path in rivals.snapshots] == ["100", "300"]
     assert sorted(rivals.folder.glob("*.onnx")) == rivals.snapshots
-    assert Rivals(SelfPlay(snapshots=2), tmp_path).snapshots == rivals.snapshots
+    assert Rivals(SelfPlaySettings(snapshots=2), tmp_path).snapshots == rivals.snapshots
 
 
 def test_a_snapshot_that_is_taken_again_is_in_the_pool_once(tmp_path: Path) -> None:
-    rivals = Rivals(SelfPlay(snapshots=2), tmp_path)
+    rivals = Rivals(SelfPlaySettings(snapshots=2), tmp_path)
     for decisions in (100, 200, 200, 300):
         path = rivals.place_for(decisions)
         path.touch()
@@ -94,7 +94,7 @@ def test_seats_that_do_not_fit_the_race_are_named() -> None:
 # A run
 
 
-def test_a_run_leaves_snapshots_and_ratings(outcome: Outcome) -> None:
+def test_a_run_leaves_snapshots_and_ratings(outcome: TrainingResult) -> None:
     words = json.loads((outcome.folder / RATINGS).read_text())
     names = {row["driver"] for row in words["ratings"]}
     snapshots = {path.stem for path in outcome.folder.glob("snapshots/*.onnx")}
@@ -103,7 +103,7 @@ def test_a_run_leaves_snapshots_and_ratings(outcome: Outcome) -> None:
     assert all(sorted(rank for _, rank in race) == [1, 2, 3, 4] for race in words["races"])
 
 
-def test_the_curve_tells_the_rating_of_the_newest_snapshot(outcome: Outcome) -> None:
+def test_the_curve_tells_the_rating_of_the_newest_snapshot(outcome: TrainingResult) -> None:
     rows = [row for row in curve.read(outcome.folder / CURVE) if "rating" in row]
     assert rows
     assert all(row["rating_sigma"] > 0.0 for row in rows)
@@ -215,7 +215,7 @@ def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
     while not batch.world.races["over"].all():
         batch.step(np.zeros((6, 1, 6)))
         gained += batch.rewards[:, 0]
-    # Of three rivals so many are behind, less those who are ahead.
+    # Of three rivals: those behind less those ahead.
     at_the_end = 5 - 2 * batch.world.racers["rank"][:, 0]
     assert before + gained == pytest.approx(at_the_end, abs=1e-3)
 
@@ -227,7 +227,7 @@ def test_only_a_driver_that_takes_advice_can_be_advised() -> None:
         Batch(Task((oval(1),), action="residual"))
 
 
-def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Outcome) -> None:
+def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: TrainingResult) -> None:
     path = outcome.folder / "policy.onnx"
     policy, driver = Policy(path), Learned(str(path))
     assert driver.preset == "rivals"
@@ -253,20 +253,20 @@ def _shared(task: Task, observation: object) -> dict[str, object]:
     }
 
 
-# The policy that comes along
+# The bundled policy
 
 
 def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
     policy = Policy(policy_path("race"))
-    assert policy.nature.base == "raceline"
-    assert "covapsy-test-2023" not in policy.nature.tracks
+    assert policy.metadata.base == "raceline"
+    assert "covapsy-test-2023" not in policy.metadata.tracks
     opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
     rules = Rules(laps=2, countdown_s=0.2)
     task = Task(
         (Scenario(load_course("covapsy-train-2023"), karts=5, rules=rules),),
         opponents=opponents,
         learners=1,
-        observation=policy.nature.parts,
+        observation=policy.metadata.parts,
         action="residual",
         base="raceline",
         random_grid=True,

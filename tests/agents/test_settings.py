@@ -9,7 +9,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.run import train
 from race_agents.training.settings_toml import as_toml, preset_names, read_settings
 from race_agents.training.tasks import training_task
-from race_agents.training.view import View
+from race_agents.training.view import ObservationView
 from race_server.core import codes
 from race_server.envs.batch import Batch
 from race_server.errors import ScenarioError
@@ -107,7 +107,7 @@ def test_the_share_of_a_training_goes_by_what_it_is_measured_in() -> None:
 
 def test_a_view_shows_logarithms_and_fills_in_what_did_not_come_back() -> None:
     change = ["observation=['lidar', 'speed']", "lidar={rays = 4, logarithms = true}"]
-    view = View.of(read_settings("time-trial-ppo", change))
+    view = ObservationView.of(read_settings("time-trial-ppo", change))
     seen = np.array([[1.0, 0.0, 2.0, 4.0, 0.0], [0.0, 0.0, 4.0, 9.0, -1.0]], np.float32)
     # Nothing between 1 m and 2 m counts as 2 m, nothing beside nothing as the reach of 8 m.
     wanted = [[1.0, 2.0, 2.0, 4.0], [8.0, 4.0, 4.0, 8.0]]
@@ -117,5 +117,5 @@ def test_a_view_shows_logarithms_and_fills_in_what_did_not_come_back() -> None:
 
 
 def test_a_view_without_logarithms_only_cuts() -> None:
-    view = View.of(read_settings("time-trial-ppo", ["horizon=3.0"]))
+    view = ObservationView.of(read_settings("time-trial-ppo", ["horizon=3.0"]))
     assert view(np.array([0.0, 5.0, -4.0], np.float32)).tolist() == [0.0, 3.0, -3.0]

@@ -22,7 +22,7 @@ from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
 from race_agents.training.evaluation import Examiner
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
-from race_agents.training.run import Outcome, train, warn_of_lidar
+from race_agents.training.run import TrainingResult, train, warn_of_lidar
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
@@ -37,13 +37,13 @@ from support.trainings import QUICK, Train, side_by_side, untrained
 
 
 @pytest.fixture(scope="module")
-def outcome(trained: Train) -> Outcome:
+def outcome(trained: Train) -> TrainingResult:
     """A run of two thousand decisions."""
     return trained("time-trial-ppo", QUICK)
 
 
 @pytest.fixture
-def policy_file(outcome: Outcome) -> Path:
+def policy_file(outcome: TrainingResult) -> Path:
     return outcome.folder / "policy.onnx"
 
 
@@ -57,7 +57,7 @@ def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
 # A run
 
 
-def test_a_run_leaves_a_complete_folder(outcome: Outcome) -> None:
+def test_a_run_leaves_a_complete_folder(outcome: TrainingResult) -> None:
     names = {path.name for path in outcome.folder.iterdir()}
     wanted = {"config.toml", "versions.json", "evaluation.json", "policy.onnx", "README.md"}
     assert wanted | {CURVE, "curve.png", LATEST, BEST} <= names
@@ -66,12 +66,12 @@ def test_a_run_leaves_a_complete_folder(outcome: Outcome) -> None:
     assert [row["track"] for row in outcome.evaluation["tracks"]] == ["oval", "all"]
 
 
-def test_the_file_answers_like_the_learner(outcome: Outcome) -> None:
+def test_the_file_answers_like_the_learner(outcome: TrainingResult) -> None:
     assert outcome.evaluation["compared_observations"] >= 400
     assert outcome.evaluation["parity"] <= 1e-5
 
 
-def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> None:
+def test_a_resumed_run_goes_on_counting(outcome: TrainingResult, tmp_path: Path) -> None:
     for name in ("config.toml", LATEST, BEST, CURVE, "evaluation.json"):
         (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
     again = train(folder.settings_in(tmp_path, ("steps=2800",)), tmp_path, resume=True)
@@ -87,12 +87,12 @@ def test_a_resumed_run_goes_on_counting(outcome: Outcome, tmp_path: Path) -> Non
 def test_the_weight_of_the_entropy_goes_on_where_it_was(tmp_path: Path) -> None:
     changes = (*QUICK, "worlds=2", "algorithm={name = 'sac'}", "lidar.logarithms=true")
     settings, path = read_settings("time-trial-ppo", changes), tmp_path / "it.pt"
-    pace, world, learner = untrained(settings)
+    budget, world, learner = untrained(settings)
     learner.log_ent_coef.data.fill_(-4.0)
-    save_checkpoint(path, learner, world, pace)
+    save_checkpoint(path, learner, world, budget)
     _, again, other = untrained(settings)
     weight = other.log_ent_coef
-    load_checkpoint(path, other, again, pace)
+    load_checkpoint(path, other, again, budget)
     assert other.log_ent_coef is weight  # its optimiser's
     assert float(weight.detach()) == -4.0
     for one in (world, again):
@@ -165,7 +165,7 @@ def test_who_stands_until_he_is_out_was_slow_all_the_time() -> None:
 def test_two_trainings_never_share_a_folder(tmp_path: Path) -> None:
     with (
         folder.occupied(tmp_path),
-        pytest.raises(ScenarioError, match="another training is at work there"),
+        pytest.raises(ScenarioError, match="another training uses it"),
         folder.occupied(tmp_path),
     ):
         pass
@@ -220,7 +220,7 @@ def test_demonstrations_are_found_from_anywhere() -> None:
     assert settings.warm_start.demonstrations == str(Path.cwd() / "laps.npz")
 
 
-def test_a_damaged_checkpoint_is_refused(outcome: Outcome, tmp_path: Path) -> None:
+def test_a_damaged_checkpoint_is_refused(outcome: TrainingResult, tmp_path: Path) -> None:
     (tmp_path / BEST).write_bytes(b"\x80\x04nonsense")
     with pytest.raises(ScenarioError, match=r"best.pt: damaged"):
         train(folder.settings_in(outcome.folder), tmp_path, resume=True)
@@ -250,9 +250,9 @@ def test_every_algorithm_makes_a_file_that_answers_like_it(
 def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() -> None:
     path = SHIPPED / "time-trial.onnx"
     assert path.stat().st_size < 1_000_000
-    nature = Policy(path).nature
-    assert nature.parts == ("lidar", "lidar_before", "speed", "steering")
-    assert nature.vehicle == "tt02"
+    metadata = Policy(path).metadata
+    assert metadata.parts == ("lidar", "lidar_before", "speed", "steering")
+    assert metadata.vehicle == "tt02"
 
 
 def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> None:
@@ -296,12 +296,12 @@ def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None
     from race_agents.drivers.learned import places_in
     from race_server.core.observation import layout_of
 
-    nature = Policy(policy_file).nature
-    places = places_in(layout_of("lidar", 201), nature, GEAR, "it")
+    metadata = Policy(policy_file).metadata
+    places = places_in(layout_of("lidar", 201), metadata, GEAR, "it")
     assert places[:3].tolist() == [0, 10, 20]
-    assert len(places) == nature.size
+    assert len(places) == metadata.size
     with pytest.raises(DriverError, match="learned with 21 numbers of 'lidar', the race shows 200"):
-        places_in(layout_of("lidar", 200), nature, GEAR, "it")
+        places_in(layout_of("lidar", 200), metadata, GEAR, "it")
 
 
 def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
@@ -327,8 +327,8 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
         ({"action": "telepathy"}, "answers with actions 'telepathy'"),
         ({"sizes": [1, 1, 1, 1]}, "takes 44 numbers and gives 3; its metadata speak of 4"),
         ({"vehicle": 3}, "vehicle = 3"),
-        ({"parts": [["speed"]]}, "parts = .* makes no policy"),
-        ({"tracks": [3]}, "tracks = .* makes no policy"),
+        ({"parts": [["speed"]]}, "parts = .* is not valid"),
+        ({"tracks": [3]}, "tracks = .* is not valid"),
         ({"decision_s": float("nan")}, "decision_s = nan in its metadata"),
         ({"lidar_reach": 10**400}, "lidar_reach = inf in its metadata"),
         ({"decision_s": 0}, "decides every 0 s"),
@@ -347,7 +347,7 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
 @pytest.mark.parametrize(
     ("operator", "inputs", "message"),
     [
-        ("Div", ["nothing", "nothing"], "endless"),  # 0 / 0
+        ("Div", ["nothing", "nothing"], "not all finite"),  # 0 / 0
         ("Concat", ["some", "some"], r"\(2, 3\) numbers"),
         ("Reshape", ["some", "shape"], "cannot answer"),
     ],
@@ -373,12 +373,12 @@ def test_a_network_that_answers_with_no_numbers_drives_nobody(
     onnx.save(model, bad)
     policy = Policy(bad)
     with pytest.raises(DriverError, match=message):
-        policy.decide(np.ones((1, policy.nature.size), np.float32))
+        policy.decide(np.ones((1, policy.metadata.size), np.float32))
 
 
 def test_an_unknown_policy_is_named_with_the_known_ones() -> None:
-    with pytest.raises(DriverError, match="policy 'nobody' is unknown; known are"):
-        driver_named("learned:nobody")
+    with pytest.raises(DriverError, match="policy 'none-such' is unknown; known are"):
+        driver_named("learned:none-such")
 
 
 def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> None:

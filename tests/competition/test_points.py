@@ -14,7 +14,7 @@ from race_server.competition.race_day.points import (
     place_points,
 )
 from race_server.competition.race_day.qualify import trial_result
-from race_server.competition.race_day.race import Drive, RaceRecord, Team
+from race_server.competition.race_day.race import RaceRecord, Team, TeamResult
 from support.courses import ring
 
 COURSE = ring(radius=2.5, half_width=0.7)
@@ -22,9 +22,9 @@ SECOND = 1_000_000
 F1 = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
 
 
-def drive(team: str, place: int = 1, seconds: float = 30.0) -> Drive:
+def drive(team: str, place: int = 1, seconds: float = 30.0) -> TeamResult:
     time_us = round(seconds * SECOND) if place else 0
-    return Drive(team, place, 2, time_us, 0, (), 0, 0, 0, 0, "" if place else "stood for 10 s")
+    return TeamResult(team, place, 2, time_us, 0, (), 0, 0, 0, 0, "" if place else "stood for 10 s")
 
 
 def test_the_formats_of_both_years_are_found_by_their_files() -> None:

@@ -12,7 +12,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.export import export_policy, metadata_from
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.normaliser import Normaliser
-from race_agents.training.run import Outcome
+from race_agents.training.run import TrainingResult
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_server.competition.time_trial.run import numbers_of
@@ -20,7 +20,7 @@ from race_server.core.observation import Observation
 from race_server.envs.batch import Batch
 
 # Trains by a preset with changes, once for all tests of a process.
-Train = Callable[[str, tuple[str, ...]], Outcome]
+Train = Callable[[str, tuple[str, ...]], TrainingResult]
 
 # A minute on the oval instead of many minutes on many courses.
 SMALL = (
@@ -45,9 +45,9 @@ QUICK = (
 
 def untrained(settings: Settings) -> tuple[Budget, Normaliser, Any]:
     """Return a learner that has learned nothing, the world that it is to learn in, and its pace."""
-    pace = Budget.of(settings)
-    world = world_of(settings, pace)
-    return pace, world, learner_of(settings, world, pace, None)
+    budget = Budget.of(settings)
+    world = world_of(settings, budget)
+    return budget, world, learner_of(settings, world, budget, None)
 
 
 def side_by_side(

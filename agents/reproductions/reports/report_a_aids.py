@@ -1,6 +1,6 @@
 """Report of the kart laboratory, figures 30 to 33: what helps learning, here for racing."""
 
-from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.training.settings import Tracks
 
 
@@ -31,30 +31,30 @@ REPRODUCTION = Reproduction(
     ),
     base="base",
     rows=(
-        Row("base", theirs=("its final settings: about 5 times as fast as the defaults",)),
-        Row("8 agents", _buffer(8, 512), theirs=("converges in 4 h 30, on a slower computer",)),
-        Row("32 agents", _buffer(32, 128), theirs=("converges in 1 h 50",)),
-        Row("256 agents", _buffer(256, 16), theirs=("converges in 1 h 30",)),
-        Row(
+        Variant("base", theirs=("its final settings: about 5 times as fast as the defaults",)),
+        Variant("8 agents", _buffer(8, 512), theirs=("converges in 4 h 30, on a slower computer",)),
+        Variant("32 agents", _buffer(32, 128), theirs=("converges in 1 h 50",)),
+        Variant("256 agents", _buffer(256, 16), theirs=("converges in 1 h 30",)),
+        Variant(
             "no normalisation",
             twist=Twist(scaling="none"),
             theirs=("slower; observations must be normalised",),
         ),
-        Row("width 128", _network(128, 3), theirs=("slower, less steady than 512",)),
-        Row("width 256", _network(256, 3), theirs=("between 128 and 512",)),
-        Row("depth 1", _network(512, 1), theirs=("slower, less steady than 3",)),
-        Row("depth 2", _network(512, 2), theirs=("between 1 and 3",)),
-        Row(
+        Variant("width 128", _network(128, 3), theirs=("slower, less steady than 512",)),
+        Variant("width 256", _network(256, 3), theirs=("between 128 and 512",)),
+        Variant("depth 1", _network(512, 1), theirs=("slower, less steady than 3",)),
+        Variant("depth 2", _network(512, 2), theirs=("between 1 and 3",)),
+        Variant(
             "large buffer",
             _buffer(128, 3200),
             theirs=("409600 instead of 4096: slower; smaller is better",),
             quick_changes=_buffer(128, 192),
         ),
-        Row("horizon 2048", _buffer(2, 2048), theirs=("slower; shorter is better",)),
+        Variant("horizon 2048", _buffer(2, 2048), theirs=("slower; shorter is better",)),
     ),
     exam=Exam(Tracks(set="validation"), alone=True, random_start=False, seeds=2),
-    full=Scale(steps=2_048_000, seeds=3, exam_s=60.0),
-    quick=Scale(steps=49_152, seeds=1, exam_s=20.0),
+    full=TrainingScale(steps=2_048_000, seeds=3, exam_s=60.0),
+    quick=TrainingScale(steps=49_152, seeds=1, exam_s=20.0),
     their_heads=("finding",),
     columns=(
         Column("learning_return", "return while learning"),

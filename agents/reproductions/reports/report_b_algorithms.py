@@ -1,6 +1,6 @@
 """Report of the 1/10 race, 2024, table 5.1: which algorithm earns most in 100 000 steps."""
 
-from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.report_b import ASSUMPTIONS, OWN, as_printed
 from race_agents.training.settings import Tracks
 
@@ -11,15 +11,15 @@ REPRODUCTION = Reproduction(
     source="Report of the 1/10 race, table 5.1: 100 000 steps, learning rate 5e-4, mean of 10 runs",
     preset="report-b",
     rows=(
-        Row("PPO", _PLAIN, OWN, ("3.86", "converges fastest"), 3.8601),
-        Row(
+        Variant("PPO", _PLAIN, OWN, ("3.86", "converges fastest"), 3.8601),
+        Variant(
             "DQN",
             (*_PLAIN, "algorithm.name=dqn", "algorithm.options={}", "action=discrete"),
             Twist(scaling="largest", choices=True),
             ("2.65", "always drives into the wall"),
             2.6487,
         ),
-        Row(
+        Variant(
             "SAC",
             (*_PLAIN, "algorithm.name=sac", "algorithm.options={}"),
             OWN,
@@ -29,8 +29,8 @@ REPRODUCTION = Reproduction(
         as_printed("PPO", *_PLAIN),
     ),
     exam=Exam(Tracks(set="train-2023"), alone=False, random_start=True),
-    full=Scale(steps=100_000, seeds=10, exam_s=180.0),
-    quick=Scale(steps=6_144, seeds=2, exam_s=60.0),
+    full=TrainingScale(steps=100_000, seeds=10, exam_s=180.0),
+    quick=TrainingScale(steps=6_144, seeds=2, exam_s=60.0),
     their_heads=("mean reward", "remark"),
     columns=(
         Column("reward", "reward of a decision"),

@@ -1,6 +1,6 @@
 """Report of the 1/10 race, 2024, table 5.2: what networks do on the training track with cars."""
 
-from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale, Twist
+from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2
 from race_agents.training.settings import Tracks
 
@@ -9,14 +9,14 @@ _GAMMA, _LAMBDA = "algorithm.options.gamma=0.95", "algorithm.options.gae_lambda=
 _ENTROPY = "algorithm.options.ent_coef=0.02"
 
 
-def _old(name: str, remark: str, *changes: str, twist: Twist = OWN) -> Row:
-    return Row(f"lidar alone, {name}", (_LIDAR, *changes), twist, (remark,))
+def _old(name: str, remark: str, *changes: str, twist: Twist = OWN) -> Variant:
+    return Variant(f"lidar alone, {name}", (_LIDAR, *changes), twist, (remark,))
 
 
 def _new(
     name: str, remark: str, *changes: str, twist: Twist = OWN, steps_share: float = 1.0
-) -> Row:
-    return Row(f"all, {name}", changes, twist, (remark,), steps_share=steps_share)
+) -> Variant:
+    return Variant(f"all, {name}", changes, twist, (remark,), steps_share=steps_share)
 
 
 REPRODUCTION = Reproduction(
@@ -58,8 +58,8 @@ REPRODUCTION = Reproduction(
         ),
     ),
     exam=Exam(Tracks(set="train-2023"), alone=False, random_start=True),
-    full=Scale(steps=1_000_000, seeds=3, exam_s=180.0),
-    quick=Scale(steps=10_240, seeds=1, exam_s=60.0),
+    full=TrainingScale(steps=1_000_000, seeds=3, exam_s=180.0),
+    quick=TrainingScale(steps=10_240, seeds=1, exam_s=60.0),
     their_heads=("remark",),
     columns=(
         Column("reward", "reward of a decision"),

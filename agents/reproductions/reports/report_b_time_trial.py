@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from race_agents.reproductions.plan import Column, Exam, Reproduction, Row, Scale
+from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.report_b import (
     ASSUMPTIONS,
     GROWING_CRASH,
@@ -15,12 +15,12 @@ from race_server.competition.time_trial.report_b import LAPS, VALIDATION_TRACK, 
 
 _ENTROPY = "algorithm.options.ent_coef=0.02"
 _PARTICULAR = (
-    Row("PPO 1: base", twist=OWN),
-    Row("PPO 2: growing crash", twist=GROWING_CRASH),
-    Row("PPO 3: half the steps", twist=OWN, steps_share=0.5),
-    Row("PPO 4: lambda 0.90", ("algorithm.options.gae_lambda=0.90",), OWN),
-    Row("PPO 5: entropy 0.02", (_ENTROPY,), OWN),
-    Row(
+    Variant("PPO 1: base", twist=OWN),
+    Variant("PPO 2: growing crash", twist=GROWING_CRASH),
+    Variant("PPO 3: half the steps", twist=OWN, steps_share=0.5),
+    Variant("PPO 4: lambda 0.90", ("algorithm.options.gae_lambda=0.90",), OWN),
+    Variant("PPO 5: entropy 0.02", (_ENTROPY,), OWN),
+    Variant(
         "PPO 6: entropy 0.02, steps of 2°",
         (_ENTROPY,),
         STEPS_OF_2,
@@ -35,7 +35,7 @@ def seconds_of(lap: str) -> float | None:
     return 60.0 * int(minutes) + float(seconds) if colon else None
 
 
-def _beside(row: Row, lap: LapRow) -> Row:
+def _beside(row: Variant, lap: LapRow) -> Variant:
     """Return a row with what the report says of it."""
     theirs = (lap.lap, lap.crashes or "–", lap.remark)
     return replace(row, theirs=theirs, their_number=seconds_of(lap.lap))
@@ -52,8 +52,8 @@ REPRODUCTION = Reproduction(
         random_start=False,
         seeds=1,
     ),
-    full=Scale(steps=1_000_000, seeds=3, exam_s=180.0),
-    quick=Scale(steps=20_480, seeds=1, exam_s=180.0),
+    full=TrainingScale(steps=1_000_000, seeds=3, exam_s=180.0),
+    quick=TrainingScale(steps=20_480, seeds=1, exam_s=180.0),
     their_heads=("lap", "crashes", "remark"),
     columns=(
         Column("median_lap_s", "median lap, s"),
@@ -68,7 +68,7 @@ REPRODUCTION = Reproduction(
         *ASSUMPTIONS,
         f"{VALIDATION_TRACK} is likely, not certainly, the report's validation track.",
         "Its figures are of one lap, with one network of each kind. Ours drive for 180 s in each "
-        "direction, and begin anew at the start after each crash.",
+        "direction, and start again from the grid after each crash.",
         "It prints 500 000 episodes for PPO 3 where the others have 1 000 000; both are read as "
         "steps.",
         "It prints a clip range of 0.02 among values that are otherwise the library's defaults; "

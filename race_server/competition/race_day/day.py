@@ -1,4 +1,4 @@
-"""The day itself: all stages of a format in order."""
+"""A race day: all stages of a format in order."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +22,7 @@ from race_server.storage.results.keeper import Keeper
 
 # The rules say 2 m for cars of 0.45 m; other vehicles in proportion.
 WRONG_WAY_LENGTHS = 2.0 / 0.45
-# From this share of the top speed a blow from behind counts as deliberate: 1 m/s for the 1/10 car.
+# From this share of the top speed a hit from behind counts as deliberate: 1 m/s for the 1/10 car.
 RAM_SHARE = 0.1
 
 Tell = Callable[[str], None]
@@ -40,11 +40,11 @@ class DayPlan:
 
     @property
     def session(self) -> str:
-        """The name under which the day is kept in the results."""
+        """Session name of the day in the results."""
         return f"day-{self.format.name}-{self.seed}"
 
     def rules(self, stage: TimeTrial | Races) -> Rules:
-        """Return the rule book of a stage: no items, no rescue, removal as in the real event."""
+        """Return the rules of a stage: no items, no rescue, removal as in the real event."""
         limit = stage.failure_s if isinstance(stage, TimeTrial) else stage.limit_s * stage.laps
         return Rules(
             laps=stage.laps,
@@ -65,7 +65,7 @@ class DayPlan:
         return with_obstacles(course, stage.obstacles, self.vehicle, self.seed_of(stage.name))
 
     def seed_of(self, *words: str) -> int:
-        """Return a seed for a part of the day: another one for each."""
+        """Return the seed of one part of the day, different for each."""
         text = "/".join([str(self.seed), *words])
         return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "big")
 
@@ -94,7 +94,7 @@ def drives_in(plan: DayPlan) -> int:
 
 
 def check_day_plan(plan: DayPlan) -> None:
-    """See before anything is driven that every stage can be run.
+    """Check before the first race that every stage can be run.
 
     Raises:
         ScenarioError: there are no teams, a course cannot be lapped by the vehicle, or has no
@@ -103,9 +103,9 @@ def check_day_plan(plan: DayPlan) -> None:
     if not plan.teams:
         raise ScenarioError("a race day needs drivers: give one or more")
     for course in plan.courses.values():
-        for finding in check_course(course, plan.vehicle):
-            if finding.level == "error":
-                raise ScenarioError(f"{course.name} is no track for this day: {finding.what}")
+        for issue in check_course(course, plan.vehicle):
+            if issue.level == "error":
+                raise ScenarioError(f"{course.name} cannot be used on this day: {issue.what}")
     for stage in plan.format.stages:
         if isinstance(stage, TimeTrial):
             plan.course_of(stage)
@@ -121,7 +121,7 @@ def check_day_plan(plan: DayPlan) -> None:
 
 
 def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:
-    """Run the stages one after the other; `tell` hears before each attempt and race what it is.
+    """Run the stages one after the other; call `tell` with the title of each attempt and race.
 
     Raises:
         ScenarioError: a stage cannot be run.
@@ -147,7 +147,7 @@ def _rehearse(plan: DayPlan) -> None:
 
 
 def _scenario(plan: DayPlan, stage: TimeTrial | Races, course: Course, karts: int) -> Scenario:
-    """Return one race of a stage, with the line to drive along if a driver wants it."""
+    """Return one race of a stage, with the reference line if a driver needs it."""
     scenario = Scenario(course, karts, vehicles=(plan.vehicle,), rules=plan.rules(stage))
     return with_line(scenario, solve=any(_wants_line(team.driver) for team in plan.teams))
 
@@ -155,7 +155,7 @@ def _scenario(plan: DayPlan, stage: TimeTrial | Races, course: Course, karts: in
 def _wants_line(driver: str) -> bool:
     try:
         return wants_line(driver_named(driver).preset)
-    except DriverError:  # it is out with a remark when its turn comes
+    except DriverError:  # recorded as an incident when its turn comes
         return False
 
 
@@ -164,7 +164,7 @@ def _run_trial(plan: DayPlan, stage: TimeTrial, keeper: Keeper | None, tell: Tel
     scenario = _scenario(plan, stage, course, 1)
     race = LocalRace(f"{plan.session}-{_slug(stage.name)}", scenario, keeper)
     return run_trial(
-        stage, course, race, plan.teams, lambda words: plan.seed_of(stage.name, words), tell
+        stage, course, race, plan.teams, lambda attempt: plan.seed_of(stage.name, attempt), tell
     )
 
 
@@ -205,7 +205,7 @@ def _run_heat(
 
 
 def _groups(stage: Races, teams: list[Team]) -> list[list[Team]]:
-    """Return who races whom; `teams` as they stand."""
+    """Return the teams of each race; `teams` in order of the standings."""
     chosen = teams[: stage.qualified or None]
     if stage.mixed:
         return mixed_groups(chosen, stage.most)

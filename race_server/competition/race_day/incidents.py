@@ -1,4 +1,4 @@
-"""What there is to say of a team after a race: why it is out, what it was punished for."""
+"""Remarks on a team after a race: why it retired, and its penalties."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from race_server.core.clock import seconds_of
 from race_server.core.messages import Event, EventKind, Retirement, Standing, Status
 from race_server.scenario.race import Rules
 
-# What a remark says of an error, at most.
+# Characters of an error in a remark, at most.
 MOST_LETTERS = 60
 
 
@@ -14,20 +14,20 @@ class Incidents:
     """Remarks on the seats of one race."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start without remarks."""
         self.absent: set[int] = set()  # seats that were not ready for the start
         self._failed: dict[int, str] = {}
         self._removed: dict[int, Retirement] = {}
         self._punished: dict[int, list[str]] = {}
 
-    def note(self, seat: int, failure: str) -> None:
-        """Note how a driver failed: on one line, and short."""
+    def record_failure(self, seat: int, failure: str) -> None:
+        """Record how a driver failed, on one short line."""
         line = " ".join(failure.split())
         too_long = len(line) > MOST_LETTERS
         self._failed[seat] = line[: MOST_LETTERS - 1] + "…" if too_long else line
 
-    def hear(self, events: Sequence[Event]) -> None:
-        """Note what the stewards did."""
+    def record_events(self, events: Sequence[Event]) -> None:
+        """Record retirements and penalties."""
         for event in events:
             if event.kind is EventKind.RETIRED:
                 self._removed[event.kart] = Retirement(event.other)
@@ -37,7 +37,7 @@ class Incidents:
                 self._punished.setdefault(event.kart, []).append(words)
 
     def of(self, row: Standing, rules: Rules) -> str:
-        """Return what there is to say of a standing."""
+        """Return the remark on a standing."""
         return "; ".join([*self._end(row, rules), *self._punished.get(row.seat, ())])
 
     def _end(self, row: Standing, rules: Rules) -> list[str]:

@@ -1,9 +1,9 @@
-"""What is left of a race day: every attempt and every race, and the order that follows."""
+"""Results of a race day: every attempt, every race, and the order that follows."""
 
 from dataclasses import dataclass, field
 
 from race_server.competition.race_day.formats.format import Format, Races, TimeTrial
-from race_server.competition.race_day.race import Drive, RaceRecord, Team
+from race_server.competition.race_day.race import RaceRecord, Team, TeamResult
 from race_server.scenario.track.course import Course
 
 
@@ -12,8 +12,8 @@ class TrialRow:
     """One team in a time trial."""
 
     team: str
-    attempts: tuple[Drive, ...]
-    times_us: tuple[int, ...]  # of the attempts, a failure at its price
+    attempts: tuple[TeamResult, ...]
+    times_us: tuple[int, ...]  # of the attempts, with the time of a failure for failed ones
     time_us: int  # the one that counts
     points: int
 
@@ -29,7 +29,7 @@ class TrialResult:
 
 @dataclass(frozen=True)
 class Label:
-    """Which of the races of a stage one is."""
+    """Title and place of one race within its stage."""
 
     title: str  # such as "Heat 2"
     turn: int  # its round, from 1
@@ -69,7 +69,7 @@ class FinalRow:
 
 @dataclass
 class Ledger:
-    """All that counts so far."""
+    """All results so far."""
 
     format: Format
     teams: tuple[Team, ...]
@@ -105,7 +105,7 @@ class Ledger:
         return total
 
     def order(self) -> list[Team]:
-        """Return the teams as they stand: this is the order of the grid.
+        """Return the teams in order of the standings, which is the order of the grid.
 
         By points where the format has any, else by the sum of the times. Ties: see `_tie_break`.
         """
@@ -113,7 +113,7 @@ class Ledger:
         return sorted(self.teams, key=lambda team: (-points[team.name], *self._tie_break(team)))
 
     def _tie_break(self, team: Team) -> tuple[object, ...]:
-        """Among equals: who has better places, then shorter times, all attempts, the entry list.
+        """Order equal teams by better places, then shorter times, all attempts, the entry list.
 
         Better places: more wins, then more second places, and so on.
         """
@@ -132,7 +132,7 @@ class Ledger:
         return tuple(places[1:]), self.qualifying_us()[team.name], sum(attempts), number
 
     def classification(self) -> list[FinalRow]:
-        """Return the final order; who is not classified comes last, with place 0."""
+        """Return the final order; teams that are not classified come last, with place 0."""
         ranked = self.order() if self.format.has_points else self._by_last_races()
         points, times = self.points(), self.qualifying_us()
         classified = self._classified()
@@ -163,7 +163,7 @@ class Ledger:
         return list(ranked.values())
 
     def _classified(self) -> set[str]:
-        """Return who finished something: with points any race or trial, else the last race."""
+        """Return the teams that finished: with points any race or trial, else the last race."""
         if not self.format.has_points:
             last = [stage for stage in self.stages if isinstance(stage, RacesResult)][-1:]
             heats = [heat for stage in last for heat in stage.heats]

@@ -1,4 +1,4 @@
-"""Fixed obstacles of a car's size, by chance, beside which there is always room to pass."""
+"""Fixed obstacles of a car's size at random places, with room to pass beside each."""
 
 import hashlib
 import math
@@ -14,18 +14,18 @@ from race_server.scenario.track.polyline import corners_of_box, loops_of, neares
 
 # Free of obstacles, in car lengths: on both sides of the timing line and of the starting car …
 QUIET_LENGTHS = 6.0
-# … and between two obstacles, so that nobody has to turn more sharply than a car can.
+# … and between two obstacles, so that no car has to turn more sharply than it can.
 APART_LENGTHS = 6.0
 # Places tried in all; a course with little room gets fewer obstacles.
 TRIES = 600
-# Points looked at on each side of a box.
+# Points checked on each side of a box.
 POINTS = 8
 # Bends in which a car needs all its lock have no obstacle: share of its sharpest curvature.
 BEND_SHARE = 0.6
 
 
 def with_obstacles(course: Course, wanted: Obstacles, vehicle: Vehicle, seed: int) -> Course:
-    """Return the course with as many obstacles as its length asks for, placed under a seed.
+    """Return the course with as many obstacles as its length asks for, placed by a seed.
 
     Between each obstacle and one of the two borders the passage asked for stays free.
 
@@ -55,7 +55,7 @@ def with_obstacles(course: Course, wanted: Obstacles, vehicle: Vehicle, seed: in
         )
     boxes = tuple(obstacle for _, obstacle in sorted(placed, key=lambda entry: entry[0]))
     digest = hashlib.sha256(str(boxes).encode()).hexdigest()
-    # Before the sign is the empty course's: its reference limit is this one's.
+    # The part before the sign is the digest of the empty course, whose reference limit holds.
     digest = f"{course.digest}+{digest[:16]}"
     return replace(course, obstacles=course.obstacles + boxes, digest=digest)
 
@@ -85,7 +85,7 @@ def is_passable(obstacle: Obstacle, borders: tuple[Floats, Floats], passage: flo
     clear = [float(nearest_on(side, edge)[0].min()) for side in borders]
     # Of two neighbouring points that are this far from a border none can lie beyond it.
     step = obstacle.length / POINTS
-    # A border's corner may lie nearer to the box than to any point looked at.
+    # A border's corner may lie nearer to the box than to any point checked.
     return min(clear) >= step and max(clear) >= passage + 0.01 * obstacle.length
 
 

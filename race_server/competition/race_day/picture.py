@@ -1,4 +1,4 @@
-"""The sheet as a picture, to pin to the wall."""
+"""The tables of a race day as a picture."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,13 +6,13 @@ from typing import Any
 
 from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Ledger
-from race_server.competition.race_day.tables import NOT_CLASSIFIED, Sheet, subtitle, tables_of
+from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
 from race_server.errors import ScenarioError
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import draw_on
 
 SUFFIXES = (".png", ".svg", ".pdf")
-# All lengths in inches; the sheet is as wide as A4 and as high as it must be, A4 at least.
+# All lengths in inches; the picture is as wide as A4 and at least as high.
 WIDTH, LEAST_HEIGHT = 8.27, 11.69
 MARGIN, ROW, GAP = 0.5, 0.185, 0.22
 HEAD, PODIUM, MAP = 1.0, 1.9, 2.35
@@ -24,19 +24,19 @@ _PODIUM = {2: (0.0, 0.72), 1: (1.0, 1.0), 3: (2.0, 0.5)}
 
 
 def check_picture(path: Path) -> None:
-    """See before the day that its sheet can be drawn into a file.
+    """Check before the day that its picture can be drawn into a file.
 
     Raises:
         ScenarioError: the suffix is unknown, or the folder does not exist.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise ScenarioError(f"{path}: draw the sheet as {', '.join(SUFFIXES)}")
+        raise ScenarioError(f"{path}: draw the picture as {', '.join(SUFFIXES)}")
     if not path.parent.is_dir():
         raise ScenarioError(f"{path}: the folder {path.parent} does not exist; make it first")
 
 
 def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
-    """Draw the sheet of a day into a file.
+    """Draw the tables of a day into a file.
 
     Raises:
         ScenarioError: the file cannot be written.
@@ -48,7 +48,7 @@ def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
 
     *stages, final = tables_of(plan, ledger)
     maps = courses_of(plan, ledger)
-    tables = sum(_height(sheet) for sheet in stages)
+    tables = sum(_height(table) for table in stages)
     top = HEAD + GAP + max(PODIUM, _height(final)) + GAP
     height = max(top + MAP + GAP + tables + MARGIN, LEAST_HEIGHT)
     figure = pyplot.figure(figsize=(WIDTH, height), facecolor=_PAPER)
@@ -61,10 +61,10 @@ def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
     _draw_table(page, final, 3.55, HEAD + GAP, WIDTH - MARGIN)
     _draw_maps(figure, page, maps, top, height)
     y = top + MAP + GAP
-    for sheet in stages:
-        y = _draw_table(page, sheet, MARGIN, y, WIDTH - MARGIN)
+    for table in stages:
+        y = _draw_table(page, table, MARGIN, y, WIDTH - MARGIN)
     try:
-        # Without the salt an SVG file has ids by chance.
+        # Without the salt, the ids in an SVG file are random.
         with pyplot.rc_context({"svg.hashsalt": plan.session}):
             figure.savefig(path, dpi=150, metadata=_undated(path))
     except OSError as error:
@@ -84,7 +84,7 @@ def courses_of(plan: DayPlan, ledger: Ledger) -> list[tuple[str, Course]]:
 
 
 def _undated(path: Path) -> dict[str, Any]:
-    """Return what keeps the date out of a file: the same day is the same file."""
+    """Return metadata without a date: the same day gives the same file."""
     dates = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     return dates.get(path.suffix.lower(), {})
 
@@ -144,41 +144,41 @@ def _draw_maps(
         _write(page, left, top + 0.20, figures, size=SMALL, color=_PALE)
 
 
-def _height(sheet: Sheet) -> float:
-    return (len(sheet.rows) + 2.3) * ROW + GAP
+def _height(table: DayTable) -> float:
+    return (len(table.rows) + 2.3) * ROW + GAP
 
 
-def _draw_table(page: Any, sheet: Sheet, left: float, top: float, right: float) -> float:
+def _draw_table(page: Any, table: DayTable, left: float, top: float, right: float) -> float:
     """Draw a table and return where the next one begins."""
-    _write(page, left, top + 0.8 * ROW, sheet.title, size=TEXT + 1.5, weight="bold", color=_INK)
-    widths = _column_widths(sheet, right - left)
+    _write(page, left, top + 0.8 * ROW, table.title, size=TEXT + 1.5, weight="bold", color=_INK)
+    widths = _column_widths(table, right - left)
     y = top + 2.1 * ROW
-    _draw_row(page, sheet, sheet.columns, left, y, widths, is_head=True)
+    _draw_row(page, table, table.columns, left, y, widths, is_head=True)
     page.plot([left, right], [y + 0.3 * ROW] * 2, color=_INK, linewidth=0.8)
-    for number, row in enumerate(sheet.rows):
+    for number, row in enumerate(table.rows):
         y += ROW
         if number % 2:
             ends = [y - 0.7 * ROW] * 2 + [y + 0.3 * ROW] * 2
             page.fill([left, right, right, left], ends, color=_STRIPE, zorder=0)
-        _draw_row(page, sheet, row, left, y, widths, is_head=False)
+        _draw_row(page, table, row, left, y, widths, is_head=False)
     page.plot([left, right], [y + 0.3 * ROW] * 2, color=_RULE, linewidth=0.6)
-    return top + _height(sheet)
+    return top + _height(table)
 
 
-def _column_widths(sheet: Sheet, room: float) -> list[float]:
-    """Return the widths that the words need; remarks, or the space behind, take the rest.
+def _column_widths(table: DayTable, room: float) -> list[float]:
+    """Return the widths [in] of the columns; remarks, or the space behind, take the rest.
 
-    Where there is no rest, words are given less, and are cut.
+    Without a rest, columns of text get less room, and their texts are cut.
     """
     widths = []
-    for index, column in enumerate(sheet.columns):
-        cells = [column, *(row[index] for row in sheet.rows)]
+    for index, column in enumerate(table.columns):
+        cells = [column, *(row[index] for row in table.rows)]
         widths.append(max(_measure(cell, TEXT, bold=True) for cell in cells) + 0.14)
-    if "remarks" in sheet.columns:
-        place = sheet.columns.index("remarks")
+    if "remarks" in table.columns:
+        place = table.columns.index("remarks")
         widths[place] = room - sum(widths) + widths[place]
     elif (excess := sum(widths) - room) > 0.0:
-        wordy = [index for index, column in enumerate(sheet.columns) if column in sheet.words]
+        wordy = [index for index, column in enumerate(table.columns) if column in table.words]
         for index in wordy:
             widths[index] -= excess / len(wordy)
     return widths
@@ -186,7 +186,7 @@ def _column_widths(sheet: Sheet, room: float) -> list[float]:
 
 def _draw_row(
     page: Any,
-    sheet: Sheet,
+    table: DayTable,
     cells: tuple[str, ...],
     left: float,
     y: float,
@@ -196,8 +196,8 @@ def _draw_row(
 ) -> None:
     is_out = cells[0] == NOT_CLASSIFIED
     x = left
-    for index, (column, cell, width) in enumerate(zip(sheet.columns, cells, widths, strict=True)):
-        is_words = column in sheet.words
+    for index, (column, cell, width) in enumerate(zip(table.columns, cells, widths, strict=True)):
+        is_words = column in table.words
         is_remark = column == "remarks"
         size = SMALL if is_remark or is_head else TEXT
         color = _PALE if is_head or is_remark or is_out else _INK
@@ -214,7 +214,7 @@ def _write(page: Any, x: float, y: float, words: str, **style: Any) -> None:
 
 
 def _measure(words: str, size: float, *, bold: bool = False) -> float:
-    """Return the width [in] of words in the font of the sheet."""
+    """Return the width [in] of a text in the font of the picture."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
@@ -226,7 +226,7 @@ def _measure(words: str, size: float, *, bold: bool = False) -> float:
 
 
 def _cut(words: str, room: float, size: float, *, bold: bool = False) -> str:
-    """Return as much of the words as fits into `room`."""
+    """Return as much of a text as fits into `room` [in]."""
     if _measure(words, size, bold=bold) <= room:
         return words
     while words and _measure(words + "…", size, bold=bold) > room:

@@ -39,7 +39,7 @@ def groups_in_order(teams: Sequence[Team], most: int, least: int) -> list[list[T
 
 
 def mixed_groups(teams: Sequence[Team], most: int) -> list[list[Team]]:
-    """Return the teams in as few groups as go, of equal size and strength, each in order.
+    """Return the teams in as few groups as possible, of equal size and strength, each in order.
 
     They are dealt there and back again: 1, 4, 5, 8 against 2, 3, 6, 7.
     """

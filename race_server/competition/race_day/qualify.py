@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from race_server.competition.race_day.formats.format import TimeTrial
 from race_server.competition.race_day.ledger import TrialResult, TrialRow
 from race_server.competition.race_day.points import falling_points
-from race_server.competition.race_day.race import Drive, LocalRace, Team
+from race_server.competition.race_day.race import LocalRace, Team, TeamResult
 from race_server.scenario.track.course import Course
 
 
@@ -17,12 +17,12 @@ def run_trial(
     seed_for: Callable[[str], int],
     tell: Callable[[str], None],
 ) -> TrialResult:
-    """Let every team make its attempts, all first ones before the second ones.
+    """Run the attempts of every team, all first ones before the second ones.
 
-    race: a session of one kart on the course; seed_for: gives each attempt chance of its own;
-    tell: hears what comes next.
+    race: a session of one kart on the course; seed_for: returns the seed of an attempt; tell:
+    called with the title of each attempt.
     """
-    attempts: dict[str, list[Drive]] = {team.name: [] for team in teams}
+    attempts: dict[str, list[TeamResult]] = {team.name: [] for team in teams}
     for number in range(1, stage.attempts + 1):
         for team in teams:
             tell(f"{stage.name}: {team.name}, attempt {number}")
@@ -31,8 +31,10 @@ def run_trial(
     return trial_result(stage, course, attempts)
 
 
-def trial_result(stage: TimeTrial, course: Course, attempts: dict[str, list[Drive]]) -> TrialResult:
-    """Return who was how fast; teams with equal times keep their order."""
+def trial_result(
+    stage: TimeTrial, course: Course, attempts: dict[str, list[TeamResult]]
+) -> TrialResult:
+    """Return the teams by their best times; teams with equal times keep their order."""
     failure_us = round(stage.failure_s * 1e6)
     times = {
         name: tuple(counted_us(drive, failure_us) for drive in drives)
@@ -48,6 +50,6 @@ def trial_result(stage: TimeTrial, course: Course, attempts: dict[str, list[Driv
     return TrialResult(stage, course, tuple(rows))
 
 
-def counted_us(drive: Drive, failure_us: int) -> int:
-    """Return the time [µs] of an attempt; who did not finish, or too late, is given a failure's."""
+def counted_us(drive: TeamResult, failure_us: int) -> int:
+    """Return the time [µs] of an attempt, at most that of a failed one."""
     return min(drive.time_us, failure_us) if drive.place > 0 else failure_us

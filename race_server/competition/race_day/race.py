@@ -1,4 +1,4 @@
-"""One race with all its drivers in this process, in lock-step: the world waits for every one."""
+"""One race with all its drivers in this process, in lock-step: each tick waits for them all."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 from race_server.competition.race_day.incidents import Incidents
-from race_server.competition.race_day.time_limit import TimeLimitExceeded, time_limit
+from race_server.competition.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import driver_named
 from race_server.core.messages import Phase, Status
 from race_server.errors import RaceError
@@ -18,23 +18,23 @@ from race_server.storage.results.keeper import Keeper
 
 Answer = TypeVar("Answer")
 
-# A driver that takes longer is out of the race.
+# A driver that takes longer for a decision is out of the race [s].
 DECISION_S = 2.0
-# … and this is how long it may take to get ready: it may have a model to load.
+# Time to get ready [s]: a driver may have a model to load.
 READY_S = 30.0
 
 
 @dataclass(frozen=True)
 class Team:
-    """Who takes part: a name of its own and an installed driver."""
+    """A participant: a unique name and an installed driver."""
 
     name: str
     driver: str
 
 
 @dataclass(frozen=True)
-class Drive:
-    """What became of one team in one race."""
+class TeamResult:
+    """Result of one team in one race."""
 
     team: str
     place: int  # in the race, from 1; 0: not classified
@@ -51,74 +51,74 @@ class Drive:
 
 @dataclass(frozen=True)
 class RaceRecord:
-    """A race that was run: its drives, best first, and the digest of its last tick."""
+    """A finished race: its results, best first, and the digest of its last tick."""
 
     digest: str
-    drives: tuple[Drive, ...]
+    drives: tuple[TeamResult, ...]
 
 
 class LocalRace:
-    """A session whose seats are filled again and again from inside this process."""
+    """A session whose seats are filled from inside this process, race after race."""
 
     def __init__(self, name: str, scenario: Scenario, keeper: Keeper | None) -> None:
-        """Prepare the world; `keeper` writes what is driven into the results file."""
+        """Prepare the world; `keeper` writes results into the results file."""
         self._session = Session(name, scenario)
         self._keeper = keeper
 
     def run(self, teams: Sequence[Team], seed: int) -> RaceRecord:
-        """Let the teams race from the grid, the first on pole, and return how it went."""
+        """Run a race of these teams, the first on pole, and return its record."""
         session = self._session
         session.scenario = replace(session.scenario, seed=seed)
-        local_drivers, remarks = LocalDrivers(session), Incidents()
+        local_drivers, incidents = LocalDrivers(session), Incidents()
         for seat, team in enumerate(teams):
-            self._admit(local_drivers, seat, team, remarks)
+            self._admit(local_drivers, seat, team, incidents)
         session.start()
         if self._keeper:
             self._keeper.begin(session, "lockstep")
         try:
-            for seat in remarks.absent:
+            for seat in incidents.absent:
                 session.leave(seat)
             while session.is_on:
-                self._decide(local_drivers, remarks)
-                self._advance(remarks)
+                self._decide(local_drivers, incidents)
+                self._advance(incidents)
         finally:
             self._close_book()
-        record = self._record(teams, remarks)
+        record = self._record(teams, incidents)
         session.reopen()
         for taken in [seat for seat in session.seats if seat.is_taken]:
             session.leave(taken.number)
         return record
 
     def _admit(
-        self, local_drivers: LocalDrivers, seat: int, team: Team, remarks: Incidents
+        self, local_drivers: LocalDrivers, seat: int, team: Team, incidents: Incidents
     ) -> None:
-        """Seat a driver; one that cannot be made or made ready is out before the start."""
+        """Seat a driver; one that cannot be loaded or reset is out before the start."""
 
         def get_ready() -> bool:
             local_drivers.admit(team.driver, driver_named(team.driver), seat)
             return True
 
-        if not _answer(get_ready, READY_S, seat, remarks):
-            remarks.absent.add(seat)
+        if not _answer(get_ready, READY_S, seat, incidents):
+            incidents.absent.add(seat)
             if not self._session.seats[seat].is_taken:
                 self._session.join(team.driver, "track", wanted=seat)
 
-    def _decide(self, local_drivers: LocalDrivers, remarks: Incidents) -> None:
+    def _decide(self, local_drivers: LocalDrivers, incidents: Incidents) -> None:
         """Ask every driver that still races for its control."""
         session = self._session
         session.look()
         for seat in session.waits_for():
             think = partial(_control, local_drivers, seat)
-            if (frame := _answer(think, DECISION_S, seat, remarks)) is None:
+            if (frame := _answer(think, DECISION_S, seat, incidents)) is None:
                 session.leave(seat)
                 continue
             session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
 
-    def _advance(self, remarks: Incidents) -> None:
+    def _advance(self, incidents: Incidents) -> None:
         if self._keeper:
             self._keeper.look(self._session)
         events = self._session.advance(self._session.decision_ticks)
-        remarks.hear(events)
+        incidents.record_events(events)
         if self._keeper:
             self._keeper.keep(events)
 
@@ -126,7 +126,7 @@ class LocalRace:
         if self._keeper:
             self._keeper.end(self._session)
 
-    def _record(self, teams: Sequence[Team], remarks: Incidents) -> RaceRecord:
+    def _record(self, teams: Sequence[Team], incidents: Incidents) -> RaceRecord:
         session = self._session
         racers = session.world.racers[0]
         drives = []
@@ -134,7 +134,7 @@ class LocalRace:
             racer = racers[row.seat]
             has_finished = row.status is Status.FINISHED
             drives.append(
-                Drive(
+                TeamResult(
                     team=teams[row.seat].name,
                     place=row.rank if has_finished else 0,
                     laps=row.laps,
@@ -145,7 +145,7 @@ class LocalRace:
                     wall_contacts=int(racer.wall_contacts),
                     kart_contacts=int(racer.contacts),
                     warnings=int(racer.warnings),
-                    remark=remarks.of(row, session.scenario.rules),
+                    remark=incidents.of(row, session.scenario.rules),
                 )
             )
         return RaceRecord(session.digest(), tuple(drives))
@@ -156,24 +156,26 @@ def _control(local_drivers: LocalDrivers, seat: int) -> ControlFrame:
 
 
 def _answer(
-    ask: Callable[[], Answer], limit_s: float, seat: int, remarks: Incidents
+    ask: Callable[[], Answer], limit_s: float, seat: int, incidents: Incidents
 ) -> Answer | None:
-    """Return what a driver answers; if it raises, or takes too long, note why it is out."""
+    """Return what a driver answers; record why it is out if it raises or takes too long."""
     try:
         with time_limit(limit_s):
             return ask()
     except TimeLimitExceeded:
-        remarks.note(seat, f"no answer within {limit_s:g} s")
+        incidents.record_failure(seat, f"no answer within {limit_s:g} s")
     except RaceError as error:
         cause = error.__cause__
-        remarks.note(seat, f"raised {type(cause).__name__}: {cause}" if cause else str(error))
+        incidents.record_failure(
+            seat, f"raised {type(cause).__name__}: {cause}" if cause else str(error)
+        )
     return None
 
 
 def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
     """Let each driver decide once, however long it takes: its kernels may have to be compiled.
 
-    What goes wrong here will go wrong in its race, and is told there.
+    A failure here is ignored: it happens again in the race, and is recorded there.
     """
     session = Session("rehearsal", replace(scenario, karts=1))
     for name in dict.fromkeys(drivers):

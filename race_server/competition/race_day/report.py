@@ -4,13 +4,13 @@ from typing import Any
 
 from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Heat, Ledger, TrialResult
-from race_server.competition.race_day.race import Drive
+from race_server.competition.race_day.race import TeamResult
 from race_server.core.clock import seconds_of
 from race_server.scenario.track.course import Course
 
 
 def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
-    """Return everything that a sheet shows, and every lap; times in seconds, null where none."""
+    """Return all tables of a day and every lap; times in seconds, null without one."""
     stages: list[dict[str, Any]] = []
     for stage in ledger.stages:
         if isinstance(stage, TrialResult):
@@ -70,7 +70,7 @@ def _course(course: Course) -> dict[str, Any]:
     }
 
 
-def _drive(drive: Drive) -> dict[str, Any]:
+def _drive(drive: TeamResult) -> dict[str, Any]:
     return {
         "team": drive.team,
         "place": drive.place or None,

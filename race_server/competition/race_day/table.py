@@ -1,4 +1,4 @@
-"""The sheet in a terminal."""
+"""The tables of a race day in a terminal."""
 
 from rich.console import Console
 from rich.table import Table
@@ -6,7 +6,7 @@ from rich.text import Text
 
 from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import Ledger
-from race_server.competition.race_day.tables import NOT_CLASSIFIED, Sheet, subtitle, tables_of
+from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
 
 _STEPS = ("gold3", "grey74", "orange3")
 
@@ -15,38 +15,38 @@ def print_tables(plan: DayPlan, ledger: Ledger, console: Console) -> None:
     """Print all tables of a day and its podium."""
     console.print(Text(f"{plan.format.title} race day", style="bold"))
     console.print(Text(subtitle(plan), style="dim"))
-    for sheet in tables_of(plan, ledger):
+    for table in tables_of(plan, ledger):
         console.print()
-        console.print(Text(sheet.title, style="bold"))
-        console.print(_table(sheet))
+        console.print(Text(table.title, style="bold"))
+        console.print(_table(table))
     console.print()
     console.print(podium_line(ledger))
 
 
 def podium_line(ledger: Ledger) -> Text:
-    """Return who stands on the podium, on one line."""
+    """Return the podium on one line."""
     steps = [row for row in ledger.classification() if 1 <= row.place <= 3]
     line = Text("podium  ", style="bold")
     for row, style in zip(steps, _STEPS, strict=False):
         line.append(f"{row.place} {row.team}   ", style=f"bold {style}")
-    return line if steps else Text("podium  nobody finished", style="bold")
+    return line if steps else Text("podium  no team finished", style="bold")
 
 
-def _table(sheet: Sheet) -> Table:
+def _table(shown: DayTable) -> Table:
     table = Table(
         header_style="dim underline",
         box=None,
         padding=(0, 1, 0, 0),
         pad_edge=False,
     )
-    for column in sheet.columns:
-        is_words = column in sheet.words
+    for column in shown.columns:
+        is_words = column in shown.words
         table.add_column(
             column,
             justify="left" if is_words else "right",
             no_wrap=column != "remarks",
             style="dim" if column == "remarks" else "",
         )
-    for row in sheet.rows:
+    for row in shown.rows:
         table.add_row(*row, style="dim" if row[0] == NOT_CLASSIFIED else "")
     return table

@@ -1,4 +1,4 @@
-"""The tables of a race day's sheet as words, whoever draws them."""
+"""The tables of a race day as texts, for terminal and picture."""
 
 from dataclasses import dataclass
 
@@ -13,8 +13,8 @@ MOST_APART = 2
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """One table: a title, columns and rows of words."""
+class DayTable:
+    """One table: a title, columns and rows of texts."""
 
     title: str
     columns: tuple[str, ...]
@@ -22,7 +22,7 @@ class Sheet:
     words: frozenset[str] = frozenset({"team", "driver", "remarks"})  # columns set left
 
 
-def tables_of(plan: DayPlan, ledger: Ledger) -> list[Sheet]:
+def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
     """Return all tables in order: each stage, then the final classification."""
     tables = []
     for stage in ledger.stages:
@@ -37,7 +37,7 @@ def tables_of(plan: DayPlan, ledger: Ledger) -> list[Sheet]:
     return [*tables, final_table(ledger)]
 
 
-def trial_table(trial: TrialResult) -> Sheet:
+def trial_table(trial: TrialResult) -> DayTable:
     """Return a time trial: attempts, the time that counts, and what went wrong."""
     stage = trial.stage
     attempts = [f"attempt {n}" for n in range(1, stage.attempts + 1)]
@@ -60,10 +60,10 @@ def trial_table(trial: TrialResult) -> Sheet:
     where = f"{trial.course.title}, {stage.laps} laps, " + (
         f"{boxes} obstacles" if boxes else "empty"
     )
-    return Sheet(f"{stage.name} · {where}", tuple(columns), tuple(rows))
+    return DayTable(f"{stage.name} · {where}", tuple(columns), tuple(rows))
 
 
-def heat_table(heat: Heat, *, has_points: bool) -> Sheet:
+def heat_table(heat: Heat, *, has_points: bool) -> DayTable:
     """Return one race: places, times, contacts and remarks."""
     columns = ["", "team", "grid", "laps", "time", "best lap", "touches", "warnings"]
     rows = []
@@ -79,10 +79,10 @@ def heat_table(heat: Heat, *, has_points: bool) -> Sheet:
         )
         rows.append((_place(drive.place), drive.team, *figures, *points, drive.remark))
     columns += [*(["points"] if has_points else []), "remarks"]
-    return Sheet(f"{heat.label.title} · {heat.course.title}", tuple(columns), tuple(rows))
+    return DayTable(f"{heat.label.title} · {heat.course.title}", tuple(columns), tuple(rows))
 
 
-def _points_table(stage: RacesResult) -> Sheet:
+def _points_table(stage: RacesResult) -> DayTable:
     """Return a stage of many races: place and points of each team in each race."""
     columns = [f"{heat.label.turn}{heat.letter}" for heat in stage.heats]
     columns = list(dict.fromkeys(columns))
@@ -109,7 +109,7 @@ def _points_table(stage: RacesResult) -> Sheet:
         for place, name in enumerate(order, start=1)
     )
     title = f"{stage.stage.name} · {stage.stage.laps} laps each, place (points) by round and track"
-    return Sheet(title, ("", "team", *columns, "points", "remarks"), rows)
+    return DayTable(title, ("", "team", *columns, "points", "remarks"), rows)
 
 
 def _last_remark(stage: RacesResult, team: str) -> str:
@@ -123,7 +123,7 @@ def _last_remark(stage: RacesResult, team: str) -> str:
     return said[0] + more if said else ""
 
 
-def final_table(ledger: Ledger) -> Sheet:
+def final_table(ledger: Ledger) -> DayTable:
     """Return the final classification."""
     has_points = ledger.format.has_points
     decides = "points" if has_points else "qualifying"
@@ -137,7 +137,7 @@ def final_table(ledger: Ledger) -> Sheet:
         rows.append(
             (_place(row.place), row.team, row.driver, figure, lap_text(min(laps, default=0)))
         )
-    return Sheet(
+    return DayTable(
         "Final classification", ("", "team", "driver", decides, "best race lap"), tuple(rows)
     )
 

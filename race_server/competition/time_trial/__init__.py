@@ -1,1 +1,1 @@
-"""Time trials: drivers against the clock, one kart alone on a course, in a world like any other."""
+"""Time trials: drivers against the clock, one kart alone on a course, in the training world."""

@@ -20,8 +20,8 @@ _REFERENCE = "#20242a"
 _POINTS = 600  # at which laps are compared
 _ACROSS = 3  # maps beside each other
 _WIDTH = 11.0  # [in]
-_LEAST_DELTA = 0.05  # [s] so far at least the panel of deltas reaches
-_LINE_SHARE = 0.09  # of a panel's height that a line of text takes
+_LEAST_DELTA = 0.05  # [s] least range of the panel of deltas
+_LINE_SHARE = 0.09  # height of a line of text, as a share of a panel
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Drawn:
 
 
 def check_picture(path: Path) -> None:
-    """See before anybody drives that a picture can be drawn into a file.
+    """Check before the first run that a picture can be drawn into a file.
 
     Raises:
         TrackError: its suffix is neither .png nor .svg.
@@ -51,9 +51,9 @@ def draw_trial(
     reference: tuple[str, Floats] | None,
     path: Path,
 ) -> None:
-    """Draw laps into a file. reference: a name and a trace that they are compared with.
+    """Draw laps into a file. reference: name and trace to compare them with.
 
-    Without one, that is the fastest lap.
+    Without a reference, that is the fastest lap.
 
     Raises:
         TrackError: the file's suffix is neither .png nor .svg, or it cannot be written.
@@ -74,7 +74,7 @@ def draw_trial(
     figure = pyplot.figure(figsize=(_WIDTH, sum(heights) + 0.9), layout="constrained")
     grid = figure.add_gridspec(len(heights), across, height_ratios=heights)
     maps = [figure.add_subplot(grid[n // across, n % across]) for n in range(len(laps))]
-    # A trial knows no items and one place on the grid.
+    # A trial has no items and one place on the grid.
     empty = replace(course, spots=course.spots[:0], grid=course.grid[:1])
     drawn = [
         _draw_map(axes, empty, lap, laps, reference) for axes, lap in zip(maps, laps, strict=True)
@@ -117,7 +117,7 @@ def _draw_map(
         list(pieces), array=mean, cmap="plasma", linewidth=2.4, capstyle="round", zorder=7
     )
     speeds = np.concatenate([one.best[SPEED] for one in laps])
-    # Laps at one speed have no colours to tell apart.
+    # Laps at one constant speed need a range for the colours.
     highest = float(speeds.max())
     line.set_clim(min(float(speeds.min()), highest - 0.5), highest)
     axes.add_collection(line)

@@ -1,4 +1,4 @@
-"""Figures of a trial: what the laps of one driver say, and what a reality gap costs."""
+"""Figures of a trial: statistics of the laps of a driver, and what a reality gap costs."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -19,17 +19,17 @@ COVERED = 95.0  # % of the bootstrap's figures lie within the interval
 
 @dataclass(frozen=True)
 class LimitTime:
-    """The shortest lap possible on a course, or why it is not known."""
+    """The shortest possible lap on a course, or why it is unknown."""
 
     time_s: float | None
     reason: str = ""
 
 
 @dataclass(frozen=True)
-class Row:
+class TrialSummary:
     """One driver on one track with one vehicle under one reality gap, over all seeds.
 
-    Times are those of laps from a flying start unless their name says otherwise.
+    Times are of laps from a flying start unless the name of the field says otherwise.
     """
 
     driver: str
@@ -45,7 +45,7 @@ class Row:
     median_high_s: float | None
     best_lap_s: float | None
     best_clean_lap_s: float | None
-    spread_s: float | None  # within which the middle half of the laps lies
+    spread_s: float | None  # interquartile range of the laps
     spread_low_s: float | None
     spread_high_s: float | None
     standing_lap_s: float | None  # median of the first laps from standstill
@@ -63,7 +63,7 @@ class Row:
     remark: str
 
     def as_json(self) -> dict[str, Any]:
-        """Return the row with figures as long as they mean something."""
+        """Return the row, with figures rounded to what is significant."""
         return {name: _rounded(value) for name, value in asdict(self).items()}
 
 
@@ -71,7 +71,7 @@ def _rounded(value: Any) -> Any:
     return round(value, 6) if isinstance(value, float) else value
 
 
-def rows_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> list[Row]:
+def rows_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> list[TrialSummary]:
     """Return one row for each driver, track, vehicle and gap, in the order of the runs.
 
     limits: by track and vehicle.
@@ -82,22 +82,22 @@ def rows_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> li
 
 
 def key_of(run: Run) -> tuple[str, str, str, str]:
-    """Return what the runs of one row share."""
-    cell = run.cell
-    return (cell.track, cell.vehicle, cell.gap.name, cell.driver)
+    """Return the key of the row that a run belongs to."""
+    spec = run.spec
+    return (spec.track, spec.vehicle, spec.gap.name, spec.driver)
 
 
-def _row_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> Row:
+def _row_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> TrialSummary:
     track, vehicle, gap, driver = key_of(runs[0])
     limit = limits[track, vehicle]
     laps = [lap for run in runs for lap in run.laps]
     flying = [[lap.time_s for lap in run.laps if lap.is_flying] for run in runs]
     times = [time for of_run in flying for time in of_run]
-    wanted = sum(run.cell.laps for run in runs)
+    wanted = sum(run.spec.laps for run in runs)
     middle, spread = intervals([of_run for of_run in flying if of_run])
     middle_lap = median(times) if times else None
     best = min(times, default=None)
-    return Row(
+    return TrialSummary(
         driver=driver,
         track=track,
         vehicle=vehicle,
@@ -115,7 +115,7 @@ def _row_of(runs: Sequence[Run], limits: dict[tuple[str, str], LimitTime]) -> Ro
         spread_low_s=spread[0],
         spread_high_s=spread[1],
         standing_lap_s=_median_of([lap.time_s for lap in laps if not lap.is_flying]),
-        total_s=_median_of([_total(run.laps) for run in runs if len(run.laps) == run.cell.laps]),
+        total_s=_median_of([_total(run.laps) for run in runs if len(run.laps) == run.spec.laps]),
         limit_s=limit.time_s,
         limit_reason=limit.reason,
         ratio=_ratio(middle_lap, limit.time_s),
@@ -178,7 +178,7 @@ def _remark(runs: Sequence[Run]) -> str:
     reasons: dict[str, list[int]] = {}
     for run in runs:
         if run.remark:
-            reasons.setdefault(run.remark, []).append(run.cell.seed)
+            reasons.setdefault(run.remark, []).append(run.spec.seed)
     parts = []
     for reason, seeds in reasons.items():
         which = ", ".join(str(seed) for seed in seeds)
@@ -202,12 +202,12 @@ class Loss:
     laps_change: int
 
     def as_json(self) -> dict[str, Any]:
-        """Return the row with figures as long as they mean something."""
+        """Return the row, with figures rounded to what is significant."""
         return {name: _rounded(value) for name, value in asdict(self).items()}
 
 
-def losses_of(rows: Sequence[Row]) -> list[Loss]:
-    """Return what degrades and how much, for each row with a gap whose nominal row is there."""
+def losses_of(rows: Sequence[TrialSummary]) -> list[Loss]:
+    """Return the loss of each row with a gap against the row without one, if that exists."""
     nominal = {(row.driver, row.track, row.vehicle): row for row in rows if row.gap == NONE.name}
     found = []
     for row in rows:

@@ -1,4 +1,4 @@
-"""Ghosts: a lap that was kept, to drive against; and what a lap gains and loses on it."""
+"""Ghosts: recorded laps to compare with, and where another lap gains and loses time on them."""
 
 import csv
 import json
@@ -15,15 +15,15 @@ from race_server.scenario.track.course import Course
 from race_server.storage.results.queries import Row, laps_on, trace_of
 
 BEST = "best"
-# So many of the laps that there are, in a message that names some.
+# Laps listed in an error message, at most.
 _NAMED = 8
-# A lap from a file may begin and end so far off the line, as a share of the course.
+# Greatest distance from the line at the ends of a lap from a file, as a share of the course.
 _OFF_LINE_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Ghost:
-    """A lap to drive against."""
+    """A lap to compare with."""
 
     name: str  # for a person
     time_s: float
@@ -31,14 +31,14 @@ class Ghost:
 
 
 def ghost_of(words: str, course: Course, vehicle: str, results: Path | None) -> Ghost:
-    """Return the ghost that `words` name on a course.
+    """Return the ghost called `words` on a course.
 
-    words: `best`, the fastest clean lap of this vehicle that is kept; RACE/LAP or RACE/SEAT/LAP,
-    as `race results list` numbers races; or a .csv file as `--save-lap` writes it. Of a lap from a
-    live race only the sectors are known: it runs evenly through each.
+    words: `best`, the fastest clean lap of this vehicle in the results file; RACE/LAP or
+    RACE/SEAT/LAP, as `race results list` numbers races; or a .csv file as `--save-lap` writes it.
+    Of a lap from a live race only the sectors are known: its speed is constant in each.
 
     Raises:
-        ResultsError: there is no such lap; the message names those that there are.
+        ResultsError: there is no such lap; the message lists those that exist.
     """
     if words.endswith(".csv"):
         return _read(Path(words), course)
@@ -51,8 +51,7 @@ def ghost_of(words: str, course: Course, vehicle: str, results: Path | None) -> 
     known = ", ".join(_name_of(row) for row in rows[:_NAMED]) or "none: run a trial first"
     more = f" and {len(rows) - _NAMED} more" if len(rows) > _NAMED else ""
     raise ResultsError(
-        f"no ghost {words!r} on {course.name} for {vehicle} in {results}; kept laps there: "
-        f"{known}{more}"
+        f"no ghost {words!r} on {course.name} for {vehicle} in {results}; laps there: {known}{more}"
     )
 
 
@@ -66,7 +65,7 @@ def _is_wanted(words: str, row: Row, vehicle: str) -> bool:
 
 
 def _name_of(row: Row) -> str:
-    """Return a lap as a person would ask for it, with what it is."""
+    """Return a lap as `--ghost` takes it, with its driver, vehicle and time."""
     seat = f"{row['seat']}/" if row["seat"] else ""
     lap = f"{row['race']}/{seat}{row['number']}"
     return f"{lap} ({row['driver']}, {row['vehicle']}, {lap_text(row['time_us'])})"
@@ -82,7 +81,7 @@ def _from_file(results: Path, row: Row, course: Course) -> Ghost:
 
 
 def _evenly(row: Row, course: Course) -> Floats:
-    """Return a trace along the centre line that takes the time of each sector, shape (C, N)."""
+    """Return a trace along the centre line with the times of the sectors, shape (C, N)."""
     ends, sectors = _sector_ends(course), json.loads(row["sectors"])
     if len(sectors) != len(ends):
         ends, sectors = (course.length,), [row["time_us"]]
@@ -138,14 +137,14 @@ def save_lap(trace: Floats, path: Path) -> None:
 
 
 def delta(trace: Floats, reference: Floats, progress: Floats) -> Floats:
-    """Return by how much [s] a lap is behind another at each progress [m]; below zero: ahead."""
+    """Return how far [s] a lap is behind another at each progress [m]; negative if ahead."""
     return time_at(trace, progress) - time_at(reference, progress)
 
 
 def sector_deltas(trace: Floats, reference: Floats, course: Course) -> tuple[float, ...]:
     """Return what a lap loses [s] on another in each sector."""
     behind = delta(trace, reference, np.array(_sector_ends(course)))
-    # To the microsecond: zero is then no minus zero.
+    # Rounded to microseconds, so that zero is never minus zero.
     return tuple(round(float(lost), 6) + 0.0 for lost in np.diff(behind, prepend=0.0))
 
 

@@ -1,4 +1,4 @@
-"""Laps of a trial: cut out of what was noted at each decision, and what each of them was like."""
+"""Laps of a trial: cut out of the samples taken at each decision, with their figures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from race_server.competition.time_trial.gaps import DECISION_S
 from race_server.core.clock import MICROSECONDS
 from race_server.core.state import Floats
 
-# What a lap's trace holds, in order. Time since the lap began, progress along the centre line.
+# Rows of a lap's trace. Time since the lap began, progress along the centre line.
 COLUMNS = ("time_s", "progress", "x", "y", "speed", "steering")
 TIME, PROGRESS, X, Y, SPEED, STEERING = range(6)
 
@@ -53,7 +53,7 @@ def laps_of(
 ) -> tuple[TrialLap, ...]:
     """Return the laps that count.
 
-    notes: one row a decision: time since the lights [s], progress, x, y, speed, steering, off the
+    notes: one row per decision: time since the lights [s], progress, x, y, speed, steering, off the
     track; length: of the course [m]; flying: the first mark ends the lap that does not count.
     """
     if not marks:

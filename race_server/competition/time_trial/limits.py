@@ -1,4 +1,4 @@
-"""The limit beside which lap times stand: found before anybody drives, or the reason why not."""
+"""The reference limit of lap times: computed before the first run, or the reason why not."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,16 +15,16 @@ from race_server.scenario.track.load import load_course
 
 
 @dataclass
-class Limits:
+class LapLimits:
     """The limits of all tracks and vehicles of a trial."""
 
     times: dict[tuple[str, str], LimitTime] = field(default_factory=dict)  # by track and vehicle
     lines: dict[tuple[str, str], Raceline] = field(default_factory=dict)
 
 
-def limits_of(places: Sequence[tuple[str, str]]) -> Limits:
-    """Return the limit of each track and vehicle; what cannot be found has its reason instead."""
-    limits = Limits()
+def limits_of(places: Sequence[tuple[str, str]]) -> LapLimits:
+    """Return the limit of each track and vehicle, or the reason why there is none."""
+    limits = LapLimits()
     for track, vehicle in places:
         try:
             line = reference_limit(load_course(track), vehicle_named(vehicle)).minimum_time
@@ -39,7 +39,7 @@ def limits_of(places: Sequence[tuple[str, str]]) -> Limits:
 def trace_of_line(line: Raceline, length: float) -> Floats:
     """Return the limit's lap as the trace of a lap, shape (C, N); `length` of the course [m].
 
-    It knows no steering angle: zero.
+    The steering angle is unknown, and zero.
     """
     closed = [np.append(row, row[0]) for row in (line.x, line.y, line.speed)]
     steps = np.diff(np.append(line.distance, line.length))

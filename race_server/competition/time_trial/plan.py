@@ -1,16 +1,16 @@
-"""A whole trial: everything that can be refused is refused first, then the cells are driven."""
+"""A whole trial: all input is checked first, then the runs are driven."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from race_server.competition.time_trial.draw import Drawn, draw_trial
-from race_server.competition.time_trial.figures import Loss, Row, losses_of, rows_of
+from race_server.competition.time_trial.figures import Loss, TrialSummary, losses_of, rows_of
 from race_server.competition.time_trial.gaps import DECISION_S, Gap
 from race_server.competition.time_trial.ghost import Ghost, ghost_of, sector_deltas
 from race_server.competition.time_trial.lap import TrialLap
-from race_server.competition.time_trial.limits import Limits, limits_of, trace_of_line
-from race_server.competition.time_trial.pool import Report, is_ready, run_cells
+from race_server.competition.time_trial.limits import LapLimits, limits_of, trace_of_line
+from race_server.competition.time_trial.pool import Report, is_ready, run_all
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec, task_of
 from race_server.competition.time_trial.save import RunLog
@@ -25,9 +25,9 @@ Place = tuple[str, str]  # track and vehicle
 
 @dataclass(frozen=True)
 class TrialPlan:
-    """What is to be driven, and against what."""
+    """The runs of a trial, and what they are compared with."""
 
-    cells: tuple[RunSpec, ...]
+    specs: tuple[RunSpec, ...]
     gaps: tuple[Gap, ...]
     jobs: int = 0
     ghost: str = ""
@@ -36,26 +36,26 @@ class TrialPlan:
     @property
     def places(self) -> list[Place]:
         """Each track with each vehicle, once."""
-        return list(dict.fromkeys((cell.track, cell.vehicle) for cell in self.cells))
+        return list(dict.fromkeys((spec.track, spec.vehicle) for spec in self.specs))
 
 
 @dataclass
 class Trial:
-    """A trial under way, or over: what is known of it so far."""
+    """A trial and its results so far."""
 
     plan: TrialPlan
-    limits: Limits
+    limits: LapLimits
     ghosts: dict[Place, Ghost]
-    runs: dict[int, Run] = field(default_factory=dict)  # by number of the cell
+    runs: dict[int, Run] = field(default_factory=dict)  # by number of the run
     stopped: bool = False
 
     @property
     def done(self) -> list[Run]:
-        """The runs that are over, in the order of their cells."""
+        """The finished runs, in the order of the plan."""
         return [self.runs[number] for number in sorted(self.runs)]
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[TrialSummary]:
         """The figures of each driver."""
         return rows_of(self.done, self.limits.times)
 
@@ -69,13 +69,13 @@ class Trial:
         """Whether a driver raised or stalled."""
         return any(run.failed for run in self.runs.values())
 
-    def drive(self, ledger: RunLog, report: Report) -> None:
-        """Drive the cells and keep each run as it comes in; Ctrl-C ends it early."""
-        outcomes = run_cells(self.plan.cells, self.plan.jobs, report)
+    def drive(self, log: RunLog, report: Report) -> None:
+        """Drive the runs and save each as it finishes; Ctrl-C stops the trial."""
+        outcomes = run_all(self.plan.specs, self.plan.jobs, report)
         try:
             for number, run in outcomes:
                 self.runs[number] = run
-                ledger.add(run)
+                log.add(run)
         except KeyboardInterrupt:
             self.stopped = True
         finally:
@@ -85,11 +85,11 @@ class Trial:
         """Return name, best lap and the other laps' traces of each driver who completed one."""
         laps: dict[str, list[TrialLap]] = {}
         for run in self.done:
-            if (run.cell.track, run.cell.vehicle) == place and run.cell.gap == gap:
-                laps.setdefault(run.cell.driver, []).extend(run.laps)
+            if (run.spec.track, run.spec.vehicle) == place and run.spec.gap == gap:
+                laps.setdefault(run.spec.driver, []).extend(run.laps)
         found = []
         for driver, driven in laps.items():
-            # A lap from standstill is shown where there is no other.
+            # A lap from standstill is shown if there is no other.
             shown = [lap for lap in driven if lap.is_flying] or driven
             if shown:
                 best = min(shown, key=lambda lap: lap.time_us)
@@ -97,7 +97,7 @@ class Trial:
         return found
 
     def reference(self, place: Place) -> tuple[str, Floats] | None:
-        """Return what laps at a place are compared with: the ghost, or else the limit."""
+        """Return the reference for laps at a place: the ghost, else the limit."""
         if ghost := self.ghosts.get(place):
             return f"ghost {ghost.name}", ghost.trace
         if line := self.limits.lines.get(place):
@@ -106,7 +106,7 @@ class Trial:
         return None
 
     def against_ghost(self, place: Place) -> list[tuple[str, float, tuple[float, ...]]]:
-        """Return what the best lap of each driver loses on the ghost: whole, and by sector."""
+        """Return the loss [s] of each driver's best lap on the ghost, in all and by sector."""
         ghost, course = self.ghosts[place], load_course(place[0])
         return [
             (
@@ -119,7 +119,7 @@ class Trial:
         ]
 
     def draw(self, path: Path) -> list[Path]:
-        """Draw a picture for each track, vehicle and gap; return the files. Without laps: none."""
+        """Draw a picture for each track, vehicle and gap with laps; return the files."""
         return [
             self._draw_one(path, place, gap, laps)
             for place in self.plan.places
@@ -145,7 +145,7 @@ class Trial:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as one document."""
-        first = self.plan.cells[0]
+        first = self.plan.specs[0]
         return {
             "start": first.start,
             "laps_wanted": first.laps,
@@ -163,7 +163,7 @@ class Trial:
         return [(run, row) for run in self.done for row in lap_rows([run])]
 
     def _with_ghost(self, run: Run, row: dict[str, Any]) -> dict[str, Any]:
-        ghost = self.ghosts.get((run.cell.track, run.cell.vehicle))
+        ghost = self.ghosts.get((run.spec.track, run.spec.vehicle))
         if ghost is None:
             return row
         return {**row, "behind_ghost_s": round(row["lap_s"] - ghost.time_s, 6)}
@@ -185,11 +185,11 @@ class Trial:
 
 def _run_row(run: Run) -> dict[str, Any]:
     return {
-        "driver": run.cell.driver,
-        "track": run.cell.track,
-        "vehicle": run.cell.vehicle,
-        "gap": run.cell.gap.name,
-        "seed": run.cell.seed,
+        "driver": run.spec.driver,
+        "track": run.spec.track,
+        "vehicle": run.spec.vehicle,
+        "gap": run.spec.gap.name,
+        "seed": run.spec.seed,
         "laps": len(run.laps),
         "crashes": run.crashes,
         "rescues": run.rescues,
@@ -201,7 +201,7 @@ def _run_row(run: Run) -> dict[str, Any]:
 
 
 def prepare(plan: TrialPlan) -> Trial:
-    """Return the trial, ready to be driven: limits and ghosts are found.
+    """Return the trial ready to be driven, with limits and ghosts.
 
     Raises:
         RaceError: a track or vehicle does not exist, or there is no such ghost.
@@ -217,8 +217,8 @@ def prepare(plan: TrialPlan) -> Trial:
     return Trial(plan, limits_of(plan.places), ghosts)
 
 
-def compile_once(cell: RunSpec) -> None:
-    """Compile the training world before several processes would do so at the same time."""
+def compile_once(spec: RunSpec) -> None:
+    """Compile the training world, so that not every process compiles it at the same time."""
     if not is_ready():
-        batch = Batch(task_of(cell, load_course(cell.track), "full"))
+        batch = Batch(task_of(spec, load_course(spec.track), "full"))
         batch.step()

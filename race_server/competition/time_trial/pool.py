@@ -1,4 +1,4 @@
-"""Runs side by side: processes of our own, so that a driver can take down no run but its own.
+"""Runs in parallel processes, so that a driver can break no run but its own.
 
 A pool of the standard library breaks as a whole when one of its processes dies, and cannot end one
 that is stuck in machine code.
@@ -20,50 +20,50 @@ from race_server.competition.time_trial.run import START_LIMIT_S, Run, Tell, dri
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernels.jit import kernel_cache
 
-# A process that says nothing for so long beyond the limit of its driver is ended.
+# A process that is silent for longer than the limit of its driver and this time is killed [s].
 SLACK_S = 8.0
-# The same before it says anything: it may have to compile the simulation first.
+# The same before its first message: it may have to compile the simulation [s].
 PREPARATION_S = 600.0
 
 Drive = Callable[[RunSpec, Tell], Run]
-Report = Callable[[int, int], None]  # number of a cell, laps that it has driven
+Report = Callable[[int, int], None]  # number of a run, laps driven so far
 
 
 @dataclass
 class _Worker:
     process: Any
     pipe: Connection
-    number: int = -1  # of the cell that it drives
+    number: int = -1  # of the run that it drives
     deadline: float = 0.0
     laps: int = -1
     begun_at: str = field(default_factory=now)
 
 
-def run_cells(
-    cells: Sequence[RunSpec],
+def run_all(
+    specs: Sequence[RunSpec],
     jobs: int = 0,
     report: Report = lambda _number, _laps: None,
     drive: Drive = drive_run,
 ) -> Generator[tuple[int, Run], None, None]:
-    """Yield the number and the outcome of each cell as it is done.
+    """Yield number and outcome of each run as it finishes.
 
-    jobs: processes at a time; 0: one for each core. Whoever stops early, by Ctrl-C too, ends the
-    processes by closing the iterator.
+    jobs: parallel processes; 0: one for each core. Closing the iterator early, as Ctrl-C does, ends
+    the processes.
     """
-    todo = deque(range(len(cells)))
-    jobs = min(jobs or os.cpu_count() or 1, len(cells))
+    todo = deque(range(len(specs)))
+    jobs = min(jobs or os.cpu_count() or 1, len(specs))
     workers: list[_Worker] = []
     try:
         while todo or workers:
             while todo and len(workers) < jobs:
-                workers.append(_hand_over(_start(drive), todo.popleft(), cells))
-            for worker in _heard(workers):
-                run = _take(worker, cells, report)
+                workers.append(_assign(_start(drive), todo.popleft(), specs))
+            for worker in _polled(workers):
+                run = _receive(worker, specs, report)
                 if run is None:
                     continue
                 yield worker.number, run
                 if todo and worker.process.is_alive():
-                    _hand_over(worker, todo.popleft(), cells)
+                    _assign(worker, todo.popleft(), specs)
                 else:
                     workers.remove(worker)
                     _end(worker)
@@ -91,46 +91,46 @@ def _start(drive: Drive) -> _Worker:
     return _Worker(process, ours)
 
 
-def _hand_over(worker: _Worker, number: int, cells: Sequence[RunSpec]) -> _Worker:
+def _assign(worker: _Worker, number: int, specs: Sequence[RunSpec]) -> _Worker:
     worker.number, worker.laps, worker.begun_at = number, -1, now()
     worker.deadline = time.monotonic() + PREPARATION_S + START_LIMIT_S
-    with contextlib.suppress(OSError):  # it has died: the next look at it says so
-        worker.pipe.send(cells[number])
+    with contextlib.suppress(OSError):  # it has died: the next poll reports it
+        worker.pipe.send(specs[number])
     return worker
 
 
-def _heard(workers: Sequence[_Worker]) -> list[_Worker]:
-    """Return those that have something to say, and those from which nothing will come."""
+def _polled(workers: Sequence[_Worker]) -> list[_Worker]:
+    """Return the workers that sent a message, ended, or exceeded their deadline."""
     ready = set(wait([worker.pipe for worker in workers], timeout=0.25))
     late = time.monotonic()
     return [w for w in workers if w.pipe in ready or w.deadline < late]
 
 
-def _take(worker: _Worker, cells: Sequence[RunSpec], report: Report) -> Run | None:
-    """Return the outcome of a worker's cell, None while it is under way."""
-    cell = cells[worker.number]
+def _receive(worker: _Worker, specs: Sequence[RunSpec], report: Report) -> Run | None:
+    """Return the outcome of a worker's run, None while it goes on."""
+    spec = specs[worker.number]
     if not worker.pipe.poll():
         worker.process.kill()
         worker.process.join()
-        return _lost(worker, cell, "stuck in machine code, its process was ended")
+        return _lost(worker, spec, "stuck in machine code, its process was ended")
     try:
-        said = worker.pipe.recv()
+        message = worker.pipe.recv()
     except (EOFError, OSError):
         worker.process.join()
-        return _lost(worker, cell, f"its process died ({_exit_words(worker.process.exitcode)})")
-    if isinstance(said, Run):
-        return said
-    # The first decision has the limit of a start.
-    limit_s = START_LIMIT_S if worker.laps < 0 else cell.decision_limit_s
+        return _lost(worker, spec, f"its process died ({_exit_words(worker.process.exitcode)})")
+    if isinstance(message, Run):
+        return message
+    # The first decision has the time limit of the start.
+    limit_s = START_LIMIT_S if worker.laps < 0 else spec.decision_limit_s
     worker.deadline = time.monotonic() + limit_s + SLACK_S
-    worker.laps = int(said)
+    worker.laps = int(message)
     report(worker.number, worker.laps)
     return None
 
 
-def _lost(worker: _Worker, cell: RunSpec, remark: str) -> Run:
+def _lost(worker: _Worker, spec: RunSpec, remark: str) -> Run:
     laps = f"after {max(worker.laps, 0)} laps: " if worker.laps > 0 else ""
-    return Run(cell, worker.begun_at, remark=f"{laps}{remark}", failed=True)
+    return Run(spec, worker.begun_at, remark=f"{laps}{remark}", failed=True)
 
 
 def _exit_words(code: int | None) -> str:
@@ -147,16 +147,16 @@ def _end(worker: _Worker) -> None:
 
 
 def _work(pipe: Connection, drive: Drive) -> None:
-    """Drive one cell after another."""
-    # Ctrl-C is for the process that a person started; that one ends us.
+    """Drive one run after another."""
+    # Ctrl-C is for the parent process, which ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What a driver prints must not come between the lines of a JSON document.
+    # Output of a driver must not mix with the JSON document on stdout.
     sys.stdout.flush()
     os.dup2(2, 1)
     with contextlib.suppress(EOFError, OSError):
-        while (cell := pipe.recv()) is not None:
+        while (spec := pipe.recv()) is not None:
             try:
-                run = drive(cell, pipe.send)
+                run = drive(spec, pipe.send)
             except Exception as error:
-                run = Run(cell, now(), remark=f"{type(error).__name__}: {error}", failed=True)
+                run = Run(spec, now(), remark=f"{type(error).__name__}: {error}", failed=True)
             pipe.send(run)

@@ -1,4 +1,4 @@
-"""What the report of the 1/10 race measured, to be set beside our own figures.
+"""Measurements in the report of the 1/10 race, to be shown beside our own figures.
 
 Source of the lap times: the report's table 5.3, one lap of each trained network on the empty
 validation track; of race day: its tables 5.4 and 5.5, the time of two laps from standstill. The

@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from race_server.competition.time_limit import TimeLimitExceeded, time_limit
 from race_server.competition.time_trial.gaps import DECISION_S
 from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
 from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, RunSpec, task_of
-from race_server.competition.time_trial.time_limit import TimeLimitExceeded, time_limit
 from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named
@@ -26,9 +26,9 @@ from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import load_course
 from race_server.storage.results.keeper import DIRTY
 
-# To be made and to decide for the first time: a network is loaded, a kernel compiled.
+# Time limit to load a driver and for its first decision [s]: networks load, kernels compile.
 START_LIMIT_S = 120.0
-# The pool hears from a run so often, so that it knows that the run is alive.
+# Interval at which a run reports to the pool that it is alive [s].
 HEARTBEAT_S = 0.2
 
 Tell = Callable[[int], None]  # called with the number of laps driven so far
@@ -37,47 +37,47 @@ Make = Callable[[str], Driver]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What came of a cell."""
+    """Outcome of a run."""
 
-    cell: RunSpec
+    spec: RunSpec
     started_at: str = ""  # UTC, ISO 8601
     laps: tuple[TrialLap, ...] = ()
     crashes: int = 0  # wall contacts, those of laps that do not count included
     rescues: int = 0
     draws: dict[str, float] = field(default_factory=dict)  # what the reality gap drew
     remark: str = ""  # why it ended early
-    failed: bool = False  # the driver's fault as a program: it raised or stalled
+    failed: bool = False  # the driver raised or stalled
     digest: str = ""  # of the world at the end
     standing: Standing | None = None  # None: nothing was driven
 
 
 def now() -> str:
-    """Return the time as results files keep it."""
+    """Return the present time in the format of results files."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def drive_run(cell: RunSpec, tell: Tell = lambda _: None, make: Make = driver_named) -> Run:
-    """Drive one cell to its end, whatever the driver does.
+def drive_run(spec: RunSpec, tell: Tell = lambda _: None, make: Make = driver_named) -> Run:
+    """Drive one run to its end, whatever the driver does.
 
     Raises:
         RaceError: the course or the vehicle does not exist.
     """
     started_at = now()
-    course = load_course(cell.track)
+    course = load_course(spec.track)
     try:
         with time_limit(START_LIMIT_S):
-            driver = make(cell.driver)
-            attempt = Attempt(cell, course, driver)
+            driver = make(spec.driver)
+            attempt = Attempt(spec, course, driver)
     except TimeLimitExceeded:
-        return Run(cell, started_at, remark=f"not ready after {START_LIMIT_S:g} s", failed=True)
+        return Run(spec, started_at, remark=f"not ready after {START_LIMIT_S:g} s", failed=True)
     except RaceError as error:
-        return Run(cell, started_at, remark=str(error), failed=True)
+        return Run(spec, started_at, remark=str(error), failed=True)
     except (Exception, SystemExit) as error:
-        return Run(cell, started_at, remark=f"raised {_in_words(error)}", failed=True)
+        return Run(spec, started_at, remark=f"raised {_in_words(error)}", failed=True)
     try:
         remark, failed = attempt.drive(tell), False
     except TimeLimitExceeded:
-        remark, failed = f"stalled for {cell.decision_limit_s:g} s", True
+        remark, failed = f"stalled for {spec.decision_limit_s:g} s", True
     except (Exception, SystemExit) as error:
         remark, failed = f"raised {_in_words(error)}", True
     return attempt.outcome(started_at, remark, failed=failed)
@@ -91,27 +91,27 @@ def _in_words(error: BaseException) -> str:
 class Attempt:
     """A driver in its world, decision by decision."""
 
-    def __init__(self, cell: RunSpec, course: Course, driver: Driver) -> None:
+    def __init__(self, spec: RunSpec, course: Course, driver: Driver) -> None:
         """Put the kart on its mark and brief the driver.
 
         Raises:
             ScenarioError: the driver wants an observation that does not exist.
         """
-        self.cell = cell
+        self.spec = spec
         self.course = course
         self.driver = driver
-        task = task_of(cell, course, driver.preset)
-        self.batch = Batch(task, seed=cell.seed, after=STAY)
+        task = task_of(spec, course, driver.preset)
+        self.batch = Batch(task, seed=spec.seed, after=STAY)
         self.notes: list[tuple[float, ...]] = []
         self.marks: list[Mark] = []
         self.crashes = self.rescues = 0
         self._begin_lap()
-        lidar = cell.gap.lidar()
+        lidar = spec.gap.lidar()
         driver.reset(
             Briefing(
                 seat=0,
-                vehicle=vehicle_named(cell.vehicle),
-                laps=cell.laps_driven,
+                vehicle=vehicle_named(spec.vehicle),
+                laps=spec.laps_driven,
                 preset=driver.preset,
                 decision_s=DECISION_S,
                 items=tuple(item.name for item in items()),
@@ -131,10 +131,10 @@ class Attempt:
     @property
     def laps_done(self) -> int:
         """Laps that count, so far."""
-        return max(len(self.marks) - (1 if self.cell.start == FLYING else 0), 0)
+        return max(len(self.marks) - (1 if self.spec.start == FLYING else 0), 0)
 
     def drive(self, tell: Tell) -> str:
-        """Drive until the race is over for the kart; return why it ended early, or nothing."""
+        """Drive until the kart is out or finished; return why it ended early, "" if it finished."""
         limit_s, told = START_LIMIT_S, -HEARTBEAT_S
         self._note()
         while self._body.status == codes.RACING:
@@ -146,15 +146,15 @@ class Attempt:
                 numbers = numbers_of(control)
             self._move(numbers)
             if limit_s == START_LIMIT_S:
-                # From now on the pool, too, is to lose its patience earlier.
-                limit_s, told = self.cell.decision_limit_s, -HEARTBEAT_S
+                # From now on the shorter time limit holds in the pool, too.
+                limit_s, told = self.spec.decision_limit_s, -HEARTBEAT_S
         tell(self.laps_done)
         return self._reason()
 
     def _look(self) -> Observation:
         batch = self.batch
         tick = int(batch.world.races[0].tick)
-        # A copy: what a driver does to it stays with the driver.
+        # A copy, so that a driver cannot change the buffer of the world.
         return Observation(tick, batch.layout, batch.observations[0, 0].copy())
 
     def _move(self, numbers: Float32s) -> None:
@@ -171,7 +171,7 @@ class Attempt:
             )
 
     def _count(self, event: Event, dirty: bool) -> bool:
-        """Take note of an event; return whether the lap that is being driven is not clean."""
+        """Count an event; return whether the present lap is no longer clean."""
         if event.kind is EventKind.CONTACT_WALL:
             self.crashes += 1
             self._contacts += 1
@@ -200,7 +200,7 @@ class Attempt:
         )
 
     def _reason(self) -> str:
-        """Return in words why a run ended before its last lap."""
+        """Return a text that says why a run ended before its last lap."""
         racer = self._racer
         if self._body.status != codes.RETIRED:
             return ""
@@ -210,16 +210,16 @@ class Attempt:
         }
         reason = Retirement(int(racer.retired_for))
         where = f"in lap {self.laps_done + 1} at {racer.progress:.1f} m"
-        if self.cell.start == FLYING and not self.marks:
+        if self.spec.start == FLYING and not self.marks:
             where = f"before the first lap at {racer.progress:.1f} m"
         return f"{words.get(reason, reason.name.lower().replace('_', ' '))} {where}"
 
     def outcome(self, started_at: str, remark: str, *, failed: bool) -> Run:
-        """Return what has come of the run so far."""
-        flying = self.cell.start == FLYING
+        """Return the outcome of the run so far."""
+        flying = self.spec.start == FLYING
         laps = laps_of(self.notes, self.marks, self.course.length, flying=flying)
         return Run(
-            cell=self.cell,
+            spec=self.spec,
             started_at=started_at,
             laps=laps,
             crashes=self.crashes,
@@ -238,7 +238,7 @@ class Attempt:
         penalty_us = int(racer.penalty_us)
         return Standing(
             seat=0,
-            driver=self.cell.driver,
+            driver=self.spec.driver,
             rank=1,
             laps=len(laps),
             status=Status(int(body.status)),
@@ -254,9 +254,9 @@ class Attempt:
 
 
 def numbers_of(control: Control) -> Float32s:
-    """Return what the world is told of a control: within its limits, in single precision.
+    """Return a control as the world takes it: clipped to its limits, in single precision.
 
-    That is what a live server gets over the network; what is not a number counts as zero.
+    A live server receives the same over the network; not-a-number counts as zero.
     """
     wanted = (float(control.steering), float(control.throttle), float(control.brake))
     shares = np.clip(np.nan_to_num(wanted), (-1.0, -1.0, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""One cell of a trial: who drives what, where, under which faults; and the scenario it makes."""
+"""One run of a trial: driver, track, vehicle, reality gap, seed; and the scenario of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,11 +17,11 @@ from race_server.scenario.track.course import Course
 FLYING, STANDING = "flying", "standing"
 STARTS = (FLYING, STANDING)
 
-# A kart that stands for longer is out: the rule of the 1/10 race.
+# A kart that stands for longer is out [s]: the rule of the 1/10 race.
 STOPPED_S = 10.0
 # No lap takes longer than at this share of the top speed: 0.25 m/s for the 1/10 car.
 CRAWL_SHARE = 1.0 / 40.0
-# A car is put on its mark by hand: so far off, as a share of its width, and so crooked.
+# A car is put on its mark by hand: greatest error as a share of its width, and of its angle.
 MARK_SHARE = 0.25
 MARK_ANGLE = np.radians(2.0)
 
@@ -37,11 +37,11 @@ class RunSpec:
     seed: int = 1
     laps: int = 5  # that count
     start: str = FLYING
-    decision_limit_s: float = 2.0  # a driver that thinks longer has stalled
+    decision_limit_s: float = 2.0  # a driver that takes longer has stalled
 
     @property
     def laps_driven(self) -> int:
-        """Laps to the finish: before a flying start comes a lap that does not count."""
+        """Laps to the finish, with the uncounted one before a flying start."""
         return self.laps + (1 if self.start == FLYING else 0)
 
 
@@ -53,7 +53,7 @@ def run_specs_of(
     seeds: Sequence[int],
     like: RunSpec,
 ) -> list[RunSpec]:
-    """Return one cell for each combination, with the laps and the start of `like`.
+    """Return one run for each combination, with the laps and the start of `like`.
 
     Raises:
         ScenarioError: the start is unknown, there is no lap, or a seed is negative.
@@ -71,45 +71,45 @@ def run_specs_of(
     ]
 
 
-def rules_of(cell: RunSpec, course: Course, vehicle: Vehicle) -> Rules:
-    """Return the rules of a trial: alone, no items, walls push back, who stands is out."""
+def rules_of(spec: RunSpec, course: Course, vehicle: Vehicle) -> Rules:
+    """Return the rules of a trial: alone, no items, walls push back, a standing kart is out."""
     longest_s = course.length / (CRAWL_SHARE * vehicle.top_speed)
     return Rules(
-        laps=cell.laps_driven,
-        standing_start=cell.start == STANDING,
+        laps=spec.laps_driven,
+        standing_start=spec.start == STANDING,
         countdown_s=0.0,
         items=False,
         stopped_limit_s=STOPPED_S,
-        limit_s=cell.laps_driven * longest_s,
+        limit_s=spec.laps_driven * longest_s,
     )
 
 
-def scenario_of(cell: RunSpec, course: Course) -> Scenario:
-    """Return the scenario of a cell. The seed decides the sensors' noise and the start's pose."""
-    vehicle = vehicle_named(cell.vehicle)
+def scenario_of(spec: RunSpec, course: Course) -> Scenario:
+    """Return the scenario of a run. The seed decides the sensor noise and the start pose."""
+    vehicle = vehicle_named(spec.vehicle)
     return Scenario(
-        course=replace(course, grid=on_the_mark(course, vehicle, cell.seed)),
+        course=replace(course, grid=on_the_mark(course, vehicle, spec.seed)),
         karts=1,
         vehicles=(vehicle,),
-        rules=rules_of(cell, course, vehicle),
-        lidar=cell.gap.lidar(),
-        seed=cell.seed,
+        rules=rules_of(spec, course, vehicle),
+        lidar=spec.gap.lidar(),
+        seed=spec.seed,
     )
 
 
-def task_of(cell: RunSpec, course: Course, preset: str) -> Task:
-    """Return the same as a task of the training world, for a driver that wants `preset`."""
+def task_of(spec: RunSpec, course: Course, preset: str) -> Task:
+    """Return the run as a task of the training world, with observations of `preset`."""
     return Task(
-        (scenario_of(cell, course),),
+        (scenario_of(spec, course),),
         learners=1,
         observation=preset,
         action="control",
-        gap=cell.gap.reality(),
+        gap=spec.gap.reality(),
     )
 
 
 def on_the_mark(course: Course, vehicle: Vehicle, seed: int) -> Floats:
-    """Return the start grid with pole position as a hand would hit it, shape (S, 3)."""
+    """Return the start grid with a random error of the pole position, shape (S, 3)."""
     chance = np.random.default_rng(seed)
     aside = MARK_SHARE * vehicle.width * chance.uniform(-1.0, 1.0)
     grid = course.grid.copy()

@@ -1,4 +1,4 @@
-"""What a trial leaves: every run is a race of one in the results file, every lap with its trace."""
+"""Save a trial: each run is a race of one kart in the results file, each lap has its trace."""
 
 import contextlib
 from pathlib import Path
@@ -31,7 +31,7 @@ PACE = "trial"
 
 
 class RunLog:
-    """Writes runs as they come in; what a file does not take now is tried again, never dropped."""
+    """Writes runs as they finish; a failed write is retried with the next run, never dropped."""
 
     def __init__(self, path: Path | None) -> None:
         """Open the results file; None keeps nothing.
@@ -52,7 +52,7 @@ class RunLog:
             self._store.close()
 
     def add(self, run: Run) -> None:
-        """Write a run, and those that wait."""
+        """Write a run, and those whose write failed before."""
         if self._store is None or run.standing is None:
             return
         self._waiting += changes_of(run)
@@ -66,10 +66,10 @@ class RunLog:
             self._waiting.clear()
 
     def finish(self) -> Path | None:
-        """Write what still waits; return the other file that it went to, if it had to.
+        """Write what is left; return the other file used if the first one cannot be written.
 
         Raises:
-            ResultsError: it went nowhere.
+            ResultsError: neither can be written.
         """
         if self._store is None or self.path is None:
             return None
@@ -93,30 +93,30 @@ def _free_name(path: Path) -> Path:
 
 
 def vehicle_words(run: Run) -> str:
-    """Return the vehicle's name; with a reality gap it is another car, and says which."""
-    gap = run.cell.gap
+    """Return the name of the vehicle, followed by its reality gap if it has one."""
+    gap = run.spec.gap
     if gap == NONE:
-        return run.cell.vehicle
-    return f"{run.cell.vehicle} ({gap.name if gap.name in GAPS else gap.words()})"
+        return run.spec.vehicle
+    return f"{run.spec.vehicle} ({gap.name if gap.name in GAPS else gap.words()})"
 
 
 def changes_of(run: Run) -> list[Change]:
-    """Return a run as the results file takes it."""
-    cell, course = run.cell, load_course(run.cell.track)
+    """Return a run as changes of the results file."""
+    spec, course = run.spec, load_course(run.spec.track)
     assert run.standing is not None
     vehicle = vehicle_words(run)
     race = Race(
         started_at=run.started_at,
-        session=f"{cell.start} start",
+        session=f"{spec.start} start",
         track=course.name,
         track_digest=course.digest,
         vehicle=vehicle,
-        laps=cell.laps,
+        laps=spec.laps,
         pace=PACE,
-        seed=cell.seed,
-        rules_version=rules_version(rules_of(cell, course, vehicle_named(cell.vehicle))),
+        seed=spec.seed,
+        rules_version=rules_version(rules_of(spec, course, vehicle_named(spec.vehicle))),
         server_version=__version__,
-        entries=(Entry(0, cell.driver, driver_version(cell.driver), vehicle),),
+        entries=(Entry(0, spec.driver, driver_version(spec.driver), vehicle),),
     )
     changes: list[Change] = [race]
     for lap in run.laps:

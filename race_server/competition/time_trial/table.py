@@ -1,4 +1,4 @@
-"""A trial as tables for a person, and as files for other programs."""
+"""Tables of a trial for the terminal, and .csv files."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from race_server.competition.time_trial.figures import Loss, Row
+from race_server.competition.time_trial.figures import Loss, TrialSummary
 from race_server.competition.time_trial.gaps import NONE
 from race_server.competition.time_trial.report_b import LAPS, RACE_DAY, VALIDATION_TRACK
 from race_server.competition.time_trial.run import Run
@@ -40,7 +40,7 @@ def _table(title: str, words: Sequence[str], figures: Sequence[str]) -> Table:
 
 
 def seconds_text(seconds: float | None) -> str:
-    """Return a time as people write it, a dash where there is none."""
+    """Return a time [s] as text, a dash for none."""
     return lap_text(None if seconds is None else round(seconds * MICROSECONDS))
 
 
@@ -56,7 +56,7 @@ def _interval_text(low: float | None, high: float | None) -> str:
     return f"{low:.2f}–{high:.2f}"
 
 
-def tables_of(rows: Sequence[Row], gaps: dict[str, str]) -> Group:
+def tables_of(rows: Sequence[TrialSummary], gaps: dict[str, str]) -> Group:
     """Return a table for each track and vehicle. gaps: what each setting means, by name."""
     parts: list[Table | Text] = []
     for (track, vehicle), group in groupby(rows, lambda row: (row.track, row.vehicle)):
@@ -75,13 +75,13 @@ def tables_of(rows: Sequence[Row], gaps: dict[str, str]) -> Group:
     return Group(*parts)
 
 
-def _who(row: Row, gaps: dict[str, str]) -> str:
+def _who(row: TrialSummary, gaps: dict[str, str]) -> str:
     return row.driver if len(gaps) == 1 else f"{row.driver}, {row.gap}"
 
 
 _INTERVAL, _STANDING = "95 %", ("from rest", "total")
-# The columns of a table, and what each shows of a row.
-_FIGURES: dict[str, Callable[[Row], str]] = {
+# The columns of a table, and the text of each for a row.
+_FIGURES: dict[str, Callable[[TrialSummary], str]] = {
     "laps": lambda row: f"{row.laps}/{row.laps_wanted}",
     "clean": lambda row: f"{100.0 * row.clean_lap_rate:.0f} %",
     "median": lambda row: seconds_text(row.median_lap_s),
@@ -95,9 +95,9 @@ _FIGURES: dict[str, Callable[[Row], str]] = {
 }
 
 
-def _rows_table(title: str, rows: Sequence[Row], *, with_gap: bool) -> Table:
+def _rows_table(title: str, rows: Sequence[TrialSummary], *, with_gap: bool) -> Table:
     is_standing = any(row.standing_lap_s for row in rows)
-    hidden = {_INTERVAL} if is_standing and with_gap else set()  # or eighty columns are too few
+    hidden = {_INTERVAL} if is_standing and with_gap else set()  # to fit into eighty columns
     hidden |= set() if is_standing else set(_STANDING)
     names = [name for name in _FIGURES if name not in hidden]
     table = _table(title, ["driver", "gap"] if with_gap else ["driver"], names)
@@ -109,7 +109,7 @@ def _rows_table(title: str, rows: Sequence[Row], *, with_gap: bool) -> Table:
 
 
 def loss_tables(losses: Sequence[Loss]) -> Group:
-    """Return what the reality gaps cost on each track with each vehicle."""
+    """Return tables of what the reality gaps cost, by track and vehicle."""
     tables: list[Table | Text] = []
     for (track, vehicle), group in groupby(losses, lambda loss: (loss.track, loss.vehicle)):
         table = _table(
@@ -136,7 +136,7 @@ def _loss_cells(loss: Loss) -> tuple[str, ...]:
 
 
 def ghost_table(name: str, rows: Iterable[tuple[str, float, Sequence[float]]]) -> Table:
-    """Return what best laps lose on a ghost: rows of driver, whole lap, sectors [s]."""
+    """Return a table of the losses of best laps on a ghost: driver, whole lap, sectors [s]."""
     found = list(rows)
     sectors = max((len(lost) for _, _, lost in found), default=0)
     numbers = [f"sector {number}" for number in range(1, sectors + 1)]
@@ -146,8 +146,8 @@ def ghost_table(name: str, rows: Iterable[tuple[str, float, Sequence[float]]]) -
     return table
 
 
-def beside_report_b(rows: Sequence[Row], words: dict[str, str]) -> Group:
-    """Return our laps below those of the report. words: what is particular of each driver."""
+def beside_report_b(rows: Sequence[TrialSummary], words: dict[str, str]) -> Group:
+    """Return our laps below those of the report. words: a description of each driver."""
     table = _table(
         "time trial on the validation track, the report's (table 5.3) and ours",
         ("driver",),
@@ -174,7 +174,7 @@ def beside_report_b(rows: Sequence[Row], words: dict[str, str]) -> Group:
     return Group(*parts, Text(note, style="dim"), _race_day(rows))
 
 
-def _our_lap(row: Row, words: dict[str, str]) -> tuple[str, ...]:
+def _our_lap(row: TrialSummary, words: dict[str, str]) -> tuple[str, ...]:
     particular = words.get(row.driver, "")
     if row.gap != NONE.name:
         particular += f" (gap: {row.gap})"
@@ -187,7 +187,7 @@ def _our_lap(row: Row, words: dict[str, str]) -> tuple[str, ...]:
     return (row.driver, particular, time, str(row.crashes), remark)
 
 
-def _race_day(rows: Sequence[Row]) -> Table:
+def _race_day(rows: Sequence[TrialSummary]) -> Table:
     table = _table(
         "two laps from standstill: race day 2023, other tracks, and ours, in s",
         ("driver",),
@@ -218,11 +218,11 @@ def lap_rows(runs: Sequence[Run]) -> list[dict[str, Any]]:
     """Return every lap as a plain row."""
     return [
         {
-            "driver": run.cell.driver,
-            "track": run.cell.track,
-            "vehicle": run.cell.vehicle,
-            "gap": run.cell.gap.name,
-            "seed": run.cell.seed,
+            "driver": run.spec.driver,
+            "track": run.spec.track,
+            "vehicle": run.spec.vehicle,
+            "gap": run.spec.gap.name,
+            "seed": run.spec.seed,
             "lap": lap.number,
             "lap_s": lap.time_s,
             "is_flying": lap.is_flying,
@@ -240,7 +240,7 @@ def lap_rows(runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Write rows as a table; a list becomes numbers with spaces between.
+    """Write rows as a .csv file; a list becomes numbers separated by spaces.
 
     Raises:
         ResultsError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""The reference line that a race drives along: everybody who makes a scenario attaches it here."""
+"""The reference line of a race: every scenario gets it here."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -18,7 +18,7 @@ from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.line import ReferenceLine
 
 if TYPE_CHECKING:
-    # Scenarios import kernels, and so a compiler; who only asks for a line needs neither.
+    # Scenarios import kernels, and so a compiler; to look up a line takes neither.
     from race_server.scenario.race import Scenario
 
 
@@ -34,11 +34,10 @@ def with_line(scenario: "Scenario", *, solve: bool = False) -> "Scenario":
 def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> ReferenceLine:
     """Return the reference line of a vehicle on a course.
 
-    That is the lap of minimum time where it is known: shipped, or in the user's cache. solve: look
-    for it, once, where it is not; that takes seconds and needs CasADi, so ask for it when somebody
-    wants the line. Otherwise the centre line stands in, with the speeds that it allows, and the
-    line's `note` says so in one sentence for whoever drives by it. Either is led around the
-    course's fixed obstacles.
+    That is the lap of minimum time if it is known: bundled, or in the user's cache. solve: compute
+    it otherwise, once; that takes seconds and needs CasADi, so ask for it only if a driver needs
+    the line. Without it the centre line is used in its place, with the speeds that it allows, and
+    the line's `note` says so in one sentence. Both are led around the course's fixed obstacles.
     """
     return _line_on(course, vehicle, solve)
 
@@ -50,7 +49,7 @@ def _line_on(course: Course, vehicle: Vehicle, solve: bool) -> ReferenceLine:
 
 
 def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) -> ReferenceLine:
-    """Return the line of a course as if nothing stood on it."""
+    """Return the line of a course without its obstacles."""
     try:
         limit = reference_limit(course, vehicle) if solve else known_limit(course, bounds)
     except RaceError as error:

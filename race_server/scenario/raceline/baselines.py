@@ -20,7 +20,7 @@ CALM = 1e-6
 
 
 @dataclass(frozen=True)
-class Line:
+class OffsetLine:
     """A line in track coordinates, at the N stations of a frame."""
 
     offset: Floats  # (N,) [m] from the centre line, left positive
@@ -32,26 +32,26 @@ class Line:
         return np.asarray((1.0 - self.offset * frame.curvature) / np.cos(self.bearing))
 
 
-def centre_line(frame: Frame) -> Line:
+def centre_line(frame: Frame) -> OffsetLine:
     """Return the centre line itself."""
     still = np.zeros(len(frame.x))
-    return Line(still, still, frame.curvature)
+    return OffsetLine(still, still, frame.curvature)
 
 
-def least_curved(frame: Frame, bounds: Bounds) -> Line:
+def least_curved(frame: Frame, bounds: Bounds) -> OffsetLine:
     """Return the line with the least integral of its squared curvature."""
     offset = np.clip(0.0, frame.low, frame.high)
     curvature = frame.curvature / np.maximum(1.0 - offset * frame.curvature, FOLD)
-    start = Line(offset, np.zeros(len(offset)), curvature)
+    start = OffsetLine(offset, np.zeros(len(offset)), curvature)
     return _best_line(frame, bounds, start, shortest=False)
 
 
-def shortest(frame: Frame, bounds: Bounds, start: Line) -> Line:
-    """Return the shortest line that the steering allows, looked for from another line."""
+def shortest(frame: Frame, bounds: Bounds, start: OffsetLine) -> OffsetLine:
+    """Return the shortest line that the steering allows, starting from another line."""
     return _best_line(frame, bounds, start, shortest=True)
 
 
-def _best_line(frame: Frame, bounds: Bounds, start: Line, *, shortest: bool) -> Line:
+def _best_line(frame: Frame, bounds: Bounds, start: OffsetLine, *, shortest: bool) -> OffsetLine:
     """Solve n' = (1 - n k) tan b; b' = stretch · c - k; c' free, for the least cost.
 
     n offset, b bearing, c the line's curvature, k the centre line's.
@@ -66,11 +66,11 @@ def _best_line(frame: Frame, bounds: Bounds, start: Line, *, shortest: bool) -> 
     cost = stretch if shortest else stretch * curvature**2
     total = frame.step * program.casadi.sum1(cost + CALM * change**2)
     found = program.minimise(total, f"{frame.name}: line without speed")
-    return Line(*found[:3])
+    return OffsetLine(*found[:3])
 
 
 def follow_track(program: Program, frame: Frame, offset: Any, bearing: Any, curvature: Any) -> Any:
-    """Ask that offset and bearing follow from a line's curvature; return its stretch (N,)."""
+    """Require that offset and bearing follow from a line's curvature; return its stretch (N,)."""
     ca, k = program.casadi, frame.curvature
     room = 1.0 - offset * k
     stretch = room / ca.cos(bearing)

@@ -1,8 +1,8 @@
-"""Limits of the tracks that come with this program, so that nobody needs a solver for them.
+"""Limits of the bundled tracks, which therefore need no solver.
 
-A file beside the tracks holds what the solver found, in single precision. Its name is a digest of
-the track file and of the vehicle's limits, not of the code that solved it; a test holds the files
-to a fresh solution. Write them anew with ``python -m race_server.scenario.raceline.export``.
+A file beside the tracks holds the solution, in single precision. Its name is a digest of the track
+file and of the vehicle's limits, not of the code that solved it; a test compares the files with a
+fresh solution. Write them again with ``python -m race_server.scenario.raceline.export``.
 """
 
 import contextlib
@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from race_server.scenario.raceline.baselines import Line
+from race_server.scenario.raceline.baselines import OffsetLine
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.raceline.frame import Frame, frame_of
-from race_server.scenario.raceline.minimum_time import Lap
+from race_server.scenario.raceline.minimum_time import TimedLine
 from race_server.scenario.raceline.result import Limit, Solution, limit_of
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.load import own_tracks
@@ -26,7 +26,7 @@ _ROWS = 10
 
 
 def limits_folder() -> Path:
-    """Return the folder of the shipped limits."""
+    """Return the folder of the bundled limits."""
     return own_tracks() / "limits"
 
 
@@ -43,7 +43,7 @@ def bundled_name(course: Course, bounds: Bounds) -> str:
 
 
 def read_bundled(course: Course, bounds: Bounds) -> Limit | None:
-    """Return the limit that was shipped, or None if there is none that can be read."""
+    """Return the bundled limit, or None if there is none that can be read."""
     path = limits_folder() / bundled_name(course, bounds)
     if not path.is_file():
         return None
@@ -57,7 +57,7 @@ def read_bundled(course: Course, bounds: Bounds) -> Limit | None:
 
 
 def write_bundled(course: Course, bounds: Bounds, solution: Solution) -> Path:
-    """Write what the solver found into the folder of the shipped limits."""
+    """Write a solution into the folder of the bundled limits."""
     lines = (solution.best.line, solution.calm, solution.near)
     rows = [row for line in lines for row in (line.offset, line.bearing, line.curvature)]
     path = limits_folder() / bundled_name(course, bounds)
@@ -68,7 +68,7 @@ def write_bundled(course: Course, bounds: Bounds, solution: Solution) -> Path:
 
 
 def _solution(frame: Frame, rows: Floats) -> Solution:
-    best, calm, near = (Line(*rows[first : first + 3]) for first in (0, 3, 6))
+    best, calm, near = (OffsetLine(*rows[first : first + 3]) for first in (0, 3, 6))
     speed = rows[9]
     time_s = float(np.sum(frame.step * best.stretch(frame) / speed))
-    return Solution(Lap(best, speed, time_s), calm, near)
+    return Solution(TimedLine(best, speed, time_s), calm, near)

@@ -12,27 +12,27 @@ from race_server.scenario.track.line import ReferenceLine
 
 # A detour begins and ends over about this length, in lengths of the vehicle.
 EASE_LENGTHS = 3.0
-# Room between body and obstacle in widths, and the share of the room there is where that is less.
+# Room between body and obstacle in vehicle widths, or this share of the free room if that is less.
 CLEAR_WIDTHS, CLEAR_SHARE = 0.5, 0.45
-# An obstacle lies abreast of the line within so many vehicle lengths of where the centre line has
-# it: beyond, another part of the course may be nearer.
+# An obstacle lies abreast of the line within this many vehicle lengths of its place along the
+# centre line: beyond, another part of the course may be nearer.
 ABREAST_LENGTHS = 4.0
-# Points looked at on each side of an obstacle.
+# Points checked on each side of an obstacle.
 POINTS = 9
 # Towards the inside of a bend no detour comes nearer to its centre than this share of the radius
 # leaves: coordinates beside a line fold over there.
 FOLDING = 0.7
-# A bound may be missed by so much [m]: nobody drives that well.
+# A bound may be missed by this much [m]: no driver is that exact.
 NEAR = 0.002
-# Keeps neighbouring pushes apart in numbers; far too stiff to be seen.
+# Keeps neighbouring pushes apart numerically; too stiff to matter.
 STIFF = 1e-9
-# Pushes that are looked for at most; a lap among a dozen obstacles needs some thirty.
+# Pushes at most; a lap among a dozen obstacles needs about thirty.
 MOST_PUSHES = 400
 
 
 @dataclass(frozen=True)
 class Block:
-    """What an obstacle takes of the way, in coordinates of the line."""
+    """The part of the way that an obstacle blocks, in coordinates of the line."""
 
     first: int  # samples of the line
     last: int
@@ -43,8 +43,8 @@ class Block:
 def around(course: Course, line: ReferenceLine, bounds: Bounds, vehicle: Vehicle) -> ReferenceLine:
     """Return the line, led around the course's obstacles as gently as the borders allow.
 
-    It passes each obstacle on the side on which it has less to yield and there is room. Its speeds
-    are those of the line, less by what the bends of the detour cost.
+    It passes each obstacle on the side on which it has to give way less, if there is room. Its
+    speeds are those of the line, less by what the bends of the detour cost.
     """
     if not course.obstacles:
         return line
@@ -151,7 +151,7 @@ def eased(low: Floats, high: Floats, spacing: float, length: float) -> Floats:
             pulls = wanted * sides < 0.0
             if not pulls.any():
                 break
-            # No place pulls: go as far as the first that would, and let it go.
+            # No push may pull: stop where the first one would, and drop it.
             share = push[pulls] / (push[pulls] - wanted[pulls])
             push = push + share.min() * (wanted - push)
             first = np.flatnonzero(pulls)[np.argmin(share)]
@@ -162,7 +162,7 @@ def eased(low: Floats, high: Floats, spacing: float, length: float) -> Floats:
 
 
 def shifted(line: ReferenceLine, offset: Floats, bounds: Bounds) -> ReferenceLine:
-    """Return a line `offset` (N,) [m] to the left of another, at equal steps of its own."""
+    """Return a line `offset` (N,) [m] to the left of another, resampled at equal steps."""
     count = len(offset)
     cos, sin = np.cos(line.heading), np.sin(line.heading)
     points = np.stack([line.x - offset * sin, line.y + offset * cos], axis=1)

@@ -71,7 +71,7 @@ def _speed_line(axes: Any, line: Raceline) -> Any:
     drawn = LineCollection(
         list(pieces), array=line.speed, cmap="plasma", linewidth=2.6, capstyle="round", zorder=7
     )
-    # A lap at one speed has no colours to tell apart.
+    # A lap at one constant speed needs a range for the colours.
     fastest = float(line.speed.max())
     drawn.set_clim(min(float(line.speed.min()), fastest - 0.5), fastest)
     axes.add_collection(drawn)

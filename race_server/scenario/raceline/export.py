@@ -1,4 +1,4 @@
-"""Write the limits of our own tracks anew: ``python -m race_server.scenario.raceline.export``."""
+"""Write the limits of bundled tracks again: ``python -m race_server.scenario.raceline.export``."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ _CLOSE = 0.2
 
 
 def exports() -> Iterator[tuple[Course, Vehicle]]:
-    """Yield each of our tracks with each vehicle that fits its scale."""
+    """Yield each bundled track with each vehicle that fits its scale."""
     for path in sorted(own_tracks().glob("*.toml")):
         course = read_course(path)
         for vehicle in (TT02, TT02_FACTS) if course.spacing < _CLOSE else (KART_30, KART_60):
@@ -22,7 +22,7 @@ def exports() -> Iterator[tuple[Course, Vehicle]]:
 
 
 def export() -> None:
-    """Solve every limit and write it; files of earlier tracks and vehicles go."""
+    """Solve and write every limit; remove files of earlier tracks and vehicles."""
     before = set(limits_folder().glob("*.npz"))
     written = set()
     for course, vehicle in exports():

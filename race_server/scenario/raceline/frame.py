@@ -10,8 +10,8 @@ from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.polyline import derivatives, lengths_of, ranges_to, resample, smooth
 
 # Track coordinates fold over at the centre of a bend: one tighter than the free width on its
-# inside forbids lines that exist. Where offset · curvature comes so near to one, the centre line is
-# smoothed, by a standard deviation in samples of the course: 0.25 m at 1/10, 2.5 m for karts.
+# inside forbids lines that exist. Where offset · curvature comes this near to one, the centre line
+# is smoothed, by a standard deviation in samples of the course: 0.25 m at 1/10, 2.5 m for karts.
 FOLDING = 0.8
 SMOOTHING = 5.0
 # An alcove is cut off this many samples from the centre line: 1.2 m at 1/10, 12 m for karts.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from race_server.scenario.raceline.baselines import CALM, STEEPEST, Line, follow_track
+from race_server.scenario.raceline.baselines import CALM, STEEPEST, OffsetLine, follow_track
 from race_server.scenario.raceline.bounds import SLOWEST, Bounds
 from race_server.scenario.raceline.frame import Frame
 from race_server.scenario.raceline.program import Program, following
@@ -17,16 +17,16 @@ CALMER = 1e-5
 
 
 @dataclass(frozen=True)
-class Lap:
+class TimedLine:
     """A line and the speeds along it, at the N stations of a frame."""
 
-    line: Line
+    line: OffsetLine
     speed: Floats  # (N,) [m/s]
     time_s: float
 
 
-def fastest_lap(frame: Frame, bounds: Bounds, start: Line, speed: Floats) -> Lap:
-    """Return the flying lap of minimum time, looked for from another line and its speeds.
+def fastest_lap(frame: Frame, bounds: Bounds, start: OffsetLine, speed: Floats) -> TimedLine:
+    """Return the flying lap of minimum time, starting from another line and its speeds.
 
     States along the centre line's s: offset n, bearing b, speed v, curvature c; controls: the
     accelerations of motor and brakes, and the rate u of the curvature. With k the curvature of the
@@ -65,6 +65,6 @@ def fastest_lap(frame: Frame, bounds: Bounds, start: Line, speed: Floats) -> Lap
     swing = following(turning) - turning
     total = frame.step * program.casadi.sum1(slowness + CALM * turning**2 + CALMER * swing**2)
     found = program.minimise(total, f"{frame.name}: lap of minimum time")
-    line = Line(*found[:3])
+    line = OffsetLine(*found[:3])
     time = float(np.sum(frame.step * line.stretch(frame) / found[3]))
-    return Lap(line, found[3], time)
+    return TimedLine(line, found[3], time)

@@ -63,18 +63,18 @@ class Program:
         return self._unknowns[-1]
 
     def evolve(self, state: Any, slope: Any) -> None:
-        """Ask that a state follow its slope along the course, by the trapezoidal rule."""
+        """Require that a state follow its slope along the course, by the trapezoidal rule."""
         mean = 0.5 * (slope + following(slope))
         self._terms.append(following(state) - state - self.step * mean)
         self._term_lows.append(0.0)
 
     def keep_zero(self, terms: Any) -> None:
-        """Ask that terms (N,) be zero."""
+        """Require that terms (N,) be zero."""
         self._terms.append(terms)
         self._term_lows.append(0.0)
 
     def keep_negative(self, terms: Any) -> None:
-        """Ask that terms (N,) be zero or less."""
+        """Require that terms (N,) be zero or less."""
         self._terms.append(terms)
         self._term_lows.append(-np.inf)
 
@@ -82,7 +82,7 @@ class Program:
         """Return the unknowns in the order of their making, each (N,), at the least cost.
 
         Raises:
-            TrackError: nothing meets all conditions; `what` says what was looked for.
+            TrackError: nothing meets all conditions; `what` names what was asked for.
         """
         problem = {
             "x": self.casadi.vertcat(*self._unknowns),

@@ -1,4 +1,4 @@
-"""The reference limit of a course and a vehicle: four lines with their speeds, kept once found."""
+"""The reference limit of a course and a vehicle: four lines with their speeds, cached."""
 
 import contextlib
 import hashlib
@@ -39,7 +39,7 @@ def reference_limit(
     speed_cap: float | None = None,
     margin: float | None = None,
 ) -> Limit:
-    """Return the reference limit: shipped, from the user's cache, or newly solved.
+    """Return the reference limit: bundled, from the user's cache, or newly solved.
 
     speed_cap: [m/s], below the vehicle's own top speed; margin: [m] between body and border, by
     default 0.05 m for a 1/10 car and in proportion for wider vehicles. The result is a local
@@ -63,7 +63,7 @@ def reference_limit(
 
 
 def known_limit(course: Course, bounds: Bounds) -> Limit | None:
-    """Return a limit that needs no solver: shipped, or in the user's cache; None if neither."""
+    """Return a limit that needs no solver: bundled, or in the user's cache; None if neither."""
     return read_bundled(course, bounds) or _read(_cached(course, bounds))
 
 
@@ -86,9 +86,9 @@ def _cached(course: Course, bounds: Bounds) -> Path:
 
 @cache
 def _solver() -> str:
-    """Return the version of the solver and of this package's code: another one, another limit."""
+    """Return a digest of the solver and of this package's code, on which solutions depend."""
     digest = hashlib.sha256()
-    # Without the solver nothing was solved here, or it can no longer be told by what.
+    # Without the solver there is no version of it.
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         digest.update(importlib.metadata.version("casadi").encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
@@ -119,14 +119,14 @@ def _write(path: Path, limit: Limit) -> None:
     times = np.array([*(line.time_s for line in lines.values()), limit.solve_s])
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Written aside and moved, so that nobody ever reads half a file.
+        # Written aside and moved, so that no reader sees half a file.
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
             np.savez(file, allow_pickle=False, times=times, **tables)
         Path(file.name).replace(path)
 
 
 def _read(path: Path) -> Limit | None:
-    """Return what a file holds, or None: what cannot be read is solved again."""
+    """Return the content of a file, or None if it cannot be read: then it is solved again."""
     with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         with path.open("rb") as file, np.load(file, allow_pickle=False) as tables:
             *times, solve_s = tables["times"].tolist()

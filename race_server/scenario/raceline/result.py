@@ -1,13 +1,13 @@
-"""What a reference limit is: four closed lines with their speeds."""
+"""The reference limit: four closed lines with their speeds."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from race_server.scenario.raceline.baselines import Line, centre_line
+from race_server.scenario.raceline.baselines import OffsetLine, centre_line
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.raceline.frame import Frame
-from race_server.scenario.raceline.minimum_time import Lap
+from race_server.scenario.raceline.minimum_time import TimedLine
 from race_server.scenario.raceline.profile import lap_time, speeds_on
 from race_server.scenario.track.course import Floats
 
@@ -62,9 +62,9 @@ class Raceline:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a vehicle can reach on a course, along four lines."""
+    """The fastest laps of a vehicle on a course, along four lines."""
 
-    solve_s: float  # that it took to find them, when they were found; zero if they were shipped
+    solve_s: float  # time of the solver; zero if the lines were bundled or cached
     minimum_time: Raceline
     minimum_curvature: Raceline
     centre_line: Raceline
@@ -73,11 +73,11 @@ class Limit:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver finds; all else of a limit follows from it without a solver."""
+    """The solution; the rest of a limit follows from it without a solver."""
 
-    best: Lap
-    calm: Line  # the least curved
-    near: Line  # the shortest
+    best: TimedLine
+    calm: OffsetLine  # the least curved
+    near: OffsetLine  # the shortest
 
 
 def limit_of(frame: Frame, bounds: Bounds, solution: Solution, solve_s: float) -> Limit:
@@ -90,18 +90,18 @@ def limit_of(frame: Frame, bounds: Bounds, solution: Solution, solve_s: float) -
     return Limit(solve_s, _reference(frame, best.line, best.speed, best.time_s), *others)
 
 
-def profile_of(frame: Frame, line: Line, bounds: Bounds) -> tuple[Floats, Floats]:
+def profile_of(frame: Frame, line: OffsetLine, bounds: Bounds) -> tuple[Floats, Floats]:
     """Return the lengths (N,) [m] between a line's points and the speeds (N,) [m/s] there."""
     steps = _steps(frame, line)
     return steps, speeds_on(steps, line.curvature, bounds)
 
 
-def _steps(frame: Frame, line: Line) -> Floats:
+def _steps(frame: Frame, line: OffsetLine) -> Floats:
     stretch = line.stretch(frame)
     return np.asarray(0.5 * frame.step * (stretch + np.roll(stretch, -1)))
 
 
-def _reference(frame: Frame, line: Line, speed: Floats, time_s: float) -> Raceline:
+def _reference(frame: Frame, line: OffsetLine, speed: Floats, time_s: float) -> Raceline:
     steps = _steps(frame, line)
     return Raceline(
         time_s=time_s,

@@ -67,7 +67,7 @@ def cornering_drag(speed: float, curvature: float, force: float, bounds: Bounds)
 def slip_of(
     program: Program, pace: Any, curvature: Any, drive: Any, brake: Any, bounds: Bounds
 ) -> Any:
-    """Ask that the tyres hold and the steering suffice; return the deceleration (N,) by slip.
+    """Require that the tyres hold and the steering suffice; return the deceleration (N,) by slip.
 
     pace: (N,) [m/s]; curvature: (N,) [1/m]; drive, brake: (N,) [m/s²]. The slip s of each axle is
     an unknown of the program: its force is a cubic that a solver likes, the inverse has an infinite

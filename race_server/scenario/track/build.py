@@ -1,7 +1,7 @@
-"""From the words of a track file to a course: the three forms meet here."""
+"""From a track file to a course, for all three forms."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,7 +35,7 @@ MOST_PLACES = 64
 
 
 @dataclass(frozen=True)
-class Scale:
+class TrackScale:
     """Distances that go with the size of the karts [m]."""
 
     spacing: float  # of the samples of the line
@@ -47,14 +47,14 @@ class Scale:
 
 
 SCALES = {
-    "1/10": Scale(0.05, row=0.65, column=0.24, first_row=0.4, body=0.13, box_step=9.0),
-    "kart": Scale(0.5, row=4.0, column=1.6, first_row=2.5, body=0.9, box_step=80.0),
+    "1/10": TrackScale(0.05, row=0.65, column=0.24, first_row=0.4, body=0.13, box_step=9.0),
+    "kart": TrackScale(0.5, row=4.0, column=1.6, first_row=2.5, body=0.9, box_step=80.0),
 }
 
 
 @dataclass(frozen=True)
 class TrackSpec:
-    """A track file, checked word by word."""
+    """A track file, checked value by value."""
 
     name: str
     title: str
@@ -80,7 +80,7 @@ def build(plan: TrackSpec) -> Course:
     """Return the course that a plan describes.
 
     Raises:
-        TrackError: it describes none.
+        TrackError: it describes no course.
     """
     scale = SCALES[plan.scale]
     if plan.form == "blocks":
@@ -117,12 +117,10 @@ def build(plan: TrackSpec) -> Course:
         digest=plan.digest,
     )
     spots = plan.items if plan.items is not None else _item_rows(course, scale, length)
-    return Course(
-        **{
-            **course.__dict__,
-            "grid": _grid(course, scale, plan.places),
-            "spots": np.array([_at(course, *spot)[:2] for spot in spots]).reshape(-1, 2),
-        }
+    return replace(
+        course,
+        grid=_grid(course, scale, plan.places),
+        spots=np.array([_at(course, *spot)[:2] for spot in spots]).reshape(-1, 2),
     )
 
 
@@ -173,7 +171,7 @@ def _start_near(line: Floats, point: tuple[float, float] | None) -> Floats:
     return np.roll(line, -int(np.argmin(np.hypot(*(line - point).T))), axis=0)
 
 
-def _from_points(plan: TrackSpec, scale: Scale) -> Floats:
+def _from_points(plan: TrackSpec, scale: TrackScale) -> Floats:
     points = plan.points
     if len(points) < 4:
         raise TrackError(f"{plan.name}: {len(points)} points make no course; give 4 or more")
@@ -268,7 +266,7 @@ def _at(course: Course, progress: float, offset: float) -> tuple[float, float, f
     return x - offset * math.sin(heading), y + offset * math.cos(heading), heading
 
 
-def _grid(course: Course, scale: Scale, most: int) -> Floats:
+def _grid(course: Course, scale: TrackScale, most: int) -> Floats:
     """Return start places behind the timing line: two staggered columns, as many as fit.
 
     Where the track is too narrow for two columns the places stand behind one another.
@@ -292,7 +290,7 @@ def _grid(course: Course, scale: Scale, most: int) -> Floats:
     return np.array(places).reshape(-1, 3)
 
 
-def _item_rows(course: Course, scale: Scale, length: float) -> list[tuple[float, float]]:
+def _item_rows(course: Course, scale: TrackScale, length: float) -> list[tuple[float, float]]:
     """Return item boxes in rows across the track: two or three, as the width allows."""
     rows = max(round(length / scale.box_step), 2)
     spots = []

@@ -1,4 +1,4 @@
-"""Built courses, kept beside the user's other caches: the medial line of blocks takes a second."""
+"""A cache of built courses: the medial line of blocks takes a second."""
 
 import contextlib
 import hashlib
@@ -14,7 +14,7 @@ from race_server.scenario.track.course import Course
 
 @cache
 def _sources() -> str:
-    """Return a digest of the code that builds courses: another code, another shelf."""
+    """Return a digest of the code that builds courses."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
@@ -22,9 +22,9 @@ def _sources() -> str:
 
 
 def cached(digest: str, build: Callable[[], Course]) -> Course:
-    """Return the course of a file's digest from the shelf, or build it and put it there."""
+    """Return the course of a file's digest from the cache, or build and store it."""
     path = cache_root() / "courses" / f"{digest}-{_sources()}.pickle"
-    # The shelf is our own and in the user's folder; what cannot be read is built again.
+    # The cache is in the user's folder and written by us; what cannot be read is built again.
     with contextlib.suppress(OSError, pickle.UnpicklingError, EOFError, AttributeError, TypeError):
         course = pickle.loads(path.read_bytes())
         if isinstance(course, Course):
@@ -32,7 +32,7 @@ def cached(digest: str, build: Callable[[], Course]) -> Course:
     course = build()
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Written aside and moved, so that nobody ever reads half a course.
+        # Written aside and moved, so that no reader sees half a course.
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
             pickle.dump(course, file)
         Path(file.name).replace(path)

@@ -1,4 +1,4 @@
-"""Is a course one that a vehicle can race on?"""
+"""Check whether a vehicle can race on a course."""
 
 from dataclasses import dataclass
 
@@ -13,15 +13,15 @@ ROOM = 0.3
 
 
 @dataclass(frozen=True)
-class Finding:
-    """Something that is wrong with a course, or may be."""
+class CourseIssue:
+    """An error or a warning about a course."""
 
     level: str  # error or warning
     what: str
 
 
-def check_course(course: Course, vehicle: Vehicle) -> list[Finding]:
-    """Return what a vehicle would trip over; nothing for a good course."""
+def check_course(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
+    """Return all errors and warnings; none for a good course."""
     return [
         *_open_borders(course),
         *_crossing_borders(course),
@@ -31,8 +31,8 @@ def check_course(course: Course, vehicle: Vehicle) -> list[Finding]:
     ]
 
 
-def _open_borders(course: Course) -> list[Finding]:
-    """Every end of a wall must be the beginning of another."""
+def _open_borders(course: Course) -> list[CourseIssue]:
+    """Return places where the end of a wall is not the start of another."""
     starts, ends = course.borders[:, :2], course.borders[:, 2:]
     found = []
     for end in ends:
@@ -40,35 +40,37 @@ def _open_borders(course: Course) -> list[Finding]:
         if gap > 1e-6:
             x, y = end
             found.append(
-                Finding("error", f"the border is open at ({x:.2f}, {y:.2f}): a gap of {gap:.2f} m")
+                CourseIssue(
+                    "error", f"the border is open at ({x:.2f}, {y:.2f}): a gap of {gap:.2f} m"
+                )
             )
     return found
 
 
-def _crossing_borders(course: Course) -> list[Finding]:
+def _crossing_borders(course: Course) -> list[CourseIssue]:
     pairs = crossings(course.borders)
     if not len(pairs):
         return []
     x, y = course.borders[pairs[0, 0], :2]
-    return [Finding("error", f"the borders cross near ({x:.2f}, {y:.2f})")]
+    return [CourseIssue("error", f"the borders cross near ({x:.2f}, {y:.2f})")]
 
 
-def _narrow_places(course: Course, vehicle: Vehicle) -> list[Finding]:
+def _narrow_places(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     needed = (1.0 + ROOM) * vehicle.width
     if course.width_min < needed:
         return [
-            Finding(
+            CourseIssue(
                 "error",
                 f"{course.width_min:.2f} m wide at the narrowest; {vehicle.name} needs "
                 f"{needed:.2f} m",
             )
         ]
     if course.width_min < 2.0 * needed:
-        return [Finding("warning", f"two {vehicle.name} cannot pass where it is narrowest")]
+        return [CourseIssue("warning", f"two {vehicle.name} cannot pass where it is narrowest")]
     return []
 
 
-def _tight_bends(course: Course, vehicle: Vehicle) -> list[Finding]:
+def _tight_bends(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     """Compare each bend with the turning radius.
 
     A bend over an angle may be taken wider than its centre line: on a line that uses the free
@@ -88,7 +90,7 @@ def _tight_bends(course: Course, vehicle: Vehicle) -> list[Finding]:
     if possible[worst] < vehicle.turning_radius:
         x, y = course.line[worst, :2]
         return [
-            Finding(
+            CourseIssue(
                 "error",
                 f"the bend at ({x:.2f}, {y:.2f}) allows {possible[worst]:.2f} m; {vehicle.name} "
                 f"turns in {vehicle.turning_radius:.2f} m: it cannot be lapped",
@@ -97,15 +99,15 @@ def _tight_bends(course: Course, vehicle: Vehicle) -> list[Finding]:
     return []
 
 
-def _start_grid(course: Course, vehicle: Vehicle) -> list[Finding]:
+def _start_grid(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     if not len(course.grid):
-        return [Finding("error", "no place for a start grid")]
+        return [CourseIssue("error", "no place for a start grid")]
     clear, _ = nearest_on(course.borders, course.grid[:, :2])
     tight = int(np.sum(clear < 0.5 * vehicle.width))
     found = []
     if tight:
-        found.append(Finding("error", f"{tight} grid places are too near to a border"))
+        found.append(CourseIssue("error", f"{tight} grid places are too near to a border"))
     steps = np.hypot(*(course.grid[1:, :2] - course.grid[:-1, :2]).T)
     if len(steps) and steps.min() < vehicle.width:
-        found.append(Finding("error", "two grid places overlap"))
+        found.append(CourseIssue("error", "two grid places overlap"))
     return found

@@ -1,4 +1,4 @@
-"""A course as the rest of the program sees it, whatever file it came from."""
+"""A course as the rest of the program uses it, for all formats of files."""
 
 from dataclasses import dataclass
 

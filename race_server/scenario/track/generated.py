@@ -1,6 +1,6 @@
-"""Courses that are drawn by lot: ``generated:block:17``, ``generated:spline:4``.
+"""Random courses: ``generated:block:17``, ``generated:spline:4``.
 
-Kind and seed are the whole course: whoever asks for a name gets the same track file.
+Kind and seed define the course: the same name always gives the same track file.
 """
 
 import math
@@ -25,14 +25,14 @@ def generated_file(name: str) -> bytes:
     """Return the track file of a generated course's name.
 
     Raises:
-        TrackError: it names no such course.
+        TrackError: the name is not valid.
     """
     match = _NAME.fullmatch(name)
     if match is None or (match[1] == "block" and match[3]):
         raise TrackError(f"track {name!r} cannot be generated; write {', '.join(FORMS)}")
     kind, seed, scale = match[1], int(match[2]), "kart" if match[3] else "1/10"
     chance = Random(f"{kind} {scale} {seed}")
-    # Half of them the other way round, so that no side is learned by heart.
+    # Half of them the other way round, so that policies learn both directions.
     words = [
         f'title = "Generated {kind} course {seed}{" for karts" if match[3] else ""}"',
         f'form = "{"blocks" if kind == "block" else kind}"',

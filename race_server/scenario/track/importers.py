@@ -1,4 +1,4 @@
-"""Courses of other formats, written as track files of ours."""
+"""Convert courses of other formats into track files."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ def import_course(source: Path, target: Path, *, scale: str, title: str) -> Cour
     """Write the course of a TUM CSV or of a ROS map's YAML as a track file, and return it.
 
     Raises:
-        TrackError: the source is neither, or holds no course; nothing is left behind then.
+        TrackError: the source is neither, or holds no course; no file is written then.
     """
     reader = READERS.get(source.suffix.lower())
     if reader is None:

@@ -1,4 +1,4 @@
-"""A line to drive along, as the world holds it."""
+"""The reference line as the world holds it."""
 
 from dataclasses import dataclass
 
@@ -25,4 +25,4 @@ class ReferenceLine:
     left: Floats  # (N,) [m] of asphalt to the left of this line, as far as an obstacle there
     right: Floats  # (N,) [m] the same to its right
     beside: NDArray[np.int64]  # (N,) sample of this line abreast of each of the centre line
-    note: str = ""  # why it only stands in for the reference limit; empty if it is that
+    note: str = ""  # why it is used in place of the reference limit; empty if it is that

@@ -1,4 +1,4 @@
-"""Track files: found by name, read word by word, built once and remembered."""
+"""Track files: found by name, read value by value, built once and cached."""
 
 import hashlib
 import math
@@ -26,14 +26,14 @@ FARTHEST = 1e5  # [m] of any coordinate
 
 
 def track_folders() -> list[Path]:
-    """Return the folders that hold tracks: those of RACE_TRACKS first, then our own."""
+    """Return the folders of tracks: those in $RACE_TRACKS first, then the bundled one."""
     chosen = os.environ.get("RACE_TRACKS", "")
     folders = [Path(name) for name in chosen.split(os.pathsep) if name]
     return [*folders, own_tracks()]
 
 
 def own_tracks() -> Path:
-    """Return the folder of the tracks that come with this program."""
+    """Return the folder of the bundled tracks."""
     package = Path(__file__).parents[2] / "tracks"
     return package if package.is_dir() else Path(__file__).parents[3] / "tracks"
 
@@ -47,10 +47,10 @@ def track_names() -> list[str]:
 def load_course(name: str) -> Course:
     """Return the course of a name, or of a path that ends in ``.toml``.
 
-    ``generated:block:17`` is drawn by lot, see `race_server.scenario.track.generated`.
+    ``generated:block:17`` is a random course, see `race_server.scenario.track.generated`.
 
     Raises:
-        TrackError: there is none, or its file describes none.
+        TrackError: there is no such course, or its file is not valid.
     """
     if name.endswith(".toml"):
         return read_course(Path(name))
@@ -63,7 +63,7 @@ def load_course(name: str) -> Course:
     known = ", ".join(track_names())
     raise TrackError(
         f"track {name!r} is unknown; choose one of {known}, give a .toml file, "
-        f"or have one drawn: {', '.join(DRAWN)}"
+        f"or a generated course: {', '.join(DRAWN)}"
     )
 
 
@@ -92,7 +92,7 @@ def _course_of(name: str, file: str, data: bytes) -> Course:
 
 
 def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
-    """Return what a track file says.
+    """Return the content of a track file.
 
     Raises:
         TrackError: names file, key and value of what is wrong.
@@ -101,29 +101,29 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
         words = tomllib.loads(data.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise TrackError(f"{file}: no TOML: {error}") from error
-    sheet = _TrackReader(file, words)
-    form = sheet.choice("form", FORMS, "")
+    reader = _TrackReader(file, words)
+    form = reader.choice("form", FORMS, "")
     plan = TrackSpec(
         name=name,
-        title=sheet.text("title", name),
+        title=reader.text("title", name),
         form=form,
-        scale=sheet.choice("scale", tuple(SCALES), "1/10"),
+        scale=reader.choice("scale", tuple(SCALES), "1/10"),
         digest=hashlib.sha256(name.encode() + data).hexdigest()[:16],
-        outer=sheet.loop("outer") if form == "blocks" else None,
-        inner=sheet.loop("inner") if form == "blocks" else None,
-        points=sheet.points() if form != "blocks" else np.zeros((0, 4)),
-        reverse=sheet.yes("reverse"),
-        kerb=sheet.number("kerb", 0.0, 0.0, 10.0),
-        grass=sheet.number("grass", 0.0, 0.0, 100.0),
-        gates=round(sheet.number("gates", GATES, 3, 200)),
-        sectors=round(sheet.number("sectors", SECTORS, 1, 20)),
-        line_at=sheet.pair("line_at"),
-        places=round(sheet.number("grid_places", MOST_PLACES, 1, MOST_PLACES)),
-        items=sheet.items(),
-        obstacles=tuple(sheet.obstacles()),
-        starts=sheet.rows("starts", 6, np.zeros((0, 6))),
+        outer=reader.loop("outer") if form == "blocks" else None,
+        inner=reader.loop("inner") if form == "blocks" else None,
+        points=reader.points() if form != "blocks" else np.zeros((0, 4)),
+        reverse=reader.yes("reverse"),
+        kerb=reader.number("kerb", 0.0, 0.0, 10.0),
+        grass=reader.number("grass", 0.0, 0.0, 100.0),
+        gates=round(reader.number("gates", GATES, 3, 200)),
+        sectors=round(reader.number("sectors", SECTORS, 1, 20)),
+        line_at=reader.pair("line_at"),
+        places=round(reader.number("grid_places", MOST_PLACES, 1, MOST_PLACES)),
+        items=reader.items(),
+        obstacles=tuple(reader.obstacles()),
+        starts=reader.rows("starts", 6, np.zeros((0, 6))),
     )
-    sheet.no_more()
+    reader.no_more()
     if plan.gates < plan.sectors:
         raise TrackError(f"{file}: gates = {plan.gates} is less than sectors = {plan.sectors}")
     return plan
@@ -131,7 +131,7 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
 
 @dataclass
 class _TrackReader:
-    """The words of a track file, taken out one by one."""
+    """The values of a track file, taken out one by one."""
 
     file: str
     words: dict[str, Any]

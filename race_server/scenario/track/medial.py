@@ -16,7 +16,7 @@ from race_server.scenario.track.polyline import (
 ROUNDS = 50
 LAST_ROUNDS = 5  # at the final spacing; the rounds before are that much coarser
 COARSE = 2.0
-# While the line finds its place it is smoothed a little, less and less.
+# While the line settles it is smoothed a little, less in each round.
 FIRST_SMOOTHING = 1.5
 FIRST_STEP = 0.2  # [m] from the inner border to where the walk begins
 MOST_STEP = 0.1  # [m] of the walk in one round
@@ -27,7 +27,7 @@ def medial_line(outer: Floats, inner: Floats, spacing: float) -> tuple[Floats, F
 
     outer, inner: closed polylines. The line holds all points between them that are as near to
     the one as to the other. It starts beside the inner border and walks half of the difference
-    of the two distances away from the nearer border until it stands still.
+    of the two distances away from the nearer border until it settles.
     """
     walls_out, walls_in = segments_of(outer), segments_of(inner)
     coarse = COARSE * spacing

@@ -52,7 +52,7 @@ def smooth(points: Floats, samples: float) -> Floats:
 def derivatives(points: Floats) -> tuple[Floats, Floats]:
     """Return heading [rad] in [-pi, pi) and curvature [1/m] of a closed curve at equal steps.
 
-    Derivatives are taken by Fourier series: exact for what the samples can show.
+    Derivatives are taken by Fourier series: exact for band-limited curves.
     """
     count = len(points)
     wave = 2j * np.pi * np.fft.rfftfreq(count) * count

@@ -15,7 +15,7 @@ from race_server.scenario.track.polyline import (
 )
 from race_server.scenario.track.skeleton import Corner, draw_path, whole, without_straights
 
-# Everything is counted in quarters of a metre, so that half a corridor is a whole number.
+# All lengths are counted in quarters of a metre, so that half a corridor is a whole number.
 UNIT = 0.25  # [m]
 CELLS = (4, 6)
 GAPS = (5, 7)  # between the lines of the grid, in steps of 0.5 m
@@ -82,7 +82,7 @@ def _borders(chance: Random, path: list[Corner]) -> tuple[list[Corner], list[Cor
 
 
 def _beside(path: list[Corner], left: list[int]) -> list[Corner]:
-    """Return the corners of a path whose sides lie so far to the left of another's."""
+    """Return the corners of a path whose sides lie at given distances left of another's."""
     corners = []
     for side, (x, y) in enumerate(path):
         for here in (side - 1, side):

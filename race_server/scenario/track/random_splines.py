@@ -30,7 +30,7 @@ SIZES = {
 }
 JITTER = 0.2  # of the distance between two lines of the grid: how far a point may stray
 _ROUGHLY = 0.9  # share of the least radius that three points in a row may show
-_ROUGH = 6.0  # spacings between the samples of the rough look
+_ROUGH = 6.0  # spacings between the samples of the rough check
 NARROWS = 0.2  # share of the half-width by which it varies along a course
 
 
@@ -72,10 +72,10 @@ def is_drivable(points: Floats, size: Size, spacing: float) -> bool:
     if len(points) < 4:
         return False
     narrowest, widest = float(points[:, 2:].min()), float(points[:, 2:].max())
-    # The inner border still needs a bend of its own.
+    # The inner border still needs a bend.
     least = max(size.least_radius, 1.15 * widest)
     if _tightest_circle(points[:, :2]) < _ROUGHLY * least:
-        return False  # most are turned down here, before the dear part
+        return False  # most are rejected here, before the expensive part
     for step, share in ((_ROUGH * spacing, 0.9), (2.0 * spacing, 1.0)):
         curve = periodic_spline(points, step)
         # Where two points lie close the spline of the widths may swing far beyond them.

@@ -1,4 +1,4 @@
-"""What a line of sight meets first, in plain numpy: for processes that load no compiler."""
+"""Ray casting against segments in plain numpy, for processes that load no compiler."""
 
 import numpy as np
 from numpy.typing import NDArray

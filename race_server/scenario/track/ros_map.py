@@ -29,8 +29,8 @@ MOST_PIXELS = 64_000_000
 
 
 @dataclass(frozen=True)
-class MapSheet:
-    """What the YAML file says."""
+class MapFile:
+    """The content of the YAML file."""
 
     image: Path
     resolution: float  # [m] per pixel
@@ -39,8 +39,8 @@ class MapSheet:
     free_below: float  # occupancy under which a pixel is free
 
 
-def read_sheet(path: Path) -> MapSheet:
-    """Return what a map's YAML file says.
+def read_map_file(path: Path) -> MapFile:
+    """Return the content of a map's YAML file.
 
     Raises:
         TrackError: it cannot be read, or a key is missing or wrong.
@@ -56,7 +56,7 @@ def read_sheet(path: Path) -> MapSheet:
             words[key.strip()] = value.strip().strip("'\"")
     try:
         origin = [float(word) for word in words["origin"].strip("[]").split(",")]
-        sheet = MapSheet(
+        map_file = MapFile(
             image=path.parent / words["image"],
             resolution=float(words["resolution"]),
             origin=(origin[0], origin[1], origin[2]),
@@ -67,11 +67,11 @@ def read_sheet(path: Path) -> MapSheet:
         raise TrackError(f"{path}: the key {error.args[0]} is missing") from error
     except (ValueError, IndexError) as error:
         raise TrackError(f"{path}: {error}") from error
-    if not 0.0 < sheet.resolution <= 10.0:
+    if not 0.0 < map_file.resolution <= 10.0:
         raise TrackError(
-            f"{path}: resolution = {sheet.resolution}: give metres per pixel, up to 10"
+            f"{path}: resolution = {map_file.resolution}: give metres per pixel, up to 10"
         )
-    return sheet
+    return map_file
 
 
 def read_ros_map(path: Path) -> Floats:
@@ -82,16 +82,18 @@ def read_ros_map(path: Path) -> Floats:
     Raises:
         TrackError: no map, or no closed corridor in it.
     """
-    sheet = read_sheet(path)
-    free = _largest(_free_pixels(sheet))
+    map_file = read_map_file(path)
+    free = _largest(_free_pixels(map_file))
     islands = _components(~free)
     outside, holes = islands[0], islands[1:]
     if not holes:
         raise TrackError(f"{path}: the free space has no island in it: no closed corridor")
     outer = _outline(~outside)
     inner = _outline(max(holes, key=lambda hole: int(hole.sum())))
-    step = sheet.resolution
-    outer, inner = (_to_world(smooth(line, 2.0), free.shape[0], sheet) for line in (outer, inner))
+    step = map_file.resolution
+    outer, inner = (
+        _to_world(smooth(line, 2.0), free.shape[0], map_file) for line in (outer, inner)
+    )
     line, _ = medial_line(outer, inner, 2.0 * step)
     if area_of(line) < 0.0:
         line = line[::-1]
@@ -103,18 +105,18 @@ def read_ros_map(path: Path) -> Floats:
     return np.column_stack([line, left, right])
 
 
-def _free_pixels(sheet: MapSheet) -> Mask:
+def _free_pixels(map_file: MapFile) -> Mask:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(sheet.image) as picture:
+        with Image.open(map_file.image) as picture:
             if picture.width * picture.height > MOST_PIXELS:
-                raise TrackError(f"{sheet.image}: larger than {MOST_PIXELS} pixels")
+                raise TrackError(f"{map_file.image}: larger than {MOST_PIXELS} pixels")
             grey = np.asarray(picture.convert("L"), dtype=np.float64) / 255.0
     except (OSError, UnidentifiedImageError, ValueError) as error:
-        raise TrackError(f"{sheet.image}: no picture that can be read: {error}") from error
-    occupied = grey if sheet.negate else 1.0 - grey
-    free: Mask = np.pad(occupied < sheet.free_below, 1)
+        raise TrackError(f"{map_file.image}: no picture that can be read: {error}") from error
+    occupied = grey if map_file.negate else 1.0 - grey
+    free: Mask = np.pad(occupied < map_file.free_below, 1)
     return free
 
 
@@ -168,7 +170,7 @@ def _outline(mask: Mask) -> Floats:
 def _next_way(mask: Mask, place: tuple[int, int], way: tuple[int, int]) -> tuple[int, int]:
     row, column = place
     dr, dc = way
-    # Pixels ahead on the right and on the left of the edge that leads on.
+    # Pixels ahead on the right and on the left of the edge that continues.
     right = mask[row + (dr - 1) // 2 + (dc == 1), column + (dc - 1) // 2 + (dr == -1)]
     left = mask[row + (dr - 1) // 2 + (dc == -1), column + (dc - 1) // 2 + (dr == 1)]
     if left:
@@ -176,12 +178,12 @@ def _next_way(mask: Mask, place: tuple[int, int], way: tuple[int, int]) -> tuple
     return way if right else (dc, -dr)
 
 
-def _to_world(pixels: Floats, height: int, sheet: MapSheet) -> Floats:
+def _to_world(pixels: Floats, height: int, map_file: MapFile) -> Floats:
     """Return points of the padded picture in the map's frame [m]."""
-    x = (pixels[:, 0] - 1.0) * sheet.resolution
-    y = (height - 1.0 - pixels[:, 1]) * sheet.resolution
-    angle = sheet.origin[2]
+    x = (pixels[:, 0] - 1.0) * map_file.resolution
+    y = (height - 1.0 - pixels[:, 1]) * map_file.resolution
+    angle = map_file.origin[2]
     cos, sin = math.cos(angle), math.sin(angle)
     return np.column_stack(
-        [sheet.origin[0] + cos * x - sin * y, sheet.origin[1] + sin * x + cos * y]
+        [map_file.origin[0] + cos * x - sin * y, map_file.origin[1] + sin * x + cos * y]
     )

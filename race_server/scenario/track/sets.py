@@ -37,7 +37,7 @@ def set_named(name: str) -> list[str]:
 
 
 def names_of(names: Iterable[str], track_set: str = "") -> tuple[str, ...]:
-    """Return the names of all tracks that are asked for: those named, then those of a set.
+    """Return the names of all wanted tracks: those named, then those of a set.
 
     Raises:
         ScenarioError: the set is unknown, or there is no track at all.

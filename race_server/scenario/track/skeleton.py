@@ -1,4 +1,4 @@
-"""Random closed paths along the lines of a grid: what generated courses are hung on."""
+"""Random closed paths along the lines of a grid, the basis of generated courses."""
 
 from random import Random
 
@@ -7,7 +7,7 @@ Corner = tuple[int, int]
 
 # The eight neighbours of a cell in order round it; those at even places share a side with it.
 _RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
-# Share of the cells beside two others that are taken all the same: they fill bays.
+# Share of the cells beside two others that are accepted anyway: they fill bays.
 _FILL = 0.25
 
 
@@ -22,7 +22,7 @@ def whole(chance: Random, low: int, high: int) -> int:
 def draw_path(chance: Random, cells: int, gaps: tuple[int, int]) -> list[Corner]:
     """Return the corners of a closed path that meets itself nowhere, counter-clockwise.
 
-    It runs round so many cells of a grid, whose lines lie `gaps` apart, each drawn anew.
+    It runs around a patch of `cells` cells of a grid whose lines lie at random distances.
     """
     corners = _outline(_grow(chance, cells))
     west, south = (min(corner[axis] for corner in corners) for axis in (0, 1))

@@ -1,1 +1,1 @@
-"""Measurements of our own speed, shown by `race bench`."""
+"""Benchmarks of this program, shown by `race bench`."""

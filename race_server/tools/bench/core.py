@@ -1,4 +1,4 @@
-"""How many karts one core can simulate, with sensors, and where the time goes."""
+"""How many karts one core can simulate, with sensors, and where time is spent."""
 
 import time
 from collections.abc import Callable
@@ -35,8 +35,8 @@ WORLDS, KARTS, DECISION_TICKS = 64, 8, 3
 
 
 @dataclass(frozen=True)
-class Setting:
-    """One thing to measure."""
+class BenchSetting:
+    """One configuration to measure."""
 
     course: Course
     sensors: int
@@ -44,7 +44,7 @@ class Setting:
     karts: int = KARTS
 
     def world(self) -> World:
-        """Return worlds in which all karts are under way, spread over the course."""
+        """Return worlds in which all karts race, spread over the course."""
         decision_s = DECISION_TICKS * TICK_S
         scenario = Scenario(
             self.course,
@@ -74,7 +74,7 @@ def spread_out(world: World) -> None:
 
 
 def lane_keeping(world: World) -> Floats:
-    """Return controls that keep every kart near the centre line at a pace of its own."""
+    """Return controls that keep every kart near the centre line, each at another speed."""
     bodies, racers = world.bodies, world.racers
     controls = np.zeros((*bodies.shape, 4))
     line = world.route.line
@@ -84,14 +84,14 @@ def lane_keeping(world: World) -> Floats:
     pace = 1.5 + 0.02 * np.arange(bodies.shape[1])
     controls[..., 1] = np.clip(pace - bodies["speed"], -1.0, 1.0)
     controls[..., 3] = (world.races["tick"][:, None] // DECISION_TICKS) % 2 * codes.USE_ITEM
-    # A kart in a jam backs out in turns.
+    # Karts in a jam take turns to reverse.
     jammed = (racers["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
     controls[..., 1] = np.where(jammed, -1.0, controls[..., 1])
     controls[..., 3] += codes.ACCEPT_RESCUE
     return controls
 
 
-def measure(setting: Setting, *, seconds: float = 2.0) -> dict[str, float]:
+def measure(setting: BenchSetting, *, seconds: float = 2.0) -> dict[str, float]:
     """Return agent-steps per second of one core; an agent-step is one decision of one kart."""
     world = setting.world()
     agents = setting.worlds * setting.karts
@@ -170,8 +170,8 @@ def _radar(world: World, rounds: int) -> None:
 
 
 def profile(course: Course) -> dict[str, float]:
-    """Return where the time of one agent-step goes [ns], each part alone in a loop."""
-    world = Setting(course, codes.LIDAR | codes.RADAR).world()
+    """Return the time of each part of one agent-step [ns], measured alone in a loop."""
+    world = BenchSetting(course, codes.LIDAR | codes.RADAR).world()
     substeps = DECISION_TICKS * SUBSTEPS
     rays = len(world.sight.lidar_rays)
     parts: list[tuple[str, Callable[[World, int], None], int]] = [
@@ -197,7 +197,7 @@ def _nanoseconds(part: Callable[[World, int], None], world: World) -> float:
     """Return the CPU time of one call for one kart [ns], the best of five runs."""
     world = deepcopy(
         world
-    )  # what one part leaves behind, say karts in walls, is not the next one's
+    )  # so that the effects of one part, such as karts in walls, do not reach the next
     part(world, 1)
     agents = world.bodies.size
     rounds = 20
@@ -212,9 +212,9 @@ def _nanoseconds(part: Callable[[World, int], None], world: World) -> float:
 def bench_core(course: Course, *, seconds: float = 2.0) -> dict[str, Any]:
     """Return the figures of `race bench core`."""
     parts = profile(course)
-    radar = measure(Setting(course, codes.RADAR), seconds=seconds)
-    lidar = measure(Setting(course, codes.LIDAR), seconds=seconds)
-    blind = measure(Setting(course, 0), seconds=seconds)
+    radar = measure(BenchSetting(course, codes.RADAR), seconds=seconds)
+    lidar = measure(BenchSetting(course, codes.LIDAR), seconds=seconds)
+    blind = measure(BenchSetting(course, 0), seconds=seconds)
     radar["ns_per_ray"] = parts["radar_ns_per_ray"]
     lidar["ns_per_ray"] = parts["lidar_ns_per_ray"]
     parts["without_sensors_agent_steps_per_s"] = blind["agent_steps_per_s"]

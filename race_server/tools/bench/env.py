@@ -1,4 +1,4 @@
-"""How fast the training world is, through each of its interfaces, next to highway-env."""
+"""How fast the training world is through each of its interfaces, beside highway-env."""
 
 import os
 import time
@@ -22,7 +22,7 @@ from race_server.tools.bench.core import profile
 
 TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")
-# Sensors that are read at every decision: twice as often as in a race, the dearest case.
+# Sensors that are read at every decision: twice as often as in a race, the slowest case.
 DECISION_HZ = 20
 FRESH_SENSORS: dict[str, Any] = {
     "lidar": Lidar(period_s=1.0 / DECISION_HZ),
@@ -31,7 +31,7 @@ FRESH_SENSORS: dict[str, Any] = {
 WARM_UP_SHARE = 0.25  # of the measured time, before it
 TAPE = 400  # decisions that are recorded and replayed through an interface for one race
 
-# What `scaling` measures: races of about so many karts in all, on a course with a long grid.
+# Karts in all races together that `scaling` measures, on a course with a long grid.
 CROWD, CROWDED_TRACK, CROWDED_VEHICLE = 512, "hangar-400", "kart-30"
 KARTS_PER_RACE = (1, 2, 4, 8, 16, 32, 64)
 WORLD_COUNTS = (1, 4, 16, 64, 256, 1024, 4096)  # the last are 320 MB of arrays
@@ -82,7 +82,7 @@ def _rate(batch: Batch, seconds: float) -> float:
 
 
 def _run(batch: Batch, seconds: float) -> float:
-    # On one core its own time counts, whatever else the machine does; several share the wall's.
+    # On one core CPU time is measured, which excludes other load; on several, wall time.
     clock = time.process_time if batch.threads == 1 else time.perf_counter
     steps, spent = 0, 0.0
     while spent < seconds:
@@ -120,7 +120,7 @@ def _replay_rate(
 
 
 def driving(batch: Batch) -> Floats:
-    """Return actions that keep every kart near the centre line at a pace of its own."""
+    """Return actions that keep every kart near the centre line, each at another speed."""
     world, learners = batch.world, batch.learners
     bodies, racers = world.bodies[:, :learners], world.racers[:, :learners]
     vehicles = world.vehicles[:, :learners]
@@ -130,7 +130,7 @@ def driving(batch: Batch) -> Floats:
     turn = aim - 0.5 * np.sin(racers["heading_error"])
     steering = np.arctan(turn) / vehicles["steering_limit"]
     pace = (0.15 + 0.002 * (np.arange(learners) % 8)) * vehicles["top_speed"]
-    # A kart in a jam backs out in turns.
+    # Karts in a jam take turns to reverse.
     jammed = (racers["still_ticks"] > 60) & (world.races["tick"][:, None] % 120 < 60)
     drive = np.where(jammed, -1.0, pace - bodies["speed"])
     return np.clip(np.stack([drive, steering, np.ones_like(drive)], axis=-1), -1.0, 1.0)
@@ -139,7 +139,7 @@ def driving(batch: Batch) -> Floats:
 def race_batch(
     observation: str | tuple[str, ...] = "radar", *, worlds: int = WORLDS, cores: int = 1
 ) -> Batch:
-    """Return the batch that the headline figures are measured with."""
+    """Return the batch of the main figures."""
     task = race_task(
         TRACK, karts=KARTS, observation=observation, random_start=True, **FRESH_SENSORS
     )
@@ -147,7 +147,7 @@ def race_batch(
 
 
 def crowded_batch(karts: int) -> Batch:
-    """Return races of so many karts, as many as make up the crowd."""
+    """Return races of `karts` karts, as many as give about `CROWD` karts."""
     scenario = scenario_on(CROWDED_TRACK, karts=karts, vehicle=CROWDED_VEHICLE, **FRESH_SENSORS)
     task = Task((scenario,), reward="race", random_start=True)
     return Batch(task, worlds=CROWD // karts, after=REENTER)
@@ -161,7 +161,7 @@ def _pettingzoo(seconds: float) -> float:
         rows = driving(race.batch)[0].astype(np.float32)
         return {agent: rows[race.possible_agents.index(agent)] for agent in race.agents}
 
-    # Nobody finishes while the tape runs, so that every step moves all agents.
+    # No kart finishes during the measurement, so that every step moves all agents.
     return KARTS * _replay_rate(race, act, lambda _: len(race.agents) < KARTS, seconds)
 
 
@@ -181,7 +181,7 @@ def _is_over(outcome: tuple[Any, ...]) -> bool:
 
 
 def _highway(seconds: float) -> tuple[dict[str, float | None], dict[str, Any]]:
-    """Return the figures of highway-env, None where it is not installed, and notes on them."""
+    """Return the figures of highway-env, None if it is not installed, and notes on them."""
     figures: dict[str, float | None] = {"highway_lidar": None, "highway_kinematics": None}
     try:
         import highway_env  # noqa: F401  # registers its environments
@@ -271,16 +271,16 @@ def plot_scaling(scaling: dict[str, Any], path: Path) -> None:
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=_INK)
     _draw_line(panels[0], scaling["karts_per_race"], "karts in a race")
     crowd = f"{CROWD} {CROWDED_VEHICLE} in all on {CROWDED_TRACK}, radar, one core"
-    _dress(panels[0], "How large a race may be", crowd)
+    _dress(panels[0], "Karts per race", crowd)
     _draw_line(panels[1], scaling["worlds"], "races at once")
     races = f"races of {KARTS} on {TRACK}"
-    _dress(panels[1], "How many races make a batch", f"{races}, radar, one core")
+    _dress(panels[1], "Races per batch", f"{races}, radar, one core")
     _draw_bars(panels[2], scaling["cores"])
-    _dress(panels[2], "What a second core adds", f"{WORLDS} {races}")
+    _dress(panels[2], "Cores", f"{WORLDS} {races}")
     try:
         figure.savefig(path, dpi=130, facecolor="white")
     except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path}: the picture cannot be written: {error}") from error
+        raise ScenarioError(f"{path}: cannot be written: {error}") from error
     finally:
         pyplot.close(figure)
 

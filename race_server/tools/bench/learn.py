@@ -1,4 +1,4 @@
-"""How much of a learner's time goes to the world: PPO on it, and on a world that costs nothing."""
+"""The share of the world in the time of PPO: training on it, and on a world that takes no time."""
 
 import statistics
 import time
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 WORLDS, KARTS = 64, 8
 DECISIONS, BATCH_SIZE, EPOCHS, NETWORK = 32, 4096, 4, (64, 64)
 ROLLOUTS = 8  # of each figure
-ROUNDS = 3  # in turns: ours, ceiling, ours, ceiling and so on
+ROUNDS = 3  # alternately: ours, ceiling, ours, ceiling and so on
 
 
 def bench_learn(*, rollouts: int = ROLLOUTS) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _learner(env: "VecEnv") -> "PPO":
 
 
 def _learn(learner: "PPO", rollouts: int) -> float:
-    """Return time steps per CPU second of so many rollouts, each with its gradient steps."""
+    """Return time steps per CPU second of rollouts, each with its gradient steps."""
     steps = rollouts * DECISIONS * WORLDS * KARTS
     begun = time.process_time()
     learner.learn(steps, reset_num_timesteps=False)
@@ -86,7 +86,7 @@ def _learn(learner: "PPO", rollouts: int) -> float:
 
 
 def _shares(learner: Any, env: Any, rollouts: int) -> dict[str, float]:
-    """Return where the CPU time of a learner goes."""
+    """Return the shares of the CPU time of a learner."""
     spent = {"world": 0.0, "gradients": 0.0}
 
     def timed(name: str, work: Callable[[], Any]) -> Callable[[], Any]:
@@ -105,7 +105,7 @@ def _shares(learner: Any, env: Any, rollouts: int) -> dict[str, float]:
 
 
 def _free_of_cost(like: "VecEnv") -> "VecEnv":
-    """Return an environment of the same shapes that always hands out the same arrays."""
+    """Return an environment of the same shapes that always returns the same arrays."""
     from race_server.envs.sb3 import KartVecEnv
 
     class Nothing(KartVecEnv):

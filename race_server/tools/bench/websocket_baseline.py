@@ -1,8 +1,8 @@
-"""The same race over websockets and JSON: the yardstick of `race drill load`.
+"""The same race over websockets and JSON: the baseline of `race drill load`.
 
-The world, the seats, the tick and what is told to whom how often are the same; only the way to
-the network is another: `websockets` on asyncio, and dictionaries that `orjson` writes and reads.
-Crowds of the same size drive and watch it.
+The world, the seats, the tick, the messages and their rates are the same; only the network layer
+differs: `websockets` on asyncio, and dictionaries that `orjson` writes and reads. As many clients
+drive and watch it.
 """
 
 import asyncio
@@ -60,7 +60,7 @@ class PeerServer:
             "peer", Scenario(load_course(track), karts=karts, rules=Rules(laps=1000))
         )
         for seat in range(karts):
-            self.session.join(f"crowd {seat}", "track", wanted=seat)
+            self.session.join(f"driver {seat}", "track", wanted=seat)
         self.drivers: dict[int, ServerConnection] = {}
         self.watchers: set[ServerConnection] = set()
         self.inbox: dict[int, str | bytes] = {}
@@ -147,7 +147,7 @@ class PeerServer:
         self.inbox.clear()
 
     def mark(self) -> None:
-        """Begin to count."""
+        """Start to count."""
         self.before = self._now()
 
     def _now(self) -> dict[str, Any]:
@@ -181,7 +181,7 @@ async def serve_race(port: int, karts: int, spectators: int, track: str) -> None
         print(json.dumps(peer.figures()), flush=True)
 
 
-# The crowds
+# The clients
 
 
 async def drive_all(port: int, karts: int) -> None:
@@ -225,7 +225,7 @@ async def watch_all(port: int, spectators: int) -> None:
 
     async def listen(number: int, connection: ClientConnection) -> None:
         async for message in connection:
-            # Standings come as well; only snapshots count.
+            # Standings arrive as well; only snapshots count.
             heard[number] += message[:15] == b'{"monotonic_us"'
 
     def mark() -> None:

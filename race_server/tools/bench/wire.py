@@ -1,4 +1,4 @@
-"""Messages written and read, and the way from a control to its own effect over loopback."""
+"""Encoding and decoding of messages, and the latency from control to effect over loopback."""
 
 import os
 import subprocess
@@ -69,7 +69,7 @@ def _microseconds(call: Any) -> float:
 
 @dataclass
 class Probe:
-    """What one client saw: when it sent each control, and when a snapshot showed it."""
+    """Times of one client: when it sent each control, and when a snapshot acknowledged it."""
 
     sent: dict[int, float]
     delays: list[float]
@@ -78,7 +78,7 @@ class Probe:
 def latency(karts: int, seconds: float) -> dict[str, Any]:
     """Return how long a control takes until a snapshot acknowledges it, with `karts` drivers.
 
-    A process of its own plays all drivers, each with its own session, at 60 controls a second.
+    A separate process plays all drivers, each with its own session, at 60 controls a second.
     """
     course = load_course(COURSE)
     scenario = Scenario(course, karts=karts, rules=Rules(laps=0, countdown_s=0.0, limit_s=seconds))
@@ -91,16 +91,16 @@ def latency(karts: int, seconds: float) -> dict[str, Any]:
     address = f"tcp/127.0.0.1:{17000 + os.getpid() % 20000}"
     with ServerLink(address, "bench", karts, real_time=True) as link:
         command = [sys.executable, "-m", "race_server.tools.bench.wire", address, str(karts)]
-        crowd = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        clients = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             server = RaceServer(session, link)
             server.wait_in_lobby(karts)
             begun, cpu = time.perf_counter(), time.process_time()
             result = server.race()
             spent = (time.process_time() - cpu) / (time.perf_counter() - begun)
-            output, _ = crowd.communicate(timeout=30.0)
+            output, _ = clients.communicate(timeout=30.0)
         finally:
-            crowd.kill()
+            clients.kill()
     p50, p99, worst, count = (float(word) for word in output.split())
     return {
         "p50_ms": round(p50, 2),
@@ -113,11 +113,11 @@ def latency(karts: int, seconds: float) -> dict[str, Any]:
     }
 
 
-class CrowdDriver:
-    """One of the clients: sends a control each tick, and notes when a snapshot shows it."""
+class LatencyClient:
+    """One of the clients: sends a control each tick, and times its acknowledgement."""
 
     def __init__(self, address: str, seat: int) -> None:
-        """Take a seat and be ready."""
+        """Take a seat and get ready."""
         from race_server.live.client.seat import take_seat
 
         self.link = ClientLink(address, "bench", timeout_s=30.0)
@@ -129,7 +129,7 @@ class CrowdDriver:
         self.lock = threading.Lock()
 
     def hear(self, data: bytes) -> None:
-        """Note when the newest snapshot shows a control of ours."""
+        """Record when the newest snapshot acknowledges a control."""
         now = time.perf_counter()
         frame = decode_snapshot(data)
         self.epoch, self.tick, self.phase = frame.epoch, frame.tick, frame.phase
@@ -149,9 +149,9 @@ class CrowdDriver:
         self.send(encode_control(control))
 
 
-def crowd(address: str, karts: int) -> None:
+def clients(address: str, karts: int) -> None:
     """Play all drivers; eight of them watch the snapshots. Prints p50, p99, max [ms] and count."""
-    drivers = [CrowdDriver(address, seat) for seat in range(karts)]
+    drivers = [LatencyClient(address, seat) for seat in range(karts)]
     watchers = drivers[:: max(karts // 8, 1)]
     for driver in watchers:
         driver.link.listen(topics.SNAPSHOT, driver.hear)
@@ -179,4 +179,4 @@ def crowd(address: str, karts: int) -> None:
 
 
 if __name__ == "__main__":
-    crowd(sys.argv[1], int(sys.argv[2]))
+    clients(sys.argv[1], int(sys.argv[2]))

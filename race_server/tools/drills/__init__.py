@@ -1,1 +1,1 @@
-"""Drills: what may go wrong in a session, done on purpose, with figures."""
+"""Drills: provoked failures and attacks on a live session, with figures."""

@@ -1,9 +1,9 @@
 """A process that floods a racing server with damaged, crafted and forged messages.
 
-It is three at once: an outsider, who holds no seat and shows badges that it has made up; an
-insider with a seat of its own, whose controls come with its true badge; and an insider whose kart
-exists, who sends poses. The outsider's controls and poses may well be whole ones of this very
-race: without the badge none of them may count.
+It plays three parts at once: an outsider without a seat, with invented badges; an insider with a
+seat and its true badge, who sends controls; and an insider with a real kart, who sends poses. The
+outsider's controls and poses may be valid ones of the present race: without the badge none of them
+may count.
 """
 
 import random
@@ -28,11 +28,11 @@ from race_server.net.wire.topics import key_of
 from race_server.tools.drills.damage import Inbound, crafted, inbound, mutated
 from race_server.tools.drills.server_process import SESSION
 
-# Of so many messages one is a request, one is empty, and one goes with a liveliness token.
+# Of this many messages one is a request, one is empty, and one comes with a liveliness token.
 ASK_EVERY, EMPTY_EVERY, TOKEN_EVERY = 10, 200, 500
 # A share of the messages is left whole, a share is crafted, the others are damaged.
 WHOLE, CRAFTED = 0.1, 0.1
-# Beside a forged message: nothing, what no badge looks like, and badges that are nobody's.
+# Sent with a forged message: no badge, malformed badges, and badges of no seat.
 FALSE_BADGES = (b"", b"\0", b"0" * 32, b"\xff" * 60, badge_of(1).encode(), badge_of(2).encode())
 
 
@@ -45,9 +45,9 @@ class Way:
 
 
 def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> None:
-    """Take two seats, wait for a word on stdin, and send messages; says how many so far.
+    """Take two seats, wait for a line on stdin, and send messages; prints how many so far.
 
-    honest: so many seats belong to others, the attacker's come right after them.
+    honest: number of seats of honest drivers; the attacker's seats follow them.
     """
     insiders = [_take(address, honest, tracked=False), _take(address, honest + 1, tracked=True)]
     for insider in insiders:
@@ -59,7 +59,7 @@ def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> No
     with zenoh.open(_plain_config(address)) as outside:
         puts = [
             *_forgeries(outside, control, range(honest), chance),
-            # Poses are heard only where a real kart sits, and that is the second insider's seat.
+            # Poses are received only for the seat of a real kart, which is the second insider's.
             *_forgeries(outside, pose, range(honest + 2), chance),
             *(Way(kind, insiders[0].send) for kind in (control, pose)),
             *(Way(kind, insiders[1].send) for kind in (pose, control)),
@@ -77,7 +77,7 @@ def _take(address: str, number: int, *, tracked: bool) -> ClientSeat:
 
 
 def _plain_config(address: str) -> zenoh.Config:
-    """Return what anybody would connect with who has read zenoh's manual."""
+    """Return the plain zenoh configuration of a client without keys."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", f'["{address}"]')
@@ -98,7 +98,7 @@ def _pose_of(epoch: int) -> Inbound:
 def _forgeries(
     outside: zenoh.Session, kind: Inbound, seats: Iterable[int], chance: random.Random
 ) -> Iterator[Way]:
-    """Yield how an outsider can speak for each of some seats."""
+    """Yield the messages by which an outsider can impersonate each of some seats."""
     for seat in seats:
         put = outside.declare_publisher(key_of(kind.topic, SESSION, seat)).put
         yield Way(kind, partial(_put_forged, put, chance))
@@ -109,12 +109,12 @@ def _put_forged(put: Callable[..., None], chance: random.Random, message: bytes)
 
 
 def _asks(outside: zenoh.Session) -> Iterator[Way]:
-    """Yield how anybody can make requests."""
+    """Yield the requests that any client can send."""
     for kind in inbound():
         if kind.topic in topics.QUERIES:
             yield Way(kind, _asker(outside, key_of(kind.topic, SESSION, 0)))
     for topic in (topics.COURSE, topics.RULES, topics.RECENT, topics.TABLE):
-        # These carry nothing, so anything is too much.
+        # These carry no payload, so any payload is too large.
         yield Way(Inbound(topic, bytes(64), bytes), _asker(outside, key_of(topic, SESSION)))
 
 
@@ -126,7 +126,7 @@ def _asker(outside: zenoh.Session, key: str) -> Callable[[bytes], None]:
 
 
 def _ignore(_reply: zenoh.Reply) -> None:
-    """Nobody waits for the answer."""
+    """Ignore the answer."""
 
 
 def _send_all(
@@ -170,7 +170,7 @@ def _message(kind: Inbound, special: dict[str, list[bytes]], chance: random.Rand
 
 
 def _show_token(outside: zenoh.Session, chance: random.Random) -> None:
-    """Show a token with a false badge, of a seat of others or one that cannot be; take it away."""
+    """Declare and undeclare a token with a false badge, of another seat or an impossible one."""
     seat = chance.choice((0, 1, 4_000_000_000, -2))
     badge = chance.choice(("x", "0" * 32, badge_of(1)))
     key = key_of(topics.ALIVE, SESSION, seat, badge)

@@ -1,7 +1,7 @@
 """Many browsers in one process, without a screen: they watch, or one of them drives.
 
-A process of the crowd says ``ready``, begins to count at the line ``mark`` on stdin, and prints
-its figures at ``end``, as those of `race_server.tools.drills.load_clients` do.
+The process prints ``ready``, starts to count at the line ``mark`` on stdin, and prints its figures
+at ``end``, as those of `race_server.tools.drills.load_clients` do.
 """
 
 import asyncio
@@ -41,7 +41,9 @@ def socket_of(base: str, **named: Any) -> connect:
 
 async def welcomed(socket: ClientConnection, **hello: Any) -> dict[str, Any]:
     """Say hello and return the answer: a welcome or a refusal."""
-    with suppress(ConnectionClosed):  # refused before it spoke: the reason can still be read
+    with suppress(
+        ConnectionClosed
+    ):  # refused before it sent anything: the reason can still be read
         await socket.send(json.dumps(hello))
     while True:
         heard = await socket.recv()
@@ -54,7 +56,7 @@ class Watchers:
     """Browsers that watch and count."""
 
     def __init__(self, base: str, count: int) -> None:
-        """Count for each, from zero."""
+        """Start to count, from zero for each."""
         self._base = base
         self._heard = [0] * count
         self._before = [0] * count
@@ -87,11 +89,11 @@ class Watchers:
                 self._there -= 1
 
 
-class Driver:
-    """A browser that drives, badly but without a break."""
+class BrowserDriver:
+    """A browser that drives, badly but without interruption."""
 
     def __init__(self, base: str, token: str) -> None:
-        """Begin with no control sent."""
+        """Start before the first control."""
         self._base, self._token = base, token
         self._sent: dict[int, float] = {}
         self._delays: list[float] = []
@@ -162,5 +164,5 @@ if __name__ == "__main__":
     kind, where, more = sys.argv[1:4]
     # Real browsers are on other machines: these must not take the server's time.
     os.nice(NICE)
-    player = Watchers(where, int(more)) if kind == "watchers" else Driver(where, more)
+    player = Watchers(where, int(more)) if kind == "watchers" else BrowserDriver(where, more)
     asyncio.run(player.run())

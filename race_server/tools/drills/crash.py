@@ -1,9 +1,9 @@
-"""The server is killed in the middle of races, again and again; no lap may be lost.
+"""Kill the server in the middle of races, several times; no lap may be lost.
 
 Each race is a real server with its guard and eight driver processes; some of the karts may be real
-ones, played by plants, which have to be believed again each time. A spectator hears what is
-announced, and the drill holds every lap that was announced against the result, the recording and
-the results file at the end.
+ones, played by plants, which the server has to trust again each time. A spectator records what is
+announced, and the drill compares every announced lap with the result, the recording and the
+results file at the end.
 """
 
 import json
@@ -40,17 +40,17 @@ from race_server.tools.drills.report import document_of
 
 TRACK, LAPS, KARTS = "oval-report", 6, 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
-# A kill comes so long after the race goes on [s].
+# Time from the start or the resumption of a race to the next kill [s].
 SOONEST_S, LATEST_S = 0.3, 2.0
-RESUME_S = 1.0  # in which the race has to go on
+RESUME_S = 1.0  # limit for a race to resume
 PATIENCE_S = 30.0
 
 Lap = tuple[int, int, int]  # seat, number, time [µs]
 
 
 @dataclass
-class Spectator:
-    """Hears a race over the network, as anybody can, and remembers what it was told."""
+class CrashSpectator:
+    """Records what a spectator receives of a race over the network."""
 
     laps: set[Lap] = field(default_factory=set)
     tick: int = -1
@@ -58,13 +58,13 @@ class Spectator:
     phase: Phase = Phase.LOBBY
 
     def hear_events(self, data: bytes) -> None:
-        """Take note of announced laps."""
+        """Record announced laps."""
         for event in decode_events(data)[1]:
             if event.kind is EventKind.LAP:
                 self.laps.add((event.kart, event.other, event.value))
 
     def hear_snapshot(self, data: bytes) -> None:
-        """Take note of the time."""
+        """Record the tick, the phase and the time."""
         try:
             frame = decode_snapshot(data)
         except WireError:
@@ -72,13 +72,13 @@ class Spectator:
         self.tick, self.phase, self.heard_at = frame.tick, frame.phase, time.monotonic()
 
     def hears_since(self, moment: float) -> bool:
-        """Return whether a snapshot has come after a time of `time.monotonic`."""
+        """Return whether a snapshot arrived after a time of `time.monotonic`."""
         return self.heard_at > moment
 
 
 @dataclass
 class RaceReport:
-    """What became of one race."""
+    """Report on one race."""
 
     kills: int = 0
     resume_s: list[float] = field(default_factory=list)
@@ -90,9 +90,9 @@ class RaceReport:
 def drill_crash(
     times: int, *, real: int = 0, seed: int = 1, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Kill a racing server so many times and return the figures.
+    """Kill a racing server `times` times and return the figures.
 
-    real: so many of the karts exist; tell: is told the number of kills so far.
+    real: number of real karts; tell: called with the number of kills so far.
     """
     chance = random.Random(seed)
     reports: list[RaceReport] = []
@@ -130,7 +130,7 @@ def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
 
 
 def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
-    """Run one race, killing its server up to `most` times, and check what is left of it."""
+    """Run one race, killing its server at most `most` times, and check what it wrote."""
     report = RaceReport()
     with tempfile.TemporaryDirectory(prefix="drill-") as folder, process_group() as group:
         place = Path(folder)
@@ -161,7 +161,7 @@ def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) 
         group.start([*(plant if seat in spread(real, KARTS) else ["drive", name]), *ask], log)
 
 
-def _watch(address: str) -> tuple[Spectator, ClientLink]:
+def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
     deadline = time.monotonic() + START_S
     while True:
         try:
@@ -170,7 +170,7 @@ def _watch(address: str) -> tuple[Spectator, ClientLink]:
             if time.monotonic() > deadline:
                 raise
             continue
-        spectator = Spectator()
+        spectator = CrashSpectator()
         link.listen(topics.EVENTS, spectator.hear_events)
         link.listen(topics.SNAPSHOT, spectator.hear_snapshot)
         return spectator, link
@@ -178,13 +178,13 @@ def _watch(address: str) -> tuple[Spectator, ClientLink]:
 
 def _kill_and_wait(
     group: ProcessGroup,
-    spectator: Spectator,
+    spectator: CrashSpectator,
     report: RaceReport,
     most: int,
     chance: random.Random,
     tell: Callable[[int], None],
 ) -> None:
-    """Kill the server at random moments of the race, each time it races again."""
+    """Kill the server at random moments, each time after the race resumed."""
     guard = group.processes[0].pid
     _wait(lambda: spectator.phase in {Phase.COUNTDOWN, Phase.RUNNING}, START_S, "start")
     while report.kills < most:
@@ -196,15 +196,15 @@ def _kill_and_wait(
         killed_at = time.monotonic()
         os.kill(children[0], signal.SIGKILL)
         report.kills += 1
-        # What was still on its way when the server died is not a sign of life.
-        _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "go on")
+        # A message that was on its way when the server died does not count.
+        _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "resume")
         report.resume_s.append(spectator.heard_at - killed_at)
         report.lost_ticks.append(max(tick - spectator.tick, 0))
         tell(report.kills)
 
 
 def _children(parent: int) -> list[int]:
-    """Return the processes that a process has forked (Linux: /proc)."""
+    """Return the child processes of a process (Linux: /proc)."""
     path = Path(f"/proc/{parent}/task/{parent}/children")
     return [int(word) for word in path.read_text().split()] if path.exists() else []
 
@@ -217,8 +217,10 @@ def _wait(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
         time.sleep(0.002)
 
 
-def _check(place: Path, spectator: Spectator, real: tuple[int, ...], report: RaceReport) -> None:
-    """Hold what was announced against result, recording and results file."""
+def _check(
+    place: Path, spectator: CrashSpectator, real: tuple[int, ...], report: RaceReport
+) -> None:
+    """Compare the announced laps with result, recording and results file."""
     result = place / "result.json"
     if not result.exists():
         report.faults.append("the race ended without a result")
@@ -246,4 +248,4 @@ def _check(place: Path, spectator: Spectator, real: tuple[int, ...], report: Rac
     if rerun.difference is not None:
         report.faults.append(f"its recording differs from tick {rerun.difference.tick} on")
     elif rerun.session.digest() != document["digest"]:
-        report.faults.append("its recording ends in another world than the race")
+        report.faults.append("its recording ends with another digest than the race")

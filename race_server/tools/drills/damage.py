@@ -1,4 +1,4 @@
-"""Damaged and crafted messages, and what the decoders of the server make of them."""
+"""Damaged and crafted messages, and how the decoders of the server take them."""
 
 import gc
 import random
@@ -19,14 +19,14 @@ from race_server.net.wire.lobby import encode_seat_act as encode_act
 from race_server.net.wire.pose import PoseFrame, decode_pose, encode_pose
 from race_server.net.wire.topics import Topic
 
-# Words at which readers of offsets and counts stumble.
+# Values at which readers of offsets and counts fail.
 HOSTILE_WORDS = (0, 1, 4, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFF0, 0xFFFFFFFF)
 U32 = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
 class Inbound:
-    """A topic on which anybody may send something to the server."""
+    """A topic on which clients send to the server."""
 
     topic: Topic
     sample: bytes  # whole
@@ -51,7 +51,7 @@ def inbound() -> tuple[Inbound, ...]:
 
 
 def crafted(kind: Inbound) -> Iterator[bytes]:
-    """Yield messages that are made to fool a reader rather than damaged by chance."""
+    """Yield messages crafted to mislead a reader, not damaged at random."""
     sample, most = kind.sample, kind.topic.most_bytes
     yield from (b"", b"\0", sample[:4], sample[:8], sample[:11])
     yield sample + bytes(most)  # too long
@@ -71,7 +71,7 @@ def crafted(kind: Inbound) -> Iterator[bytes]:
 
 
 def mutated(sample: bytes, chance: random.Random) -> bytes:
-    """Return a message cut short, with bits flipped or with hostile words in it."""
+    """Return a message cut short, with bits flipped or with hostile values in it."""
     draw = chance.random()
     if draw < 0.2:
         return sample[: chance.randrange(len(sample))]
@@ -88,7 +88,7 @@ def mutated(sample: bytes, chance: random.Random) -> bytes:
 
 
 def messages_for(kind: Inbound, count: int, chance: random.Random) -> Iterator[bytes]:
-    """Yield so many hostile messages of a topic, the crafted ones first."""
+    """Yield `count` hostile messages of a topic, the crafted ones first."""
     for made, message in enumerate(crafted(kind)):
         if made == count:
             return
@@ -99,7 +99,7 @@ def messages_for(kind: Inbound, count: int, chance: random.Random) -> Iterator[b
 
 @dataclass
 class Toll:
-    """What became of messages that were decoded."""
+    """Counts of decoded messages."""
 
     decoded: int = 0
     accepted: int = 0  # harmless damage: the values are within their limits
@@ -109,7 +109,7 @@ class Toll:
 
 
 def decode_all(count: int, seed: int) -> Toll:
-    """Decode so many hostile messages, spread over all inbound topics."""
+    """Decode hostile messages, spread over all inbound topics."""
     toll, chance = Toll(), random.Random(seed)
     kinds = inbound()
     gc.collect()
@@ -125,7 +125,7 @@ def decode_all(count: int, seed: int) -> Toll:
 
 
 def _decode(kind: Inbound, message: bytes, toll: Toll) -> None:
-    """Decode a message. Time is this thread's own: others who want the core do not count."""
+    """Decode a message; time is CPU time of this thread, so that other load does not count."""
     begun = time.thread_time_ns()
     try:
         kind.decode(message)

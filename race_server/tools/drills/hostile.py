@@ -1,8 +1,8 @@
 """Damaged and crafted messages on every inbound topic, while a race runs.
 
-They are decoded twice: here, where each can be timed and every exception seen, and by a real
-server in the middle of a race, whose clock must not notice and whose drivers must keep their
-seats; see `attacker` for who sends them there.
+They are decoded twice: here, where each is timed and every exception is seen, and by a real server
+in the middle of a race, whose ticks must stay on time and whose drivers must keep their seats. The
+process that sends them there is `attacker`.
 """
 
 import subprocess
@@ -26,22 +26,22 @@ from race_server.tools.drills.server_process import (
 
 TRACK, KARTS = "oval-report", 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
-QUIET_S = 15.0  # of the same race before, as the yardstick
+QUIET_S = 15.0  # of the same race before, as the baseline
 WORST_MS = 1.0
-# Missed ticks that any machine with other work has now and then; the quiet part may show none.
+# Missed ticks that other load may cause on any machine, even if the baseline has none.
 SPARE = 0.001
-# Seats that the attacker takes itself: one with a simulated kart, one with a kart that exists.
+# Seats of the attacker: one with a simulated kart, one with a real kart.
 INSIDERS = 2
-# Of the attack, in which a driver that races on had no fresh control: a bit happens on any machine.
+# Time of the attack in which an honest driver had no fresh control: some is normal.
 SILENT_SHARE = 0.05
-# What the attack must have met, or it was none.
+# Refusals that the attack must have caused, or it did not arrive.
 MUST_MEET = ("control without the seat's badge", "pose without the seat's badge")
 
 
 def drill_hostile(
     messages: int, *, rate: int, seed: int = 1, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Send so many hostile messages to a racing server, so many a second; return the figures."""
+    """Send hostile messages to a racing server at `rate` a second and return the figures."""
     toll = decode_all(messages, seed)
     worst_ms = toll.worst_ns / 1e6
     faults = []
@@ -67,7 +67,7 @@ def drill_hostile(
 def _attack(
     messages: int, rate: int, seed: int, faults: list[str], tell: Callable[[int], None]
 ) -> dict[str, Any]:
-    """Attack a race and return what became of it; what should not be goes into `faults`."""
+    """Attack a race and return its figures; append what is wrong to `faults`."""
     words = ["--track", TRACK, "--karts", str(KARTS + INSIDERS), "--laps", "1000"]
     with server_process([*words, "--record", "none"]) as place:
         for seat in range(KARTS):
@@ -91,7 +91,7 @@ def _attack(
     if "Traceback" in said or "callback error" in said:
         faults.append("the server or a driver has printed an exception")
     unmet = [reason for reason in MUST_MEET if not document["refused"].get(reason)]
-    faults += [f"nothing was refused as {reason!r}: the attack has missed" for reason in unmet]
+    faults += [f"nothing was refused as {reason!r}: the attack did not arrive" for reason in unmet]
     return _compare(before, middle, after, faults) | {
         "sent": sent,
         "laps": sum(kart["laps"] for kart in document["karts"]),
@@ -100,7 +100,7 @@ def _attack(
 
 
 def _release(attacker: subprocess.Popen[str], tell: Callable[[int], None]) -> int:
-    """Let the attacker begin and return how many messages it has sent in the end."""
+    """Start the attacker and return the number of messages that it sent."""
     assert attacker.stdin is not None
     assert attacker.stdout is not None
     attacker.stdin.write("go\n")
@@ -135,6 +135,6 @@ def _compare(before: Figures, middle: Figures, after: Figures, faults: list[str]
 
 
 def _silent_s(before: Figures, after: Figures) -> float:
-    """Return for how long the honest driver that suffered most had no fresh control [s]."""
+    """Return the longest time without a fresh control of an honest driver [s]."""
     names = [f'race_silent_seconds_total{{seat="{seat}"}}' for seat in range(KARTS)]
     return max(after.get(name, 0.0) - before.get(name, 0.0) for name in names)

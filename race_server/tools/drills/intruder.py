@@ -1,4 +1,4 @@
-"""Somebody with a zenoh session of their own, who keeps to no rule of our client."""
+"""A client with a raw zenoh session that keeps to no rule of our own client."""
 
 import itertools
 import time
@@ -14,11 +14,11 @@ from race_server.net.auth.settings import client_settings
 from race_server.net.transport import open_session
 from race_server.tools.drills.served_session import SESSION
 
-# What is let through arrives within a millisecond on this machine.
+# Messages that pass arrive within a millisecond on one machine.
 SETTLE_S = 0.25
 ANSWER_S = 0.4
 LOGIN_S = 0.7
-# What comes sooner after another may fall to the limit on its rate, instead of to what is tried.
+# Sooner after another one, a message may be refused by the rate limit instead of by the rule.
 PACE_S = 0.02
 
 _numbers = itertools.count()
@@ -30,35 +30,35 @@ def key(name: str) -> str:
 
 
 def mark() -> bytes:
-    """Return a payload that is not sent twice."""
+    """Return a payload that is unique."""
     return f"intruder {next(_numbers)}".encode()
 
 
 @dataclass
 class Ears:
-    """What arrived somewhere."""
+    """Payloads that arrived at one place."""
 
     heard: set[bytes] = field(default_factory=set)
     count: int = 0
 
     def hear(self, payload: bytes) -> None:
-        """Remember a payload."""
+        """Record a payload."""
         self.count += 1
         self.heard.add(payload)
 
     def hear_at(self, _: str, payload: bytes) -> None:
-        """Remember a payload, wherever it came in."""
+        """Record a payload of any topic."""
         self.hear(payload)
 
 
 class Intruder:
-    """A raw connection with somebody's keys."""
+    """A raw connection with given keys."""
 
     def __init__(self, address: str, keys: ClientKeys | None, **changes: Any) -> None:
         """Connect; `changes` replace zenoh's settings.
 
         Raises:
-            ZError: not let in.
+            ZError: the connection is refused.
         """
         settings = client_settings(address, keys, LOGIN_S) | changes
         self.session = open_session(settings)
@@ -77,7 +77,7 @@ class Intruder:
         return payload
 
     def ask(self, full_key: str, payload: bytes = b"") -> bytes | None:
-        """Return the answer to a query, None where there is none."""
+        """Return the answer to a query, None without one."""
         time.sleep(PACE_S)
         with suppress(zenoh.ZError):
             for reply in self.session.get(full_key, payload=payload, timeout=ANSWER_S):
@@ -86,7 +86,7 @@ class Intruder:
         return None
 
     def overhears(self, full_key: str, provoke: Callable[[], None]) -> bool:
-        """Return whether a subscription hears anything of what `provoke` brings about."""
+        """Return whether a subscription receives anything that `provoke` causes."""
         ears = Ears()
         subscriber = self.session.declare_subscriber(
             full_key, lambda sample: ears.hear(sample.payload.to_bytes())
@@ -99,7 +99,7 @@ class Intruder:
 
 
 def is_let_in(address: str, keys: ClientKeys | None, **changes: Any) -> bool:
-    """Return whether a connection with these keys comes about."""
+    """Return whether a connection with these keys is accepted."""
     try:
         with Intruder(address, keys, **changes):
             return True

@@ -1,7 +1,7 @@
-"""A full hall: many karts, many spectators, for minutes; next to it the same over websockets.
+"""Load test: many karts and spectators for minutes; then the same over websockets.
 
-Both servers run one after the other with crowds of the same size on the same machine, and the
-crowds share its cores with the server: the two columns are to be compared with each other.
+Both servers run one after the other with as many clients on the same machine, and the clients share
+its cores with the server: only the comparison of the two columns means something.
 """
 
 import json
@@ -23,8 +23,8 @@ from race_server.tools.drills.report import document_of
 from race_server.tools.drills.server_process import (
     Figures,
     ServerProcess,
-    pace_between,
     server_process,
+    tick_times_between,
     ticks_between,
 )
 
@@ -36,7 +36,7 @@ DURATION, LATENESS = "race_tick_duration_seconds", "race_tick_lateness_seconds"
 
 
 class LoadClients:
-    """A process that plays many clients and obeys on stdin."""
+    """A process that plays many clients and takes commands on stdin."""
 
     def __init__(self, words: Sequence[str]) -> None:
         """Start ``python -m race_server.tools.drills.…``."""
@@ -53,17 +53,17 @@ class LoadClients:
         )
 
     def wait_until_ready(self) -> None:
-        """Wait until all its clients are there."""
+        """Wait until all its clients are connected."""
         self._read()
 
     def tell(self, word: str) -> None:
-        """Say a word to it."""
+        """Send it a command."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{word}\n")
         self._process.stdin.flush()
 
     def end(self) -> dict[str, Any]:
-        """Let it end, and return its figures."""
+        """End it, and return its figures."""
         self.tell("end")
         document: dict[str, Any] = json.loads(self._read())
         return document
@@ -72,32 +72,32 @@ class LoadClients:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
-            raise RaceError(f"a crowd of the drill has ended with {self._process.wait()}")
+            raise RaceError(f"a process of clients has ended with {self._process.wait()}")
         return line
 
     def kill(self) -> None:
-        """End it for good."""
+        """Kill it."""
         self._process.kill()
         self._process.communicate()
 
 
 @contextmanager
 def load_clients(*all_words: Sequence[str]) -> Iterator[list[LoadClients]]:
-    """Start crowds, one for each list of words; they end with the block."""
+    """Start processes of clients, one for each list of arguments; they end with the block."""
     with ExitStack() as stack:
         started = []
         for words in all_words:
-            started.append(crowd := LoadClients(words))
-            stack.callback(crowd.kill)
+            started.append(clients := LoadClients(words))
+            stack.callback(clients.kill)
         yield started
 
 
 def drill_load(
     karts: int, spectators: int, minutes: float, *, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Race before a full hall for some minutes and return the figures of both servers.
+    """Race with many clients for some minutes and return the figures of both servers.
 
-    tell: is told how many seconds of both have gone by.
+    tell: called with the seconds passed so far, of both.
     """
     seconds = 60.0 * min(minutes, MOST_MINUTES)
     ours = _load_race_server(karts, spectators, seconds, tell)
@@ -118,7 +118,7 @@ def drill_load(
         cores=os.cpu_count(),
         race_server=ours,
         websockets_orjson=peer,
-        note="" if peer else "no comparison: `pip install race-server[bench]` brings it",
+        note="" if peer else "no comparison: `pip install race-server[bench]` installs it",
     )
 
 
@@ -126,12 +126,12 @@ def _load_race_server(
     karts: int, spectators: int, seconds: float, tell: Callable[[int], None]
 ) -> dict[str, Any]:
     words = ["--track", TRACK, "--karts", str(karts), "--laps", "1000", "--record", "none"]
-    crowd = "race_server.tools.drills.load_clients"
+    clients = "race_server.tools.drills.load_clients"
     with (
         server_process(words) as place,
         load_clients(
-            [crowd, "spectators", place.address, str(spectators)],
-            [crowd, "drivers", place.address, str(karts)],
+            [clients, "spectators", place.address, str(spectators)],
+            [clients, "drivers", place.address, str(karts)],
         ) as (watching, driving),
     ):
         watching.wait_until_ready()
@@ -148,9 +148,9 @@ def _load_race_server(
     return _column(before, after, told, cpu / wall, memory) | {"machine_busy": busy}
 
 
-def _mark(place: ServerProcess, all_crowds: Sequence[LoadClients]) -> tuple[Figures, float]:
-    for crowd in all_crowds:
-        crowd.tell("mark")
+def _mark(place: ServerProcess, all_clients: Sequence[LoadClients]) -> tuple[Figures, float]:
+    for clients in all_clients:
+        clients.tell("mark")
     return place.figures(), time.perf_counter()
 
 
@@ -166,8 +166,8 @@ def _load_peer(
             watching.wait_until_ready()
             driving.wait_until_ready()
             time.sleep(WARM_UP_S + 3.0)  # its countdown
-            for crowd in (server, watching, driving):
-                crowd.tell("mark")
+            for clients in (server, watching, driving):
+                clients.tell("mark")
             busy = _pass_time(seconds, tell)
             counted = server.end()
             told = watching.end() | driving.end()
@@ -180,7 +180,7 @@ def _load_peer(
 
 
 def _as_figures(counted: dict[str, Any]) -> Figures:
-    """Return what the peer has counted under the names of the server's metrics."""
+    """Return the counts of the websocket server under the names of our metrics."""
     figures = {"race_ticks_total": counted["ticks"], "race_ticks_missed_total": counted["missed"]}
     for name, key, ends in (
         (DURATION, "duration", DURATIONS),
@@ -199,7 +199,7 @@ def _column(
     """Return the figures of one server; times of ticks are upper ends of bins."""
     ticks, _ = ticks_between(before, after)
     return {
-        **pace_between(before, after, {"tick": DURATION, "lateness": LATENESS}),
+        **tick_times_between(before, after, {"tick": DURATION, "lateness": LATENESS}),
         **told,
         "heard_share": round(told["heard_mean"] / max(ticks, 1.0), 3),
         "cpu": round(cpu, 3),
@@ -209,7 +209,7 @@ def _column(
 
 
 def _pass_time(seconds: float, tell: Callable[[int], None]) -> float | None:
-    """Wait, and return how many cores of the machine were busy meanwhile (Linux: /proc)."""
+    """Wait, and return the mean number of busy cores of the machine (Linux: /proc)."""
     begun, before = time.monotonic(), _busy_s()
     while (gone := time.monotonic() - begun) < seconds:
         tell(round(gone))
@@ -219,7 +219,7 @@ def _pass_time(seconds: float, tell: Callable[[int], None]) -> float | None:
 
 
 def _busy_s() -> float | None:
-    """Return for how long the cores of this machine have worked since it started, together."""
+    """Return the total busy time [s] of all cores since the machine started."""
     path = Path("/proc/stat")
     if not path.exists():
         return None

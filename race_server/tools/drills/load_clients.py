@@ -1,7 +1,7 @@
-"""Many drivers and spectators in few processes, over zenoh: each has a session of its own.
+"""Many drivers and spectators in few processes, over zenoh: each has a separate session.
 
-A process of the crowd says ``ready``, begins to count at the line ``mark`` on stdin, and prints
-its figures at ``end``.
+The process prints ``ready``, starts to count at the line ``mark`` on stdin, and prints its figures
+at ``end``.
 """
 
 import json
@@ -30,7 +30,7 @@ THROTTLE = 0.15
 
 
 def pilot(layout: Layout, values: Sequence[float]) -> Control:
-    """Return a control that keeps a kart near the centre line; it costs next to nothing."""
+    """Return a control that keeps a kart near the centre line; it takes hardly any time."""
     offset = values[layout.slices["lateral_offset"].start]
     error = values[layout.slices["heading_error"].start]
     steering = min(max(-0.6 * offset - 1.2 * error, -1.0), 1.0)
@@ -41,20 +41,20 @@ class Stopwatch:
     """Times from sending a control to the first snapshot that shows it."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start without times."""
         self._sent: dict[tuple[int, int], float] = {}
         self._delays: list[float] = []
 
     def mark(self) -> None:
-        """Forget what was timed so far."""
+        """Discard the times so far."""
         self._delays.clear()
 
     def sent(self, seat: int, sequence: int) -> None:
-        """Take note that a control is sent now."""
+        """Record that a control is sent now."""
         self._sent[seat, sequence] = time.perf_counter()
 
     def shown(self, seat: int, sequence: int) -> None:
-        """Take note that a snapshot acknowledges a control."""
+        """Record that a snapshot acknowledges a control."""
         begun = self._sent.pop((seat, sequence), None)
         if begun is not None:
             self._delays.append(time.perf_counter() - begun)
@@ -70,7 +70,7 @@ class Stopwatch:
 
 
 def connect(address: str) -> ClientLink:
-    """Return a link, as soon as the server is there."""
+    """Return a link as soon as the server answers."""
     return insist(partial(ClientLink, address, SESSION, timeout_s=1.0), time.monotonic() + START_S)
 
 
@@ -79,7 +79,7 @@ def drive_all(address: str, karts: int) -> None:
     watch, seats = Stopwatch(), []
     for number in range(karts):
         link = connect(address)
-        ask = partial(take_seat, link, Join(f"crowd {number}", "track", number))
+        ask = partial(take_seat, link, Join(f"driver {number}", "track", number))
         seats.append(insist(ask, time.monotonic() + START_S))
     spectator = connect(address)
     spectator.listen(topics.SNAPSHOT, partial(_note_snapshot, watch))
@@ -117,7 +117,7 @@ def _note_snapshot(watch: Stopwatch, data: bytes) -> None:
 
 
 def watch_all(address: str, spectators: int) -> None:
-    """Watch a race from many places."""
+    """Watch a race as many spectators."""
     heard = [0] * spectators
 
     def count(place: int, _data: bytes) -> None:
@@ -138,13 +138,13 @@ def watch_all(address: str, spectators: int) -> None:
 
 
 def heard_between(before: Sequence[int], after: Sequence[int]) -> dict[str, Any]:
-    """Return how many snapshots spectators have heard, on average and the one who heard least."""
+    """Return the mean and the least number of snapshots that a spectator received."""
     heard = [b - a for a, b in zip(before, after, strict=True)] or [0]
     return {"heard_mean": round(sum(heard) / len(heard), 1), "heard_least": min(heard)}
 
 
 def command(mark: Callable[[], None]) -> threading.Event:
-    """Say that all is ready and obey stdin from now on; the event is set at ``end``."""
+    """Print ``ready`` and take commands on stdin; the event is set at ``end``."""
     ended = threading.Event()
 
     def obey() -> None:

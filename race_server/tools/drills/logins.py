@@ -1,4 +1,4 @@
-"""Forbidden logins: with wrong keys, none, those of others, twice, and one too many."""
+"""Forbidden logins: wrong keys, no keys, those of others, twice, and one too many."""
 
 import contextlib
 import time
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zenoh
 
@@ -19,18 +19,16 @@ from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
 from race_server.tools.drills.report import Finding
 from race_server.tools.drills.requests import refusal_of
+from race_server.tools.drills.scene import Scene
 from race_server.tools.drills.served_session import SESSION, ServedSession
-
-if TYPE_CHECKING:
-    from race_server.tools.drills.deny import Scene
 
 TLS = "transport/link/tls"
 USER = "transport/auth/usrpwd"
 
 
-def try_logins(scene: "Scene") -> None:
-    """Logins that must not come about, and one that leads nowhere."""
-    stage, own = scene.stage, scene.stage.keys("seat-0")
+def try_logins(scene: Scene) -> None:
+    """Try logins that must be refused, and one that must have no effect."""
+    served, own = scene.served, scene.served.keys("seat-0")
     with TemporaryDirectory() as name:
         rogue = _rogue(Path(name), own)
         for act, keys, changes in (
@@ -45,9 +43,9 @@ def try_logins(scene: "Scene") -> None:
             ("unknown user", replace(own, user="drill-seat-9"), {}),
             ("no password", own, {USER: {}}),
         ):
-            scene.deny(act, "let in" if is_let_in(stage.address, keys, **changes) else "")
+            scene.deny(act, "let in" if is_let_in(served.address, keys, **changes) else "")
     with Intruder(
-        stage.address, replace(own, user=own.user, folder=stage.folder / "seat-1")
+        served.address, replace(own, user=own.user, folder=served.folder / "seat-1")
     ) as odd:
         payload = odd.put("in/0")
         time.sleep(SETTLE_S)
@@ -84,10 +82,10 @@ def _expired(own: ClientKeys) -> Path:
     return own.folder
 
 
-def try_double_login(scene: "Scene") -> None:
-    """Somebody with a copy of a driver's keys, while the driver races."""
-    session, server = scene.stage.server.session, scene.stage.server
-    with Intruder(scene.stage.address, scene.stage.keys("seat-0")) as thief:
+def try_double_login(scene: Scene) -> None:
+    """Try a copy of a driver's keys while the driver races."""
+    session, server = scene.served.server.session, scene.served.server
+    with Intruder(scene.served.address, scene.served.keys("seat-0")) as thief:
         time.sleep(SETTLE_S)
         noted = server.link.dropped["second login", 0]
         scene.allow("a second login is noted", "" if noted else "it was not")
@@ -102,18 +100,18 @@ def try_double_login(scene: "Scene") -> None:
         token = thief.session.liveliness().declare_token(key("alive/0/00"))
         time.sleep(SETTLE_S)
         seen = server.link.holders.is_doubled(0)
-        scene.allow("a token of one's own seat is seen", "" if seen else "it was not")
+        scene.allow("a token of the client's seat is seen", "" if seen else "it was not")
         token.undeclare()
         time.sleep(SETTLE_S)
         scene.deny("end the driver's presence", "" if seat.is_present else "the driver is gone")
 
 
-def try_full_house(scene: "Scene") -> None:
-    """More connections than two for each seat, spectators and spares."""
-    most = 2 * scene.stage.seats + 4 + 4
-    keys = scene.stage.keys("spectator")
+def try_too_many(scene: Scene) -> None:
+    """Try more connections than two for each seat, spectators and spares."""
+    most = 2 * scene.served.seats + 4 + 4
+    keys = scene.served.keys("spectator")
     with contextlib.ExitStack() as stack:
-        count = sum(1 for _ in _connections(scene.stage.address, keys, stack, most + 1))
+        count = sum(1 for _ in _connections(scene.served.address, keys, stack, most + 1))
         # The honest drivers and the spectator are connected already.
         total = count + len(scene.drivers) + 1
         scene.deny("more connections than places", "" if total <= most else f"{total} of {most}")
@@ -129,19 +127,19 @@ def _connections(
             return
 
 
-def try_passwords_only(stage: ServedSession) -> list[Finding]:
-    """Return what an open session without encryption does: passwords alone tell who is who."""
-    own = stage.keys("seat-0")
+def try_passwords_only(served: ServedSession) -> list[Finding]:
+    """Return what an open session without encryption refuses: passwords alone identify clients."""
+    own = served.keys("seat-0")
     findings = []
     for act, keys in (
         ("wrong password, unencrypted", replace(own, password="guessed")),
         ("no password, unencrypted", None),
     ):
-        seen = "let in" if is_let_in(stage.address, keys) else ""
+        seen = "let in" if is_let_in(served.address, keys) else ""
         findings.append(Finding(act, "denied", seen or "denied", not seen))
     with (
-        Intruder(stage.address, own) as seat,
-        Intruder(stage.address, stage.keys("spectator")) as other,
+        Intruder(served.address, own) as seat,
+        Intruder(served.address, served.keys("spectator")) as other,
     ):
         answer = seat.ask(key("q/join/0"), encode_join(Join("own", "track", 0)))
         granted = answer is not None and not refusal_of(answer)

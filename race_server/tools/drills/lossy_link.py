@@ -1,4 +1,4 @@
-"""A bad wire between two network namespaces: it loses, delays and shuffles packets.
+"""A bad link between two network namespaces: it loses, delays and reorders packets.
 
 Both ends are TUN devices whose packets pass through this process, so it works where the kernel
 has no `netem`. Needs root, `ip` and /dev/net/tun (Linux).
@@ -26,18 +26,18 @@ TUN = Path("/dev/net/tun")
 _TUNSETIFF = 0x400454CA
 _IFF_TUN, _IFF_NO_PI = 0x0001, 0x1000
 MOST_BYTES = 1 << 16
-# Of 127/8, as the ends of a wire that nobody else can reach: a server asks nobody for keys there.
+# In 127/8, which no other machine can reach: a server needs no keys there.
 ADDRESSES = ("127.77.0.1", "127.77.0.2")
 
 
 def why_not() -> str:
-    """Return in a sentence why there can be no such wire here, nothing where it can be."""
+    """Return why there can be no such link on this machine, "" if there can."""
     if os.name != "posix" or os.geteuid() != 0:
         return "network namespaces need root"
     if shutil.which("ip") is None:
         return "the program `ip` is not installed (package iproute2)"
     if not TUN.exists():
-        return f"{TUN} is not there: the kernel has no TUN devices, or this container none"
+        return f"{TUN} is missing: the kernel or the container has no TUN devices"
     name = f"race-try-{os.getpid()}"
     try:
         _ip("netns", "add", name)
@@ -49,14 +49,14 @@ def why_not() -> str:
 
 @dataclass(frozen=True)
 class LinkConditions:
-    """What a wire does to each packet, in each direction."""
+    """What a link does to each packet, in each direction."""
 
     loss: float = 0.0  # share of packets
     delay_s: float = 0.0
-    jitter_s: float = 0.0  # evenly more or less than the delay; packets may overtake each other
+    jitter_s: float = 0.0  # uniform deviation from the delay; packets may overtake each other
 
     def figures(self) -> dict[str, float]:
-        """Return it as drills tell it."""
+        """Return the conditions as figures of a drill."""
         return {
             "loss": self.loss,
             "delay_ms": 1e3 * self.delay_s,
@@ -66,7 +66,7 @@ class LinkConditions:
 
 @dataclass
 class LossyLink:
-    """Two namespaces and what passes between them."""
+    """Two namespaces and the packets between them."""
 
     names: tuple[str, str]
     devices: tuple[int, int]  # file descriptors
@@ -78,7 +78,7 @@ class LossyLink:
     _ended: threading.Event = field(default_factory=threading.Event)
 
     def carry(self) -> None:
-        """Carry packets until the wire is cut."""
+        """Carry packets until the link is cut."""
         while not self._ended.is_set():
             due = self._on_way[0][0] - time.monotonic() if self._on_way else 0.05
             ready, _, _ = select.select(self.devices, [], [], min(max(due, 0.0), 0.05))
@@ -87,7 +87,7 @@ class LossyLink:
             self._deliver(time.monotonic())
 
     def cut(self) -> None:
-        """Carry nothing any more."""
+        """Stop carrying packets."""
         self._ended.set()
 
     def _take(self, device: int) -> None:
@@ -109,13 +109,13 @@ class LossyLink:
 
 
 def within(name: str) -> list[str]:
-    """Return the words before a command that is to run in a namespace."""
+    """Return the arguments in front of a command that runs it in a namespace."""
     return ["ip", "netns", "exec", name]
 
 
 @contextmanager
 def lossy_link(weather: LinkConditions, seed: int) -> Iterator[LossyLink]:
-    """Return two namespaces with a wire between them; all is gone after the block.
+    """Return two namespaces with a link between them, removed after the block.
 
     Raises:
         RaceError: they cannot be made.
@@ -143,7 +143,7 @@ def lossy_link(weather: LinkConditions, seed: int) -> Iterator[LossyLink]:
 
 
 def _plug_in(namespace: str, device: str, end: int) -> int:
-    """Return the open end of a wire that leads into a namespace."""
+    """Return the open end of a link that leads into a namespace."""
     tun = os.open(TUN, os.O_RDWR)
     fcntl.ioctl(tun, _TUNSETIFF, struct.pack("16sH", device.encode(), _IFF_TUN | _IFF_NO_PI))
     _ip("link", "set", device, "netns", namespace)
@@ -153,7 +153,7 @@ def _plug_in(namespace: str, device: str, end: int) -> int:
     own, other = ADDRESSES[end], ADDRESSES[1 - end]
     _ip("-n", namespace, "address", "add", own, "peer", other, "dev", device)
     _ip("-n", namespace, "link", "set", device, "up")
-    # What an end says to itself passes through lo, which must not take all of 127/8 for itself.
+    # Packets of an end to itself pass through lo, which must not take all of 127/8.
     _ip("-n", namespace, "link", "set", "lo", "up")
     _ip("-n", namespace, "address", "flush", "dev", "lo")
     return tun

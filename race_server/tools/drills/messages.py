@@ -1,25 +1,22 @@
-"""Forbidden messages: on keys of others, too large, too often, and again."""
+"""Forbidden messages: on keys of others, too large, too frequent, and repeated."""
 
 import time
-from typing import TYPE_CHECKING
 
 from race_server.core.messages import Control
 from race_server.credentials import badge_of
 from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.tools.drills.intruder import SETTLE_S, Ears, Intruder, key
-
-if TYPE_CHECKING:
-    from race_server.tools.drills.deny import Scene
+from race_server.tools.drills.scene import Scene
 
 MEGABYTES = 3_000_000
-# Controls a second of somebody who sends too fast, and for how long.
+# Controls a second of a client that sends too fast, and for how long.
 FAST_HZ, FAST_S = 1000, 1.0
 
 
-def try_legal(scene: "Scene") -> None:
-    """An honest driver's controls count, and it sees; an honest spectator watches."""
-    session = scene.stage.server.session
+def try_legal(scene: Scene) -> None:
+    """Check that an honest driver drives and observes, and an honest spectator watches."""
+    session = scene.served.server.session
     driver = scene.drivers[0]
     scene.allow("take a seat and be ready", "" if session.seats[0].is_ready else "not ready")
     frame = driver.hear(5.0)
@@ -32,12 +29,12 @@ def try_legal(scene: "Scene") -> None:
     done = session.seats[0].sequence - before
     scene.allow("control at 20 Hz", "" if done == 20 else f"{done} of 20 counted")
     scene.allow("watch as spectator", "" if scene.told.count else "nothing came")
-    rules = scene.watcher.ask(topics.RULES)
+    rules = scene.spectator.ask(topics.RULES)
     scene.allow("ask for the rules as spectator", "" if rules else "no answer")
 
 
-def try_puts(scene: "Scene") -> None:
-    """Puts and deletes on keys that are not one's own."""
+def try_puts(scene: Scene) -> None:
+    """Try puts and deletes on keys of others."""
     with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
         tries = {
             "put on another seat's key": seat.put("in/1"),
@@ -46,13 +43,13 @@ def try_puts(scene: "Scene") -> None:
             "fake snapshot": seat.put("out/snapshot"),
             "fake event": seat.put("out/events"),
             "fake observation of another seat": seat.put("obs/1"),
-            "put on a key that nobody knows": seat.put("out/other"),
+            "put on an unknown key": seat.put("out/other"),
             "control from a spectator": spectator.put("in/0"),
             "fake snapshot from a spectator": spectator.put("out/snapshot"),
         }
         own = seat.put("in/0")
         time.sleep(SETTLE_S)
-        # Unless this one arrives, that the others do not says nothing.
+        # Only if this one arrives does it mean something that the others do not.
         scene.allow("put on own key", "" if scene.reached(own) else "it did not arrive")
         for act, payload in tries.items():
             scene.deny(act, scene.reached(payload))
@@ -67,11 +64,11 @@ def try_puts(scene: "Scene") -> None:
             scene.deny(act, "reached the server" if scene.arrived.count > counts else "")
 
 
-def try_listening(scene: "Scene") -> None:
-    """Subscriptions to what is for others."""
+def try_listening(scene: Scene) -> None:
+    """Try subscriptions to messages for others."""
 
     def nothing() -> None:
-        """The race itself tells everybody something all the time."""
+        """Do nothing: the race itself publishes all the time."""
 
     def drive_honestly() -> None:
         scene.drivers[1].send(b"a control")
@@ -89,9 +86,9 @@ def try_listening(scene: "Scene") -> None:
         scene.deny("listen to controls", "heard" if heard else "")
 
 
-def try_presence(scene: "Scene") -> None:
-    """Liveliness tokens of others, and who is there."""
-    server = scene.stage.server
+def try_presence(scene: Scene) -> None:
+    """Try liveliness tokens of others, and queries for present clients."""
+    server = scene.served.server
     with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
         liveliness = seat.session.liveliness()
         tokens = [
@@ -104,15 +101,15 @@ def try_presence(scene: "Scene") -> None:
         for token in tokens:
             token.undeclare()
         found = list(liveliness.get(key("alive/**"), timeout=SETTLE_S))
-        scene.deny("ask who is there", f"{len(found)} answers" if found else "")
+        scene.deny("ask for present clients", f"{len(found)} answers" if found else "")
         ears = Ears()
         liveliness.declare_subscriber(key("alive/**"), lambda sample: ears.hear(b""), history=True)
         time.sleep(SETTLE_S)
         scene.deny("listen to who comes and goes", "heard" if ears.count else "")
 
 
-def try_limits(scene: "Scene") -> None:
-    """Messages that are too large, and too many."""
+def try_limits(scene: Scene) -> None:
+    """Try messages that are too large, and too many."""
     badge = badge_of(scene.drivers[2].welcome.secret).encode()
     own = key("in/2")
     with _as(scene, "seat-2") as seat:
@@ -123,18 +120,18 @@ def try_limits(scene: "Scene") -> None:
             scene.deny(act, "reached the server" if arrived else "")
         answer = seat.ask(key("q/join/2"), bytes(4096))
         scene.deny("request of 4 kB", "answered" if answer else "")
-    # Shared memory, where the receiver takes it, goes past the limit on a message's size.
+    # Shared memory, if the receiver takes it, bypasses the size limit of messages.
     shared = {"transport/shared_memory/enabled": True}
-    keys = scene.stage.keys("seat-2")
-    with Intruder(scene.stage.address, keys, **shared) as seat:
+    keys = scene.served.keys("seat-2")
+    with Intruder(scene.served.address, keys, **shared) as seat:
         seat.session.put(own, bytes(MEGABYTES + 1), attachment=badge)
         time.sleep(SETTLE_S)
         arrived = any(len(payload) > MEGABYTES for payload in scene.arrived.heard)
         scene.deny("control of 3 MB in shared memory", "reached the server" if arrived else "")
     with _as(scene, "seat-2") as seat:
-        before = scene.stage.server.link.dropped["foreign", 2]
+        before = scene.served.server.link.dropped["foreign", 2]
         _send_fast(seat, own, badge)
-        passed = scene.stage.server.link.dropped["foreign", 2] - before
+        passed = scene.served.server.link.dropped["foreign", 2] - before
         most = round(1.1 * topics.CONTROL_HZ * FAST_S)
         seen = "" if 0 < passed <= most else f"{passed} of {FAST_HZ * FAST_S:g} came through"
         scene.deny(f"{FAST_HZ} controls a second", seen)
@@ -148,9 +145,9 @@ def _send_fast(seat: Intruder, own: str, badge: bytes) -> None:
     time.sleep(SETTLE_S)
 
 
-def try_replay(scene: "Scene") -> None:
-    """A control that is sent again, and one of an epoch that is over."""
-    session, driver = scene.stage.server.session, scene.drivers[0]
+def try_replay(scene: Scene) -> None:
+    """Try a control that is sent again, and one of an earlier epoch."""
+    session, driver = scene.served.server.session, scene.drivers[0]
     seat = session.seats[0]
     sequence = seat.sequence + 1
     control = encode_control(ControlFrame(session.epoch, sequence, 0, Control(throttle=0.3)))
@@ -172,5 +169,5 @@ def _control(epoch: int, sequence: int) -> bytes:
     return encode_control(ControlFrame(epoch, sequence, 0, Control(throttle=1.0)))
 
 
-def _as(scene: "Scene", role: str) -> Intruder:
-    return Intruder(scene.stage.address, scene.stage.keys(role))
+def _as(scene: Scene, role: str) -> Intruder:
+    return Intruder(scene.served.address, scene.served.keys(role))

@@ -1,8 +1,8 @@
 """Real karts among simulated ones: they race with items, brake for people, stop when cut off.
 
-Two plants race among simulated karts. In front of one somebody steps on the track while
-its driver's foot is down; the other loses its link later, with the foot down as well. At the end
-the race is driven again from its recording.
+Two plants race among simulated karts. A pedestrian steps in front of one while its driver is on the
+throttle; the other loses its link later, on the throttle as well. At the end the race is simulated
+again from its recording.
 """
 
 import json
@@ -21,24 +21,24 @@ from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.tools.drills.report import document_of
 
-# A kart that is cut off drives on for so long: 60 % of the time for which the server's last word
-# holds, and the lag of its brakes. Then it brakes with this share of what its figures promise: 60 %
+# A kart without a link drives on for this time: 60 % of the time for which the last message holds,
+# and the lag of its brakes. Then it brakes with this share of its nominal force: 60 %
 # of the brakes of a kart that is heavier and has weaker ones.
 WORD_S, SHARE = 0.35, 0.6 * 0.83
 SESSION = "drill"
 TRUSTED = Trust.TRUSTED.name.lower()
-# A machine that had no time for a kart's program for 0.3 s, or for so many ticks, may make poses
-# come late; nothing else excuses a doubt.
+# If the machine had no time for a kart's program for 0.3 s, or missed this many ticks, poses may be
+# late; nothing else excuses a pose fault.
 MOST_MISSED = 18
 LATE = (PoseFault.SILENT.name.lower(), PoseFault.STALE.name.lower())
-# A kart that stands further from the pedestrian did not stop for it [lengths].
+# A kart that stops further from the pedestrian did not stop for it [lengths].
 NEAR_LENGTHS = 2.0
 # A kart that obeys is no faster than this above the cap, once it had time to brake [share].
 OBEYS = 0.1
 
 
 @dataclass(frozen=True)
-class Setting:
+class MixedRaceSetting:
     """One run of the drill."""
 
     track: str = "hangar-400"
@@ -49,11 +49,11 @@ class Setting:
     pedestrian_s: float = 12.0  # of racing
     cut_s: float = 110.0
     delay_ms: float = 0.0  # added to each message of a real kart
-    driver: str = "pure_pursuit"  # of all karts: one that is slow would hold the others up
+    driver: str = "pure_pursuit"  # of all karts: a slow one would hold up the others
 
 
-def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
-    """Run the drill and return what came of it: `ok`, and `why` not."""
+def drill_mixed(setting: MixedRaceSetting, console: Console) -> dict[str, Any]:
+    """Run the drill and return its document: `ok`, `why` not, and figures."""
     walker, cut = spread(2, setting.karts)
     with tempfile.TemporaryDirectory(prefix="race-drill-") as folder:
         reports = {seat: Path(folder, f"{seat}.json") for seat in (walker, cut)}
@@ -91,7 +91,7 @@ def drill_mixed(setting: Setting, console: Console) -> dict[str, Any]:
 
 
 def _drive_again(folder: Path, digest: str) -> dict[str, Any]:
-    """Drive a race again from its recording and return whether it is the same one."""
+    """Simulate a race again from its recording and compare the two."""
     (path,) = folder.glob(f"{SESSION}-*.mcap")
     recording = read_recording(path)
     rerun = Rerun(recording)
@@ -99,18 +99,22 @@ def _drive_again(folder: Path, digest: str) -> dict[str, Any]:
         pass
     why = []
     if rerun.difference is not None:
-        why.append(f"driven again the race differs from tick {rerun.difference.tick} on")
+        why.append(
+            f"the simulated race differs from the recorded one from tick {rerun.difference.tick} on"
+        )
     elif not recording.is_complete or rerun.session.digest() != digest:
-        why.append("driven again the race ends otherwise")
+        why.append("the simulated race ends with another digest than the recorded one")
     placements = sum(isinstance(entry, Placements) for entry in recording.entries)
     return {"why": why, "digests": rerun.compared, "placements": placements}
 
 
-def _link(setting: Setting) -> tuple[str, ...]:
+def _link(setting: MixedRaceSetting) -> tuple[str, ...]:
     return ("--delay-ms", str(setting.delay_ms)) if setting.delay_ms else ()
 
 
-def _plan(setting: Setting, address: str, real: tuple[TrackedSeat, ...], folder: str) -> RaceSpec:
+def _plan(
+    setting: MixedRaceSetting, address: str, real: tuple[TrackedSeat, ...], folder: str
+) -> RaceSpec:
     serve = ["--track", setting.track, "--vehicle", setting.vehicle, "--results", "none"]
     serve += ["--record", folder, "--fresh"]
     serve += ["--karts", str(setting.karts), "--laps", str(setting.laps)]
@@ -120,7 +124,7 @@ def _plan(setting: Setting, address: str, real: tuple[TrackedSeat, ...], folder:
 
 
 def _figures_of(document: dict[str, Any], seat: int, report: dict[str, Any]) -> dict[str, Any]:
-    """Return what the server and the kart itself say of one kart."""
+    """Return the figures of one kart, from the server and from the kart itself."""
     row = next(kart for kart in document["karts"] if kart["seat"] == seat)
     link: dict[str, Any] = next((link for link in document["tracked"] if link["seat"] == seat), {})
     events = [event for event in document["events"] if event["kart"] == seat]
@@ -154,17 +158,17 @@ def _judge_both(figures: dict[str, Any], *, is_busy: bool) -> list[str]:
     why = []
     for name, part in figures.items():
         seat, kart = part["seat"], part["kart"]
-        # The last doubt is that of the link that was cut.
+        # The last fault is that of the cut link.
         doubts = part["doubts"][:-1] if name == "cut" else part["doubts"]
         if told := [doubt for doubt in doubts if not (is_busy and doubt in LATE)]:
-            why.append(f"the kart on seat {seat} was in doubt for nothing: {', '.join(told)}")
+            why.append(f"the kart on seat {seat} lost trust without a reason: {', '.join(told)}")
         if part["laps"] < 1:
             why.append(f"the kart on seat {seat} finished no lap")
         if not kart:
             why.append(f"the kart on seat {seat} left no report")
         elif kart["worst_excess_share"] > OBEYS:
             share = kart["worst_excess_share"]
-            why.append(f"the kart on seat {seat} went {share:.0%} over its cap, in good time")
+            why.append(f"the kart on seat {seat} went {share:.0%} over its speed cap")
     if not any(part["items_used"] for part in figures.values()):
         why.append("no real kart used an item")
     if not any(part["kart"].get("slowdowns") for part in figures.values()):
@@ -196,14 +200,16 @@ def _judge_cut(part: dict[str, Any], vehicle: Vehicle) -> list[str]:
     why = []
     cut["allowed_m"] = most = way_to_stop(vehicle, cut["speed"])
     if cut["stopped_within_m"] > most:
-        why.append(f"cut off, it needed {cut['stopped_within_m']:.1f} m; {most:.1f} m are allowed")
+        why.append(
+            f"without a link it needed {cut['stopped_within_m']:.1f} m; {most:.1f} m are allowed"
+        )
     if part["yellow_flags"] == 0:
         why.append("the cut link raised no yellow flag")
     return why
 
 
 def way_to_stop(vehicle: Vehicle, speed: float) -> float:
-    """Return the way [m] in which a kart stands that is cut off with its driver's foot down."""
+    """Return the stopping distance [m] of a kart that loses its link at full throttle."""
     then = max(min(speed + WORD_S * vehicle.motor_force / vehicle.mass, vehicle.top_speed), speed)
     braking = min(SHARE * vehicle.brake_force / vehicle.mass, vehicle.grip * GRAVITY)
     return 0.5 * WORD_S * (speed + then) + then * then / (2.0 * braking)

@@ -1,8 +1,8 @@
 """A race over a bad network: the server in one network namespace, eight drivers in another.
 
-What is lost, delayed and shuffled between them is TCP's to mend and the race's to bear: controls
-come late or in bursts, karts coast and brake, links break and come back. All must finish, and
-the laps that drivers were told must be those that the server counted.
+TCP repairs what is lost, delayed and reordered, and the race has to cope with the rest: controls
+come late or in bursts, karts coast and brake, links break and reconnect. All must finish, and the
+laps that drivers were told must be those that the server counted.
 """
 
 import json
@@ -30,14 +30,14 @@ from race_server.tools.drills.server_process import SESSION
 
 TRACK, LAPS, KARTS = "oval-report", 3, 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
-# Where all see so late those who see little fall back further behind the winner than elsewhere.
+# With such latency slow drivers fall back further behind the winner than usual [s].
 FINISH_S = 400.0
 MOST_S = 900.0
 PORT = 7447
 
 
 def drill_network(
-    weather: LinkConditions,
+    conditions: LinkConditions,
     *,
     track: str = TRACK,
     laps: int = LAPS,
@@ -45,9 +45,9 @@ def drill_network(
     seed: int = 1,
     tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Race over a bad wire and return the figures.
+    """Race over a bad link and return the figures.
 
-    tell: is told how many seconds have gone by. Where there can be no such wire, the document says
+    tell: called with the seconds passed. If this machine can have no such link, the document says
     that the drill was skipped, and why.
     """
     if reason := why_not():
@@ -56,17 +56,17 @@ def drill_network(
     figures: dict[str, Any] = {}
     try:
         with (
-            lossy_link(weather, seed) as wire,
+            lossy_link(conditions, seed) as link,
             tempfile.TemporaryDirectory(prefix="drill-") as name,
         ):
-            document, told = _race(wire, Path(name), track, laps, drivers, tell)
-            figures = {"packets": wire.passed + wire.lost, "packets_lost": wire.lost}
+            document, told = _race(link, Path(name), track, laps, drivers, tell)
+            figures = {"packets": link.passed + link.lost, "packets_lost": link.lost}
         figures |= _compare(document, told, laps, faults)
     except RaceError as error:
         faults.append(str(error))
     return document_of(
         faults,
-        **weather.figures(),
+        **conditions.figures(),
         track=track,
         karts=KARTS,
         laps=laps,
@@ -76,14 +76,14 @@ def drill_network(
 
 
 def _race(
-    wire: LossyLink,
+    link: LossyLink,
     place: Path,
     track: str,
     laps: int,
     drivers: Sequence[str],
     tell: Callable[[int], None],
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Run the race; return the server's result and what each driver has heard."""
+    """Run the race; return the server's result and the link statistics of each driver."""
     address = f"tcp/{ADDRESSES[0]}:{PORT}"
     serve = ["serve", "--track", track, "--karts", str(KARTS), "--laps", str(laps), "--once"]
     serve += [
@@ -97,12 +97,12 @@ def _race(
         "none",
     ]
     serve += ["--listen", address, "--session", SESSION, "--result", str(place / "result.json")]
-    processes = [start_within(wire.names[0], serve, place / "server")]
+    processes = [start_within(link.names[0], serve, place / "server")]
     try:
         for seat in range(KARTS):
             words = ["drive", drivers[seat % len(drivers)], "--connect", address, "--json"]
             words += ["--session", SESSION, "--seat", str(seat), "--patience", str(START_S)]
-            processes.append(start_within(wire.names[1], words, place / f"driver-{seat}"))
+            processes.append(start_within(link.names[1], words, place / f"driver-{seat}"))
         wait_for_end(processes, place / "server", tell)
     finally:
         for process in processes:
@@ -119,7 +119,7 @@ def _race(
 
 
 def start_within(namespace: str, words: list[str], log: Path) -> subprocess.Popen[bytes]:
-    """Start ``race`` with these words in a namespace; `log` names the files of what it says."""
+    """Start ``race`` with these arguments in a namespace; `log` names the files of its output."""
     command = [*within(namespace), sys.executable, "-m", "race_server", *words]
     with log.with_suffix(".out").open("wb") as out, log.with_suffix(".err").open("wb") as err:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
@@ -128,10 +128,10 @@ def start_within(namespace: str, words: list[str], log: Path) -> subprocess.Pope
 def wait_for_end(
     processes: list[subprocess.Popen[bytes]], log: Path, tell: Callable[[int], None]
 ) -> None:
-    """Wait until all have ended. log: of the first one, a server.
+    """Wait until all have ended. log: of the first process, a server.
 
     Raises:
-        RaceError: that one has failed, or it takes too long.
+        RaceError: the server has failed, or it takes too long.
     """
     begun = time.monotonic()
     while any(process.poll() is None for process in processes):
@@ -147,7 +147,7 @@ def wait_for_end(
 def _compare(
     document: dict[str, Any], told: list[dict[str, Any]], laps: int, faults: list[str]
 ) -> dict[str, Any]:
-    """Hold what drivers were told against the result; what does not fit goes into `faults`."""
+    """Compare what drivers were told with the result; append what is wrong to `faults`."""
     karts = {kart["seat"]: kart for kart in document["karts"]}
     drivers = []
     for row in sorted(told, key=lambda row: row["seat"]):

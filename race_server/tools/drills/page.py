@@ -1,6 +1,6 @@
-"""A race before many browsers, of which some misbehave; none may disturb anybody.
+"""A race with many browsers, some of which misbehave; none may disturb the others.
 
-Server, gateway and browsers are processes of their own and share this machine.
+Server, gateway and browsers are separate processes and share this machine.
 """
 
 import asyncio
@@ -24,22 +24,22 @@ from race_server.tools.drills.report import Finding, matrix_of
 from race_server.tools.drills.server_process import (
     SESSION,
     ServerProcess,
-    pace_between,
     server_process,
+    tick_times_between,
 )
 from race_server.tools.drills.slow_reader import read_slowly
 
 TRACK, KARTS = "covapsy-test-2023", 8
-# Before the browsers come, so many seconds are measured for comparison.
+# Baseline without browsers [s].
 CALM_S = 20.0
 WARM_UP_S = 3.0
-# Those that misbehave come when so much of the time has gone.
+# Misbehaving browsers connect after this share of the time.
 TROUBLE = 0.2
-# Of the snapshots that it wants, and that the server makes, each browser has to see this share.
+# Each browser has to receive this share of the snapshots that it asked for.
 SEEN = 0.9
-# Where ticks were missed before anybody came, so many times as many may be after.
+# If ticks are missed in the baseline, this many times as many may be missed with browsers.
 ROUGHLY = 1.5
-# The gateway may need so much more memory at the end [MB].
+# Growth of the gateway's memory that is allowed [MB].
 MOST_GROWTH = 20.0
 MOST_MINUTES = 14.0
 _CROWD = "race_server.tools.drills.browsers"
@@ -49,9 +49,9 @@ _LATENESS = {"lateness": LATENESS}
 def drill_page(
     clients: int, minutes: float, *, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Race before browsers for some minutes and return what came of it.
+    """Race with browsers for some minutes and return the document.
 
-    tell: is told how many seconds have gone by.
+    tell: called with the seconds passed.
     """
     seconds = 60.0 * min(minutes, MOST_MINUTES)
     words = ["--track", TRACK, "--karts", str(KARTS), "--laps", "1000", "--record", "none"]
@@ -72,8 +72,8 @@ def drill_page(
                 time.sleep(WARM_UP_S)
                 begun = Usage.of(gateway.pid)
                 start = place.figures()
-                for crowd in (driving, watching):
-                    crowd.tell("mark")
+                for group in (driving, watching):
+                    group.tell("mark")
                 findings = _pass_time(seconds, base, token, tell)
                 end, used = place.figures(), Usage.of(gateway.pid)
                 told = {"watchers": watching.end(), "driver": driving.end()}
@@ -87,8 +87,8 @@ def drill_page(
         "gateway_memory_end_mb": used.memory_mb,
         "snapshots_per_client_s": round(told["watchers"]["heard_mean"] / seconds, 2),
         "snapshots_least_s": round(told["watchers"]["heard_least"] / seconds, 2),
-        "without": pace_between(before, calm, _LATENESS),
-        "with": pace_between(start, end, _LATENESS),
+        "without": tick_times_between(before, calm, _LATENESS),
+        "with": tick_times_between(start, end, _LATENESS),
         "driver": told["driver"],
     }
     findings += _judge(clients, told, figures)
@@ -96,15 +96,15 @@ def drill_page(
 
 
 class Usage:
-    """What a process has used so far (Linux: /proc)."""
+    """CPU time and memory of a process so far (Linux: /proc)."""
 
     def __init__(self, cpu_s: float, memory_mb: float) -> None:
-        """Note it, as of now."""
+        """Read it now."""
         self.cpu_s, self.memory_mb, self.at_s = cpu_s, memory_mb, time.monotonic()
 
     @classmethod
     def of(cls, pid: int) -> "Usage":
-        """Return what a process has used so far.
+        """Return the usage of a process so far.
 
         Raises:
             RaceError: it has ended.
@@ -134,7 +134,7 @@ def _start_gateway(place: ServerProcess) -> tuple[subprocess.Popen[bytes], dict[
 
 
 def _pass_time(seconds: float, base: str, token: str, tell: Callable[[int], None]) -> list[Finding]:
-    """Let time pass, with trouble in it, and return what became of the trouble."""
+    """Wait, while some browsers misbehave, and return the findings on them."""
 
     async def trouble() -> list[Finding]:
         await asyncio.sleep(TROUBLE * seconds)
@@ -153,15 +153,15 @@ def _pass_time(seconds: float, base: str, token: str, tell: Callable[[int], None
 
 
 def _misdeeds(base: str, token: str) -> list[Any]:
-    """Return what is tried, each to be awaited for a finding."""
+    """Return the misdeeds, each to be awaited for a finding."""
     watch, drive = {"role": "spectate"}, {"role": "drive"}
     return [
         _try("a wrong token", base, {**drive, "token": "wrong"}, "token"),
         _try("the driver's token, stolen", base, {**drive, "token": token}, "used"),
         _try("a page from elsewhere", base, watch, "origin", origin="https://evil.example"),
-        _try("rubbish for words", base, watch, "malformed", then="\0{[rubbish"),
-        _try("rubbish for a control", base, watch, "malformed", then=os.urandom(200)),
-        _try("a thousand words at once", base, watch, "too-fast"),
+        _try("rubbish instead of text", base, watch, "malformed", then="\0{[rubbish"),
+        _try("rubbish instead of a control", base, watch, "malformed", then=os.urandom(200)),
+        _try("a thousand messages at once", base, watch, "too-fast"),
     ]
 
 
@@ -193,12 +193,12 @@ async def _try(
 
 
 def _judge(clients: int, told: dict[str, Any], figures: dict[str, Any]) -> list[Finding]:
-    """Return whether everybody else was left alone."""
+    """Return whether the others were disturbed."""
     made = figures["with"]["ticks"] / TICKS_PER_SECOND / (60.0 * figures["minutes"])
     least, share = figures["snapshots_least_s"], round(SEEN * RATE * made, 2)
     growth = figures["gateway_memory_end_mb"] - figures["gateway_memory_start_mb"]
     missed, before = (figures[when]["missed_share"] for when in ("with", "without"))
-    # On a machine with other work ticks are missed anyway; then the yardstick is as rough.
+    # On a machine with other load ticks are missed anyway; then the limit is as rough.
     allowed = max(before + MISSED, ROUGHLY * before)
     there, driver = told["watchers"]["still_there"], told["driver"]
     return [

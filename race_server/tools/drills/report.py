@@ -1,4 +1,4 @@
-"""What a drill finds, as one document."""
+"""The document of a drill."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was tried."""
+    """One act that was tried, with its outcome."""
 
     act: str
     expected: str
@@ -26,6 +26,6 @@ def skipped(reason: str) -> dict[str, Any]:
 
 
 def matrix_of(findings: Sequence[Finding], **figures: Any) -> dict[str, Any]:
-    """Return the document of a drill that tries many things."""
+    """Return the document of a drill that tries many acts."""
     faults = [f"{finding.act}: {finding.seen}" for finding in findings if not finding.ok]
     return document_of(faults, **figures, matrix=[asdict(finding) for finding in findings])

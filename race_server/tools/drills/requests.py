@@ -1,6 +1,4 @@
-"""Forbidden requests: for seats of others, forged, again, and the steward's."""
-
-from typing import TYPE_CHECKING
+"""Forbidden requests: for seats of others, forged, repeated, and those of the steward."""
 
 from race_server.core.messages import Flag
 from race_server.errors import SeatError
@@ -17,13 +15,11 @@ from race_server.net.wire.lobby import (
     new_serial,
 )
 from race_server.tools.drills.intruder import Intruder, key
-
-if TYPE_CHECKING:
-    from race_server.tools.drills.deny import Scene
+from race_server.tools.drills.scene import Scene
 
 
 def refusal_of(answer: bytes | None) -> str:
-    """Return why the server refused, "" where it did not."""
+    """Return why the server refused, "" if it did not."""
     if answer is None or answer[4:8] != b"RRPL":
         return ""
     try:
@@ -33,18 +29,18 @@ def refusal_of(answer: bytes | None) -> str:
     return ""
 
 
-def _deny(scene: "Scene", act: str, answer: bytes | None) -> None:
-    """Note a request that the server itself has to refuse, with its reason."""
+def _deny(scene: Scene, act: str, answer: bytes | None) -> None:
+    """Record a request that the server itself has to refuse, with its reason."""
     granted = "granted" if answer else "no answer"
     scene.deny(act, "" if refusal_of(answer) else granted)
 
 
-def _allow(scene: "Scene", act: str, answer: bytes | None) -> None:
+def _allow(scene: Scene, act: str, answer: bytes | None) -> None:
     scene.allow(act, (refusal_of(answer) if answer else "no answer"))
 
 
-def try_requests(scene: "Scene") -> None:
-    """Requests on keys that are not one's own."""
+def try_requests(scene: Scene) -> None:
+    """Try requests on keys of others."""
     with _as(scene, "seat-0") as seat, _as(scene, "spectator") as spectator:
         join = encode_join(Join("thief", "track", 1))
         for act, who, name in (
@@ -57,20 +53,20 @@ def try_requests(scene: "Scene") -> None:
             ("ask everything at once", seat, "**"),
         ):
             scene.deny(act, "answered" if who.ask(key(name), join) else "")
-        # Its own settings everybody may read: this asks for the server's.
+        # Each client may read its own settings: this asks for the server's.
         server = next(iter(spectator.session.info.routers_zid()))
         space = spectator.ask(f"@/{server}/**")
         scene.deny("read zenoh's own settings", "answered" if space else "")
-        # Somebody who would answer in the server's place is not asked.
+        # A client that offers to answer in the server's place is not asked.
         spectator.session.declare_queryable(
             key("q/rules"), lambda query: query.reply(query.key_expr, b"forged")
         )
-        answers = {scene.watcher.ask(topics.RULES) for _ in range(5)}
+        answers = {scene.spectator.ask(topics.RULES) for _ in range(5)}
         scene.deny("answer in the server's place", "believed" if b"forged" in answers else "")
 
 
-def try_forgery(scene: "Scene") -> None:
-    """Messages that claim to be somebody else's, or are copies."""
+def try_forgery(scene: Scene) -> None:
+    """Try messages that pretend to come from others, or are copies."""
     own, other = scene.drivers[0].welcome.secret, scene.drivers[1].welcome.secret
     with _as(scene, "seat-0") as seat:
         ready, join = key("q/ready/0"), key("q/join/0")
@@ -91,11 +87,11 @@ def try_forgery(scene: "Scene") -> None:
             _deny(scene, f"the same {act} again", seat.ask(name, data))
 
 
-def try_steward(scene: "Scene") -> None:
-    """What is the steward's, asked by others, without the token, and again."""
-    session, token = scene.stage.server.session, scene.stage.keys("steward").token
-    with scene.stage.link("steward") as link:
-        marshal = StewardClient(link, token)
+def try_steward(scene: Scene) -> None:
+    """Try decisions of the steward as others, without the token, and repeated."""
+    session, token = scene.served.server.session, scene.served.keys("steward").token
+    with scene.served.link("steward") as link:
+        steward = StewardClient(link, token)
         challenge, _ = decode_log(link.ask(topics.ACTS, encode_decision(Decision(token))))
         decision = Decision(token, "flag", value=float(Flag.YELLOW), challenge=challenge)
         message = encode_decision(decision)
@@ -110,25 +106,25 @@ def try_steward(scene: "Scene") -> None:
             _allow(scene, "decide as steward", raw.ask(key("admin/act"), message))
             scene.allow("yellow flag as steward", _unless(_flag(scene) == Flag.YELLOW))
             _deny(scene, "the same decision again", raw.ask(key("admin/act"), message))
-        marshal.decide("flag", value=float(Flag.GREEN))
-        marshal.decide("penalty", seat=1, value=5.0)
+        steward.decide("flag", value=float(Flag.GREEN))
+        steward.decide("penalty", seat=1, value=5.0)
         fined = int(session.world.racers[0, 1].penalty_us)
         scene.allow("penalty as steward", _unless(fined == 5_000_000))
-        marshal.decide("kick", seat=1)
+        steward.decide("kick", seat=1)
         with _as(scene, "seat-1") as kicked:
             again = encode_join(Join("honest 1", "track", 1))
             _deny(scene, "join again after being sent away", kicked.ask(key("q/join/1"), again))
-        marshal.decide("open", seat=1)
-        scene.allow("the steward's log", _unless(len(marshal.log()) == 5))
+        steward.decide("open", seat=1)
+        scene.allow("the steward's log", _unless(len(steward.log()) == 5))
 
 
-def _flag(scene: "Scene") -> int:
-    return int(scene.stage.server.session.world.races[0].flag)
+def _flag(scene: Scene) -> int:
+    return int(scene.served.server.session.world.races[0].flag)
 
 
 def _unless(done: bool) -> str:
     return "" if done else "it had no effect"
 
 
-def _as(scene: "Scene", role: str) -> Intruder:
-    return Intruder(scene.stage.address, scene.stage.keys(role))
+def _as(scene: Scene, role: str) -> Intruder:
+    return Intruder(scene.served.address, scene.served.keys(role))

@@ -1,4 +1,4 @@
-"""Where a drill takes place: a server with fresh keys in this process, on a free port."""
+"""The session under a drill: a server with fresh keys in this process, on a free port."""
 
 import tempfile
 import threading
@@ -32,11 +32,11 @@ class ServedSession:
     seats: int
 
     def keys(self, role: str) -> ClientKeys:
-        """Return somebody's keys."""
+        """Return the keys of a role."""
         return read_client_keys(self.folder / role, SESSION)
 
     def link(self, role: str, timeout_s: float = 5.0) -> ClientLink:
-        """Return a connection of somebody."""
+        """Return a connection with the keys of a role."""
         return ClientLink(self.address, SESSION, keys=self.keys(role), timeout_s=timeout_s)
 
 
@@ -44,7 +44,7 @@ class ServedSession:
 def served_session(
     seats: int, spectators: int, protocol: str = "tls", log: Log | None = None
 ) -> Iterator[ServedSession]:
-    """Serve an open session in its lobby; drivers who get ready race without end of laps."""
+    """Serve an open session in its lobby; drivers that get ready race for unlimited laps."""
     with tempfile.TemporaryDirectory(prefix="race-drill-") as name:
         folder, port = Path(name, "keys"), free_port()
         issue_keys(Order(SESSION, seats, spectators, port=port), folder)

@@ -1,4 +1,4 @@
-"""Where a drill takes place: a real server in its own process, watched by its own metrics."""
+"""The server under a drill: a real one in a separate process, with its metrics."""
 
 import json
 import math
@@ -32,10 +32,10 @@ Figures = dict[str, float]
 
 
 def wait_until(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
-    """Wait for something to become so.
+    """Wait for a condition.
 
     Raises:
-        RaceError: it does not within the time.
+        RaceError: it does not come true in time.
     """
     deadline = time.monotonic() + timeout_s
     while not is_so():
@@ -46,7 +46,7 @@ def wait_until(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
 
 @dataclass
 class ServerProcess:
-    """A server that runs, and the processes around it."""
+    """A running server, and the processes of its drivers."""
 
     address: str
     port: int  # of its metrics
@@ -79,7 +79,7 @@ class ServerProcess:
         """Wait until the race is in a phase.
 
         Raises:
-            RaceError: it does not get there, or the server ends.
+            RaceError: it does not reach the phase in time, or the server ends.
         """
 
         def is_there() -> bool:
@@ -88,27 +88,27 @@ class ServerProcess:
             try:
                 return self.figures().get("race_phase") == phase
             except RaceError:
-                return False  # it is still getting ready
+                return False  # it is still starting
 
         wait_until(is_there, START_S, f"phase {phase.name.lower()}")
 
     def drive(self, name: str, seat: int) -> None:
-        """Have a driver take a seat, in a process of its own."""
+        """Start a driver in a separate process."""
         words = ["drive", name, "--connect", self.address, "--session", SESSION]
         self.group.start([*words, "--seat", str(seat), "--patience", str(START_S)], self.log)
 
     def stop(self) -> dict[str, Any]:
-        """End the race and return the result that the server leaves.
+        """End the race and return the result that the server writes.
 
         Raises:
-            RaceError: it leaves none.
+            RaceError: it writes none.
         """
         if self.server.poll() is None:
             self.server.send_signal(signal.SIGTERM)
         try:
             self.server.wait(15.0)
         except subprocess.TimeoutExpired as error:
-            raise RaceError("the server does not end when it is asked to") from error
+            raise RaceError("the server does not end on SIGTERM") from error
         result = self.place / "result.json"
         if not result.exists():
             raise RaceError(f"the race ended without a result: {self.last_words()}")
@@ -116,11 +116,11 @@ class ServerProcess:
         return document
 
     def text(self) -> str:
-        """Return all that the server and the drivers have said."""
+        """Return the output of server and drivers."""
         return (self.place / "log").read_text(errors="replace")
 
     def last_words(self) -> str:
-        """Return what was said last."""
+        """Return the last lines of the output."""
         return last_words(self.place / "log", 3)
 
 
@@ -140,9 +140,9 @@ def server_process(words: Sequence[str]) -> Iterator[ServerProcess]:
 
 
 def quantile(before: Figures, after: Figures, name: str, share: float) -> float | None:
-    """Return the upper end of the bin in which a share of a histogram's times lie.
+    """Return the upper end of the bin that holds a quantile of a histogram.
 
-    None where nothing was counted in between, infinity where it is beyond the last bin.
+    None if nothing was counted in between, infinity beyond the last bin.
     """
     prefix = f"{name}_bucket{{le="
     bins = sorted(
@@ -155,17 +155,17 @@ def quantile(before: Figures, after: Figures, name: str, share: float) -> float 
 
 
 def ticks_between(before: Figures, after: Figures) -> tuple[float, float]:
-    """Return how many ticks a server has driven between two moments, and how many it has missed."""
+    """Return the number of ticks between two readings, and of missed ticks."""
     driven, missed = "race_ticks_total", "race_ticks_missed_total"
     return after[driven] - before[driven], after[missed] - before[missed]
 
 
-def pace_between(
+def tick_times_between(
     before: Figures, after: Figures, histograms: Mapping[str, str]
 ) -> dict[str, float | None]:
-    """Return how a server's ticks went between two moments; times are upper ends of bins.
+    """Return quantiles of tick times between two readings; times are upper ends of bins.
 
-    histograms: their names in the server's metrics, by what they are called here.
+    histograms: names in the server's metrics, by the name of the figure.
     """
     ticks, missed = ticks_between(before, after)
     return {
@@ -181,7 +181,7 @@ def pace_between(
 
 
 def milliseconds(seconds: float | None) -> float | None:
-    """Return seconds in milliseconds, None where they are beyond the last bin."""
+    """Return seconds in milliseconds, None beyond the last bin."""
     return None if seconds is None or math.isinf(seconds) else round(1e3 * seconds, 3)
 
 

@@ -1,8 +1,8 @@
-"""Two halls race against each other: each with its own server, in a network namespace of its own.
+"""Two sites race against each other: each with its own server, in its own network namespace.
 
-Two karts drive in each hall, and a relay lets all four race in both. Each hall counts the laps of
-all; of a kart that drives in the other hall it must count as many as that hall, and it must have
-it nearly where it is.
+Two karts drive at each site, and a relay lets all four race at both. Each server counts the laps
+of all; for a kart of the other site it must count the same laps as that server, and place it nearly
+where it is.
 """
 
 import json
@@ -25,38 +25,38 @@ from race_server.tools.drills.network import PORT, start_within, wait_for_end
 from race_server.tools.drills.report import document_of, skipped
 
 TRACK, SESSIONS = "oval-report", ("north", "south")
-# Which seats drive in which hall; the others are guests there.
+# Seats that are driven at each site; the others are relayed.
 HOME = ((0, 1), (2, 3))
 DRIVERS = ("pure_pursuit", "follow_gap", "pure_pursuit", "follow_gap")
-# A kart may be further than this from where its own hall has it in one of a hundred moments [m]:
-# what it drives in the time that its pose takes, and half a body.
+# 99th percentile of the position error of a relayed kart, at most [m]: the distance it drives while
+# its pose is on the way, and half its length.
 MISS_M = 0.5
 
 
 def drill_sites(
-    weather: LinkConditions,
+    conditions: LinkConditions,
     *,
     laps: int = 2,
     seed: int = 1,
     tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Let two halls race and return the figures; where that cannot be, says why it was skipped."""
+    """Race two sites and return the figures, or why the drill was skipped."""
     if reason := why_not():
         return skipped(reason)
     faults: list[str] = []
     karts: list[dict[str, Any]] = []
     try:
         with (
-            lossy_link(weather, seed) as wire,
+            lossy_link(conditions, seed) as link,
             tempfile.TemporaryDirectory(prefix="drill-") as name,
         ):
-            results, told = _race(wire, Path(name), laps, tell)
+            results, told = _race(link, Path(name), laps, tell)
         karts = _compare(results, told, laps, faults)
     except RaceError as error:
         faults.append(str(error))
     return document_of(
         faults,
-        **weather.figures(),
+        **conditions.figures(),
         laps=laps,
         karts=karts,
         seed=seed,
@@ -64,27 +64,27 @@ def drill_sites(
 
 
 def _race(
-    wire: LossyLink, place: Path, laps: int, tell: Callable[[int], None]
+    link: LossyLink, place: Path, laps: int, tell: Callable[[int], None]
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Run both races; return the result of each hall and what the relay says."""
+    """Run both races; return the result of each server and the figures of the relay."""
     processes = []
     addresses = [f"tcp/{address}:{PORT}" for address in ADDRESSES]
     try:
-        for hall, (session, address) in enumerate(zip(SESSIONS, addresses, strict=True)):
+        for site, (session, address) in enumerate(zip(SESSIONS, addresses, strict=True)):
             serve = ["serve", "--track", TRACK, "--karts", "4", "--laps", str(laps), "--once"]
             serve += ["--items", "off", "--no-guard", "--fresh", "--record", "none"]
             serve += ["--results", "none", "--listen", address, "--session", session]
             serve += ["--result", str(place / f"{session}.json")]
-            processes.append(start_within(wire.names[hall], serve, place / session))
-        for hall, seats in enumerate(HOME):
+            processes.append(start_within(link.names[site], serve, place / session))
+        for site, seats in enumerate(HOME):
             for seat in seats:
-                words = ["drive", DRIVERS[seat], "--connect", addresses[hall], "--seat", str(seat)]
-                words += ["--session", SESSIONS[hall], "--patience", str(START_S)]
-                processes.append(start_within(wire.names[hall], words, place / f"kart-{seat}"))
+                words = ["drive", DRIVERS[seat], "--connect", addresses[site], "--seat", str(seat)]
+                words += ["--session", SESSIONS[site], "--patience", str(START_S)]
+                processes.append(start_within(link.names[site], words, place / f"kart-{seat}"))
         words = ["relay", "--here", addresses[0], "--there", addresses[1], "--json"]
         words += ["--session", SESSIONS[0], "--there-session", SESSIONS[1]]
         words += ["--bring", _list(HOME[1]), "--send", _list(HOME[0]), "--patience", str(START_S)]
-        processes.append(start_within(wire.names[0], words, place / "relay"))
+        processes.append(start_within(link.names[0], words, place / "relay"))
         wait_for_end(processes, place / SESSIONS[0], tell)
     finally:
         for process in processes:
@@ -104,7 +104,7 @@ def _list(seats: tuple[int, ...]) -> str:
 def _result_of(place: Path, session: str) -> dict[str, Any]:
     path = place / f"{session}.json"
     if not path.exists():
-        raise RaceError(f"hall {session} has no result: {last_words(place / f'{session}.err')}")
+        raise RaceError(f"site {session} has no result: {last_words(place / f'{session}.err')}")
     document: dict[str, Any] = json.loads(path.read_text())
     return document
 
@@ -112,7 +112,7 @@ def _result_of(place: Path, session: str) -> dict[str, Any]:
 def _compare(
     results: list[dict[str, Any]], told: dict[str, Any], laps: int, faults: list[str]
 ) -> list[dict[str, Any]]:
-    """Hold what the two halls say of each kart against each other."""
+    """Compare the results of each kart on the two servers."""
     rows = []
     tables = [{kart["seat"]: kart for kart in result["karts"]} for result in results]
     for home, seats in enumerate(HOME):
@@ -121,7 +121,7 @@ def _compare(
         for seat in seats:
             own, guest = tables[home].get(seat), tables[away].get(seat)
             if own is None or guest is None:
-                faults.append(f"seat {seat} did not race in both halls")
+                faults.append(f"seat {seat} did not race at both sites")
                 continue
             rows.append(
                 {

@@ -12,17 +12,17 @@ from race_server.live.gateway.handshake import SUBPROTOCOL
 from race_server.live.gateway.limits import ABORT_S, DRAIN_S
 from race_server.tools.drills.report import Finding
 
-# So little is taken from the network before it is read, and so little is read at once [bytes].
+# Size of the receive buffer, and of one read [bytes].
 BUFFER, SIP = 4096, 1
 PAUSE_S = 1.0
-END = b"\r\n\r\n"  # of what HTTP says first
-# Until the buffers between the two are full.
+END = b"\r\n\r\n"  # of the HTTP response
+# Until the buffers on the way are full.
 FILL_S = 15.0
 
 
 async def read_slowly(base: str, seconds: float) -> Finding:
     """Watch at one byte a second, and return when the gateway had enough."""
-    act, expected = "a byte a second", "is let go"
+    act, expected = "a byte a second", "is disconnected"
     if seconds < FILL_S + DRAIN_S:
         return Finding(act, expected, f"not tried in {seconds:g} s", ok=True)
     loop, parts = asyncio.get_running_loop(), urlsplit(base)
@@ -45,12 +45,12 @@ async def read_slowly(base: str, seconds: float) -> Finding:
             if _is_reset(line):
                 break
         else:
-            return Finding(act, expected, f"still there after {gone:.0f} s", ok=False)
-    return Finding(act, expected, f"let go after {gone:.0f} s", ok=gone > DRAIN_S - ABORT_S)
+            return Finding(act, expected, f"still connected after {gone:.0f} s", ok=False)
+    return Finding(act, expected, f"disconnected after {gone:.0f} s", ok=gone > DRAIN_S - ABORT_S)
 
 
 def _is_reset(line: socket.socket) -> bool:
-    """Return whether the other end has ended the connection without waiting for us."""
+    """Return whether the other end has closed the connection."""
     return bool(line.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
 
 
@@ -69,7 +69,7 @@ def _handshake(place: str) -> bytes:
 
 
 def _masked(words: str) -> bytes:
-    """Return a text frame as browsers send it; a mask of zeros hides nothing, and needs not to."""
+    """Return a text frame as browsers send it; the mask is zero."""
     frame = bytearray(frame_of(words))
     frame[1] |= 0x80
     frame[2:2] = bytes(4)

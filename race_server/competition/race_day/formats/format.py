@@ -1,4 +1,4 @@
-"""What a format is: stages in order, as plain data."""
+"""The format of a race day: stages in order, as plain data."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ class Races:
     most: int = 8  # karts in a race
     least: int = 2
     mixed: bool = False  # groups of equal strength; else the best in the first group
-    qualified: int = 0  # so many teams take part; 0: all
+    qualified: int = 0  # number of teams that take part; 0: all
     points: tuple[int, ...] = ()  # by place
     finishing: int = 0  # points for finishing further behind
     limit_s: float = 60.0  # for each lap of a race

@@ -1,4 +1,4 @@
-"""A cell: one row under one seed, trained, examined, and kept in one file."""
+"""One training of a reproduction: one row with one seed, trained, examined, and saved."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.reproductions.exam import examine
-from race_agents.reproductions.plan import Exam, Reproduction, Row, Scale
+from race_agents.reproductions.plan import Exam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
 from race_agents.training.learner import learner_of
@@ -21,45 +21,43 @@ from race_agents.training.settings_toml import as_toml, read_settings
 from race_server.errors import ScenarioError
 
 POINTS = 40  # of the curve of a training
-FORMAT = 1  # of the files; files of another are made anew
+FORMAT = 1  # of the files; files of another format are made again
 
-# Tables of the settings that no cell uses: a new key in them, or another default, changes no cell.
+# Tables of the settings that no training here uses: their keys and defaults are not in the digest.
 UNUSED = ("self_play", "curriculum", "warm_start", "gail", "curiosity", "evaluation", "goal")
 
-Tell = Callable[[float], None]  # called with the share of the cell that is done
+Tell = Callable[[float], None]  # called with the share of the training that is done
 
 
 @dataclass(frozen=True)
-class Cell:
+class Training:
     """One training and its exam."""
 
-    row: Row
+    row: Variant
     seed: int
     settings: Settings
     exam: Exam
 
     @property
     def key(self) -> str:
-        """Return a digest of everything that decides what comes out."""
+        """Return a digest of everything that the result depends on."""
         settings = as_toml(self.settings, without=UNUSED)
         words = f"{FORMAT} {settings} {self.row.twist} {self.exam!r}"
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 
-def cells_of(plan: Reproduction, scale: Scale) -> list[Cell]:
-    """Return all cells of a reproduction, seed by seed, so that every row has one early.
-
-    That is also the order in which they are driven.
+def trainings_of(plan: Reproduction, scale: TrainingScale) -> list[Training]:
+    """Return all trainings of a reproduction in the order of running, seed by seed.
 
     Raises:
-        ScenarioError: the settings make no training.
+        ScenarioError: the settings are not valid.
     """
     return [
-        _cell(plan, scale, row, seed) for seed in range(1, scale.seeds + 1) for row in plan.rows
+        _training(plan, scale, row, seed) for seed in range(1, scale.seeds + 1) for row in plan.rows
     ]
 
 
-def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
+def _training(plan: Reproduction, scale: TrainingScale, row: Variant, seed: int) -> Training:
     steps = max(round(scale.steps * row.steps_share), 1)
     quick = row.quick_changes if scale is plan.quick else ()
     changes = (*plan.changes, *row.changes, *scale.changes, *quick)
@@ -67,16 +65,16 @@ def _cell(plan: Reproduction, scale: Scale, row: Row, seed: int) -> Cell:
     settings = read_settings(plan.preset, words)
     _check_plain(settings, plan.preset)
     if row.twist.choices:
-        # Settings know no picking among increments: what arrives at the world are increments.
+        # Settings have no choice among increments: the world receives increments.
         settings = settings.model_copy(update={"action": "increments"})
-    return Cell(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
+    return Training(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
 
 
 def _check_plain(settings: Settings, preset: str) -> None:
-    """Do nothing for a training by the race's own reward alone; cells know no other.
+    """Check that a training uses the reward of the race alone.
 
     Raises:
-        ScenarioError: the settings want more.
+        ScenarioError: it uses more.
     """
     wanted = {
         "warm_start": settings.warm_start.is_wanted,
@@ -92,40 +90,40 @@ def _check_plain(settings: Settings, preset: str) -> None:
         )
 
 
-def drive_cell(cell: Cell, tell: Tell = lambda _: None) -> dict[str, Any]:
-    """Train and examine one cell.
+def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, Any]:
+    """Train and examine one policy.
 
     Raises:
-        RaceError: the settings make no training.
+        RaceError: the settings are not valid.
     """
-    pace = Budget.of(cell.settings)
-    world = world_of(cell.settings, cell.row.twist, pace)
-    learner = learner_of(cell.settings, world, pace, None)
-    watch = _Watch(pace, tell)
+    budget = Budget.of(training.settings)
+    world = world_of(training.settings, training.row.twist, budget)
+    learner = learner_of(training.settings, world, budget, None)
+    watch = _Watch(budget, tell)
     begun = time.process_time()
-    learner.learn(pace.steps_left, callback=watch)
+    learner.learn(budget.steps_left, callback=watch)
     learning_s = time.process_time() - begun
     world.close()
 
     def decide(seen: Any) -> Any:
         answers = learner.predict(world.normalize_obs(seen), deterministic=True)[0]
-        return actions_of(cell.row.twist, answers)
+        return actions_of(training.row.twist, answers)
 
-    figures = asdict(examine(cell.settings, cell.exam, decide))
+    figures = asdict(examine(training.settings, training.exam, decide))
     figures["learning_cpu_s"] = learning_s
     figures["learning_return"] = mean_return(watch.curve)
     return {
-        "row": cell.row.name,
-        "seed": cell.seed,
-        "key": cell.key,
-        "steps": pace.done,
+        "row": training.row.name,
+        "seed": training.seed,
+        "key": training.key,
+        "steps": budget.done,
         "figures": figures,
         "curve": watch.curve,
     }
 
 
 def mean_return(curve: list[tuple[int, float]]) -> float | None:
-    """Return the mean of a curve; before its first point it counts as that one."""
+    """Return the mean of a curve; time before its first point counts as that point."""
     if not curve:
         return None
     returns = [value for _, value in curve]
@@ -134,38 +132,38 @@ def mean_return(curve: list[tuple[int, float]]) -> float | None:
 
 
 class _Watch(BaseCallback):
-    """Keeps the pace and notes the return of the last hundred episodes."""
+    """Counts decisions and records the mean return of the last hundred episodes."""
 
-    def __init__(self, pace: Budget, tell: Tell) -> None:
+    def __init__(self, budget: Budget, tell: Tell) -> None:
         super().__init__()
-        self.pace = pace
+        self.budget = budget
         self.curve: list[tuple[int, float]] = []
         self._points = 0
         self._tell = tell
 
     def _on_step(self) -> bool:
-        self.pace.done += self.training_env.num_envs
-        if int(self.pace.share * POINTS) > self._points:
-            self._points = int(self.pace.share * POINTS)
+        self.budget.done += self.training_env.num_envs
+        if int(self.budget.share * POINTS) > self._points:
+            self._points = int(self.budget.share * POINTS)
             # Among many agents it takes a while until the first episode is over.
             if self.model.ep_info_buffer:
                 mean = np.mean([row["r"] for row in self.model.ep_info_buffer])
-                self.curve.append((self.pace.done, float(mean)))
-            self._tell(self.pace.share)
+                self.curve.append((self.budget.done, float(mean)))
+            self._tell(self.budget.share)
         return True
 
 
-def read_cell(path: Path, cell: Cell) -> dict[str, Any] | None:
-    """Return what is known of a cell; None if it is not there, damaged, or of other settings."""
+def read_outcome(path: Path, training: Training) -> dict[str, Any] | None:
+    """Return the saved outcome of a training; None if missing, damaged, or of other settings."""
     try:
         found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and found.get("key") == cell.key else None
+    return found if isinstance(found, dict) and found.get("key") == training.key else None
 
 
-def write_cell(path: Path, outcome: dict[str, Any]) -> None:
-    """Keep a cell; whoever is killed here leaves no half file behind."""
+def write_outcome(path: Path, outcome: dict[str, Any]) -> None:
+    """Save the outcome of a training, atomically."""
     aside = path.with_suffix(".part")
     aside.write_text(json.dumps(outcome) + "\n", encoding="utf-8")
     aside.replace(path)

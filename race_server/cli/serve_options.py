@@ -1,0 +1,122 @@
+"""The options of a race, which `race serve` and `race start` share, and those of a server."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from race_server.cli.options import Results, Track, VehicleName
+from race_server.net.transport import DEFAULT_ADDRESS
+
+# Encrypted, to all networks of this machine.
+OPEN_ADDRESS = "tls/0.0.0.0:7447"
+
+Switch = Literal["on", "off"]
+
+
+@dataclass(frozen=True)
+class RaceOptions:
+    """Which race is driven, and what is kept of it."""
+
+    track: Track = "covapsy-train-2023"
+    vehicle: VehicleName = "tt02"
+    karts: Annotated[int, typer.Option(min=1, max=64, help="Number of seats.")] = 8
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3
+    seed: Annotated[int, typer.Option(help="Seed of every random draw in the race.")] = 1
+    pace: Annotated[
+        str,
+        typer.Option(help="real: 60 ticks a second. lockstep: wait for every driver."),
+    ] = "real"
+    items: Annotated[Switch, typer.Option(help="Place item boxes on the course.")] = "on"
+    catch_up: Annotated[
+        Switch, typer.Option(help="Give stronger items to karts further behind.")
+    ] = "on"
+    results: Results = ""
+    record: Annotated[
+        str,
+        typer.Option(
+            help="Folder for recordings, or none to record nothing. Default: "
+            "$RACE_SERVER_RECORDINGS, else ~/.local/share/race-server/recordings."
+        ),
+    ] = ""
+
+
+@dataclass(frozen=True)
+class ServeOptions(RaceOptions):
+    """All options of `race serve`."""
+
+    fill: Annotated[
+        str,
+        typer.Option(
+            help="Comma-separated drivers for seats that stay free, repeated as needed. "
+            "Default: none."
+        ),
+    ] = ""
+    wait_for: Annotated[
+        int,
+        typer.Option(
+            help="Start once this many drivers are ready; -1: all seats, or 1 with --fill."
+        ),
+    ] = -1
+    finish_limit: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Seconds that others have to finish after the winner; 0: no limit."
+        ),
+    ] = 100.0
+    once: Annotated[bool, typer.Option("--once", help="Exit after one race.")] = False
+    review: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="With --once: seconds after the race in which stewards may still add penalties.",
+        ),
+    ] = 0.0
+    result: Annotated[
+        Path | None,
+        typer.Option(help="Write the result of each race to this JSON file, replacing the last."),
+    ] = None
+    listen: Annotated[
+        str,
+        typer.Option(
+            help=f"Address to listen on. Default: {DEFAULT_ADDRESS}, with --open {OPEN_ADDRESS}."
+        ),
+    ] = ""
+    is_open: Annotated[
+        bool,
+        typer.Option("--open", help="Accept clients from other machines; requires --keys."),
+    ] = False
+    keys: Annotated[
+        Path | None,
+        typer.Option(help="With --open: folder of keys made by `race keys new`."),
+    ] = None
+    session: Annotated[
+        str,
+        typer.Option(
+            "--session", help="Name of the session. Default: the one in the keys, else race."
+        ),
+    ] = ""
+    fresh: Annotated[
+        bool,
+        typer.Option("--fresh", help="Do not resume a race whose server was killed."),
+    ] = False
+    guard: Annotated[
+        bool,
+        typer.Option("--guard/--no-guard", help="Restart the server when it is killed."),
+    ] = True
+    metrics: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Serve /metrics for Prometheus and /healthz on this port of 127.0.0.1; 0: any "
+            "free port. Default: off.",
+        ),
+    ] = None
+    log_json: Annotated[
+        bool, typer.Option("--log-json", help="Log JSON lines, even to a terminal.")
+    ] = False
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON document for each race.")
+    ] = False

@@ -1,0 +1,150 @@
+"""`race start`: a whole race in one command."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.option_fields import argv_of, expand_options
+from race_server.cli.options import known_drivers
+from race_server.cli.outcome import show_result
+from race_server.cli.serve_options import RaceOptions, ServeOptions
+from race_server.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from race_server.competition.launch import RaceSpec
+
+DRIVERS = ("raceline", "idm", "follow_gap", "tentacles", "pure_pursuit", "avoider")
+
+
+@expand_options
+def start(
+    race: RaceOptions,
+    drivers: Annotated[
+        str,
+        typer.Option(help="Comma-separated drivers, repeated until every seat is filled."),
+    ] = ",".join(DRIVERS),
+    one_process: Annotated[
+        bool,
+        typer.Option("--one-process", help="Run the drivers inside the server process."),
+    ] = False,
+    mixed: Annotated[
+        int,
+        typer.Option(
+            help="Number of karts that are played as real ones, by `race plant` processes."
+        ),
+    ] = 0,
+    listen: Annotated[
+        str, typer.Option(help="Address to listen on. Default: a free port of 127.0.0.1.")
+    ] = "",
+    session: Annotated[str, typer.Option(help="Name of the session.")] = "race",
+    races: Annotated[
+        int, typer.Option(min=1, help="Number of races in a row; after several, show ratings.")
+    ] = 1,
+    page: Annotated[
+        bool | None,
+        typer.Option(
+            "--page/--no-page",
+            envvar="RACE_SERVER_PAGE",
+            help="Let browsers on this machine watch. Default: if the page is built.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a whole race: a server, one process for each driver, and the live leaderboard."""
+    from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, run_race, spread
+    from race_server.core.driver import driver_names
+
+    names = known_drivers(drivers)
+    if not names:
+        raise ScenarioError(f"--drivers is empty; choose from {', '.join(driver_names())}")
+    if not 0 <= mixed <= race.karts or (mixed and (race.pace != "real" or one_process)):
+        raise ScenarioError(
+            f"--mixed {mixed}: choose at most {race.karts} karts, with --pace real and without "
+            "--one-process"
+        )
+    _check_results(race.results)
+    console = Console(stderr=as_json)
+    _prepare_line(race.track, race.vehicle, names, console)
+    spec = RaceSpec(
+        serve=tuple(argv_of(ServeOptions(**asdict(race), fresh=True))),
+        drivers=tuple(names[seat % len(names)] for seat in range(race.karts)),
+        address=listen or free_address(),
+        session=session,
+        in_process=one_process,
+        real=tuple(TrackedSeat(seat) for seat in spread(mixed, race.karts)),
+        page=_shows_page(page, console),
+        record=race.record,
+    )
+    if races > 1:
+        _run_series(spec, races, race.seed, console, as_json=as_json)
+        return
+    document = run_race(spec, console)
+    if as_json:
+        print_document(document)
+    else:
+        show_result(document, race.track, race.laps, session)
+
+
+def _shows_page(wanted: bool | None, console: Console) -> bool:
+    """Return whether browsers are to watch; warn if the page is wanted but not built."""
+    from race_server.live.gateway.page import NOT_BUILT, is_built
+
+    if wanted and not is_built():
+        console.print(NOT_BUILT, style="yellow", markup=False, soft_wrap=True)
+    return is_built() if wanted is None else wanted
+
+
+def _run_series(
+    spec: "RaceSpec", races: int, seed: int, console: Console, *, as_json: bool
+) -> None:
+    """Run several races and show the ratings of the drivers."""
+    from race_server.competition.launch import run_race
+    from race_server.competition.series import rating_table, run_series
+
+    def run(one: "RaceSpec", number: int) -> dict[str, Any]:
+        document = run_race(one, console)
+        best = min(document["karts"], key=lambda kart: kart["rank"])
+        text = f"race {number + 1} of {races}, seed {seed + number}: won by {best['driver']}"
+        console.print(text, style="dim", markup=False, soft_wrap=True)
+        return document
+
+    found = run_series(spec, races, seed, run)
+    if as_json:
+        print_document(found)
+    else:
+        console.print(rating_table(found["ratings"], races))
+
+
+def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: Console) -> None:
+    """Solve the reference line if a driver needs it, before the server looks for it.
+
+    Prints a note if another line is used in its place.
+    """
+    from race_server.core.driver import driver_named
+    from race_server.core.observation import wants_line
+    from race_server.core.vehicles import vehicle_named
+    from race_server.scenario.raceline.attach import reference_line
+    from race_server.scenario.track.load import load_course
+
+    course, car = load_course(track), vehicle_named(vehicle)
+    if not reference_line(course, car).note:
+        return
+    if any(wants_line(driver_named(name).preset) for name in sorted(set(drivers))):
+        if note := reference_line(course, car, solve=True).note:
+            console.print(note, style="yellow", markup=False, soft_wrap=True)
+
+
+def _check_results(results: str) -> None:
+    """Check before anything starts that the results file can be written.
+
+    Raises:
+        ResultsError: it is locked, damaged or newer than this program.
+    """
+    from race_server.storage.results.schema import path_of
+    from race_server.storage.results.store import Store
+
+    if path := path_of(results):
+        Store(path).close()
