@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from race_server.core.driver import driver_named
-from race_server.core.kernel_driver import item_kinds, starts_of
+from race_server.core.kernel_driver import ASIDE, FETCH, item_kinds, starts_of
 from race_server.core.kernels.jit import bind
 from race_server.core.observation import Layout, layout_of
 from race_server.core.state import Floats, Ints, Records
+from race_server.envs.actions import advice_of
+from race_server.envs.buffers import Buffers, Opposition
 from race_server.errors import ScenarioError
 
 
@@ -106,3 +108,22 @@ def advised(name: str) -> str:
             f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
         )
     return name
+
+
+def advise(buffers: Buffers, width: float) -> None:
+    """Write residual actions, (W, L, 6), into the memory of the drivers that they advise.
+
+    width: of the vehicle [m].
+    """
+    learners = buffers.actions.shape[1]
+    buffers.memory[:, :learners, ASIDE : FETCH + 1] = advice_of(buffers.actions, width)
+
+
+def opposition_of(groups: Sequence[Opponents], karts: int) -> Opposition:
+    """Return the size of the longest observation, and the parts of each kart's."""
+    most = max((len(group.layout.numbers) for group in groups), default=1)
+    parts = np.full((karts, most), -1, np.int64)
+    for group in groups:
+        for kart in group.karts:
+            parts[kart, : len(group.layout.numbers)] = group.layout.numbers
+    return Opposition(max((group.layout.size for group in groups), default=1), parts)

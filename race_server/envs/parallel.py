@@ -9,15 +9,14 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv
 
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
 from race_server.envs.presets import race_task
-from race_server.envs.rewards import TERMS
 from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.task import Task
 
 Vector = NDArray[np.float32]
-_TERMS = tuple(TERMS)
 
 
 class KartRace(ParallelEnv[str, Vector, Any]):
@@ -69,7 +68,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         """Begin a new race; with a seed the same one again. Options are not used."""
         self.batch.reset(seed)
         self._steps = 0
-        idle = self.batch.rig.idle[0]
+        idle = self.batch.buffers.idle[0]
         self.agents = [agent for agent, k in self._numbers.items() if not idle[k]]
         seen = self.batch.observations[0].copy()
         infos = {
@@ -93,7 +92,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         """
         batch, agents = self.batch, self.agents
         numbers = [self._numbers[agent] for agent in agents]
-        given = batch.rig.actions[0]
+        given = batch.buffers.actions[0]
         given[:] = 0.0
         for agent, k in zip(agents, numbers, strict=True):
             if agent in actions:
@@ -101,7 +100,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         batch.step()
         self._steps += 1
         late = 0 < self.max_cycles <= self._steps
-        seen, terms = batch.observations[0].copy(), batch.rig.terms[0].tolist()
+        seen, terms = batch.observations[0].copy(), batch.buffers.terms[0].tolist()
         rewards, ended = batch.rewards[0].tolist(), batch.terminated[0].tolist()
         cut = batch.truncated[0].tolist()
         observations = {}
@@ -115,7 +114,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
             gained[agent] = rewards[k]
             terminations[agent] = is_over = bool(ended[k])
             truncations[agent] = is_cut = not is_over and (late or bool(cut[k]))
-            infos[agent] = {"reward_terms": dict(zip(_TERMS, terms[k], strict=True))}
+            infos[agent] = {"reward_terms": dict(zip(batch.terms, terms[k], strict=True))}
             if is_over or is_cut:
                 infos[agent]["episode"] = batch.episode_of(0, k)
             else:

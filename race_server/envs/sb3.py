@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from race_server.envs.batch import Batch, Curriculum, Task
+from race_server.envs.batch import Batch, Curriculum
 from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.task import Task
 from race_server.envs.vector import after_an_episode
 
 Array = NDArray[Any]
@@ -41,7 +42,7 @@ class KartVecEnv(VecEnv):
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
-        learners = Batch.count_learners(task)
+        learners = task.count_learners()
         self.batch = Batch(
             task, worlds=worlds, seed=seed, after=after_an_episode(learners), threads=threads
         )
@@ -73,8 +74,8 @@ class KartVecEnv(VecEnv):
             after=after_an_episode(before.learners),
             threads=before.threads,
         )
-        if self.batch.rig.odds.shape == before.rig.odds.shape:
-            self.batch.rig.odds[:] = before.rig.odds
+        if self.batch.buffers.odds.shape == before.buffers.odds.shape:
+            self.batch.buffers.odds[:] = before.buffers.odds
         before.close()
 
     def step_async(self, actions: Array) -> None:

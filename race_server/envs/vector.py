@@ -7,10 +7,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD
 from race_server.envs.presets import mixed_task, time_trial_task
 from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.task import Task
 
 Array = NDArray[Any]
 
@@ -38,7 +39,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
-        learners = Batch.count_learners(task)
+        learners = task.count_learners()
         self.batch = Batch(task, worlds=worlds, after=after_an_episode(learners), threads=threads)
         self.num_envs = worlds * learners
         self.single_observation_space = observation_space(self.batch.layout)

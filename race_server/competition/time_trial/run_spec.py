@@ -9,7 +9,8 @@ import numpy as np
 from race_server.competition.time_trial.gaps import NONE, Gap
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle, vehicle_named
-from race_server.envs.batch import Task
+from race_server.envs.presets import task_on
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
@@ -99,7 +100,7 @@ def scenario_of(cell: RunSpec, course: Course) -> Scenario:
 
 def task_of(cell: RunSpec, course: Course, preset: str) -> Task:
     """Return the same as a task of the training world, for a driver that wants `preset`."""
-    return Task(
+    return task_on(
         (scenario_of(cell, course),),
         learners=1,
         observation=preset,

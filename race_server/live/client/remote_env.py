@@ -15,7 +15,7 @@ from race_server.core.messages import EventKind
 from race_server.core.observation import PRESETS, layout_of
 from race_server.core.state import Floats
 from race_server.envs.actions import RESIDUAL, action_kind
-from race_server.envs.rewards import TERMS, reward_weights
+from race_server.envs.racing.reward_terms import TERMS, reward_weights
 from race_server.envs.spaces import action_space, observation_space
 from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_kart import News, RemoteKart

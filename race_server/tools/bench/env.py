@@ -10,10 +10,10 @@ import numpy as np
 
 from race_server.core.clock import SUBSTEPS
 from race_server.core.state import Floats
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER
 from race_server.envs.parallel import KartRace
-from race_server.envs.presets import race_task, scenario_on
+from race_server.envs.presets import race_task, scenario_on, task_on
 from race_server.envs.single import time_trial
 from race_server.errors import ScenarioError
 from race_server.scenario.sensors import Lidar, Radar
@@ -149,7 +149,7 @@ def race_batch(
 def crowded_batch(karts: int) -> Batch:
     """Return races of so many karts, as many as make up the crowd."""
     scenario = scenario_on(CROWDED_TRACK, karts=karts, vehicle=CROWDED_VEHICLE, **FRESH_SENSORS)
-    task = Task((scenario,), reward="race", random_start=True)
+    task = task_on((scenario,), reward="race", random_start=True)
     return Batch(task, worlds=CROWD // karts, after=REENTER)
 
 
