@@ -6,7 +6,6 @@ from typing import Any
 from race_agents.training.settings import Settings, Tracks
 from race_server.core.vehicles import vehicle_named
 from race_server.envs.presets import LEARNING_RULES, task_on
-from race_server.envs.reality_gap import RealityGap
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import ABSENT, Rules, Scenario
@@ -79,7 +78,7 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
         action=settings.action,
         base=settings.base,
         reward=settings.reward,
-        gap=RealityGap(**settings.gap.model_dump()),
+        gap=settings.gap,
         decision_ticks=DECISION_TICKS,
         most_steps=episode.steps,
         random_start=episode.random_start,

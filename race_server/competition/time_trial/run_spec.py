@@ -105,7 +105,7 @@ def task_of(cell: RunSpec, course: Course, preset: str) -> Task:
         learners=1,
         observation=preset,
         action="control",
-        gap=cell.gap.reality(),
+        gap=cell.gap.reality,
     )
 
 
