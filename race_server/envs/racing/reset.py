@@ -6,6 +6,7 @@ from race_server.core import codes
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import GRID_STREAM, RESPAWN_STREAM, START_STREAM, uniform
 from race_server.core.rules.laps import microseconds
+from race_server.core.stages.clearance import is_clear
 from race_server.core.stages.grid import line_up, place_kart
 from race_server.core.stages.sensing import sense_first
 from race_server.core.stages.standings import rank
@@ -92,23 +93,11 @@ def _find_start(
         start = templates.starts[scenario, row]
         x = start[0] + uniform(seed, stream, first, 1) * (start[1] - start[0])
         y = start[2] + uniform(seed, stream, first, 2) * (start[3] - start[2])
-        if attempt == START_TRIES - 1 or _is_clear(world, w, k, others, x, y):
+        is_last = attempt == START_TRIES - 1
+        if is_last or is_clear(world, w, k, others, x, y, codes.RETIRED):
             body.x, body.y = x, y
             body.heading = start[4] + (2.0 * uniform(seed, stream, first, 3) - 1.0) * start[5]
             return
-
-
-@kernel
-def _is_clear(world: World, w: int, k: int, others: int, x: float, y: float) -> bool:
-    for other in range(others):
-        rival = world.bodies[w, other]
-        if other == k or rival.status == codes.ABSENT:
-            continue
-        near = 1.5 * world.vehicles[w, other].length
-        dx, dy = rival.x - x, rival.y - y
-        if dx * dx + dy * dy < near * near:
-            return False
-    return True
 
 
 @kernel
