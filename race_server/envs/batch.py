@@ -1,7 +1,7 @@
 """Many episodes at once for learning: arrays in, arrays out, nothing copied.
 
 `Batch` is the engine under every interface of this package. It knows worlds, karts, decisions,
-rewards and rounds; what they are about it is told by the task's discipline, see `envs/task.py`.
+rewards and rounds; what they mean is up to the task's discipline, see `envs/task.py`.
 Learning karts come first: of K karts the first L learn, the others are driven by scripts. One
 decision is one compiled call per kind of scripted driver, and one for all the rest: controls,
 physics, sensors, rules, rewards, ends, resets and observations.

@@ -48,7 +48,7 @@ a name; a mapping from terms to weights is a table as well.
 
 _GAP = """## Reality gap
 
-Each learning kart draws these anew for every episode, from the ranges in the task's `RealityGap`.
+Each learning kart draws these for every episode, from the ranges in the task's `RealityGap`.
 """
 
 

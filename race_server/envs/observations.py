@@ -1,4 +1,4 @@
-"""What learning karts and their opponents are shown after a decision, late where the gap says so.
+"""Observations of learning karts and their opponents; the reality gap may delay them.
 
 `write_observations` is the observation stage of a discipline whose observations are those of
 `race_server.core.observation`. One with observations of another kind fills

@@ -1,8 +1,8 @@
 """Karts that do not learn among those that do: their drivers, each called once a decision.
 
 A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
-instead: told seats, views, layout, vehicles, gear, memory and controls it returns a call that
-fills the controls. What it keeps lies in `memory`, which is zero when a race begins.
+instead: from seats, views, layout, vehicles, gear, memory and controls it makes a call that fills
+the controls. What it remembers is in `memory`, which is zero when a round begins.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,15 +41,18 @@ class Opponents:
     def driving(
         self, worlds: int, views: Floats, vehicles: Records, memory: Floats, controls: Floats
     ) -> Callable[[], None]:
-        """Return what fills the controls of these karts from what they see."""
+        """Return a call that fills the controls of these karts from what they see.
+
+        views: (W, K, S); vehicles: (W, K); memory: (W, K, M); controls: (W, K, 4).
+        """
         seats, driver = self.seats(worlds), self.driver
         if hasattr(driver, "driving"):
             drive: Callable[[], None] = driver.driving(
                 seats, views, self.layout, vehicles, self.gear, memory, controls
             )
             return drive
-        told = (self.at, vehicles, self.gear, self.kinds)
-        return bind(type(driver).decide_all, seats, views, *told, memory, controls)
+        figures = (self.at, vehicles, self.gear, self.kinds)
+        return bind(type(driver).decide_all, seats, views, *figures, memory, controls)
 
 
 def opponents_of(
@@ -66,7 +69,7 @@ def opponents_of(
 
     Raises:
         DriverError: a driver is unknown.
-        ScenarioError: a driver is no kernel and can only drive in a process of its own.
+        ScenarioError: a driver is no kernel and can only drive in its own process.
     """
     seats: dict[str, list[int]] = {}
     for place, kart in enumerate(range(first, karts)):

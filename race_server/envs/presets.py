@@ -50,7 +50,11 @@ def scenario_on(
 
 
 def task_on(scenarios: tuple[Scenario, ...], **options: Any) -> Task:
-    """Return a task of racing on these scenarios; options as for `Task` and `Racing`."""
+    """Return a task of racing on these scenarios; options as for `Task` and `Racing`.
+
+    Raises:
+        TypeError: neither has an option of that name.
+    """
     return Task(scenarios, Racing()).with_options(**options)
 
 

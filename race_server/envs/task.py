@@ -17,15 +17,15 @@ from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
 
-# Told the world, the buffers of the batch, and the templates of the discipline.
+# Takes the world, the buffers of the batch, and the templates of the discipline.
 Kernel = Callable[[World, Buffers, Any], None]
 
 
 class Discipline(Protocol):
-    """What the batch engine is told by a discipline: names, figures, two kernels.
+    """What the batch engine asks of a discipline: names, figures, two kernels.
 
-    The kernels are built from the stages in `envs/decision.py`, `envs/rounds.py` and
-    `envs/observations.py`. They are not handed over one by one: see `envs/batch.py`.
+    The kernels are made of the stages in `envs/decision.py`, `envs/rounds.py` and
+    `envs/observations.py`. Why two, and not one for each stage: see `envs/batch.py`.
     """
 
     @property

@@ -19,7 +19,7 @@ Array = NDArray[Any]
 def after_an_episode(learners: int) -> int:
     """Return what a batch for a vector environment does with a kart whose episode is over.
 
-    Alone its world begins anew; among other learning karts it comes back into the same race.
+    Alone its world begins again; among other learning karts it comes back into the same race.
     """
     return RESET_WORLD if learners == 1 else REENTER
 
@@ -76,7 +76,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         return observations.reshape(self.num_envs, -1).copy()
 
     def close_extras(self, **_: Any) -> None:
-        """Let the batch's threads go."""
+        """End the batch's threads."""
         self.batch.close()
 
 

@@ -74,7 +74,7 @@ def spread_out(world: World) -> None:
 
 
 def lane_keeping(world: World) -> Floats:
-    """Return controls that keep every kart near the centre line at a pace of its own."""
+    """Return controls that keep every kart near the centre line at its own pace."""
     bodies, racers = world.bodies, world.racers
     controls = np.zeros((*bodies.shape, 4))
     line = world.route.line

@@ -31,7 +31,7 @@ FRESH_SENSORS: dict[str, Any] = {
 WARM_UP_SHARE = 0.25  # of the measured time, before it
 TAPE = 400  # decisions that are recorded and replayed through an interface for one race
 
-# What `scaling` measures: races of about so many karts in all, on a course with a long grid.
+# What `scaling` measures: races of about this many karts in all, on a course with a long grid.
 CROWD, CROWDED_TRACK, CROWDED_VEHICLE = 512, "hangar-400", "kart-30"
 KARTS_PER_RACE = (1, 2, 4, 8, 16, 32, 64)
 WORLD_COUNTS = (1, 4, 16, 64, 256, 1024, 4096)  # the last are 320 MB of arrays
@@ -120,7 +120,7 @@ def _replay_rate(
 
 
 def driving(batch: Batch) -> Floats:
-    """Return actions that keep every kart near the centre line at a pace of its own."""
+    """Return actions that keep every kart near the centre line at its own pace."""
     world, learners = batch.world, batch.learners
     bodies, racers = world.bodies[:, :learners], world.racers[:, :learners]
     vehicles = world.vehicles[:, :learners]
@@ -147,7 +147,7 @@ def race_batch(
 
 
 def crowded_batch(karts: int) -> Batch:
-    """Return races of so many karts, as many as make up the crowd."""
+    """Return races of `karts` karts each, as many races as make up the crowd."""
     scenario = scenario_on(CROWDED_TRACK, karts=karts, vehicle=CROWDED_VEHICLE, **FRESH_SENSORS)
     task = task_on((scenario,), reward="race", random_start=True)
     return Batch(task, worlds=CROWD // karts, after=REENTER)
@@ -161,7 +161,7 @@ def _pettingzoo(seconds: float) -> float:
         rows = driving(race.batch)[0].astype(np.float32)
         return {agent: rows[race.possible_agents.index(agent)] for agent in race.agents}
 
-    # Nobody finishes while the tape runs, so that every step moves all agents.
+    # No kart finishes while the tape runs, so that every step moves all agents.
     return KARTS * _replay_rate(race, act, lambda _: len(race.agents) < KARTS, seconds)
 
 

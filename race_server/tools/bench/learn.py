@@ -78,7 +78,7 @@ def _learner(env: "VecEnv") -> "PPO":
 
 
 def _learn(learner: "PPO", rollouts: int) -> float:
-    """Return time steps per CPU second of so many rollouts, each with its gradient steps."""
+    """Return time steps per CPU second of `rollouts` rollouts, each with its gradient steps."""
     steps = rollouts * DECISIONS * WORLDS * KARTS
     begun = time.process_time()
     learner.learn(steps, reset_num_timesteps=False)
