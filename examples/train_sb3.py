@@ -6,8 +6,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
-from race_server.envs.presets import time_trial_task
-from race_server.envs.sb3 import KartVecEnv
+from race_server.envs import KartVecEnv, time_trial_task
 
 PARTS, REWARD = ("lidar", "speed", "steering"), {"progress": 1.0, "crash": -1.0}
 SETTINGS = {"n_steps": 64, "batch_size": 1024, "n_epochs": 5, "learning_rate": 5e-4, "seed": 1}

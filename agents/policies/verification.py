@@ -17,8 +17,9 @@ from race_agents.policies.session import Policy
 from race_server.core.clock import ticks_of
 from race_server.core.observation import wants_line
 from race_server.core.vehicles import vehicle_named
-from race_server.envs.batch import Batch, Task
-from race_server.envs.presets import LEARNING_RULES
+from race_server.envs.batch import Batch
+from race_server.envs.presets import LEARNING_RULES, task_on
+from race_server.envs.task import Task
 from race_server.scenario.race import Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.sets import course_named, set_named
@@ -79,7 +80,7 @@ def _task(metadata: PolicyMetadata) -> Task:
         )
         for name in _courses(metadata)
     ]
-    return Task(
+    return task_on(
         tuple(scenarios),
         opponents=others,
         learners=1,

@@ -1,7 +1,7 @@
 """Figures of a trained policy, which starts again after each crash."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from race_agents.training.settings import Settings
 from race_agents.training.tasks import decision_s, evaluation_tasks
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import RESET_WORLD
-from race_server.envs.rewards import TERMS
+from race_server.envs.racing.reward_terms import TERMS
 
 Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
 
@@ -47,7 +47,7 @@ def examine(settings: Settings, exam: Exam, decide: Decide) -> Figures:
     tasks = evaluation_tasks(settings.model_copy(update=changed), exam.tracks)
     tally = _Tally()
     for task in tasks.values():
-        begun = replace(task, random_start=exam.random_start, most_steps=0)
+        begun = task.with_options(random_start=exam.random_start, most_steps=0)
         batch = Batch(begun, worlds=exam.seeds, seed=FIRST_SEED, after=RESET_WORLD)
         tally.drive(batch, decide, round(exam.seconds / decision_s()))
         batch.close()
@@ -69,9 +69,9 @@ class _Tally:
         laps = np.zeros(batch.worlds, np.int64)
         settled = round(SETTLED_S / decision_s())
         for _ in range(steps):
-            young = batch.rig.episodes["steps"][:, 0] < settled
+            young = batch.buffers.episodes["steps"][:, 0] < settled
             batch.step(decide(seen.reshape(batch.worlds, -1)))
-            terms = batch.rig.terms[:, 0]
+            terms = batch.buffers.terms[:, 0]
             self.rewards.append(batch.rewards[:, 0].copy())
             self.terms.append(terms.copy())
             self.places += float(terms[~young, _AT["places"]].sum())
@@ -79,9 +79,9 @@ class _Tally:
             self.ends += int(over.sum())
             self.crashes += int((terms[:, _AT["crash"]] > 0.0).sum())
             # A world that was reset keeps the figures of its last episode elsewhere.
-            episodes = batch.rig.episodes[:, 0]
-            now = np.where(over, batch.rig.ended[:, 0]["laps"], episodes["laps"])
-            last = np.where(over, batch.rig.ended[:, 0]["last_lap_us"], episodes["last_lap_us"])
+            episodes = batch.buffers.episodes[:, 0]
+            now = np.where(over, batch.buffers.ended[:, 0]["laps"], episodes["laps"])
+            last = np.where(over, batch.buffers.ended[:, 0]["last_lap_us"], episodes["last_lap_us"])
             self.laps_us += [int(lap) for lap in last[now > laps]]
             laps = np.where(over, 0, now)
 

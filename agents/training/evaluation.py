@@ -92,9 +92,9 @@ class Examiner:
             over = (batch.terminated | batch.truncated).astype(bool)
             times[over] = (step + 1) * decision_s()
             cut |= batch.truncated.astype(bool)
-            if batch.rig.idle.all():
+            if batch.buffers.idle.all():
                 break
-        ended = batch.rig.ended
+        ended = batch.buffers.ended
         crashed = ended["crashes"] > 0
         # A kart that crashed, or stood until it was out, could have used the rest of the time; a
         # kart that finished could not.

@@ -50,7 +50,7 @@ class School:
         task = shown_to_both(training_task(settings), wanted.teacher)
         scenarios = find_lines(task.scenarios, wanted.margin, settings.threads, say)
         task = replace(task, scenarios=scenarios)
-        after = after_an_episode(Batch.count_learners(task))
+        after = after_an_episode(task.count_learners())
         self.batch = Batch(
             task,
             worlds=settings.worlds,

@@ -13,9 +13,10 @@ from race_agents.training.rivals import POOL, Rivals, driver_of, short_name
 from race_agents.training.settings import LEARNER, Settings
 from race_agents.training.tasks import decision_s, evaluation_tasks
 from race_server.core.driver import driver_named
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.sb3 import KartVecEnv
+from race_server.envs.task import Task
 from race_server.scenario.race import Scenario
 from race_server.scenario.track.sets import names_of
 from race_server.storage.results.ratings import Rating, ratings

@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from race_server.envs.reality_gap import RealityGap
+
 LEARNER = "learner"  # in the seats of self-play
 Range = tuple[float, float]
 # Logarithms of the deviations of actions: one for all their numbers, or one for each.
@@ -54,18 +56,6 @@ class Lidar(_Table):
     dropout: float = Field(default=0.0, ge=0.0, lt=1.0)  # share of rays that come back as 0
     # A network sees logarithms of the ranges, and a range instead of 0: see `view.py`.
     logarithms: bool = False
-
-
-class Gap(_Table):
-    """Ranges of the reality gap, drawn at each reset; see `race_server.envs.reality_gap`."""
-
-    action_delay: Range = (0.0, 0.0)
-    observation_delay: Range = (0.0, 0.0)
-    actuator_lag: Range = (0.0, 0.0)
-    steering_play: Range = (0.0, 0.0)
-    speed_coefficient: Range = (1.0, 1.0)
-    mass: Range = (1.0, 1.0)
-    grip: Range = (1.0, 1.0)
 
 
 class RaceSettings(_Table):
@@ -253,7 +243,7 @@ class Settings(_Table):
     algorithm: Algorithm = Algorithm()
     network: Network = Network()
     lidar: Lidar = Lidar()
-    gap: Gap = Gap()
+    gap: RealityGap = RealityGap()
     race: RaceSettings = RaceSettings()
     self_play: SelfPlaySettings = SelfPlaySettings()
     episode: Episode = Episode()

@@ -83,7 +83,7 @@ def _sentence(error: ValidationError, source: str) -> str:
     key = ".".join(str(part) for part in first["loc"] if not _is_branch(part))
     value = repr(first.get("input"))[:60]
     reason = first["msg"][:1].lower() + first["msg"][1:]
-    if first["type"] == "extra_forbidden":
+    if first["type"] in {"extra_forbidden", "unexpected_keyword_argument"}:
         known = ", ".join(_keys_beside(first["loc"]))
         reason = f"no such key; known here are {known}"
     return f"{source}: {key} = {value}: {reason}"
@@ -98,8 +98,16 @@ def _keys_beside(place: tuple[int | str, ...]) -> list[str]:
     table: Any = Settings
     for key in place[:-1]:
         # A number stands for one of several tables, such as the stages of a curriculum.
-        table = table.model_fields[key].annotation if isinstance(key, str) else get_args(table)[0]
-    return sorted(table.model_fields) if hasattr(table, "model_fields") else []
+        table = _fields_of(table)[key].annotation if isinstance(key, str) else get_args(table)[0]
+    return sorted(_fields_of(table))
+
+
+def _fields_of(table: Any) -> dict[str, Any]:
+    """Return the keys of a table, or of a dataclass that stands for one."""
+    fields: dict[str, Any] = getattr(table, "model_fields", None) or getattr(
+        table, "__dataclass_fields__", {}
+    )
+    return fields
 
 
 def _apply(words: Words, change: str) -> None:

@@ -5,9 +5,8 @@ from typing import Any
 
 from race_agents.training.settings import Settings, Tracks
 from race_server.core.vehicles import vehicle_named
-from race_server.envs.batch import Task
-from race_server.envs.presets import LEARNING_RULES
-from race_server.envs.reality_gap import RealityGap
+from race_server.envs.presets import LEARNING_RULES, task_on
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
@@ -49,10 +48,8 @@ def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
     """
     steps = round(settings.evaluation.seconds / decision_s())
     return {
-        name: replace(
-            _task(settings, (_from_the_middle(_scenario(settings, name)),)),
-            random_start=False,
-            most_steps=steps,
+        name: _task(settings, (_from_the_middle(_scenario(settings, name)),)).with_options(
+            random_start=False, most_steps=steps
         )
         for name in names_of(tracks.names, tracks.set)
     }
@@ -72,7 +69,7 @@ def decision_s() -> float:
 
 def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
     race, episode = settings.race, settings.episode
-    return Task(
+    return task_on(
         scenarios,
         opponents=race.opponents
         or (settings.self_play.anchors if settings.self_play.seats else ()),
@@ -81,7 +78,7 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
         action=settings.action,
         base=settings.base,
         reward=settings.reward,
-        gap=RealityGap(**settings.gap.model_dump()),
+        gap=settings.gap,
         decision_ticks=DECISION_TICKS,
         most_steps=episode.steps,
         random_start=episode.random_start,

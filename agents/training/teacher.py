@@ -28,8 +28,9 @@ from race_server.envs.actions import (
     action_kind,
     advice_of,
 )
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.opponents import Opponents, opponents_of, takes_advice
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
 Labels = NDArray[np.float32]

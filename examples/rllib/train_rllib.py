@@ -11,7 +11,7 @@ from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
 from ray.tune.registry import register_env
 
-from race_server.envs.parallel import parallel_env
+from race_server.envs import parallel_env
 
 
 def race(_: dict[str, Any]) -> ParallelPettingZooEnv:

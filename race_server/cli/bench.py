@@ -50,7 +50,8 @@ def env(
     as_json: AsJson = False,
 ) -> None:
     """Measure steps per second of the training world through each interface, beside highway-env."""
-    from race_server.tools.bench.env import bench_env, bench_scaling, plot_scaling
+    from race_server.tools.bench.env import bench_env, bench_scaling
+    from race_server.tools.bench.scaling_plot import plot_scaling
 
     figures = bench_env(cores=cores, seconds=seconds)
     if figures["highway_lidar"] is None:

@@ -29,15 +29,15 @@ SPEED_STEP = 0.5
 STEERING_STEP = math.radians(9.0)
 SLOWEST = 0.1
 
-# A residual action of 1 advises a scripted driver to be so many widths further left, or so much
-# faster as a share. The driver itself goes aside to pass, and to a box: with four widths a policy
+# What a residual action of 1 advises a scripted driver: widths further left, and a share of the
+# speed to add. The driver itself goes aside to pass, and to a box: with four widths a policy
 # touched three times as many walls on covapsy-base as with none at all. Where no bend
 # forbids it a boost carries a kart much further beyond the speeds of the line.
 ASIDE_WIDTHS = 1.0
 FASTER_SHARE = 0.12
 DASH_SHARE = 0.5
 
-# Slower than this [m/s] a kart that brakes goes into reverse.
+# Below this speed [m/s] a kart that brakes goes into reverse.
 REVERSE_BELOW = 0.1
 
 # Places in the memory that an action has from one decision to the next.
@@ -97,9 +97,10 @@ def read_action(
     memory: Floats,
     control: Floats,
 ) -> None:
-    """Fill `control` (4,) steering, throttle, brake, buttons from one kart's action.
+    """Fill `control`, (4,) steering, throttle, brake, buttons, from one kart's action, (A,).
 
-    A residual one has been advice to a scripted driver, whose answer lies in `control` already.
+    kind: see ACTIONS; table: (N, 3), see `discrete_table`; memory: (MEMORY,) of this kart. A
+    residual action was advice to a scripted driver, whose answer is in `control` already.
     """
     if kind == RESIDUAL:
         return
@@ -129,6 +130,7 @@ def read_action(
 
 @kernel
 def _press(drive: float, kart: Driven, control: Floats) -> None:
+    """Fill throttle and brake from `drive`, -1 to 1: below zero brake, or reverse from a stand."""
     if drive < 0.0 and kart.speed > REVERSE_BELOW:
         control[1] = 0.0
         control[2] = -drive
@@ -141,6 +143,10 @@ def _press(drive: float, kart: Driven, control: Floats) -> None:
 def _add_increments(
     action: Float32s, least: float, kart: Driven, vehicle: Record, memory: Floats, control: Floats
 ) -> None:
+    """Fill `control`, (4,), from increments, (2,), of a set speed and a set angle of the wheels.
+
+    least: lower limit of the increment of speed. What is set stays in `memory`: [m/s] and [rad].
+    """
     speed = memory[SET_SPEED] + SPEED_STEP * min(max(float(action[0]), least), 1.0)
     memory[SET_SPEED] = min(max(speed, SLOWEST), vehicle.top_speed)
     limit = vehicle.steering_limit

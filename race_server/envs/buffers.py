@@ -1,97 +1,56 @@
 """The arrays that a batch of training worlds adds to the world itself.
 
 Axis letters: W worlds, K karts, L learning karts (the first L of the K), S scenarios, T reward
-terms, A numbers of an action, D delay.
+terms, A numbers of an action, D delay. Three records have fields of the discipline behind their
+own: `settings`, `before` and `episodes` (with `ended`).
 """
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from race_server.core.kernel_driver import memory_size
 from race_server.core.state import Bytes, Float32s, Floats, Ints, Records
+from race_server.envs.actions import MEMORY, WIDTHS, discrete_table
+from race_server.envs.reality_gap import FACTORS
 
 # What happens once a learning kart's episode is over.
 STAY, RESET_WORLD, REENTER = range(3)
 
-SETTINGS = np.dtype(
-    (
-        np.record,
-        [
-            ("crash_range", np.float64),  # [m] a range below it is a crash; 0: walls alone decide
-            ("decision_ticks", np.int64),
-            ("action", np.int64),
-            ("after", np.int64),  # STAY, RESET_WORLD or REENTER
-            ("most_steps", np.int64),  # decisions of an episode; 0: no limit
-            ("random_start", np.float64),  # share of the rounds
-            ("random_grid", np.int64),
-        ],
-    )
-)
-
+SETTINGS = {
+    "decision_ticks": np.int64,
+    "action": np.int64,
+    "after": np.int64,  # STAY, RESET_WORLD or REENTER
+    "most_steps": np.int64,  # decisions of an episode; 0: no limit
+}
 # One learning kart's episode so far.
-EPISODE = np.dtype(
-    (
-        np.record,
-        [
-            ("total", np.float64),  # sum of the rewards
-            *(
-                (name, np.int64)
-                for name in (
-                    "steps",
-                    "laps",
-                    "best_lap_us",
-                    "last_lap_us",
-                    "contacts",
-                    "wall_contacts",
-                    "crashes",
-                    "status",
-                    "rank",
-                    "number",
-                )
-            ),
-        ],
-    )
-)
-
+EPISODE = {
+    "total": np.float64,  # sum of the rewards
+    "steps": np.int64,  # decisions
+    "number": np.int64,  # counts the kart's episodes since the seed was set
+}
 # One world's round: from one reset to the next.
-ROUND = np.dtype(
-    (np.record, [(name, np.int64) for name in ("seed", "number", "steps", "scenario", "entries")])
-)
-
-# What a kart's counters were before a decision.
-BEFORE = np.dtype(
-    (
-        np.record,
-        [
-            ("distance", np.float64),
-            ("lead", np.float64),
-            *(
-                (name, np.int64)
-                for name in ("contacts", "wall_contacts", "rank", "items_used", "laps")
-            ),
-        ],
-    )
-)
+ROUND = dict.fromkeys(("seed", "number", "steps", "scenario", "entries"), np.int64)
 
 
-class Templates(NamedTuple):
-    """What each scenario's world looks like at its start."""
+@dataclass(frozen=True)
+class Figures:
+    """Fields that a discipline adds to the records of a learning kart, with their types."""
 
-    races: Records  # (S,) RACE
-    rules: Records  # (S,) RULES
-    bodies: Records  # (S, K) BODY
-    racers: Records  # (S, K) RACER
-    players: Records  # (S, K) PLAYER
-    vehicles: Records  # (S, K) VEHICLE
-    boxes: Records  # (S, I) BOX
-    starts: Floats  # (S, B, 6) x0, x1, y0, y1 [m], heading, spread [rad]
-    start_counts: Ints  # (S,)
+    before: Mapping[str, type]  # counters, as they were before a decision
+    episode: Mapping[str, type]  # of the episode so far
+
+
+# A NamedTuple of the discipline: what each scenario's world looks like at its start.
+Templates = Any
 
 
 class Buffers(NamedTuple):
     """All that a decision of a batch reads and writes besides the world."""
 
-    settings: Records  # (1,) SETTINGS
+    settings: Records  # (1,) SETTINGS and the discipline's
     parts: Ints  # (n,) parts of the learners' observation
     opponent_parts: Ints  # (K, n) parts of each opponent's, filled up with -1
     weights: Floats  # (T,) of the reward terms
@@ -111,24 +70,103 @@ class Buffers(NamedTuple):
     terminated: Bytes  # (W, L) 1 where the episode ended in this decision
     truncated: Bytes  # (W, L) 1 where it was cut off
     idle: Bytes  # (W, L) 1 where the episode is over and the kart waits for a reset
-    before: Records  # (W, L) BEFORE
-    episodes: Records  # (W, L) EPISODE
-    ended: Records  # (W, L) EPISODE: that which ended last
+    before: Records  # (W, L) the discipline's
+    episodes: Records  # (W, L) EPISODE and the discipline's
+    ended: Records  # (W, L) the same: the episode that ended last
     rounds: Records  # (W,) ROUND
     row: Float32s  # (W, S) one opponent's observation
     views: Floats  # (W, K, S) all opponents' observations
     memory: Floats  # (W, K, M) what opponents remember
 
 
-# Fields with a leading world axis.
-_BY_WORLD = tuple(
-    name
-    for name in Buffers._fields
-    if name not in {"settings", "parts", "opponent_parts", "weights", "odds", "gap", "table"}
-)
+# Fields without a leading world axis.
+_SHARED = {"settings", "parts", "opponent_parts", "weights", "odds", "gap", "table"}
+_BY_WORLD = tuple(name for name in Buffers._fields if name not in _SHARED)
 
 
-def part_of_buffers(rig: Buffers, first: int, last: int) -> Buffers:
-    """Return the rig of worlds `first` to `last` (not included) as a view."""
-    cuts: dict[str, Any] = {name: getattr(rig, name)[first:last] for name in _BY_WORLD}
-    return rig._replace(**cuts)
+@dataclass(frozen=True)
+class Sizes:
+    """How long the axes of the buffers are."""
+
+    worlds: int
+    karts: int
+    learners: int
+    scenarios: int
+    observation: int  # numbers of a learning kart's
+    rays: int  # of the lidar
+
+
+class Opposition(NamedTuple):
+    """What the opponents of a batch see, as sizes and part numbers."""
+
+    widest: int  # numbers of the longest observation
+    parts: Ints  # (K, n) filled up with -1
+
+
+def make_buffers(
+    sizes: Sizes,
+    figures: Figures,
+    settings: Mapping[str, float],
+    parts: Sequence[int],
+    opposition: Opposition,
+    weights: Floats,
+    gap: Floats,
+) -> Buffers:
+    """Return the buffers of a batch, all zero but what is fixed for it.
+
+    settings: the fields of SETTINGS and those of the discipline, in that order; parts: numbers of
+    the learners' observation; weights: (T,); gap: (G, 2), see `RealityGap.ranges`.
+    """
+    per_world, size = (sizes.worlds, sizes.karts), sizes.observation
+    shape = (sizes.worlds, sizes.learners)
+    episode = record(EPISODE | dict(figures.episode))
+    # A ring needs room for the newest and for the oldest that a draw can ask for.
+    rings = [int(row[1]) + 1 if row[1] > 0 else 0 for row in gap[:2]]
+    return Buffers(
+        settings=_settings(settings),
+        parts=np.array(parts, np.int64),
+        opponent_parts=opposition.parts,
+        weights=weights,
+        odds=np.cumsum(np.full(sizes.scenarios, 1.0 / sizes.scenarios)),
+        gap=gap,
+        table=discrete_table(),
+        actions=np.zeros((*shape, WIDTHS[int(settings["action"])]), np.float32),
+        controls=np.zeros((*per_world, 4)),
+        commanded=np.zeros((*shape, MEMORY)),
+        delayed=np.zeros((*shape, rings[0], 4)),
+        late=np.zeros((*shape, rings[1], size), np.float32),
+        draws=np.zeros((*shape, len(FACTORS))),
+        observations=np.zeros((*shape, size), np.float32),
+        terminal=np.zeros((*shape, size), np.float32),
+        rewards=np.zeros(shape, np.float32),
+        terms=np.zeros((*shape, len(weights))),
+        terminated=np.zeros(shape, np.uint8),
+        truncated=np.zeros(shape, np.uint8),
+        idle=np.zeros(shape, np.uint8),
+        before=np.zeros(shape, record(figures.before)),
+        episodes=np.zeros(shape, episode),
+        ended=np.zeros(shape, episode),
+        rounds=np.zeros(sizes.worlds, record(ROUND)),
+        row=np.zeros((sizes.worlds, opposition.widest), np.float32),
+        views=np.zeros((*per_world, opposition.widest)),
+        memory=np.zeros((*per_world, memory_size(sizes.rays))),
+    )
+
+
+def record(fields: Mapping[str, type]) -> np.dtype[Any]:
+    """Return the type of a record: its fields are attributes for kernels."""
+    return np.dtype((np.record, list(fields.items())))
+
+
+def _settings(values: Mapping[str, float]) -> Records:
+    fields = {name: SETTINGS.get(name, np.float64) for name in values}
+    settings = np.zeros(1, record(fields))
+    for name, value in values.items():
+        settings[name] = value
+    return settings.view(np.recarray)
+
+
+def part_of_buffers(buffers: Buffers, first: int, last: int) -> Buffers:
+    """Return the buffers of worlds `first` to `last` (not included) as a view."""
+    cuts: dict[str, Any] = {name: getattr(buffers, name)[first:last] for name in _BY_WORLD}
+    return buffers._replace(**cuts)

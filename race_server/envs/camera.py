@@ -27,7 +27,7 @@ class Camera:
         """Return the race as (height, width, 3) bytes; None where it is shown in a window."""
         if self.mode is None:
             return None
-        scenario = int(self._batch.rig.rounds["scenario"][0])
+        scenario = int(self._batch.buffers.rounds["scenario"][0])
         if scenario not in self._pictures:
             self._pictures[scenario] = Picture(self._batch.scenarios[scenario].course)
         frame = self._pictures[scenario].draw(self._batch.world)

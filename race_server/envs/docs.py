@@ -1,14 +1,13 @@
 """Write `docs/observations.md` from the definitions: ``python -m race_server.envs.docs``."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from math import degrees
 from pathlib import Path
-from types import MappingProxyType
 
 from race_server.core.observation import LEARNING_PRESETS, PART_NUMBERS, PARTS, PRESETS, layout_of
 from race_server.envs.actions import SLOWEST, SPEED_STEP, STEERING_STEP, discrete_table
-from race_server.envs.reality_gap import DRAWS, RealityGap
-from race_server.envs.rewards import REWARDS, TERMS
+from race_server.envs.racing.reward_terms import REWARDS, TERMS
+from race_server.envs.reality_gap import FACTORS, RealityGap
 from race_server.scenario.sensors import Lidar
 
 TARGET = Path(__file__).parents[2] / "docs" / "observations.md"
@@ -49,21 +48,8 @@ a name; a mapping from terms to weights is a table as well.
 
 _GAP = """## Reality gap
 
-Each learning kart draws these anew for every episode, from the ranges in the task's `RealityGap`.
+Each learning kart draws these for every episode, from the ranges in the task's `RealityGap`.
 """
-
-# Unit and meaning of each draw of the reality gap.
-GAP_TEXTS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "action_delay": ("decisions", "from an action to its effect, a whole number"),
-        "observation_delay": ("decisions", "age of what is seen, a whole number"),
-        "actuator_lag": ("s", "time constant of pedals and wheel"),
-        "steering_play": ("-", "how far the steering, -1 to 1, moves without effect"),
-        "speed_coefficient": ("-", "factor of top speed, motor force and power: the battery"),
-        "mass": ("-", "factor of the vehicle's mass and inertia"),
-        "grip": ("-", "factor of the vehicle's grip"),
-    }
-)
 
 
 def manual() -> str:
@@ -117,10 +103,9 @@ def _rewards_chapter() -> str:
 def _gap_chapter() -> str:
     nominal = RealityGap()
     rows = []
-    for name in DRAWS:
-        unit, meaning = GAP_TEXTS[name]
+    for name, factor in FACTORS.items():
         low, high = getattr(nominal, name)
-        rows.append((f"`{name}`", unit, f"{low:g} to {high:g}", meaning))
+        rows.append((f"`{name}`", factor.unit, f"{low:g} to {high:g}", factor.meaning))
     return f"{_GAP}\n{_table(('draw', 'unit', 'default', 'meaning'), rows)}"
 
 

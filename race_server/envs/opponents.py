@@ -1,8 +1,8 @@
 """Karts that do not learn among those that do: their drivers, each called once a decision.
 
 A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
-instead: told seats, views, layout, vehicles, gear, memory and controls it returns a call that
-fills the controls. What it keeps lies in `memory`, which is zero when a race begins.
+instead: from seats, views, layout, vehicles, gear, memory and controls it makes a call that fills
+the controls. What it remembers is in `memory`, which is zero when a round begins.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from race_server.core.driver import driver_named
-from race_server.core.kernel_driver import item_kinds, starts_of
+from race_server.core.kernel_driver import ASIDE, FETCH, item_kinds, starts_of
 from race_server.core.kernels.jit import bind
 from race_server.core.observation import Layout, layout_of
 from race_server.core.state import Floats, Ints, Records
+from race_server.envs.actions import advice_of
+from race_server.envs.buffers import Buffers, Opposition
 from race_server.errors import ScenarioError
 
 
@@ -39,15 +41,18 @@ class Opponents:
     def driving(
         self, worlds: int, views: Floats, vehicles: Records, memory: Floats, controls: Floats
     ) -> Callable[[], None]:
-        """Return what fills the controls of these karts from what they see."""
+        """Return a call that fills the controls of these karts from what they see.
+
+        views: (W, K, S); vehicles: (W, K); memory: (W, K, M); controls: (W, K, 4).
+        """
         seats, driver = self.seats(worlds), self.driver
         if hasattr(driver, "driving"):
             drive: Callable[[], None] = driver.driving(
                 seats, views, self.layout, vehicles, self.gear, memory, controls
             )
             return drive
-        told = (self.at, vehicles, self.gear, self.kinds)
-        return bind(type(driver).decide_all, seats, views, *told, memory, controls)
+        figures = (self.at, vehicles, self.gear, self.kinds)
+        return bind(type(driver).decide_all, seats, views, *figures, memory, controls)
 
 
 def opponents_of(
@@ -64,7 +69,7 @@ def opponents_of(
 
     Raises:
         DriverError: a driver is unknown.
-        ScenarioError: a driver is no kernel and can only drive in a process of its own.
+        ScenarioError: a driver is no kernel and can only drive in its own process.
     """
     seats: dict[str, list[int]] = {}
     for place, kart in enumerate(range(first, karts)):
@@ -106,3 +111,22 @@ def advised(name: str) -> str:
             f"base {name!r} takes no advice; choose a driver on the reference line: raceline or idm"
         )
     return name
+
+
+def advise(buffers: Buffers, width: float) -> None:
+    """Write residual actions, (W, L, 6), into the memory of the drivers that they advise.
+
+    width: of the vehicle [m].
+    """
+    learners = buffers.actions.shape[1]
+    buffers.memory[:, :learners, ASIDE : FETCH + 1] = advice_of(buffers.actions, width)
+
+
+def opposition_of(groups: Sequence[Opponents], karts: int) -> Opposition:
+    """Return the size of the longest observation, and the parts of each kart's."""
+    most = max((len(group.layout.numbers) for group in groups), default=1)
+    parts = np.full((karts, most), -1, np.int64)
+    for group in groups:
+        for kart in group.karts:
+            parts[kart, : len(group.layout.numbers)] = group.layout.numbers
+    return Opposition(max((group.layout.size for group in groups), default=1), parts)

@@ -1,27 +1,27 @@
-"""The training world as a PettingZoo parallel environment: one race, an agent for each kart."""
+"""The training world as a PettingZoo parallel environment: one race, an agent for each kart.
+
+Shapes: an observation is (size,) in SI units, see `docs/observations.md`.
+"""
 
 from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv
 
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
+from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.presets import race_task
-from race_server.envs.rewards import TERMS
-from race_server.envs.spaces import action_space, observation_space
-
-Vector = NDArray[np.float32]
-_TERMS = tuple(TERMS)
+from race_server.envs.spaces import observation_space
+from race_server.envs.task import Task
 
 
-class KartRace(ParallelEnv[str, Vector, Any]):
-    """One race. Agents are `kart_0` to `kart_{L-1}`; who finishes or retires leaves `agents`."""
+class KartRace(KartAgents):
+    """One race. A kart that finishes or retires leaves `agents`."""
 
     metadata: ClassVar[dict[str, Any]] = {
         "name": "kart_race_v0",
@@ -35,7 +35,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
     ) -> None:
         """Build the race of `task`; by default eight karts with radar on a shipped track.
 
-        max_cycles: decisions until everybody still racing is cut off; 0 leaves that to the task.
+        max_cycles: decisions until karts that still race are cut off; 0 leaves that to the task.
 
         Raises:
             ScenarioError, DriverError: the task makes no race.
@@ -43,25 +43,13 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         self.max_cycles = max_cycles
         self.render_mode = render_mode
         self.batch = Batch(task or race_task(), after=STAY)
-        self.possible_agents = [f"kart_{k}" for k in range(self.batch.learners)]
-        self.agents: list[str] = []
+        super().__init__(self.batch.learners, self.batch.task.action)
         self._numbers = {agent: k for k, agent in enumerate(self.possible_agents)}
         self.observation_spaces: dict[str, spaces.Space[Any]] = {
             agent: observation_space(self.batch.layout) for agent in self.possible_agents
         }
-        self.action_spaces: dict[str, spaces.Space[Any]] = {
-            agent: action_space(self.batch.task.action) for agent in self.possible_agents
-        }
         self._steps = 0
         self._camera = Camera(self.batch, render_mode)
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return what `agent` may see: always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return what `agent` may do: always the same object."""
-        return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -69,7 +57,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         """Begin a new race; with a seed the same one again. Options are not used."""
         self.batch.reset(seed)
         self._steps = 0
-        idle = self.batch.rig.idle[0]
+        idle = self.batch.buffers.idle[0]
         self.agents = [agent for agent, k in self._numbers.items() if not idle[k]]
         seen = self.batch.observations[0].copy()
         infos = {
@@ -93,7 +81,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         """
         batch, agents = self.batch, self.agents
         numbers = [self._numbers[agent] for agent in agents]
-        given = batch.rig.actions[0]
+        given = batch.buffers.actions[0]
         given[:] = 0.0
         for agent, k in zip(agents, numbers, strict=True):
             if agent in actions:
@@ -101,7 +89,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         batch.step()
         self._steps += 1
         late = 0 < self.max_cycles <= self._steps
-        seen, terms = batch.observations[0].copy(), batch.rig.terms[0].tolist()
+        seen, terms = batch.observations[0].copy(), batch.buffers.terms[0].tolist()
         rewards, ended = batch.rewards[0].tolist(), batch.terminated[0].tolist()
         cut = batch.truncated[0].tolist()
         observations = {}
@@ -115,7 +103,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
             gained[agent] = rewards[k]
             terminations[agent] = is_over = bool(ended[k])
             truncations[agent] = is_cut = not is_over and (late or bool(cut[k]))
-            infos[agent] = {"reward_terms": dict(zip(_TERMS, terms[k], strict=True))}
+            infos[agent] = {"reward_terms": dict(zip(batch.terms, terms[k], strict=True))}
             if is_over or is_cut:
                 infos[agent]["episode"] = batch.episode_of(0, k)
             else:
@@ -124,7 +112,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         return observations, gained, terminations, truncations, infos
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return the race as a picture (`rgb_array`), or show it in a window (`human`)."""
+        """Return the race as (height, width, 3) bytes (`rgb_array`), or show it in a window."""
         return self._camera.shoot()
 
     def close(self) -> None:
@@ -133,7 +121,7 @@ class KartRace(ParallelEnv[str, Vector, Any]):
         self.batch.close()
 
     def state(self) -> Vector:
-        """Return the observations of all karts, one behind the other."""
+        """Return the observations of all learning karts, one behind the other, (L · size,)."""
         return self.batch.observations[0].ravel().copy()
 
 

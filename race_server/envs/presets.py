@@ -4,13 +4,14 @@ from dataclasses import replace
 from typing import Any
 
 from race_server.core.vehicles import vehicle_named
-from race_server.envs.batch import Task
+from race_server.envs.racing import Racing
+from race_server.envs.task import Task
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
 
 TRACK = "covapsy-train-2023"
-# For learning there is no countdown, and who stands or drives backwards is out after a while.
+# For learning there is no countdown; a kart that stands or drives backwards retires after a while.
 LEARNING_RULES = Rules(
     laps=3,
     standing_start=True,
@@ -32,8 +33,8 @@ def scenario_on(
 ) -> Scenario:
     """Return a scenario for learning, with the sensors of a live race unless others are given.
 
-    They give ten scans a second, so every other decision sees the scan of the decision before:
-    what is learned on them meets the same in a race.
+    They give ten scans a second, so every other decision sees the scan of the decision before,
+    in training as in a race.
 
     Raises:
         TrackError, VehicleError: one of them does not exist.
@@ -48,6 +49,15 @@ def scenario_on(
     )
 
 
+def task_on(scenarios: tuple[Scenario, ...], **options: Any) -> Task:
+    """Return a task of racing on these scenarios; options as for `Task` and `Racing`.
+
+    Raises:
+        TypeError: neither has an option of that name.
+    """
+    return Task(scenarios, Racing()).with_options(**options)
+
+
 def race_task(
     track: str = TRACK,
     *,
@@ -57,9 +67,9 @@ def race_task(
     radar: Radar | None = None,
     **options: Any,
 ) -> Task:
-    """Return a race of three laps in which all karts learn; options as for `Task`."""
+    """Return a race of three laps in which all karts learn; options as for `task_on`."""
     scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar, radar=radar)
-    return Task((scenario,), **{"reward": "race", **options})
+    return task_on((scenario,), **{"reward": "race", **options})
 
 
 def mixed_task(
@@ -71,20 +81,20 @@ def mixed_task(
     lidar: Lidar | None = None,
     **options: Any,
 ) -> Task:
-    """Return a race of `learners` among scripted karts; options as for `Task`."""
+    """Return a race of `learners` among scripted karts; options as for `task_on`."""
     defaults: dict[str, Any] = {
         "reward": "race",
         "learners": learners,
         "opponents": ("avoider", "pure_pursuit", "follow_gap"),
     }
     scenario = scenario_on(track, karts=karts, vehicle=vehicle, lidar=lidar)
-    return Task((scenario,), **{**defaults, **options})
+    return task_on((scenario,), **{**defaults, **options})
 
 
 def time_trial_task(
     track: str = TRACK, *, vehicle: str = "tt02", lidar: Lidar | None = None, **options: Any
 ) -> Task:
-    """Return one kart alone against the clock, from a random place; options as for `Task`.
+    """Return one kart alone against the clock, from a random place; options as for `task_on`.
 
     A touch of a wall is a crash and ends the episode; so do 60 s.
     """
@@ -97,4 +107,4 @@ def time_trial_task(
         "most_steps": 1200,
     }
     scenario = scenario_on(track, karts=1, vehicle=vehicle, rules=rules, lidar=lidar)
-    return Task((scenario,), **{**defaults, **options})
+    return task_on((scenario,), **{**defaults, **options})

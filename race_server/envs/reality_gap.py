@@ -1,7 +1,14 @@
-"""The gap between simulation and reality, as draws that differ from episode to episode."""
+"""The gap between simulation and reality, as draws that differ from episode to episode.
+
+This is the only declaration of its factors: names, units, nominal values, limits. Settings of
+training, settings of time trials and `docs/observations.md` follow from it.
+"""
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, get_args, get_type_hints
 
 import numpy as np
 
@@ -12,45 +19,75 @@ from race_server.envs.actions import LAG_DRIVE, LAG_STEERING, PLAYED
 from race_server.errors import ScenarioError
 
 MOST_DELAY = 8  # decisions
+LEAST_SHARE = 0.05  # of what a vehicle's figure is without a gap
+
+Range = tuple[float, float]  # low and high; a point means fixed
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One thing that differs between the simulated kart and a real one."""
+
+    unit: str
+    meaning: str
+    least: float = 0.0
+    most: float = math.inf
+    is_whole: bool = False
+
+
+def _delay(meaning: str) -> Factor:
+    return Factor("decisions", f"{meaning}, a whole number", most=MOST_DELAY, is_whole=True)
+
+
+def _share(meaning: str) -> Factor:
+    return Factor("-", meaning, least=LEAST_SHARE)
 
 
 @dataclass(frozen=True)
 class RealityGap:
-    """Ranges from which each learning kart draws anew for every episode; a point means fixed.
+    """Ranges from which each learning kart draws for every episode.
 
     Noise and drop-outs belong to the lidar: see `race_server.scenario.sensors`.
     """
 
-    action_delay: tuple[float, float] = (0.0, 0.0)  # decisions, rounded
-    observation_delay: tuple[float, float] = (0.0, 0.0)  # decisions, rounded
-    actuator_lag: tuple[float, float] = (0.0, 0.0)  # [s] time constant of pedals and wheel
-    steering_play: tuple[float, float] = (0.0, 0.0)  # share of the steering range that is lost
-    speed_coefficient: tuple[float, float] = (1.0, 1.0)  # of top speed and motor: the battery
-    mass: tuple[float, float] = (1.0, 1.0)  # share of the vehicle's
-    grip: tuple[float, float] = (1.0, 1.0)  # share of the vehicle's
+    action_delay: Annotated[Range, _delay("from an action to its effect")] = (0.0, 0.0)
+    observation_delay: Annotated[Range, _delay("age of what is seen")] = (0.0, 0.0)
+    actuator_lag: Annotated[Range, Factor("s", "time constant of pedals and wheel")] = (0.0, 0.0)
+    steering_play: Annotated[
+        Range, Factor("-", "how far the steering, -1 to 1, moves without effect")
+    ] = (0.0, 0.0)
+    speed_coefficient: Annotated[
+        Range, _share("factor of top speed, motor force and power: the battery")
+    ] = (1.0, 1.0)
+    mass: Annotated[Range, _share("factor of the vehicle's mass and inertia")] = (1.0, 1.0)
+    grip: Annotated[Range, _share("factor of the vehicle's grip")] = (1.0, 1.0)
 
     def ranges(self) -> Floats:
-        """Return low and high of every draw, shape (draws, 2), those of delays as whole numbers.
+        """Return low and high of every factor, shape (G, 2), those of delays as whole numbers.
 
         Raises:
             ScenarioError: a range is upside down or out of bounds.
         """
-        rows = np.array([getattr(self, name) for name in DRAWS], np.float64)
-        for name, (low, high) in zip(DRAWS, rows, strict=True):
-            least = 0.05 if name in {"speed_coefficient", "mass", "grip"} else 0.0
-            most = MOST_DELAY if name.endswith("delay") else math.inf
-            if not least <= low <= high <= most:
+        rows = np.array([getattr(self, name) for name in FACTORS], np.float64)
+        for row, (name, factor) in zip(rows, FACTORS.items(), strict=True):
+            low, high = row
+            if not factor.least <= low <= high <= factor.most:
                 raise ScenarioError(
                     f"reality gap {name} from {low:g} to {high:g}: choose low to high "
-                    f"between {least:g} and {most:g}"
+                    f"between {factor.least:g} and {factor.most:g}"
                 )
-        delays = slice(ACTION_DELAY, OBSERVATION_DELAY + 1)
-        rows[delays] = np.rint(rows[delays])
+            if factor.is_whole:
+                row[:] = np.rint(row)
         return rows
 
 
-# The order is that of the numbers below.
-DRAWS = tuple(field.name for field in fields(RealityGap))
+# The order is that of the numbers below, and whole numbers come first.
+FACTORS: Mapping[str, Factor] = MappingProxyType(
+    {
+        name: get_args(hint)[1]
+        for name, hint in get_type_hints(RealityGap, include_extras=True).items()
+    }
+)
 ACTION_DELAY, OBSERVATION_DELAY, LAG, PLAY, SPEED, MASS, GRIP = range(7)
 
 
@@ -58,7 +95,10 @@ ACTION_DELAY, OBSERVATION_DELAY, LAG, PLAY, SPEED, MASS, GRIP = range(7)
 def draw_gap(
     seed: int, episode: int, kart: int, ranges: Floats, draws: Floats, vehicle: Record
 ) -> None:
-    """Draw one kart's gap and change its vehicle, which is the nominal one, accordingly."""
+    """Draw one kart's gap into `draws`, and change its vehicle, which is the nominal one.
+
+    seed: of the world; ranges: (G, 2), see `RealityGap.ranges`; draws: (G,).
+    """
     for index in range(len(ranges)):
         chance = uniform(seed, GAP_STREAM, episode, kart * 16 + index)
         low, high = ranges[index, 0], ranges[index, 1]
@@ -77,7 +117,11 @@ def draw_gap(
 
 @kernel
 def apply_lag_and_backlash(draws: Floats, memory: Floats, step_s: float, control: Floats) -> None:
-    """Let lag and play have their part of what was commanded."""
+    """Damp and loosen what was commanded, by the lag and the play that were drawn.
+
+    draws: (G,); memory: (MEMORY,), see `envs/actions.py`; step_s: time between decisions [s];
+    control: (4,) steering, throttle, brake, buttons.
+    """
     if draws[LAG] > 0.0:
         share = 1.0 - math.exp(-step_s / draws[LAG])
         drive = control[1] - control[2]

@@ -1,6 +1,6 @@
 """The ids under which Gymnasium and PettingZoo know our environments.
 
-Only names of functions are given away: importing this costs next to nothing.
+They refer to functions by name, so that importing this costs next to nothing.
 """
 
 import gymnasium

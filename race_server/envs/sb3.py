@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from race_server.envs.batch import Batch, Curriculum, Task
+from race_server.envs.batch import Batch, Curriculum
 from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.task import Task
 from race_server.envs.vector import after_an_episode
 
 Array = NDArray[Any]
@@ -19,8 +20,9 @@ class KartVecEnv(VecEnv):
     """W races of L learning karts as W · L environments.
 
     Each kart gets its `done` at its own step, with `terminal_observation`,
-    `TimeLimit.truncated`, and an `episode` in the manner of SB3's Monitor that also tells lap
-    times. Alone in its race a kart begins a new one then; among others it comes back into it.
+    `TimeLimit.truncated`, and an `episode` like that of SB3's Monitor, with the figures of the
+    task's discipline. Alone in its race a kart begins a new one then; among others it comes back
+    into it.
     """
 
     def __init__(
@@ -35,13 +37,13 @@ class KartVecEnv(VecEnv):
         """Build the batch.
 
         curriculum: asked before races begin and whenever episodes have ended, with the number of
-        decisions so far and what is told of those episodes, for the weights of the task's
+        decisions so far and the figures of those episodes, for the weights of the task's
         scenarios; None keeps them.
 
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
-        learners = Batch.count_learners(task)
+        learners = task.count_learners()
         self.batch = Batch(
             task, worlds=worlds, seed=seed, after=after_an_episode(learners), threads=threads
         )
@@ -73,8 +75,8 @@ class KartVecEnv(VecEnv):
             after=after_an_episode(before.learners),
             threads=before.threads,
         )
-        if self.batch.rig.odds.shape == before.rig.odds.shape:
-            self.batch.rig.odds[:] = before.rig.odds
+        if self.batch.buffers.odds.shape == before.buffers.odds.shape:
+            self.batch.buffers.odds[:] = before.buffers.odds
         before.close()
 
     def step_async(self, actions: Array) -> None:
@@ -97,7 +99,7 @@ class KartVecEnv(VecEnv):
         return self._seen(), batch.rewards.ravel().copy(), dones, infos
 
     def _ask(self, episodes: Sequence[dict[str, Any]]) -> None:
-        """Let the curriculum say how often each scenario is drawn from now on."""
+        """Ask the curriculum how often each scenario is drawn from now on."""
         if self.curriculum is None:
             return
         weights = self.curriculum(self._decisions, episodes)
@@ -119,7 +121,7 @@ class KartVecEnv(VecEnv):
         }
 
     def close(self) -> None:
-        """Let the batch's threads go."""
+        """End the batch's threads."""
         self.batch.close()
 
     # What SB3 asks of the environments behind a vector environment
@@ -148,7 +150,7 @@ class KartVecEnv(VecEnv):
 
     @property
     def render_mode(self) -> None:
-        """There is no picture of hundreds of races."""
+        """None: hundreds of races make no picture."""
         return None
 
     @render_mode.setter

@@ -6,15 +6,13 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
 from race_server.envs.presets import mixed_task, time_trial_task
-from race_server.envs.rewards import TERMS
 from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
-
-_TERMS = tuple(TERMS)
 
 
 class OneKart(gymnasium.Env[Any, Any]):
@@ -52,16 +50,22 @@ class OneKart(gymnasium.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Move the race on by one decision."""
-        batch, rig = self.batch, self.batch.rig
-        rig.actions[0, 0] = action
+        batch, buffers = self.batch, self.batch.buffers
+        buffers.actions[0, 0] = action
         batch.step()
-        is_over, is_cut = bool(rig.terminated[0, 0]), bool(rig.truncated[0, 0])
+        is_over, is_cut = bool(buffers.terminated[0, 0]), bool(buffers.truncated[0, 0])
         info: dict[str, Any] = {
-            "reward_terms": dict(zip(_TERMS, rig.terms[0, 0].tolist(), strict=True))
+            "reward_terms": dict(zip(batch.terms, buffers.terms[0, 0].tolist(), strict=True))
         }
         if is_over or is_cut:
             info["lap_times"] = batch.episode_of(0, 0)
-        return rig.observations[0, 0].copy(), float(rig.rewards[0, 0]), is_over, is_cut, info
+        return (
+            buffers.observations[0, 0].copy(),
+            float(buffers.rewards[0, 0]),
+            is_over,
+            is_cut,
+            info,
+        )
 
     def render(self) -> Any:
         """Return the race as a picture (`rgb_array`), or show it in a window (`human`)."""

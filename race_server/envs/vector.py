@@ -7,10 +7,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD
 from race_server.envs.presets import mixed_task, time_trial_task
 from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.task import Task
 
 Array = NDArray[Any]
 
@@ -18,7 +19,7 @@ Array = NDArray[Any]
 def after_an_episode(learners: int) -> int:
     """Return what a batch for a vector environment does with a kart whose episode is over.
 
-    Alone its world begins anew; among other learning karts it comes back into the same race.
+    Alone its world begins again; among other learning karts it comes back into the same race.
     """
     return RESET_WORLD if learners == 1 else REENTER
 
@@ -38,7 +39,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
-        learners = Batch.count_learners(task)
+        learners = task.count_learners()
         self.batch = Batch(task, worlds=worlds, after=after_an_episode(learners), threads=threads)
         self.num_envs = worlds * learners
         self.single_observation_space = observation_space(self.batch.layout)
@@ -75,7 +76,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         return observations.reshape(self.num_envs, -1).copy()
 
     def close_extras(self, **_: Any) -> None:
-        """Let the batch's threads go."""
+        """End the batch's threads."""
         self.batch.close()
 
 

@@ -88,7 +88,7 @@ def stages_after(steps: int, drive: float, episode_steps: int) -> list[tuple[int
     found = []
     for _ in range(steps):
         world.step(np.tile(np.float32([drive, 0.0, 0.0]), (16, 1)))
-        found.append((stages.number, set(karts.batch.rig.rounds["scenario"].tolist())))
+        found.append((stages.number, set(karts.batch.buffers.rounds["scenario"].tolist())))
     world.close()
     return found
 

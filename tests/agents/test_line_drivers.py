@@ -18,6 +18,7 @@ from race_server.core.kernel_driver import memory_size
 from race_server.core.messages import Status
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.vehicles import GRAVITY, TT02, vehicle_record
+from race_server.envs.reality_gap import RealityGap
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.raceline.reference import reference_limit
@@ -83,7 +84,8 @@ def test_what_stands_on_the_track_is_passed_without_a_touch(name: str) -> None:
 
 @pytest.mark.parametrize("delay", [1, 2])
 def test_answers_that_act_late_cost_no_time(delay: int) -> None:
-    cell = RunSpec("raceline", "covapsy-test-2023", gap=Gap("late", delay=delay), laps=1)
+    late = Gap("late", RealityGap(action_delay=(delay, delay)))
+    cell = RunSpec("raceline", "covapsy-test-2023", gap=late, laps=1)
     (lap,) = drive_run(cell).laps
     limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
     assert lap.is_clean

@@ -4,7 +4,6 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,8 +15,10 @@ from race_agents.policies.verification import observations_of, times_of
 from race_agents.training.run import TrainingResult
 from race_server.cli.main import app
 from race_server.core.driver import driver_named
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
+from race_server.envs.presets import task_on
+from race_server.envs.task import Task
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
 from support.trainings import QUICK, Train, write_lapping_policy
@@ -152,8 +153,8 @@ def test_the_policy_that_knows_the_course_is_small_and_needs_no_lidar(full: Poli
 def test_the_policy_that_knows_the_course_comes_before_its_teacher(full: Policy) -> None:
     rules = Rules(laps=2, countdown_s=0.2)
     opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
-    task = task_on("covapsy-base", full, karts=5, rules=rules)
-    task = replace(task, opponents=opponents, random_grid=True)
+    task = driven_on("covapsy-base", full, karts=5, rules=rules)
+    task = task.with_options(opponents=opponents, random_grid=True)
     batch = drive(full, task, worlds=24, decisions=900)
     places = batch.world.racers["rank"].mean(axis=0)
     assert places[0] < places[1] - 0.4
@@ -161,15 +162,15 @@ def test_the_policy_that_knows_the_course_comes_before_its_teacher(full: Policy)
 
 def test_the_policy_that_knows_the_course_laps_alone_off_the_walls(full: Policy) -> None:
     rules = Rules(laps=3, countdown_s=0.2, items=False)
-    batch = drive(full, task_on("covapsy-base", full, karts=1, rules=rules), 1, 700)
+    batch = drive(full, driven_on("covapsy-base", full, karts=1, rules=rules), 1, 700)
     racer = batch.world.racers[0, 0]
     assert (int(racer["laps"]), int(racer["wall_contacts"])) == (3, 0)
     assert racer["best_lap_us"] / 1e6 < 10.2
 
 
-def task_on(track: str, policy: Policy, *, karts: int, rules: Rules) -> Task:
+def driven_on(track: str, policy: Policy, *, karts: int, rules: Rules) -> Task:
     scenario = Scenario(load_course(track), karts=karts, rules=rules)
-    return Task((scenario,), learners=1, observation=policy.metadata.parts, action="continuous")
+    return task_on((scenario,), learners=1, observation=policy.metadata.parts, action="continuous")
 
 
 def drive(policy: Policy, task: Task, worlds: int, decisions: int) -> Batch:

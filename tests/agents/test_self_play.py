@@ -24,9 +24,10 @@ from race_server.core.driver import Briefing, driver_named
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.core.vehicles import TT02
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
-from race_server.envs.presets import LEARNING_RULES
+from race_server.envs.presets import LEARNING_RULES, task_on
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
@@ -123,8 +124,8 @@ def oval(karts: int) -> Scenario:
 
 def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
     others = {"learners": 1, "opponents": ("idm",)}
-    advised = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
-    driven = Batch(Task((oval(2),), action="control", observation="line", **others), seed=4)
+    advised = Batch(task_on((oval(2),), action="residual", base="raceline", **others), seed=4)
+    driven = Batch(task_on((oval(2),), action="control", observation="line", **others), seed=4)
     driver = driver_named("raceline")
     driver.reset(BRIEFING)
     for step in range(80):
@@ -136,7 +137,7 @@ def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
 
 
 def test_advice_shifts_the_lane_to_its_side() -> None:
-    task = Task((oval(1),), action="residual", base="raceline", observation=("line_offset",))
+    task = task_on((oval(1),), action="residual", base="raceline", observation=("line_offset",))
     left, right = Batch(task, seed=4), Batch(task, seed=4)
     for _ in range(60):
         left.step([[[0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
@@ -148,7 +149,7 @@ def test_advice_to_follow_closely_brakes_less_behind_another_kart() -> None:
     speeds = []
     for close in (0.0, 0.8):
         others = {"learners": 1, "opponents": ("pure_pursuit",)}
-        batch = Batch(Task((oval(2),), action="residual", base="raceline", **others), seed=4)
+        batch = Batch(task_on((oval(2),), action="residual", base="raceline", **others), seed=4)
         (behind_body, ahead_body), (behind_racer, ahead_racer) = (
             batch.world.bodies[0],
             batch.world.racers[0],
@@ -167,7 +168,7 @@ def test_a_boost_carries_a_kart_beyond_the_line_only_if_it_is_told_to_dash() -> 
     speeds = []
     for dash in (0.0, 1.0):
         scenario = replace(oval(1), rules=replace(LEARNING_RULES, items=False))
-        batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
+        batch = Batch(task_on((scenario,), action="residual", base="raceline"), seed=4)
         batch.step([[[0.0] * 6]])
         effect = batch.world.players["effects"][0, 0, 0]
         effect["source"], effect["until_tick"] = 1, 10_000
@@ -185,7 +186,7 @@ def test_advice_to_fetch_a_box_drives_over_one() -> None:
     held = []
     for fetch in (0.0, 1.0):
         scenario = replace(oval(1), rules=replace(LEARNING_RULES, catch_up=False))
-        batch = Batch(Task((scenario,), action="residual", base="raceline"), seed=4)
+        batch = Batch(task_on((scenario,), action="residual", base="raceline"), seed=4)
         taken = 0
         for _ in range(200):
             batch.step([[[0.0, 0.0, -1.0, 0.0, 0.0, fetch]]])
@@ -198,7 +199,7 @@ def test_advice_to_fetch_a_box_drives_over_one() -> None:
 def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
     scenario = replace(oval(4), rules=replace(LEARNING_RULES, laps=1))
     opponents = ("pure_pursuit", "idm", "avoider")
-    task = Task(
+    task = task_on(
         (scenario,),
         opponents=opponents,
         learners=1,
@@ -222,9 +223,9 @@ def test_what_a_race_adds_up_to_is_the_place_at_its_end() -> None:
 
 def test_only_a_driver_that_takes_advice_can_be_advised() -> None:
     with pytest.raises(ScenarioError, match="'avoider' takes no advice"):
-        Batch(Task((oval(1),), action="residual", base="avoider"))
+        Batch(task_on((oval(1),), action="residual", base="avoider"))
     with pytest.raises(ScenarioError, match="needs a driver to advise"):
-        Batch(Task((oval(1),), action="residual"))
+        Batch(task_on((oval(1),), action="residual"))
 
 
 def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: TrainingResult) -> None:
@@ -232,9 +233,9 @@ def test_a_policy_that_advises_does_live_what_it_did_in_training(outcome: Traini
     policy, driver = Policy(path), Learned(str(path))
     assert driver.preset == "rivals"
     task = training_task(read_settings("race", QUICK))
-    trained = Batch(Task(task.scenarios, **_shared(task, task.observation)), seed=3)
+    trained = Batch(task_on(task.scenarios, **_shared(task, task.observation)), seed=3)
     wide = {**_shared(task, "rivals"), "action": "control", "base": ""}
-    raced = Batch(Task(task.scenarios, **wide), seed=3)
+    raced = Batch(task_on(task.scenarios, **wide), seed=3)
     driver.reset(BRIEFING)
     places = list(side_by_side(trained, raced, policy, driver, 80))
     assert len(places) == 80
@@ -262,7 +263,7 @@ def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
     assert "covapsy-test-2023" not in policy.metadata.tracks
     opponents = ("raceline", "idm", "follow_gap", "pure_pursuit")
     rules = Rules(laps=2, countdown_s=0.2)
-    task = Task(
+    task = task_on(
         (Scenario(load_course("covapsy-train-2023"), karts=5, rules=rules),),
         opponents=opponents,
         learners=1,

@@ -29,8 +29,8 @@ from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.observation import Observation
 from race_server.core.vehicles import KART_60, TT02, Vehicle
-from race_server.envs.batch import Batch, Task
-from race_server.envs.presets import LEARNING_RULES
+from race_server.envs.batch import Batch
+from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError, ScenarioError, TrackError
 from support.trainings import QUICK, Train, side_by_side, untrained
@@ -264,7 +264,7 @@ def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> Non
     policy, driver = Policy(policy_file), Learned(str(policy_file))
     task = replace(training_task(read_settings("time-trial-ppo", QUICK)), gap=RealityGap())
     trained = Batch(task, seed=3)
-    wide = Task(task.scenarios, observation="lidar", action="control", random_start=True)
+    wide = task_on(task.scenarios, observation="lidar", action="control", random_start=True)
     raced = Batch(wide, seed=3)
     driver.reset(briefing())
     places = list(side_by_side(trained, raced, policy, driver, 60))
@@ -280,15 +280,15 @@ def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Pat
         karts=3,
         rules=LEARNING_RULES,
     )
-    task = Task((scenario,), learners=1, opponents=(name,), action="control")
+    task = task_on((scenario,), learners=1, opponents=(name,), action="control")
     batch, driver = Batch(task, worlds=2, seed=5), driver_named(name)
-    layout, view = batch.opponents[0].layout, batch.rig.views[1, 2]
+    layout, view = batch.opponents[0].layout, batch.buffers.views[1, 2]
     driver.reset(briefing())
     for step in range(30):
         seen = Observation(step, layout, view[: layout.size].astype(np.float32))
         own = numbers_of(driver.act(seen))
         batch.step(np.zeros((2, 1, 4)))
-        assert batch.rig.controls[1, 2] == pytest.approx(own, abs=1e-6)
+        assert batch.buffers.controls[1, 2] == pytest.approx(own, abs=1e-6)
     assert batch.world.bodies[1, 2].speed > 0.1
 
 

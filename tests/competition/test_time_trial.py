@@ -52,6 +52,7 @@ from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
+from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ResultsError, ScenarioError
 from race_server.scenario.track.load import load_course
 from race_server.session import Session
@@ -296,7 +297,8 @@ def test_a_loss_is_told_against_the_nominal_car() -> None:
 def test_single_figures_make_a_gap_of_their_own() -> None:
     gap = custom_gap(0.02, 0.05, 50.0)
     assert gap is not None
-    assert (gap.lidar().noise, gap.lidar().dropout, gap.delay) == (0.02, 0.05, 1)
+    assert (gap.lidar().noise, gap.lidar().dropout) == (0.02, 0.05)
+    assert gap.reality == RealityGap(action_delay=(1.0, 1.0))
     assert custom_gap(None, None, None) is None
 
 

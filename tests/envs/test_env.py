@@ -25,12 +25,13 @@ from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.envs.actions import discrete_table
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD, STAY
 from race_server.envs.parallel import KartRace, env, parallel_env
-from race_server.envs.presets import LEARNING_RULES, race_task, time_trial_task
+from race_server.envs.presets import LEARNING_RULES, race_task, task_on, time_trial_task
+from race_server.envs.racing.reward_terms import REWARDS, TERMS, reward_weights
 from race_server.envs.reality_gap import RealityGap
-from race_server.envs.rewards import REWARDS, TERMS, reward_weights
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar
@@ -43,12 +44,12 @@ FREE = replace(LEARNING_RULES, laps=0, items=False, stopped_limit_s=0.0, limit_s
 
 
 def ring_task(karts: int = 2, rules: Rules = FREE, **options: Any) -> Task:
-    return Task((Scenario(COURSE, karts=karts, rules=rules),), **options)
+    return task_on((Scenario(COURSE, karts=karts, rules=rules),), **options)
 
 
 def wandering(batch: Batch, steps: int, seed: int = 3) -> list[np.ndarray]:
     chance = np.random.default_rng(seed)
-    shape = batch.rig.actions[0].shape
+    shape = batch.buffers.actions[0].shape
     return [chance.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(steps)]
 
 
@@ -60,10 +61,10 @@ def test_world_17_of_64_is_the_same_world_alone_for_5000_ticks() -> None:
     many = Batch(task, worlds=64, seed=100, after=RESET_WORLD)
     alone = Batch(task, worlds=1, seed=117, after=RESET_WORLD)
     for actions in wandering(alone, 1667):
-        many.rig.actions[:] = actions
+        many.buffers.actions[:] = actions
         many.step()
         alone.step(actions)
-    assert many.rig.rounds["number"][17] > 3
+    assert many.buffers.rounds["number"][17] > 3
     assert many.digest(17) == alone.digest()
     assert np.array_equal(many.observations[17], alone.observations[0])
     assert many.digest(16) != alone.digest()
@@ -73,7 +74,7 @@ def test_threads_do_not_change_what_happens() -> None:
     one, two = (Batch(ring_task(random_start=True), worlds=5, threads=n) for n in (1, 2))
     for actions in wandering(one, 60):
         for batch in (one, two):
-            batch.rig.actions[:] = actions
+            batch.buffers.actions[:] = actions
             batch.step()
     assert [one.digest(w) for w in range(5)] == [two.digest(w) for w in range(5)]
     two.close()
@@ -82,7 +83,8 @@ def test_threads_do_not_change_what_happens() -> None:
 def test_the_batch_runs_the_very_race_that_a_live_session_runs() -> None:
     names = ("follow_gap", "pure_pursuit", "avoider")
     scenario = Scenario(COURSE, karts=4, rules=replace(FREE, items=True))
-    batch = Batch(Task((scenario,), opponents=names, learners=1, observation="lidar"), after=STAY)
+    task = task_on((scenario,), opponents=names, learners=1, observation="lidar")
+    batch = Batch(task, after=STAY)
     seed = int(batch.world.races["seed"][0])
     session = Session("race", replace(scenario, seed=seed))
     drivers = {}
@@ -134,7 +136,7 @@ def crash_task(karts: int = 3) -> Task:
 
 def crash_first(batch: Batch) -> np.ndarray:
     """Kart 0 drives straight into the wall, the others stand still."""
-    actions = np.zeros_like(batch.rig.actions[0])
+    actions = np.zeros_like(batch.buffers.actions[0])
     actions[0, 0] = 1.0
     return actions
 
@@ -171,18 +173,18 @@ def test_a_kart_reenters_the_race_that_goes_on_without_it() -> None:
     batch = Batch(crash_task(), after=REENTER)
     tick = 0
     for _ in range(100):
-        batch.rig.memory[:] = 7.0
+        batch.buffers.memory[:] = 7.0
         batch.step(crash_first(batch))
         if batch.terminated[0, 0]:
             break
         tick = int(batch.world.races["tick"][0])
-    assert not batch.rig.memory[0, 0].any()
-    assert batch.rig.memory[0, 1].all()
+    assert not batch.buffers.memory[0, 0].any()
+    assert batch.buffers.memory[0, 1].all()
     assert batch.terminated[0].tolist() == [1, 0, 0]
     assert batch.world.races["tick"][0] == tick + 3
     assert batch.world.bodies["status"][0, 0] == codes.RACING
-    assert batch.rig.episodes["steps"][0, 0] == 0
-    assert batch.rig.ended["crashes"][0, 0] == 1
+    assert batch.buffers.episodes["steps"][0, 0] == 0
+    assert batch.buffers.ended["crashes"][0, 0] == 1
     assert not np.array_equal(batch.terminal[0, 0], batch.observations[0, 0])
 
 
@@ -194,7 +196,7 @@ def test_time_that_runs_out_cuts_an_episode_off() -> None:
         cuts.append(batch.truncated[0].tolist())
     assert cuts == ([[0, 0]] * 4 + [[1, 1]]) * 2
     assert not batch.terminated.any()
-    assert batch.rig.rounds["number"][0] == 3
+    assert batch.buffers.rounds["number"][0] == 3
 
 
 def test_the_same_seed_gives_the_same_race_and_another_seed_another() -> None:
@@ -302,7 +304,7 @@ def test_a_course_driven_the_other_way_round_twice_is_the_course() -> None:
 
 def test_a_curriculum_decides_which_scenario_a_reset_draws() -> None:
     short, long = (Scenario(COURSE, karts=2, rules=replace(FREE, laps=n)) for n in (1, 9))
-    batch = Batch(Task((short, long)), worlds=30)
+    batch = Batch(task_on((short, long)), worlds=30)
     assert set(batch.world.rules["laps"]) == {1, 9}
     batch.set_odds([0.0, 1.0])
     batch.reset()
@@ -347,9 +349,9 @@ def test_a_range_below_the_limit_is_a_crash_that_costs_300() -> None:
 def test_an_increment_of_one_adds_half_a_metre_per_second_and_nine_degrees() -> None:
     batch = Batch(ring_task(1, action="report_b"))
     batch.step([[[1.0, 0.5]]])
-    assert batch.rig.commanded[0, 0, :2] == pytest.approx([0.5, np.radians(4.5)])
+    assert batch.buffers.commanded[0, 0, :2] == pytest.approx([0.5, np.radians(4.5)])
     batch.step([[[1.0, -0.5]]])
-    assert batch.rig.commanded[0, 0, :2] == pytest.approx([1.0, 0.0])
+    assert batch.buffers.commanded[0, 0, :2] == pytest.approx([1.0, 0.0])
 
 
 @pytest.mark.parametrize(("action", "slower"), [("increments", 0.5), ("report_b", 1.0)])
@@ -358,21 +360,21 @@ def test_only_plain_increments_take_speed_away_again(action: str, slower: float)
     batch.step([[[1.0, 0.0]]])
     batch.step([[[1.0, 0.0]]])
     batch.step([[[-1.0, 0.0]]])
-    assert batch.rig.commanded[0, 0, 0] == pytest.approx(slower)
+    assert batch.buffers.commanded[0, 0, 0] == pytest.approx(slower)
 
 
 def test_a_discrete_action_is_a_row_of_the_table() -> None:
     batch = Batch(ring_task(1, action="discrete"))
     row = int(np.flatnonzero((discrete_table() == (1.0, 0.5, 0.0)).all(axis=1))[0])
     batch.step([[[row]]])
-    assert batch.rig.controls[0, 0, :2] == pytest.approx([0.5, 1.0])
+    assert batch.buffers.controls[0, 0, :2] == pytest.approx([0.5, 1.0])
 
 
 def test_a_control_as_action_reaches_the_kart_as_it_is() -> None:
     batch = Batch(ring_task(1, action="control"))
     batch.step([[[0.25, -0.5, 0.125, 2.0]]])
     body = batch.world.bodies[0, 0]
-    assert batch.rig.controls[0, 0].tolist() == [0.25, -0.5, 0.125, 2.0]
+    assert batch.buffers.controls[0, 0].tolist() == [0.25, -0.5, 0.125, 2.0]
     assert (body.steering_command, body.throttle, body.brake) == (0.25, -0.5, 0.125)
     assert body.buttons == codes.ACCEPT_RESCUE
 
@@ -382,7 +384,7 @@ def test_an_action_that_is_delayed_by_two_decisions_acts_two_decisions_later() -
     steering = []
     for command in (0.1, 0.2, 0.3, 0.4):
         batch.step([[[0.0, command, 0.0]]])
-        steering.append(batch.rig.controls[0, 0, 0])
+        steering.append(batch.buffers.controls[0, 0, 0])
     assert steering == pytest.approx([0.0, 0.0, 0.1, 0.2])
 
 
@@ -405,12 +407,12 @@ def test_an_observation_that_is_delayed_is_that_of_earlier() -> None:
 def test_lag_follows_an_exponential_and_play_swallows_small_moves() -> None:
     lagging = Batch(ring_task(1, gap=RealityGap(actuator_lag=(0.05, 0.05))))
     lagging.step([[[0.0, 1.0, 0.0]]])
-    assert lagging.rig.controls[0, 0, 0] == pytest.approx(1.0 - np.exp(-1.0))
+    assert lagging.buffers.controls[0, 0, 0] == pytest.approx(1.0 - np.exp(-1.0))
     loose = Batch(ring_task(1, gap=RealityGap(steering_play=(0.2, 0.2))))
     followed = []
     for command in (0.05, 0.5, 0.45, 0.2):
         loose.step([[[0.0, command, 0.0]]])
-        followed.append(loose.rig.controls[0, 0, 0])
+        followed.append(loose.buffers.controls[0, 0, 0])
     assert followed == pytest.approx([0.0, 0.4, 0.4, 0.3])
 
 

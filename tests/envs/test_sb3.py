@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from race_server.envs.batch import Task
-from race_server.envs.presets import LEARNING_RULES
+from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.single import OneKart
+from race_server.envs.task import Task
 from race_server.scenario.race import Rules, Scenario
 from support.courses import ring
 
@@ -26,7 +26,7 @@ FREE = replace(
 
 
 def ring_task(karts: int = 2, rules: Rules = FREE, **options: Any) -> Task:
-    return Task((Scenario(COURSE, karts=karts, rules=rules),), **options)
+    return task_on((Scenario(COURSE, karts=karts, rules=rules),), **options)
 
 
 def test_the_single_environment_keeps_to_sb3() -> None:
@@ -71,7 +71,7 @@ def test_a_curriculum_is_asked_when_episodes_begin_and_end() -> None:
         return [0.0, 1.0] if episodes else None
 
     rules = [replace(FREE, laps=laps) for laps in (1, 9)]
-    task = Task(tuple(Scenario(COURSE, karts=1, rules=rule) for rule in rules), most_steps=4)
+    task = task_on(tuple(Scenario(COURSE, karts=1, rules=rule) for rule in rules), most_steps=4)
     karts = KartVecEnv(task, worlds=20, curriculum=harder)
     karts.reset()
     assert set(karts.batch.world.rules["laps"]) == {1, 9}

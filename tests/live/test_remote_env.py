@@ -15,8 +15,8 @@ from race_server.core.messages import Button, Control, Status
 from race_server.core.observation import layout_of
 from race_server.core.vehicles import TT02
 from race_server.envs.actions import CONTINUOUS
-from race_server.envs.batch import Task
 from race_server.envs.parallel import KartRace
+from race_server.envs.presets import task_on
 from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_env import RemoteRace
 from race_server.live.client.remote_kart import RemoteKart
@@ -172,7 +172,7 @@ def test_remote_karts_see_what_their_seats_see_in_a_local_session() -> None:
 def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
     # The wire carries controls as float32; what an action adds up to is then not quite the same.
     tolerance = 1e-3 if action in ADDED_UP else 0.0
-    task = Task((scenario(3),), observation="track", reward=EVERYTHING, action=action)
+    task = task_on((scenario(3),), observation="track", reward=EVERYTHING, action=action)
     local = KartRace(task)
     with (
         served(scenario(3), drivers=3) as live,

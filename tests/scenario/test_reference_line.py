@@ -10,7 +10,8 @@ from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.core.observation import Observation, layout_of, wants_line
 from race_server.core.vehicles import TT02
-from race_server.envs.batch import Batch, Task
+from race_server.envs.batch import Batch
+from race_server.envs.presets import task_on
 from race_server.scenario.race import Scenario, make_worlds
 from race_server.scenario.raceline.attach import reference_line, with_line
 from race_server.scenario.raceline.detour import edge_of
@@ -174,9 +175,9 @@ def test_no_part_of_a_car_on_the_line_comes_near_an_obstacle_or_a_border(seed: i
 
 def test_a_batch_attaches_the_line_that_a_scripted_driver_wants() -> None:
     scenario = Scenario(load_course("oval"), karts=2)
-    batch = Batch(Task((scenario,), opponents=("raceline",)))
+    batch = Batch(task_on((scenario,), opponents=("raceline",)))
     assert batch.world.route.courses["reference_spacing"][0] > 0.0
-    assert Batch(Task((scenario,))).world.route.courses["reference_spacing"][0] == 0.0
+    assert Batch(task_on((scenario,))).world.route.courses["reference_spacing"][0] == 0.0
 
 
 def test_the_presets_line_and_full_tell_of_the_line() -> None:

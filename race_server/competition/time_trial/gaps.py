@@ -1,7 +1,7 @@
 """Reality gaps by name: what a trial lets go wrong between the driver and the car."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from race_server.core.clock import TICK_S
 from race_server.envs.reality_gap import MOST_DELAY, RealityGap
@@ -18,45 +18,31 @@ class Gap:
     """One setting. Each run draws from the ranges under its seed; a point means fixed."""
 
     name: str
+    reality: RealityGap = field(default_factory=RealityGap)
     noise: float = Lidar().noise  # [m] standard deviation of a lidar range
     dropouts: float = 0.0  # share of lidar rays that come back as 0
-    delay: int = 0  # decisions from an answer to its effect
-    speed: tuple[float, float] = (1.0, 1.0)  # factor of top speed and motor: the battery
-    lag: float = 0.0  # [s] time constant of pedals and wheel
-    play: float = 0.0  # share of the steering range that is lost
-    grip: tuple[float, float] = (1.0, 1.0)  # factor of the vehicle's grip
 
     def lidar(self) -> Lidar:
         """Return the lidar with its faults."""
         return replace(Lidar(), noise=self.noise, dropout=self.dropouts)
 
-    def reality(self) -> RealityGap:
-        """Return what the training world calls this setting."""
-        return RealityGap(
-            action_delay=(self.delay, self.delay),
-            actuator_lag=(self.lag, self.lag),
-            steering_play=(self.play, self.play),
-            speed_coefficient=self.speed,
-            grip=self.grip,
-        )
-
     def words(self) -> str:
         """Return what this setting changes, for a person."""
-        nominal, parts = Gap(""), []
+        nominal, parts, reality = Gap(""), [], self.reality
         if self.noise != nominal.noise:
             parts.append(f"lidar noise {100.0 * self.noise:g} cm")
         if self.dropouts:
             parts.append(f"{100.0 * self.dropouts:g} % of the lidar rays drop out")
-        if self.delay:
-            parts.append(f"answers act {1000.0 * self.delay * DECISION_S:.0f} ms late")
-        if self.speed != nominal.speed:
-            parts.append(f"motor and top speed {_range_words(self.speed)}")
-        if self.lag:
-            parts.append(f"pedals and wheel follow with {1000.0 * self.lag:g} ms")
-        if self.play:
-            parts.append(f"{100.0 * self.play:g} % play in the steering")
-        if self.grip != nominal.grip:
-            parts.append(f"grip {_range_words(self.grip)}")
+        if delay := reality.action_delay[1]:
+            parts.append(f"answers act {1000.0 * delay * DECISION_S:.0f} ms late")
+        if reality.speed_coefficient != nominal.reality.speed_coefficient:
+            parts.append(f"motor and top speed {_range_words(reality.speed_coefficient)}")
+        if lag := reality.actuator_lag[1]:
+            parts.append(f"pedals and wheel follow with {1000.0 * lag:g} ms")
+        if play := reality.steering_play[1]:
+            parts.append(f"{100.0 * play:g} % play in the steering")
+        if reality.grip != nominal.reality.grip:
+            parts.append(f"grip {_range_words(reality.grip)}")
         return ", ".join(parts) or "the nominal car, lidar noise 1 cm"
 
 
@@ -69,18 +55,40 @@ NONE = Gap("none")
 # The faults that the 1/10 race's report names: lidar noise and drop-outs, an unregulated motor
 # whose speed varies with the battery, play in the steering. Their sizes are our choice: three
 # times the simulator's noise, every twentieth ray, one decision of delay, ±10 % of speed.
-_ALL = Gap("all", 0.03, 0.05, 1, (0.9, 1.1), 0.05, 0.05, (0.9, 1.1))
+_ALL = Gap(
+    "all",
+    RealityGap(
+        action_delay=(1.0, 1.0),
+        speed_coefficient=(0.9, 1.1),
+        actuator_lag=(0.05, 0.05),
+        steering_play=(0.05, 0.05),
+        grip=(0.9, 1.1),
+    ),
+    noise=0.03,
+    dropouts=0.05,
+)
+# The names of single factors of the reality gap.
+_FACTORS = {
+    "delay": "action_delay",
+    "battery": "speed_coefficient",
+    "lag": "actuator_lag",
+    "play": "steering_play",
+    "grip": "grip",
+}
+
+
+def _only(name: str, factor: str) -> Gap:
+    """Return a setting in which one factor alone is off, as far as in the setting `all`."""
+    return Gap(name, replace(RealityGap(), **{factor: getattr(_ALL.reality, factor)}))
+
+
 GAPS = {
     gap.name: gap
     for gap in (
         NONE,
         Gap("noise", noise=_ALL.noise),
         Gap("dropouts", dropouts=_ALL.dropouts),
-        Gap("delay", delay=_ALL.delay),
-        Gap("battery", speed=_ALL.speed),
-        Gap("lag", lag=_ALL.lag),
-        Gap("play", play=_ALL.play),
-        Gap("grip", grip=_ALL.grip),
+        *(_only(name, factor) for name, factor in _FACTORS.items()),
         _ALL,
     )
 }
@@ -121,7 +129,8 @@ def custom_gap(noise: float | None, dropouts: float | None, delay_ms: float | No
             raise ScenarioError(f"drop-outs {dropouts:g}: give a share of the rays from 0 to 1")
         gap = replace(gap, dropouts=dropouts)
     if delay_ms is not None:
-        gap = replace(gap, delay=_decisions(delay_ms))
+        delay = float(_decisions(delay_ms))
+        gap = replace(gap, reality=RealityGap(action_delay=(delay, delay)))
     return gap
 
 

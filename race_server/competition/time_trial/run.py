@@ -159,7 +159,7 @@ class Attempt:
 
     def _move(self, numbers: Float32s) -> None:
         dirty = not self._racer.lap_clean
-        self.batch.rig.actions[0, 0] = numbers
+        self.batch.buffers.actions[0, 0] = numbers
         self.batch.step()
         self._note()
         count = int(self.batch.world.event_counts[0])

@@ -9,7 +9,8 @@ import numpy as np
 from race_server.competition.time_trial.gaps import NONE, Gap
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle, vehicle_named
-from race_server.envs.batch import Task
+from race_server.envs.presets import task_on
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
@@ -99,12 +100,12 @@ def scenario_of(spec: RunSpec, course: Course) -> Scenario:
 
 def task_of(spec: RunSpec, course: Course, preset: str) -> Task:
     """Return the run as a task of the training world, with observations of `preset`."""
-    return Task(
+    return task_on(
         (scenario_of(spec, course),),
         learners=1,
         observation=preset,
         action="control",
-        gap=spec.gap.reality(),
+        gap=spec.gap.reality,
     )
 
 

@@ -6,8 +6,9 @@ from race_server.core import codes
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.conduct import is_in_the_way
+from race_server.core.stages.clearance import is_clear
 from race_server.core.stages.events import penalise, report, retire
-from race_server.core.state import Record, World
+from race_server.core.state import World
 
 # A kart that has moved further than this share of its length before the lights started early.
 FALSE_START_SHARE = 0.25
@@ -139,7 +140,7 @@ def rescue(world: World, w: int, k: int) -> None:
     sample = racer.line_index
     for _ in range(RESCUE_TRIES):
         line = route.line[course.line_start + sample]
-        if _is_free(world, w, k, line):
+        if is_clear(world, w, k, world.bodies.shape[1], line.x, line.y, codes.RACING):
             break
         sample = (sample - stride) % course.line_count
     line = route.line[course.line_start + sample]
@@ -159,15 +160,3 @@ def rescue(world: World, w: int, k: int) -> None:
     body.ghost_until = race.tick + GHOST_TICKS
     report(world, w, codes.EVENT_RESCUED, k, -1, 0)
     penalise(world, w, k, world.rules[w].rescue_us, codes.EVENT_RESCUED)
-
-
-@kernel
-def _is_free(world: World, w: int, k: int, line: Record) -> bool:
-    near = 1.5 * world.vehicles[w, k].length
-    for other in range(world.bodies.shape[1]):
-        body = world.bodies[w, other]
-        if other != k and body.status == codes.RACING:
-            dx, dy = body.x - line.x, body.y - line.y
-            if dx * dx + dy * dy < near * near:
-                return False
-    return True

@@ -1,4 +1,4 @@
-"""The text block of a picture: the time, and who is where."""
+"""The text block of a picture: the time, and the order of the karts."""
 
 from collections.abc import Sequence
 

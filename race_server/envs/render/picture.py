@@ -39,7 +39,7 @@ class Picture:
         frame = self._background.copy()
         draw_items(frame, self._view, world, w)
         present = [k for k, body in enumerate(world.bodies[w]) if body.status != codes.ABSENT]
-        # Who still races is drawn over who does not.
+        # Karts that race are drawn over those that retired.
         for k in sorted(present, key=lambda k: world.bodies[w, k].status != codes.RETIRED):
             draw_kart(frame, self._view, world, w, k)
         draw_order(frame, self._view, world, w, present, names)

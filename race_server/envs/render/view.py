@@ -27,7 +27,7 @@ class View:
         return points * (self.scale, -self.scale) + (self.left, self.top)
 
     def finer(self, detail: int) -> "View":
-        """Return the same view with so many pixels for each, along either axis."""
+        """Return the same view with `detail` times as many pixels along either axis."""
         size = (self.size[0] * detail, self.size[1] * detail)
         return View(size, self.scale * detail, self.left * detail, self.top * detail)
 

@@ -6,17 +6,15 @@ from contextlib import suppress
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
 from race_server.core.messages import EventKind
 from race_server.core.observation import PRESETS, layout_of
 from race_server.core.state import Floats
 from race_server.envs.actions import RESIDUAL, action_kind
-from race_server.envs.rewards import TERMS, reward_weights
-from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.kart_agents import KartAgents, Vector
+from race_server.envs.racing.reward_terms import TERMS, reward_weights
+from race_server.envs.spaces import observation_space
 from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_kart import News, RemoteKart
 from race_server.live.client.seat import SILENCE_S, ClientSeat, insist, take_seat
@@ -24,7 +22,6 @@ from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, decode_course
 
-Vector = NDArray[np.float32]
 _TERMS = tuple(TERMS)
 # Parts that a term is worked out from, where not every preset has them.
 _NEEDS = {"progress": "progress", "range": "lidar", "report_b": "lidar", "lead": "all karts"}
@@ -34,7 +31,7 @@ POLL_S = 0.05
 READY_S = 0.25
 
 
-class RemoteRace(ParallelEnv[str, Vector, Any]):
+class RemoteRace(KartAgents):
     """The race of a server in lock-step; agents are `kart_0` … of those that are driven here.
 
     Who is through leaves `agents`: terminated when its race is over, truncated when time ran out
@@ -74,11 +71,7 @@ class RemoteRace(ParallelEnv[str, Vector, Any]):
         if karts < 1 or (seats and len(seats) != karts):
             raise ScenarioError(f"{len(seats)} seats for {karts} karts: name one for each, or none")
         self.address, self.session, self.timeout_s = address, session, timeout_s
-        self.possible_agents = [f"kart_{k}" for k in range(karts)]
-        self.agents: list[str] = []
-        self.action_spaces: dict[str, spaces.Space[Any]] = {
-            agent: action_space(action) for agent in self.possible_agents
-        }
+        super().__init__(karts, action)
         self._wanted = tuple(seats) or (-1,) * karts
         self._preset = observation
         self._weights = reward_weights(reward)
@@ -101,14 +94,6 @@ class RemoteRace(ParallelEnv[str, Vector, Any]):
             rays = self._karts[self.possible_agents[0]].seat.welcome.lidar_rays
         layout = layout_of(self._preset, rays)
         return {agent: observation_space(layout) for agent in self.possible_agents}
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return what `agent` may see: always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return what `agent` may do: always the same object."""
-        return self.action_spaces[agent]
 
     # The race
 

@@ -11,9 +11,9 @@ from race_server.core.messages import Button, Control, Event, EventKind
 from race_server.core.observation import Observation
 from race_server.core.state import Floats
 from race_server.core.vehicles import vehicle_record
-from race_server.envs import reward_terms
 from race_server.envs.actions import MEMORY, WIDTHS, Driven, discrete_table, read_action
-from race_server.envs.rewards import TERMS
+from race_server.envs.racing import reward_terms
+from race_server.envs.racing.reward_terms import TERMS
 from race_server.errors import WireError
 from race_server.live.client.seat import ClientSeat
 from race_server.net.transport import ClientLink

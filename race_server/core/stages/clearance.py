@@ -1,0 +1,27 @@
+"""Whether a place is free for a kart that is to be put there."""
+
+from race_server.core import codes
+from race_server.core.kernels.jit import kernel
+from race_server.core.state import World
+
+# A kart needs this many of its lengths to the middle of any other.
+CLEAR_LENGTHS = 1.5
+
+
+@kernel
+def is_clear(
+    world: World, w: int, k: int, others: int, x: float, y: float, last_status: int
+) -> bool:
+    """Return whether kart k could stand at (x, y) [m], clear of the first `others` karts.
+
+    Karts count from RACING to `last_status`: those that finished or retired may count, or not.
+    """
+    near = CLEAR_LENGTHS * world.vehicles[w, k].length
+    for other in range(others):
+        rival = world.bodies[w, other]
+        if other == k or rival.status == codes.ABSENT or rival.status > last_status:
+            continue
+        dx, dy = rival.x - x, rival.y - y
+        if dx * dx + dy * dy < near * near:
+            return False
+    return True

@@ -1,0 +1,37 @@
+"""What a race has in common, here or on a server, where its karts are agents of PettingZoo."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from race_server.envs.spaces import action_space
+
+Vector = NDArray[np.float32]
+
+
+class KartAgents(ParallelEnv[str, Vector, Any]):
+    """Agents `kart_0`, `kart_1` and so on, with their spaces; `observation_spaces` is to come."""
+
+    def __init__(self, karts: int, action: str) -> None:
+        """Name the agents.
+
+        Raises:
+            ScenarioError: there is no such kind of action.
+        """
+        self.possible_agents = [f"kart_{k}" for k in range(karts)]
+        self.agents: list[str] = []
+        self.action_spaces: dict[str, spaces.Space[Any]] = {
+            agent: action_space(action) for agent in self.possible_agents
+        }
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what `agent` may see: always the same object."""
+        space: spaces.Space[Any] = self.observation_spaces[agent]
+        return space
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return what `agent` may do: always the same object."""
+        return self.action_spaces[agent]

@@ -1,0 +1,59 @@
+"""One decision of every race, in order: the training world's counterpart of `core/step.py`."""
+
+from race_server.core import codes
+from race_server.core.kernels.jit import kernel
+from race_server.core.stages.controls import take_controls
+from race_server.core.state import World
+from race_server.core.step import step
+from race_server.envs.buffers import REENTER, RESET_WORLD, Buffers
+from race_server.envs.decision import all_are_idle, clear_outcome, command_learners
+from race_server.envs.observations import write_observations, write_terminal
+from race_server.envs.racing.reset import RaceTemplates, begin_round, reenter
+from race_server.envs.racing.reward_terms import judge, snapshot_counters
+
+
+@kernel
+def decide(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
+    """Move every world on by one decision: actions in, observations, rewards and ends out."""
+    for w in range(world.bodies.shape[0]):
+        world.event_counts[w] = 0
+        command_learners(world, buffers, w)
+        snapshot_counters(world, buffers, w)
+        take_controls(world, w, buffers.controls[w])
+        for _ in range(buffers.settings[0].decision_ticks):
+            step(world, w)
+        buffers.rounds[w].steps += 1
+        for k in range(buffers.rewards.shape[1]):
+            if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):
+                write_terminal(world, buffers, w, k)
+        _replace_what_is_over(world, buffers, templates, w)
+        write_observations(world, buffers, w)
+
+
+@kernel
+def restart(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
+    """Begin a new round in every world."""
+    for w in range(world.bodies.shape[0]):
+        world.event_counts[w] = 0
+        begin_round(world, buffers, templates, w)
+        write_observations(world, buffers, w)
+
+
+@kernel
+def _replace_what_is_over(world: World, buffers: Buffers, templates: RaceTemplates, w: int) -> None:
+    """Begin a new round, or let karts come back, as `settings.after` says."""
+    after = buffers.settings[0].after
+    if after == RESET_WORLD:
+        if all_are_idle(buffers, w):
+            begin_round(world, buffers, templates, w)
+    elif after == REENTER:
+        if world.races[w].over:
+            # The clock of the race ran out, or no kart is left in it.
+            begin_round(world, buffers, templates, w)
+            return
+        learners = buffers.rewards.shape[1]
+        for k in range(world.bodies.shape[1]):
+            status = world.bodies[w, k].status
+            over = buffers.idle[w, k] == 1 if k < learners else status != codes.RACING
+            if over and status != codes.ABSENT:
+                reenter(world, buffers, templates, w, k)

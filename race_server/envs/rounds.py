@@ -1,0 +1,65 @@
+"""Stages of a reset that every discipline shares: which scenario is drawn, and a clean record."""
+
+from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.rng import EPISODE_STREAM, SCENARIO_STREAM, bits, uniform
+from race_server.core.state import World
+from race_server.envs.buffers import Buffers
+from race_server.envs.reality_gap import draw_gap
+
+SEED_SHIFT = 1  # a seed of 63 bits is never negative
+
+
+@kernel
+def next_round(buffers: Buffers, w: int) -> int:
+    """Count one world's next round, draw its scenario and return the scenario's number."""
+    turn = buffers.rounds[w]
+    turn.number += 1
+    turn.steps = 0
+    turn.entries = 0
+    turn.scenario = _draw_scenario(buffers, turn.seed, turn.number)
+    return turn.scenario
+
+
+@kernel
+def seed_of_round(buffers: Buffers, w: int) -> int:
+    """Return the seed of one world's round: another for each."""
+    turn = buffers.rounds[w]
+    return int(bits(turn.seed, EPISODE_STREAM, turn.number, 0) >> SEED_SHIFT)
+
+
+@kernel
+def _draw_scenario(buffers: Buffers, seed: int, number: int) -> int:
+    chance = uniform(seed, SCENARIO_STREAM, number, 0)
+    for scenario in range(len(buffers.odds) - 1):
+        if chance < buffers.odds[scenario]:
+            return scenario
+    return len(buffers.odds) - 1
+
+
+@kernel
+def forget_kart(buffers: Buffers, w: int, k: int) -> None:
+    """Clear what a kart's scripted driver remembers, and what was commanded last."""
+    for number in range(buffers.memory.shape[2]):
+        buffers.memory[w, k, number] = 0.0
+    for number in range(4):
+        buffers.controls[w, k, number] = 0.0
+
+
+@kernel
+def begin_episode(world: World, buffers: Buffers, w: int, k: int, is_absent: bool) -> None:
+    """Clear the record of one learning kart and draw its reality gap.
+
+    is_absent: it stays away from this round. The discipline's own fields are left to it.
+    """
+    episode = buffers.episodes[w, k]
+    episode.total = 0.0
+    episode.steps = 0
+    episode.number += 1
+    buffers.idle[w, k] = 1 if is_absent else 0
+    for index in range(buffers.commanded.shape[2]):
+        buffers.commanded[w, k, index] = 0.0
+    for late in range(buffers.delayed.shape[2]):
+        for index in range(4):
+            buffers.delayed[w, k, late, index] = 0.0
+    seed, vehicle = buffers.rounds[w].seed, world.vehicles[w, k]
+    draw_gap(seed, episode.number, k, buffers.gap, buffers.draws[w, k], vehicle)

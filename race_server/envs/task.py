@@ -1,0 +1,118 @@
+"""What is to be learned: a task, and the discipline that its episodes belong to.
+
+A discipline is all that the batch engine does not know: where a round begins, what a decision is
+worth, when an episode is over. Racing is one, see `race_server.envs.racing`; another is another
+package beside it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Protocol
+
+from race_server.core.driver import driver_named
+from race_server.core.observation import wants_line
+from race_server.core.state import World
+from race_server.envs.buffers import Buffers, Figures, Templates
+from race_server.envs.reality_gap import RealityGap
+from race_server.errors import ScenarioError
+from race_server.scenario.race import Scenario
+
+# Takes the world, the buffers of the batch, and the templates of the discipline.
+Kernel = Callable[[World, Buffers, Any], None]
+
+
+class Discipline(Protocol):
+    """What the batch engine asks of a discipline: names, figures, two kernels.
+
+    The kernels are made of the stages in `envs/decision.py`, `envs/rounds.py` and
+    `envs/observations.py`. Why two, and not one for each stage: see `envs/batch.py`.
+    """
+
+    @property
+    def terms(self) -> Mapping[str, str]:
+        """Reward terms and what each measures, in the order in which `decide` fills them."""
+
+    @property
+    def rewards(self) -> Mapping[str, Mapping[str, float]]:
+        """Weights of the terms, in tables that have a name."""
+
+    @property
+    def settings(self) -> Mapping[str, float]:
+        """What the kernels read as `buffers.settings` besides the fields of every discipline."""
+
+    @property
+    def figures(self) -> Figures:
+        """The fields that it adds to the record of an episode, and those from before a decision."""
+
+    @property
+    def sensors(self) -> int:
+        """Sensors that rewards and ends need on learning karts, bits of `codes`."""
+
+    def scenarios_of(self, task: "Task") -> tuple[Scenario, ...]:
+        """Return all scenarios that a reset may draw."""
+
+    def begin(self, scenarios: Sequence[Scenario], worlds: int) -> tuple[World, Templates]:
+        """Return `worlds` worlds, not yet reset, and a template of each scenario's start."""
+
+    def report(self, episode: Any) -> dict[str, Any]:
+        """Return the discipline's own figures of an episode, a record of `buffers.ended`."""
+
+    @property
+    def restart(self) -> Kernel:
+        """The kernel that begins a new round in every world."""
+
+    @property
+    def decide(self) -> Kernel:
+        """The kernel that moves every world on by one decision."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be learned: everything about a batch but its size."""
+
+    scenarios: tuple[Scenario, ...]
+    discipline: Discipline
+    opponents: tuple[str, ...] = ()  # drivers of the karts that do not learn, repeated in turn
+    learners: int = 0  # 0: all karts without an opponent's name
+    observation: str | tuple[str, ...] = "radar"
+    action: str = "continuous"
+    base: str = ""  # the driver that a residual action advises
+    reward: str | Mapping[str, float] = "progress"
+    gap: RealityGap = field(default_factory=RealityGap)
+    decision_ticks: int = 3
+    most_steps: int = 0  # decisions until an episode is cut off; 0: the rules alone end it
+
+    def with_options(self, **options: Any) -> "Task":
+        """Return the task with other options: its own, or those of its discipline."""
+        own = {each.name for each in fields(self)}
+        mine = {name: value for name, value in options.items() if name in own}
+        rest = {name: value for name, value in options.items() if name not in own}
+        if not rest:
+            return replace(self, **mine)
+        discipline: Any = mine.pop("discipline", self.discipline)
+        return replace(self, discipline=replace(discipline, **rest), **mine)
+
+    @property
+    def wants_line(self) -> bool:
+        """Whether the learning karts, or the drivers among them, see a reference line."""
+        drivers = (*self.opponents, self.base) if self.base else self.opponents
+        presets = [driver_named(name).preset for name in drivers]
+        return any(wants_line(observation) for observation in (self.observation, *presets))
+
+    def count_learners(self) -> int:
+        """Return how many karts of each race learn.
+
+        Raises:
+            ScenarioError: none, or the others have no driver.
+        """
+        karts = self.scenarios[0].karts
+        if self.learners:
+            learners = self.learners
+        else:
+            learners = max(karts - len(self.opponents), 1) if self.opponents else karts
+        if not 1 <= learners <= karts or (learners < karts and not self.opponents):
+            raise ScenarioError(
+                f"{learners} learning karts of {karts}: choose 1 to {karts}, and name opponents "
+                "for the others"
+            )
+        return learners
