@@ -78,7 +78,7 @@ def gateway(
     if spectators not in {"", OPEN, TOKEN}:
         raise KeysError(f"--spectators {spectators}: choose {OPEN} or {TOKEN}")
     ring = KeyRing(keys, session)
-    held = ring.of_watcher()
+    held = ring.of_spectator()
     host, chosen = place_of(listen or DEFAULT_PLACE)
     settings = Settings(
         address=connect or (held.address if held else DEFAULT_ADDRESS),

@@ -48,7 +48,7 @@ def relay(
         first,
         second,
         timeout_s=patience,
-        is_ready=lambda: console.print("all guests have their seats"),
+        on_seated=lambda: console.print("all guests have their seats"),
     )
     if as_json:
         print_document(document)
