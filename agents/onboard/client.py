@@ -198,6 +198,6 @@ def _drive(
 def _ask_again(onboard: KartProgram) -> None:
     """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex."""
     try:
-        onboard.seat.come_back()
+        onboard.seat.ask_again()
     except (LinkError, SeatError):
         return

@@ -59,7 +59,7 @@ def drive(
     )
     if console.is_terminal:
         with console.status(f"{name}: waiting for the race") as status:
-            taken = drive_now(tell=partial(_show_reception, status, name)).seat
+            taken = drive_now(on_observation=partial(_show_reception, status, name)).seat
         console.print(f"{name}, seat {taken}: {link_stats.outcome or 'the race is over'}")
     else:
         taken = drive_now().seat
@@ -69,7 +69,7 @@ def drive(
 
 def _show_reception(status: Spinner, name: str, link_stats: "LinkStats") -> None:
     """Show a few times a second how old the driver's observations are."""
-    if link_stats.heard % 5 == 1:
+    if link_stats.received % 5 == 1:
         status.update(f"{name} {link_stats}")
 
 
@@ -88,11 +88,11 @@ def watch(
 
     from race_server.competition.launch import board_of
     from race_server.live.client.foxglove import FoxgloveServer
-    from race_server.live.client.seat import SILENCE_S
     from race_server.live.client.spectator import Spectator
+    from race_server.live.client.timing import ClientTiming
     from race_server.net.transport import ClientLink
 
-    given = access(keys, connect, session)
+    given, timeout_s = access(keys, connect, session), ClientTiming().spectator_timeout_s
     with ClientLink(given.address, given.session, keys=given.keys) as link:
         spectator = Spectator(link)
         if as_json:
@@ -107,7 +107,7 @@ def watch(
             while spectator.standings is None or spectator.standings.phase is not Phase.FINISHED:
                 live.update(board_of(spectator, given.session, items))
                 time.sleep(0.12)
-                if spectator.silence_s() > SILENCE_S and not spectator.refresh():
+                if spectator.silence_s() > timeout_s and not spectator.refresh():
                     silent = spectator.silence_s()
                     raise RaceError(
                         f"the server at {given.address} has stopped: no message for {silent:.0f} s"

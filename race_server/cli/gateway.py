@@ -121,7 +121,7 @@ def _settings(options: GatewayOptions) -> "Settings":
     if options.spectators not in {"", OPEN, TOKEN}:
         raise KeysError(f"--spectators {options.spectators}: choose {OPEN} or {TOKEN}")
     ring = KeyRing(options.keys, options.session)
-    held = ring.of_watcher()
+    held = ring.of_spectator()
     host, port = place_of(options.listen or DEFAULT_PLACE)
     settings = Settings(
         address=options.connect or (held.address if held else DEFAULT_ADDRESS),

@@ -60,7 +60,7 @@ def relay(
         first,
         second,
         timeout_s=patience,
-        is_ready=lambda: console.print("all relayed karts have their seats"),
+        on_seated=lambda: console.print("all relayed karts have their seats"),
     )
     if as_json:
         print_document(document)

@@ -281,7 +281,7 @@ def board_of(watcher: Spectator, session: str, items: Sequence[str]) -> Group:
     names = [""] * 64
     for row in frame.rows:
         names[row.seat] = f"{row.driver} {row.seat}"
-    told = [text for event in list(watcher.events) if (text := _line(event, names, items))]
+    told = [text for event in watcher.events if (text := _line(event, names, items))]
     lines = [Text(text, style="dim") for text in told[-_EVENT_LINES:]]
     age = watcher.age_s()
     if age is not None:

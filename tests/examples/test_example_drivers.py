@@ -14,7 +14,7 @@ from race_server.live.gateway.roles import Tokens
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.load import load_course
-from support.halls import Hall, gated, racing, wait_for_race
+from support.served_race import ServedRace, gated, racing, wait_for_race
 
 pytestmark = [pytest.mark.net, pytest.mark.slow]
 
@@ -56,7 +56,7 @@ def program(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.fixture
-def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hall]:
+def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ServedRace]:
     """A race of one lap that waits for a driver, and a gateway."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     rules = Rules(laps=1, countdown_s=0.3)
@@ -65,11 +65,11 @@ def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hall]:
     tokens = Tokens(drive=(TOKEN,))
     with (
         racing(address, drivers=1, scenario=scenario) as server,
-        gated(address, tokens=tokens) as hall,
+        gated(address, tokens=tokens) as served,
     ):
-        hall.server = server
-        wait_for_race(hall)
-        yield hall
+        served.server = server
+        wait_for_race(served)
+        yield served
 
 
 def drive(program: list[str], *words: str) -> subprocess.CompletedProcess[str]:
@@ -78,11 +78,11 @@ def drive(program: list[str], *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_driver_comes_home_and_tells_its_lap(program: list[str], hall: Hall) -> None:
-    done = drive(program, f"{hall.base}#drive&token={TOKEN}")
+def test_a_driver_comes_home_and_tells_its_lap(program: list[str], served: ServedRace) -> None:
+    done = drive(program, f"{served.base}#drive&token={TOKEN}")
     assert (done.returncode, done.stderr) == (0, "")
-    assert hall.server is not None
-    (row,) = hall.server.session.standings()
+    assert served.server is not None
+    (row,) = served.server.session.standings()
     assert row.status is Status.FINISHED
     assert row.penalties == 0
     lap = f"{1e-6 * row.lap_times_us[0]:.3f} s"
@@ -92,15 +92,17 @@ def test_a_driver_comes_home_and_tells_its_lap(program: list[str], hall: Hall) -
     assert row.lap_times_us[0] < 12e6
 
 
-def test_a_driver_says_plainly_why_it_does_not_drive(program: list[str], hall: Hall) -> None:
-    refused = drive(program, f"{hall.base}#drive&token=wrong")
+def test_a_driver_says_plainly_why_it_does_not_drive(
+    program: list[str], served: ServedRace
+) -> None:
+    refused = drive(program, f"{served.base}#drive&token=wrong")
     assert refused.returncode == 2
     assert "refused: the token does not fit the role drive" in refused.stderr
-    cut_short = drive(program, f"{hall.base}#drive")  # what a shell makes of it without quotes
+    cut_short = drive(program, f"{served.base}#drive")  # what a shell makes of it without quotes
     assert cut_short.returncode == 2
     assert "in quotes" in cut_short.stderr
 
 
-def test_a_name_may_hold_quotation_marks(program: list[str], hall: Hall) -> None:
-    done = drive(program, f"{hall.base}#drive&token=wrong", 'Ada "the \\\\" Swift')
+def test_a_name_may_hold_quotation_marks(program: list[str], served: ServedRace) -> None:
+    done = drive(program, f"{served.base}#drive&token=wrong", 'Ada "the \\\\" Swift')
     assert "the token does not fit" in done.stderr

@@ -1,4 +1,4 @@
-"""A race live in Foxglove, heard by a WebSocket client of our own."""
+"""A race live in Foxglove, received by a WebSocket client of the test."""
 
 import json
 import struct
@@ -35,9 +35,9 @@ def test_a_viewer_is_told_the_channels_and_sees_course_and_karts() -> None:
         race = threading.Thread(target=server.run, args=(0,))
         race.start()
         try:
-            with ClientLink(address, "cup") as spectator:
-                watcher = insist(partial(Spectator, spectator), time.monotonic() + 60.0)
-                with FoxgloveServer(spectator, watcher, "cup", 0) as view:
+            with ClientLink(address, "cup") as client_link:
+                spectator = insist(partial(Spectator, client_link), time.monotonic() + 60.0)
+                with FoxgloveServer(client_link, spectator, "cup", 0) as view:
                     assert view.address.startswith("ws://127.0.0.1:")
                     entities, tick = _look(view.address)
         finally:
@@ -48,12 +48,12 @@ def test_a_viewer_is_told_the_channels_and_sees_course_and_karts() -> None:
 
 
 def _look(address: str) -> tuple[set[str], int]:
-    """Return what is drawn until course and karts were, and the newest tick that was heard."""
+    """Return what is drawn until course and karts were, and the newest tick that was received."""
     with client.connect(address, subprotocols=["foxglove.sdk.v1"]) as viewer:
         channels: dict[str, dict[str, object]] = {}
         while len(channels) < 4:
-            told = json.loads(viewer.recv(timeout=5.0))
-            channels |= {row["topic"]: row for row in told.get("channels", [])}
+            message = json.loads(viewer.recv(timeout=5.0))
+            channels |= {row["topic"]: row for row in message.get("channels", [])}
         assert channels["race/cup/scene"]["schemaName"] == "foxglove.SceneUpdate"
         snapshots = channels["race/cup/out/snapshot"]
         assert (snapshots["encoding"], snapshots["schemaEncoding"]) == ("flatbuffer",) * 2

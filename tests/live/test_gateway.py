@@ -1,4 +1,4 @@
-"""Browsers before a live race: who is let in, what they are told, and that none disturbs others."""
+"""Browsers of a live race: who is let in, what is sent, and that none disturbs others."""
 
 import json
 import socket
@@ -7,7 +7,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from urllib.error import HTTPError
 
@@ -17,51 +17,61 @@ from websockets.frames import CloseCode, Frame, Opcode
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control, Flag
 from race_server.errors import GatewayError
+from race_server.live.gateway.limits import GatewayLimits, GatewayTiming
 from race_server.net.wire.drive import ControlFrame, decode_hud, encode_control
 from race_server.net.wire.links import decode_links
 from race_server.net.wire.lobby import decode_course, decode_welcome
 from race_server.net.wire.spectate import decode_events, decode_snapshot
 from support.browsers import Browser
-from support.halls import ORIGIN, TOKENS, Hall, gated, racing, wait_for_race
 from support.rays import decode_rays
+from support.served_race import ORIGIN, TOKENS, ServedRace, gated, racing, wait_for_race
 
 pytestmark = pytest.mark.net
 
 WATCH = {"role": "spectate", "rate": 60}
 DRIVE = {"role": "drive", "token": "drive one", "seat": 1, "name": "Ada"}
+# A page that was silent for this long may be replaced.
+STALLED_S = 1.0
 STEWARD = {"role": "steward", "token": "steward one", "name": "Eve"}
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _private_folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep the steward's token of these races away from everybody else's."""
+    """Keep the steward's token of these races apart from those of other tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
         yield
 
 
 @pytest.fixture(scope="module")
-def hall() -> Iterator[Hall]:
+def served() -> Iterator[ServedRace]:
     """Two scripted karts that race without end, and a gateway."""
     address = free_address()
-    with racing(address) as server, gated(address) as hall:
-        hall.server = server
-        wait_for_race(hall)
-        yield hall
+    with racing(address) as server, gated(address) as served:
+        served.server = server
+        wait_for_race(served)
+        yield served
+
+
+@contextmanager
+def lobby_with(timing: GatewayTiming) -> Iterator[ServedRace]:
+    """Serve a lobby that waits for one driver, and a gateway."""
+    address = free_address()
+    with racing(address, drivers=1) as server, gated(address, timing=timing) as served:
+        served.server = server
+        wait_for_race(served)
+        yield served
 
 
 @pytest.fixture
-def lobby() -> Iterator[Hall]:
+def lobby() -> Iterator[ServedRace]:
     """A lobby that waits for one driver, and a gateway."""
-    address = free_address()
-    with racing(address, drivers=1) as server, gated(address) as hall:
-        hall.server = server
-        wait_for_race(hall)
-        yield hall
+    with lobby_with(GatewayTiming()) as served:
+        yield served
 
 
-def ask(hall: Hall, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
-    request = urllib.request.Request(hall.base + path, headers=headers)
+def ask(served: ServedRace, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
+    request = urllib.request.Request(served.base + path, headers=headers)
     try:
         with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request) as answer:
             return answer.status, dict(answer.headers), answer.read().decode()
@@ -69,8 +79,10 @@ def ask(hall: Hall, path: str, **headers: str) -> tuple[int, dict[str, str], str
         return error.code, dict(error.headers), error.read().decode()
 
 
-def test_a_spectator_is_told_the_course_first_and_then_the_race_as_it_goes(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_a_spectator_is_told_the_course_first_and_then_the_race_as_it_goes(
+    served: ServedRace,
+) -> None:
+    with Browser(served.base, WATCH) as browser:
         welcome = browser.word("welcome")
         assert (welcome["role"], welcome["session"]) == ("spectate", "race")
         assert decode_course(browser.frame(b"RCRS")).name == "ring"
@@ -84,14 +96,14 @@ def test_a_spectator_is_told_the_course_first_and_then_the_race_as_it_goes(hall:
         assert (links["age"] < 500).all()
 
 
-def test_a_late_spectator_is_told_all_events_of_the_race(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_a_late_spectator_is_told_all_events_of_the_race(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as browser:
         _, events = decode_events(browser.frame(b"REVT"))
     assert events[0].sequence == 1
 
 
-def test_a_spectator_gets_as_many_snapshots_as_it_wants(hall: Hall) -> None:
-    with Browser(hall.base, {**WATCH, "rate": 10}) as browser:
+def test_a_spectator_gets_as_many_snapshots_as_it_wants(served: ServedRace) -> None:
+    with Browser(served.base, {**WATCH, "rate": 10}) as browser:
         ticks = [decode_snapshot(browser.frame(b"RSNP")).tick for _ in range(6)]
         assert ticks[5] - ticks[1] == pytest.approx(24, abs=2)
         browser.send({"type": "rate", "rate": 30})
@@ -101,8 +113,8 @@ def test_a_spectator_gets_as_many_snapshots_as_it_wants(hall: Hall) -> None:
         assert ticks[5] - ticks[0] == pytest.approx(10, abs=2)
 
 
-def test_a_ping_comes_back_with_the_clock_of_the_server(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_a_ping_comes_back_with_the_clock_of_the_server(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as browser:
         browser.frame(b"RSNP")
         browser.send({"type": "ping", "t": 12.5})
         pong = browser.word("pong")
@@ -111,8 +123,8 @@ def test_a_ping_comes_back_with_the_clock_of_the_server(hall: Hall) -> None:
         assert pong["server_us"] == pytest.approx(time.monotonic_ns() / 1000, abs=500_000)
 
 
-def test_rays_come_of_the_kart_that_is_followed_while_they_are_wanted(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_rays_come_of_the_kart_that_is_followed_while_they_are_wanted(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as browser:
         browser.send({"type": "follow", "seat": 1, "rays": True})
         rays = decode_rays(browser.frame(b"RRAY"))
         assert rays.seat == 1
@@ -142,37 +154,39 @@ REFUSALS = [
 
 @pytest.mark.parametrize(("hello", "code", "closes"), REFUSALS)
 def test_a_wrong_hello_is_refused_with_a_word_and_a_sentence(
-    hall: Hall, hello: dict[str, object] | str | bytes, code: str, closes: int
+    served: ServedRace, hello: dict[str, object] | str | bytes, code: str, closes: int
 ) -> None:
-    with Browser(hall.base, hello) as browser:
+    with Browser(served.base, hello) as browser:
         assert browser.refusal() == (code, closes)
         assert len(browser.words[-1]["reason"]) > 10
 
 
-def test_who_says_nothing_is_refused(hall: Hall, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("race_server.live.gateway.browser.HELLO_S", 0.2)
-    with Browser(hall.base) as browser:
+def test_who_says_nothing_is_refused(served: ServedRace) -> None:
+    with (
+        gated(served.address, timing=GatewayTiming(hello_s=0.2)) as impatient,
+        Browser(impatient.base) as browser,
+    ):
         assert browser.refusal() == ("late", 4408)
 
 
-def test_pages_from_elsewhere_are_refused_and_named_ones_are_not(hall: Hall) -> None:
-    with Browser(hall.base, WATCH, origin="https://evil.example") as browser:
+def test_pages_from_elsewhere_are_refused_and_named_ones_are_not(served: ServedRace) -> None:
+    with Browser(served.base, WATCH, origin="https://evil.example") as browser:
         assert browser.refusal() == ("origin", 4403)
-    for origin in (ORIGIN, hall.base.rstrip("/")):
-        with Browser(hall.base, WATCH, origin=origin) as browser:
+    for origin in (ORIGIN, served.base.rstrip("/")):
+        with Browser(served.base, WATCH, origin=origin) as browser:
             browser.word("welcome")
 
 
-def test_who_does_not_speak_the_subprotocol_is_refused(hall: Hall) -> None:
-    with Browser(hall.base, WATCH, subprotocols=None) as browser:
+def test_who_does_not_speak_the_subprotocol_is_refused(served: ServedRace) -> None:
+    with Browser(served.base, WATCH, subprotocols=None) as browser:
         assert browser.refusal() == ("malformed", 4400)
 
 
-def test_a_full_gateway_refuses_the_next(hall: Hall, monkeypatch: pytest.MonkeyPatch) -> None:
-    with Browser(hall.base, WATCH) as first:
+def test_a_full_gateway_refuses_the_next(served: ServedRace) -> None:
+    limits = GatewayLimits(browsers=1)
+    with gated(served.address, limits=limits) as small, Browser(small.base, WATCH) as first:
         first.word("welcome")
-        monkeypatch.setattr("race_server.live.gateway.hub.MOST_BROWSERS", len(hall.hub.guests))
-        with Browser(hall.base, WATCH) as second:
+        with Browser(small.base, WATCH) as second:
             assert second.refusal() == ("full", 4430)
         assert first.frame(b"RSNP")
 
@@ -187,35 +201,37 @@ class Stub:
         pass
 
 
-def test_one_address_has_room_for_some_browsers_and_this_machine_for_more(hall: Hall) -> None:
-    guests = [(Stub(), host) for host in ("192.0.2.1", "127.0.0.1") for _ in range(16)]
+def test_one_address_has_room_for_some_browsers_and_this_machine_for_more(
+    served: ServedRace,
+) -> None:
+    browsers = [(Stub(), host) for host in ("192.0.2.1", "127.0.0.1") for _ in range(16)]
     try:
-        for guest, host in guests:
-            hall.hub.admit(guest, host)
+        for browser, host in browsers:
+            served.state.admit(browser, host)
         with pytest.raises(GatewayError, match="of your address"):
-            hall.hub.admit(Stub(), "192.0.2.1")
-        hall.hub.admit(late := Stub(), "127.0.0.1")
-        guests.append((late, "127.0.0.1"))
+            served.state.admit(Stub(), "192.0.2.1")
+        served.state.admit(late := Stub(), "127.0.0.1")
+        browsers.append((late, "127.0.0.1"))
     finally:
-        for guest, host in guests:
-            hall.hub.dismiss(guest, host)
+        for browser, host in browsers:
+            served.state.remove(browser, host)
 
 
-def test_floods_and_bytes_of_spectators_end_only_their_own_socket(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as honest, Browser(hall.base, WATCH) as flooding:
+def test_floods_and_bytes_of_spectators_end_only_their_own_socket(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as honest, Browser(served.base, WATCH) as flooding:
         for _ in range(60):
             flooding.send({"type": "ping", "t": 1})
         assert flooding.refusal() == ("too-fast", 4429)
-        with Browser(hall.base, WATCH) as rude:
+        with Browser(served.base, WATCH) as rude:
             rude.send(b"\0" * 100)
             assert rude.refusal() == ("malformed", 4400)
-        with Browser(hall.base, WATCH) as wordy:
+        with Browser(served.base, WATCH) as wordy:
             wordy.send({"type": "ping", "more": "x" * 2000})
             assert wordy.refusal() == ("too-large", 4413)
-        with Browser(hall.base, WATCH) as huge:
+        with Browser(served.base, WATCH) as huge:
             huge.word("welcome")
             huge.send("x" * 70_000)
-            while huge.hear(2.0) is not None:
+            while huge.receive(2.0) is not None:
                 pass
             assert huge.socket.close_code == 1009
         assert honest.frame(b"RSNP")
@@ -228,9 +244,9 @@ def ends_with(browser: Browser) -> int | None:
     return browser.socket.close_code
 
 
-def test_a_token_that_is_no_text_is_refused_as_any_wrong_one_is(hall: Hall) -> None:
+def test_a_token_that_is_no_text_is_refused_as_any_wrong_one_is(served: ServedRace) -> None:
     for role in ("drive", "steward"):
-        with Browser(hall.base, f'{{"role": "{role}", "token": "\\ud800"}}') as rude:
+        with Browser(served.base, f'{{"role": "{role}", "token": "\\ud800"}}') as rude:
             assert rude.refusal() == ("token", 4401)
 
 
@@ -247,12 +263,12 @@ def test_a_token_that_is_no_text_is_refused_as_any_wrong_one_is(hall: Hall) -> N
     ids=["no text", "pieces without end", "pongs without end"],
 )
 def test_what_browsers_never_send_ends_their_socket_and_is_not_told_at_length(
-    hall: Hall,
+    served: ServedRace,
     caplog: pytest.LogCaptureFixture,
     pieces: list[tuple[Opcode, bytes, bool]],
     code: CloseCode,
 ) -> None:
-    with Browser(hall.base, WATCH) as honest, Browser(hall.base, WATCH) as rude:
+    with Browser(served.base, WATCH) as honest, Browser(served.base, WATCH) as rude:
         rude.word("welcome")
         frames = [Frame(opcode, data, fin).serialize(mask=True) for opcode, data, fin in pieces]
         with suppress(OSError):
@@ -269,9 +285,9 @@ def test_what_browsers_never_send_ends_their_socket_and_is_not_told_at_length(
     ids=["many headers", "a body", "a long header"],
 )
 def test_a_request_for_a_websocket_that_cannot_be_read_is_over_at_once(
-    hall: Hall, more: str
+    served: ServedRace, more: str
 ) -> None:
-    place = hall.base.removeprefix("http://").removesuffix("/")
+    place = served.base.removeprefix("http://").removesuffix("/")
     host, _, port = place.partition(":")
     with socket.create_connection((host, int(port)), timeout=5.0) as line:
         line.sendall(
@@ -282,26 +298,26 @@ def test_a_request_for_a_websocket_that_cannot_be_read_is_over_at_once(
             pass
 
 
-def test_a_word_for_coming_back_is_good_for_one_time(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_a_word_for_coming_back_is_good_for_one_time(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as browser:
         word = browser.word("welcome")["resume"]
-    with Browser(hall.base, {"resume": word}) as again:
+    with Browser(served.base, {"resume": word}) as again:
         assert again.word("welcome")["resume"] != word
-        with Browser(hall.base, {"resume": word}) as thief:
+        with Browser(served.base, {"resume": word}) as thief:
             assert thief.refusal() == ("used", 4410)
         assert again.frame(b"RSNP")
 
 
-def test_a_steward_shows_a_flag_and_reads_the_log(hall: Hall) -> None:
-    assert hall.server is not None
-    with Browser(hall.base, STEWARD) as steward:
+def test_a_steward_shows_a_flag_and_reads_the_log(served: ServedRace) -> None:
+    assert served.server is not None
+    with Browser(served.base, STEWARD) as steward:
         assert "flag" in steward.word("welcome")["may"]
         steward.send({"type": "act", "act": "flag", "seat": -1, "value": 1, "id": 7})
         assert steward.word("acted") == {"type": "acted", "id": 7, "accepted": True, "reason": ""}
         assert steward.until(
-            lambda heard: (
-                heard[4:8] == b"RSNP" and decode_snapshot(heard).flag is Flag.YELLOW
-                if isinstance(heard, bytes)
+            lambda message: (
+                message[4:8] == b"RSNP" and decode_snapshot(message).flag is Flag.YELLOW
+                if isinstance(message, bytes)
                 else False
             )
         )
@@ -315,33 +331,33 @@ def test_a_steward_shows_a_flag_and_reads_the_log(hall: Hall) -> None:
         assert "Eve: yellow flag" in steward.word("log")["lines"][0]
 
 
-def test_a_spectator_cannot_act(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_a_spectator_cannot_act(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as browser:
         browser.send({"type": "act", "act": "flag", "value": 2, "id": 1})
         assert browser.refusal() == ("malformed", 4400)
 
 
-def test_all_answers_carry_the_headers_that_keep_a_page_to_itself(hall: Hall) -> None:
+def test_all_answers_carry_the_headers_that_keep_a_page_to_itself(served: ServedRace) -> None:
     for path, expected in (("", 200), ("healthz", 200), ("assets/none.js", 404), ("etc", 404)):
-        status, headers, _ = ask(hall, path)
+        status, headers, _ = ask(served, path)
         assert status == expected
         assert headers["content-security-policy"].startswith("default-src 'self';")
         assert "unsafe" not in headers["content-security-policy"]
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["referrer-policy"] == "no-referrer"
-    assert "browsers" in ask(hall, "healthz")[2]
+    assert "browsers" in ask(served, "healthz")[2]
 
 
-def test_nobody_calls_a_local_gateway_by_a_foreign_name(hall: Hall) -> None:
-    assert ask(hall, "recordings", Host="evil.example")[0] == 403
-    assert ask(hall, "recordings", Host="race.example")[0] == 200
+def test_nobody_calls_a_local_gateway_by_a_foreign_name(served: ServedRace) -> None:
+    assert ask(served, "recordings", Host="evil.example")[0] == 403
+    assert ask(served, "recordings", Host="race.example")[0] == 200
 
 
-def test_small_messages_wait_for_no_others(hall: Hall) -> None:
-    with Browser(hall.base, WATCH) as browser:
+def test_small_messages_wait_for_no_others(served: ServedRace) -> None:
+    with Browser(served.base, WATCH) as browser:
         browser.word("welcome")
-        (guest,) = hall.hub.guests
-        line = guest.outbox.pipe.transport.get_extra_info("socket")
+        (admitted,) = served.state.browsers
+        line = admitted.outbox.connection.transport.get_extra_info("socket")
         assert line.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
@@ -362,14 +378,14 @@ def start_driving(driver: Browser) -> None:
 
 def own_kart(browser: Browser, seat: int = 1) -> tuple[float, int]:
     """Return speed and the newest number that the server took, as of now."""
-    while browser.hear(0.0) is not None:
+    while browser.receive(0.0) is not None:
         pass
     karts = decode_snapshot(browser.frame(b"RSNP")).karts
     row = karts[karts["seat"] == seat]
     return float(row["speed"][0]), int(row["acknowledged"][0])
 
 
-def test_a_seat_is_driven_from_a_browser_until_the_hand_is_off_the_wheel(lobby: Hall) -> None:
+def test_a_seat_is_driven_from_a_browser_until_the_hand_is_off_the_wheel(lobby: ServedRace) -> None:
     with Browser(lobby.base, {**DRIVE, "rate": 60}) as driver:
         welcome = driver.word("welcome")
         assert (welcome["seat"], welcome["sequence"]) == (1, 0)
@@ -392,9 +408,12 @@ def test_a_seat_is_driven_from_a_browser_until_the_hand_is_off_the_wheel(lobby: 
         assert driver.word("notice")["code"] == "driving"
 
 
-def test_a_driver_is_not_disturbed_by_who_stole_its_words_and_comes_back_with_them(
-    lobby: Hall, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_driver_is_not_disturbed_by_who_stole_its_words_and_comes_back_with_them() -> None:
+    with lobby_with(GatewayTiming(stalled_s=STALLED_S)) as lobby:
+        drive_with_a_thief(lobby)
+
+
+def drive_with_a_thief(lobby: ServedRace) -> None:
     with Browser(lobby.base, DRIVE) as driver:
         word = driver.word("welcome")["resume"]
         for stolen in (DRIVE, {"role": "drive", "resume": word}):
@@ -406,20 +425,20 @@ def test_a_driver_is_not_disturbed_by_who_stole_its_words_and_comes_back_with_th
     with Browser(lobby.base, {"role": "drive", "resume": word}) as back:
         welcome = back.word("welcome")
         assert welcome["seat"] == 1
-        # A page whose network has gone is there no more for one that shows its word.
-        monkeypatch.setattr("race_server.live.gateway.driver_seat.STALLED_S", 0.0)
+        # A page whose network has gone is replaced by one that shows its token.
+        time.sleep(1.2 * STALLED_S)
         with Browser(lobby.base, {"role": "drive", "resume": welcome["resume"]}) as again:
             assert again.word("welcome")["seat"] == 1
             assert back.refusal() == ("used", 4410)
             again.send({"type": "leave"})
-            while again.hear(2.0) is not None:
+            while again.receive(2.0) is not None:
                 pass
         assert again.socket.close_code == 1000
     assert lobby.server is not None
     assert not lobby.server.session.seats[1].is_taken
 
 
-def test_damaged_and_too_many_controls_are_refused(lobby: Hall) -> None:
+def test_damaged_and_too_many_controls_are_refused(lobby: ServedRace) -> None:
     for data, code in ((control(1, throttle=3.0), "malformed"), (bytes(300), "too-large")):
         with Browser(lobby.base, DRIVE) as driver:
             driver.word("welcome")
@@ -432,24 +451,25 @@ def test_damaged_and_too_many_controls_are_refused(lobby: Hall) -> None:
         assert driver.refusal() == ("too-fast", 4429)
 
 
-def test_a_driver_whose_page_does_not_come_back_loses_its_seat(
-    lobby: Hall, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("race_server.live.gateway.driver_seat.GRACE_S", 0.2)
-    assert lobby.server is not None
-    seats = lobby.server.session.seats
-    with Browser(lobby.base, DRIVE) as driver:
-        driver.word("welcome")
-        assert seats[1].is_taken
-    deadline = time.monotonic() + 5.0
-    while seats[1].is_taken and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert not seats[1].is_taken
+def test_a_driver_whose_page_does_not_come_back_loses_its_seat() -> None:
+    with lobby_with(GatewayTiming(seat_grace_s=0.2)) as lobby:
+        assert lobby.server is not None
+        seats = lobby.server.session.seats
+        with Browser(lobby.base, DRIVE) as driver:
+            driver.word("welcome")
+            assert seats[1].is_taken
+        deadline = time.monotonic() + 5.0
+        while seats[1].is_taken and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert not seats[1].is_taken
 
 
-def test_a_driver_who_is_sent_away_is_told_so(lobby: Hall, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("race_server.live.gateway.driver_seat.SILENCE_S", 0.3)
-    with Browser(lobby.base, DRIVE) as driver, Browser(lobby.base, STEWARD) as steward:
+def test_a_driver_who_is_sent_away_is_told_so() -> None:
+    with (
+        lobby_with(GatewayTiming(hud_timeout_s=0.3)) as lobby,
+        Browser(lobby.base, DRIVE) as driver,
+        Browser(lobby.base, STEWARD) as steward,
+    ):
         driver.word("welcome")
         steward.send({"type": "act", "act": "kick", "seat": 1, "id": 1})
         assert steward.word("acted")["accepted"]
@@ -462,9 +482,9 @@ def test_a_driver_who_is_sent_away_is_told_so(lobby: Hall, monkeypatch: pytest.M
 
 def test_browsers_wait_for_a_race_and_go_on_with_the_next_one() -> None:
     address = free_address()
-    with gated(address) as hall, Browser(hall.base, WATCH) as browser:
+    with gated(address) as served, Browser(served.base, WATCH) as browser:
         assert browser.word("notice")["code"] == "no-race"
-        with Browser(hall.base, DRIVE) as driver:
+        with Browser(served.base, DRIVE) as driver:
             assert driver.refusal() == ("no-race", 4503)
         for _ in range(2):
             with racing(address):
@@ -474,25 +494,24 @@ def test_browsers_wait_for_a_race_and_go_on_with_the_next_one() -> None:
         assert decode_course(next(f for f in browser.frames if f[4:8] == b"RCRS")).name == "ring"
 
 
-def test_a_gateway_for_one_race_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("race_server.live.gateway.service.GONE_S", 0.3)
+def test_a_gateway_for_one_race_ends_with_it() -> None:
     address = free_address()
-    with gated(address, once=True) as hall:
+    with gated(address, once=True, timing=GatewayTiming(race_gone_s=0.3)) as served:
         with racing(address):
-            wait_for_race(hall)
-        hall.thread.join(10.0)
-        assert not hall.thread.is_alive()
+            wait_for_race(served)
+        served.thread.join(10.0)
+        assert not served.thread.is_alive()
 
 
 def test_with_a_token_for_spectators_nobody_else_watches_or_reads_the_list() -> None:
     tokens = replace(TOKENS, spectate="watch one")
-    with gated(free_address(), tokens=tokens) as hall:
-        with Browser(hall.base, WATCH) as browser:
+    with gated(free_address(), tokens=tokens) as served:
+        with Browser(served.base, WATCH) as browser:
             assert browser.refusal() == ("token", 4401)
-        with Browser(hall.base, {**WATCH, "token": "watch one"}) as browser:
+        with Browser(served.base, {**WATCH, "token": "watch one"}) as browser:
             browser.word("welcome")
-        assert ask(hall, "recordings")[0] == 401
-        assert json.loads(ask(hall, "recordings", Authorization="Bearer watch one")[2]) == []
+        assert ask(served, "recordings")[0] == 401
+        assert json.loads(ask(served, "recordings", Authorization="Bearer watch one")[2]) == []
 
 
 def test_the_command_prints_addresses_and_ends_when_it_is_told_to() -> None:

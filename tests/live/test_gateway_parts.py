@@ -6,12 +6,13 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,21 +21,27 @@ from race_server.competition.launch import free_address, process_group
 from race_server.core import codes
 from race_server.core.messages import Event, EventKind
 from race_server.errors import GatewayError, KeysError, LinkError, RecordingError
-from race_server.live.gateway.audience import Viewer
-from race_server.live.gateway.connection import ConnectionLimiter, WebSocketConnection
+from race_server.live.gateway.audience import Outbox, Viewer
 from race_server.live.gateway.driver_seat import DriverSeat
-from race_server.live.gateway.event_frames import EventFrames, KnownEvents, event_frames
+from race_server.live.gateway.frames import EventFrames, RecordedEventFrames, event_frames
 from race_server.live.gateway.handshake import Role, read_hello
 from race_server.live.gateway.key_ring import KeyRing
 from race_server.live.gateway.library import Library
-from race_server.live.gateway.limits import RateLimiter
+from race_server.live.gateway.limits import (
+    ConnectionLimiter,
+    GatewayLimits,
+    GatewayTiming,
+    RateLimiter,
+)
+from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.origins import check_origin, is_known_host
-from race_server.live.gateway.outbox import MOST_WAITING, Outbox
 from race_server.live.gateway.page import NOT_BUILT, Page
-from race_server.live.gateway.rays import Caster
+from race_server.live.gateway.rays import RayCaster
 from race_server.live.gateway.roles import Identity, ResumeTokens, Tokens
 from race_server.live.gateway.settings import Settings, addresses_of, check_settings, place_of
 from race_server.live.server.publisher import snapshot_of
+from race_server.logs import Log
+from race_server.net.wire import topics
 from race_server.net.wire.line import decode_line
 from race_server.net.wire.lobby import decode_course
 from race_server.net.wire.sheets import course_sheet
@@ -53,49 +60,51 @@ from race_server.storage.recording.reader import read_lines
 from race_server.storage.recording.seekable import SeekableRecording
 from support.browsers import Browser
 from support.courses import ring
-from support.halls import Hall, gated, record_race
+from support.served_race import ServedRace, gated, record_race
 
-# Who sits at a wheel
+# Who drives
 
 
 @dataclass(eq=False)
 class Someone:
-    """A browser that was heard some time ago."""
+    """A browser that has sent nothing for some time."""
 
-    heard_at: float = 0.0
+    received_at: float = 0.0
     outbox: Any = None
     why: GatewayError | None = None
 
-    def let_go(self, error: GatewayError) -> None:
+    def disconnect(self, error: GatewayError) -> None:
         self.why = error
 
 
 def test_who_comes_back_while_a_seat_is_asked_for_leaves_no_second_one_behind(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asked, may_sit = list[str](), threading.Event()
+    asked, may_join = list[str](), threading.Event()
 
-    def sit_down(wheel: DriverSeat, name: str, wanted: int) -> object:
+    def join(seat: DriverSeat, name: str, wanted: int) -> object:
         asked.append(name)
-        assert may_sit.wait(5.0)
+        assert may_join.wait(5.0)
         return SimpleNamespace(number=3)
 
-    monkeypatch.setattr(DriverSeat, "_sit_down", sit_down)
+    monkeypatch.setattr(DriverSeat, "_join", join)
     monkeypatch.setattr(DriverSeat, "_begin", lambda *_: b"briefing")
 
     async def play(pool: ThreadPoolExecutor) -> None:
-        wheel = DriverSeat(0, lambda _: pytest.fail("no link is needed"), lambda _: (), pool)
+        seat = DriverSeat(
+            0, lambda _: pytest.fail("no link is needed"), lambda _: (), pool, GatewayTiming()
+        )
         first, second = Someone(), Someone()
-        slow = asyncio.create_task(wheel.take(first, "Ada", -1))
+        slow = asyncio.create_task(seat.claim(first, "Ada", -1))
         await asyncio.sleep(0)
-        assert wheel.take_over(second) is None
-        quick = asyncio.create_task(wheel.take(second, "Ada", -1))
+        assert seat.resume(second) is None
+        quick = asyncio.create_task(seat.claim(second, "Ada", -1))
         await asyncio.sleep(0)
-        may_sit.set()
+        may_join.set()
         with pytest.raises(GatewayError, match="another browser"):
             await slow
         assert await quick == b"briefing"
-        assert (wheel.rider, wheel.number_of_seat) == (second, 3)
+        assert (seat.driver, seat.number_of_seat) == (second, 3)
 
     with ThreadPoolExecutor(2) as pool:
         asyncio.run(play(pool))
@@ -105,8 +114,8 @@ def test_who_comes_back_while_a_seat_is_asked_for_leaves_no_second_one_behind(
 # What waits for a browser
 
 
-class SlowPipe:
-    """A connection that has room for so many frames, and then for none until it is read."""
+class SlowConnection:
+    """A connection that has room for some frames, and then for none until it is read."""
 
     def __init__(self, room: int) -> None:
         self.room, self.taken = room, list[bytes]()
@@ -125,41 +134,47 @@ class SlowPipe:
         self.on_writable()
 
 
-def outbox_of(pipe: SlowPipe) -> Outbox:
-    return Outbox(cast("WebSocketConnection", pipe))
+def outbox_of(connection: SlowConnection, unread_s: float = 10.0) -> Outbox:
+    return Outbox(connection, GatewayLimits(), unread_s)
 
 
 def test_a_slow_browser_gets_the_newest_snapshot_and_every_event() -> None:
-    pipe = SlowPipe(room=1)
-    outbox = outbox_of(pipe)
+    connection = SlowConnection(room=1)
+    outbox = outbox_of(connection)
     for number in range(100):
-        outbox.show("snapshot", b"snapshot %d" % number)
+        outbox.send_newest("snapshot", b"snapshot %d" % number)
         if number % 40 == 10:
-            outbox.put(b"event %d" % number)
-    pipe.read(room=10)
-    assert pipe.taken == [b"snapshot 0", b"event 10", b"event 50", b"event 90", b"snapshot 99"]
+            outbox.send_frame(b"event %d" % number)
+    connection.read(room=10)
+    assert connection.taken == [
+        b"snapshot 0",
+        b"event 10",
+        b"event 50",
+        b"event 90",
+        b"snapshot 99",
+    ]
     assert outbox.skipped == 98
 
 
 def test_a_browser_for_which_too_much_waits_is_let_go() -> None:
-    outbox = outbox_of(SlowPipe(room=0))
-    for _ in range(MOST_WAITING):
-        outbox.put(b"event")
+    outbox = outbox_of(SlowConnection(room=0))
+    for _ in range(GatewayLimits().waiting_messages):
+        outbox.send_frame(b"event")
     outbox.check()
-    outbox.put(b"one more")
+    outbox.send_frame(b"one more")
     with pytest.raises(GatewayError, match="more than 256 messages wait"):
         outbox.check()
 
 
-def test_a_browser_that_reads_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    pipe = SlowPipe(room=1)
-    outbox = outbox_of(pipe)
-    outbox.put(b"event")
+def test_a_browser_that_reads_nothing_is_let_go() -> None:
+    connection = SlowConnection(room=1)
+    outbox = outbox_of(connection, unread_s=0.0)
     outbox.check()
-    monkeypatch.setattr("race_server.live.gateway.outbox.DRAIN_S", -1.0)
+    outbox.send_frame(b"event")
+    time.sleep(0.001)
     with pytest.raises(GatewayError, match="has read nothing"):
         outbox.check()
-    pipe.read(room=1)
+    connection.read(room=1)
     outbox.check()
 
 
@@ -172,44 +187,64 @@ def test_events_are_written_once_for_all_who_want_to_know_them(
         written.append(len(events))
         return encode_events(epoch, events)
 
-    monkeypatch.setattr("race_server.live.gateway.event_frames.encode_events", write)
+    monkeypatch.setattr("race_server.live.gateway.frames.encode_events", write)
     events = [Event(number, number, EventKind.LAP, 0, 1, 1) for number in range(1, 2501)]
-    roll, known = EventFrames(3), KnownEvents(3, events)
+    frames, known = EventFrames(3), RecordedEventFrames(3, events)
     for event in events:
-        roll.add([event])
-    assert [roll.frames() for _ in range(10)] == 10 * [known.frames(2500)]
+        frames.add([event])
+    assert [frames.frames() for _ in range(10)] == 10 * [known.frames(2500)]
     assert sorted(written) == [452, 452, 1024, 1024, 1024, 1024]
-    assert known.frames(1500) == [roll.frames()[0], *event_frames(3, events[1024:1500])]
+    assert known.frames(1500) == [frames.frames()[0], *event_frames(3, events[1024:1500])]
     for _ in range(10):
-        roll.add(events[:1024])
-    assert len(roll.frames()) == 9
+        frames.add(events[:1024])
+    assert len(frames.frames()) == 9
+
+
+def test_late_events_reach_all_viewers_and_new_ones_in_order() -> None:
+    events = [Event(number, number, EventKind.LAP, 0, 1, 1) for number in range(1, 5)]
+
+    async def play() -> tuple[list[bytes], list[bytes]]:
+        live = LiveRace(asyncio.get_running_loop(), Log(), lambda: None, 16)
+        early, late = SlowConnection(100), SlowConnection(100)
+        live.join(Viewer(outbox_of(early), 30.0))
+        live.receive(topics.EVENTS, encode_events(1, events[2:]))
+        await asyncio.sleep(0)
+        live.receive(topics.RECENT, encode_events(1, events))
+        await asyncio.sleep(0)
+        live.join(Viewer(outbox_of(late), 30.0))
+        return early.taken, late.taken
+
+    early, late = asyncio.run(play())
+    assert early[1:] == [*event_frames(1, events[2:]), *event_frames(1, events[:2])]
+    assert late[1:] == event_frames(1, events)
 
 
 @pytest.mark.parametrize(("rate", "shown"), [(60, 60), (45, 45), (30, 30), (20, 20), (1, 1)])
 def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, shown: int) -> None:
-    pipe = SlowPipe(room=1000)
-    viewer = Viewer(outbox_of(pipe), rate)
+    connection = SlowConnection(room=1000)
+    viewer = Viewer(outbox_of(connection), rate)
     for tick in [*range(600, 660), *range(60)]:  # a new race begins at tick 0 again
-        viewer.show_snapshot(tick, b"")
-    assert len(pipe.taken) == pytest.approx(2 * shown, abs=2)
+        viewer.send_snapshot(tick, b"")
+    assert len(connection.taken) == pytest.approx(2 * shown, abs=2)
 
 
 def test_a_porch_lets_one_address_in_only_so_often() -> None:
-    porch = ConnectionLimiter()
-    assert all(porch.enter("192.0.2.1") for _ in range(64))
-    assert not porch.enter("192.0.2.1")
-    assert porch.enter("192.0.2.2")
-    assert all(porch.enter("127.0.0.1") for _ in range(100))
-    porch.leave("192.0.2.1")
-    assert porch.enter("192.0.2.1")
+    limiter = ConnectionLimiter(1024, 64)
+    assert all(limiter.enter("192.0.2.1") for _ in range(64))
+    assert not limiter.enter("192.0.2.1")
+    assert limiter.enter("192.0.2.2")
+    assert all(limiter.enter("127.0.0.1") for _ in range(100))
+    limiter.leave("192.0.2.1")
+    assert limiter.enter("192.0.2.1")
 
 
 def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> None:
     program = (
         "import resource\n"
-        "from race_server.live.gateway.service import _room_for_connections as room\n"
+        "from race_server.live.gateway.limits import GatewayLimits\n"
+        "from race_server.live.gateway.service import room_for_connections as room\n"
         "resource.setrlimit(resource.RLIMIT_NOFILE, (256, 1024))\n"
-        "print(room(), *resource.getrlimit(resource.RLIMIT_NOFILE))\n"
+        "print(room(GatewayLimits()), *resource.getrlimit(resource.RLIMIT_NOFILE))\n"
     )
     said = subprocess.run(
         [sys.executable, "-c", program],
@@ -219,19 +254,19 @@ def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> 
         check=True,
     )
     assert said.stdout.split() == ["512", "1024", "1024"]
-    porch = ConnectionLimiter(2)
-    assert [porch.enter(f"192.0.2.{number}") for number in range(3)] == [True, True, False]
+    limiter = ConnectionLimiter(2, 64)
+    assert [limiter.enter(f"192.0.2.{number}") for number in range(3)] == [True, True, False]
 
 
 def test_an_allowance_fills_up_again() -> None:
     now = [0.0]
-    allowance = RateLimiter(10.0, "texts", clock=lambda: now[0])
+    limiter = RateLimiter(10.0, "texts", burst_s=2.0, clock=lambda: now[0])
     for _ in range(20):
-        allowance.spend()
+        limiter.spend()
     with pytest.raises(GatewayError, match="more than 10 texts a second"):
-        allowance.spend()
+        limiter.spend()
     now[0] += 0.11
-    allowance.spend()
+    limiter.spend()
 
 
 # Who may
@@ -269,7 +304,7 @@ def test_rates_beyond_the_bounds_are_moved_into_them() -> None:
 
 def test_each_token_opens_its_own_role() -> None:
     tokens = Tokens(drive=("a", "b"), steward="c")
-    assert tokens.identify(read_hello('{"role": "drive", "token": "b"}')).wheel == 1
+    assert tokens.identify(read_hello('{"role": "drive", "token": "b"}')).number == 1
     for words in ('{"role": "drive", "token": "c"}', '{"role": "steward", "token": ""}'):
         with pytest.raises(GatewayError):
             tokens.identify(read_hello(words))
@@ -278,15 +313,15 @@ def test_each_token_opens_its_own_role() -> None:
 
 
 def test_spectators_cannot_push_out_the_words_of_drivers() -> None:
-    passes = ResumeTokens()
-    driver = passes.issue(Identity(Role.DRIVE, 0))
-    words = [passes.issue(Identity(Role.SPECTATE)) for _ in range(1100)]
-    assert passes.look(driver).wheel == 0
+    tokens = ResumeTokens(1024)
+    driver = tokens.issue(Identity(Role.DRIVE, 0))
+    issued = [tokens.issue(Identity(Role.SPECTATE)) for _ in range(1100)]
+    assert tokens.find(driver).number == 0
     with pytest.raises(GatewayError):
-        passes.look(words[0])
-    passes.spend(driver)
+        tokens.find(issued[0])
+    tokens.revoke(driver)
     with pytest.raises(GatewayError):
-        passes.look(driver)
+        tokens.find(driver)
 
 
 def test_a_name_server_that_lies_does_not_make_a_page_ours() -> None:
@@ -373,13 +408,13 @@ def test_rays_are_those_that_the_sensors_of_the_race_give() -> None:
     lidar, radar = Lidar(noise=0.0), Radar()
     session = Session("race", Scenario(course, karts=3, seed=3, lidar=lidar, radar=radar))
     for seat in range(3):
-        session.join("somebody", "full", wanted=seat)
+        session.join("driver", "full", wanted=seat)
     session.start()
     hazard = session.world.hazards[0, 0]
     hazard.x, hazard.y, hazard.radius, hazard.until_tick = 5.9, -0.2, 0.2, 10**6
     session.advance(13)  # all stand on the grid, and sensors have looked
     sight, frame = session.world.sight, snapshot_of(session)
-    caster = Caster(course_sheet(session.scenario), lidar, radar)
+    caster = RayCaster(course_sheet(session.scenario), lidar, radar)
     seen = set[int]()
     for seat in range(3):
         rays = caster.cast(frame, seat)
@@ -401,23 +436,23 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def hall(recording: Path) -> Iterator[Hall]:
+def served(recording: Path) -> Iterator[ServedRace]:
     """A gateway without a race, before a folder with one recording."""
-    with gated(free_address(), recordings=recording.parent) as hall:
-        yield hall
+    with gated(free_address(), recordings=recording.parent) as served:
+        yield served
 
 
 def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
     kinds = (SNAPSHOTS, EVENTS, STANDINGS)
     lines = [line for line in read_lines(recording) if line is not None and line.kind in kinds]
-    with SeekableRecording(recording) as tape:
-        shown = tape.between(-1, tape.last_tick)
+    with SeekableRecording(recording) as opened:
+        shown = opened.between(-1, opened.last_tick)
         assert [(m.kind, m.data) for m in shown] == [(line.kind, line.data) for line in lines]
-        assert tape.is_finished()
-        middle = tape.newest(SNAPSHOTS, tape.last_tick // 2)
+        assert opened.is_finished()
+        middle = opened.newest(SNAPSHOTS, opened.last_tick // 2)
         assert middle is not None
-        assert decode_snapshot(middle.data).tick == middle.tick <= tape.last_tick // 2
-        assert tape.newest(STANDINGS, -5) is None
+        assert decode_snapshot(middle.data).tick == middle.tick <= opened.last_tick // 2
+        assert opened.newest(STANDINGS, -5) is None
 
 
 def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
@@ -426,9 +461,9 @@ def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
     data = recording.read_bytes()
     short = tmp_path / "short.mcap"
     short.write_bytes(data[: len(data) * 2 // 3])
-    with SeekableRecording(short) as tape, SeekableRecording(recording) as whole:
-        assert 0 < tape.last_tick < whole.last_tick
-        assert not tape.is_finished()
+    with SeekableRecording(short) as opened, SeekableRecording(recording) as whole:
+        assert 0 < opened.last_tick < whole.last_tick
+        assert not opened.is_finished()
     for damaged in (b"", b"rubbish" * 50, data[:300]):
         short.write_bytes(damaged)
         with pytest.raises(RecordingError, match=r"short.mcap"):
@@ -446,19 +481,19 @@ def test_only_recordings_of_the_folder_are_listed_and_opened(
     (inside / "cup.journal.mcap").write_bytes(data)
     (inside / "rubbish.mcap").write_bytes(b"rubbish")
     (inside / "link.mcap").symlink_to(outside)
-    library = Library(inside)
+    library = Library(inside, GatewayLimits())
     assert [(title["name"], title["karts"]) for title in library.titles()] == [("cup", 3)]
-    tape, events = library.open("cup")
-    # The first event of a race, its countdown, is told before the recording begins.
+    opened, events = library.open("cup")
+    # The first event of a race, its countdown, comes before the recording begins.
     assert [event.sequence for event in events] == list(range(2, len(events) + 2))
-    tape.close()
+    opened.close()
     names = ("../outside", "link", "cup.journal", "", ".", "cup.mcap", str(outside), "rubbish")
     for name in names:
         with pytest.raises(GatewayError) as caught:
             library.open(name)
         assert caught.value.code == "no-recording"
-    assert Library(None).titles() == []
-    assert Library(tmp_path / "nowhere").titles() == []
+    assert Library(None, GatewayLimits()).titles() == []
+    assert Library(tmp_path / "nowhere", GatewayLimits()).titles() == []
 
 
 def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
@@ -468,15 +503,15 @@ def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
     paths = [tmp_path / "gone.mcap", *tmp_path.iterdir()]
     monkeypatch.setattr(Path, "iterdir", lambda _: iter(paths))
     monkeypatch.setattr(Path, "is_file", lambda _: True)
-    library = Library(tmp_path)
+    library = Library(tmp_path, GatewayLimits())
     assert [title["name"] for title in library.titles()] == ["cup"]
     with pytest.raises(GatewayError, match="no recording is called"):
         library.open("gone")
 
 
-def test_a_recording_is_played_sought_and_stepped(hall: Hall, recording: Path) -> None:
+def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording: Path) -> None:
     source = {"source": f"recording:{recording.stem}", "rate": 60}
-    with Browser(hall.base, source) as browser:
+    with Browser(served.base, source) as browser:
         assert browser.word("welcome")["session"] == "cup"
         assert decode_course(browser.frame(b"RCRS")).name == "ring"
         assert decode_line(browser.frame(b"RLIN")).lap == 0.0
@@ -506,7 +541,7 @@ def test_a_recording_is_played_sought_and_stepped(hall: Hall, recording: Path) -
         assert not end["playing"]
 
 
-def test_words_for_recordings_mean_nothing_to_a_live_race(hall: Hall) -> None:
-    with Browser(hall.base, {"role": "spectate"}) as browser:
+def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) -> None:
+    with Browser(served.base, {"role": "spectate"}) as browser:
         browser.send({"type": "seek", "tick": 1})
         assert browser.refusal() == ("malformed", 4400)

@@ -16,7 +16,8 @@ import pytest
 from race_server.core.clock import TICK_S
 from race_server.core.messages import Control, Event, EventKind, Retirement
 from race_server.errors import LinkError, RaceError, SeatError, WireError
-from race_server.live.client.link_stats import ClockOffset, LinkStats
+from race_server.live.client.clock_offset import ClockOffset
+from race_server.live.client.link_stats import LinkStats
 from race_server.live.server import RaceServer
 from race_server.live.server.counters import Counters, Histogram
 from race_server.live.server.metrics import exposed
@@ -195,28 +196,28 @@ def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
 
 def test_the_age_of_a_message_counts_from_the_quickest_one() -> None:
     offset = ClockOffset()
-    offset.note(sent_s=10.0, received_s=110.2)  # held up by 0.2 s
-    offset.note(sent_s=11.0, received_s=111.0)
+    offset.record(sent_s=10.0, received_s=110.2)  # held up by 0.2 s
+    offset.record(sent_s=11.0, received_s=111.0)
     assert offset.age_s(11.0, 111.3) == pytest.approx(0.3)
-    offset.note_round_trip(0.1)
+    offset.record_round_trip(0.1)
     assert offset.age_s(11.0, 111.3) == pytest.approx(0.35)
 
 
 def test_a_clock_that_drifts_is_followed() -> None:
     offset = ClockOffset()
     for second in range(120):
-        offset.note(sent_s=second * 1.001, received_s=float(second))
+        offset.record(sent_s=second * 1.001, received_s=float(second))
     assert offset.offset_s == pytest.approx(-0.119, abs=1e-6)
     for second in range(120, 240):
-        offset.note(sent_s=120.0 + (second - 120) * 0.999, received_s=float(second))
+        offset.record(sent_s=120.0 + (second - 120) * 0.999, received_s=float(second))
     assert offset.offset_s == pytest.approx(0.06, abs=0.05)
 
 
 def test_a_driver_knows_what_it_missed_and_how_old_it_was() -> None:
     link_stats = LinkStats()
     for tick in (0, 3, 6, 15, 18):  # 9 and 12 never came
-        link_stats.note(tick, 100.0 + tick * TICK_S, decision_ticks=3)
-    assert (link_stats.heard, link_stats.missing) == (5, 2)
+        link_stats.record_observation(tick, 100.0 + tick * TICK_S, decision_ticks=3)
+    assert (link_stats.received, link_stats.missing) == (5, 2)
     assert link_stats.longest_gap_s == pytest.approx(9 * TICK_S)
     assert link_stats.worst_age_s == pytest.approx(9 * TICK_S)
 
@@ -224,15 +225,15 @@ def test_a_driver_knows_what_it_missed_and_how_old_it_was() -> None:
 def test_where_the_world_waits_there_are_no_ages() -> None:
     link_stats = LinkStats()
     for turn in range(5):
-        link_stats.note(3 * turn, 100.0 + turn, decision_ticks=3)
+        link_stats.record_observation(3 * turn, 100.0 + turn, decision_ticks=3)
     assert link_stats.as_json()["worst_age_s"] is None
 
 
 def test_a_driver_is_told_why_it_is_out() -> None:
     link_stats = LinkStats()
-    link_stats.note_event(Event(1, 9, EventKind.RETIRED, 4, Retirement.WITHDREW, 0), seat=3)
+    link_stats.record_event(Event(1, 9, EventKind.RETIRED, 4, Retirement.WITHDREW, 0), seat=3)
     assert link_stats.outcome == ""
-    link_stats.note_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
+    link_stats.record_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
     assert link_stats.outcome == "out: stood for too long"
 
 

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_pla
 from race_server.competition.launch import free_address
 from race_server.live.gateway.page import is_built
 from support.courses import ring
-from support.halls import Hall, gated, racing, record_race, wait_for_race
+from support.served_race import ServedRace, gated, racing, record_race, wait_for_race
 
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
@@ -36,7 +36,7 @@ OWN = 7  # the seat that is driven from the page
 class Stage:
     """A race, its gateway, and the pages that look at it."""
 
-    hall: Hall
+    served: ServedRace
     browser: Browser
     troubles: list[str] = field(default_factory=list)  # errors, and requests to other hosts
 
@@ -44,18 +44,20 @@ class Stage:
         """Open a page of its own, as another person would."""
         size = {"width": width, "height": height}
         page = self.browser.new_context(viewport=size, locale="en").new_page()
-        page.on("console", self._hear)
+        page.on("console", self._record_message)
         page.on("pageerror", lambda error: self.troubles.append(str(error)))
-        page.on("request", self._look)
-        page.goto(f"{self.hall.base}#{place}&stats=1")
+        page.on("request", self._check_request)
+        page.goto(f"{self.served.base}#{place}&stats=1")
         return page
 
-    def _hear(self, message: ConsoleMessage) -> None:
+    def _record_message(self, message: ConsoleMessage) -> None:
         if message.type in {"error", "warning"}:
             self.troubles.append(message.text)
 
-    def _look(self, request: Request) -> None:
-        is_ours = request.url.startswith((self.hall.base, self.hall.base.replace("http", "ws", 1)))
+    def _check_request(self, request: Request) -> None:
+        is_ours = request.url.startswith(
+            (self.served.base, self.served.base.replace("http", "ws", 1))
+        )
         if not is_ours and not request.url.startswith("data:"):
             self.troubles.append(f"asks for {request.url}")
 
@@ -70,20 +72,20 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
         play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as browser,
     ):
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
-        patch.setattr("support.halls.COURSE", ring(radius=4.0, half_width=0.7))
-        record_race(folder)
+        course = ring(radius=4.0, half_width=0.7)
+        record_race(folder, course)
         with (
-            racing(address, karts=KARTS, drivers=1) as server,
-            gated(address, recordings=folder) as hall,
+            racing(address, karts=KARTS, drivers=1, course=course) as server,
+            gated(address, recordings=folder) as served,
         ):
-            hall.server = server
-            wait_for_race(hall)
-            yield Stage(hall, browser)
+            served.server = server
+            wait_for_race(served)
+            yield Stage(served, browser)
 
 
 @pytest.fixture(scope="module")
 def watching(stage: Stage) -> Page:
-    """The page of somebody who watches from the lobby on."""
+    """The page of a spectator, from the lobby on."""
     return stage.open("watch", 1920, 1080)
 
 
@@ -167,7 +169,7 @@ def test_nobody_drives_while_the_page_is_not_in_front(driving: Page) -> None:
 
 
 def test_a_page_that_is_loaded_again_has_its_seat_back(driving: Page) -> None:
-    assert "token" not in driving.url  # nobody reads it over the driver's shoulder
+    assert "token" not in driving.url  # no one reads it over the driver's shoulder
     driving.reload()
     driving.get_by_test_id("speed").wait_for()
     drive_by_keys(driving, lambda: karts(driving)[OWN]["speed"] > 1.0, timeout_s=30.0)
@@ -193,22 +195,22 @@ def test_eight_karts_move(watching: Page, driving: Page) -> None:
 def test_the_leaderboard_is_in_the_order_of_the_server(
     stage: Stage, watching: Page, driving: Page
 ) -> None:
-    assert stage.hall.server is not None
-    session = stage.hall.server.session
+    assert stage.served.server is not None
+    session = stage.served.server.session
     rows = watching.locator("[data-testid=leaderboard] tbody tr")
 
     def shown() -> list[int]:
         return rows.evaluate_all("rows => rows.map(row => Number(row.dataset.seat))")
 
-    def told() -> list[int]:
+    def published() -> list[int]:
         return [row.seat for row in sorted(session.standings(), key=lambda row: row.rank)]
 
-    wait_until(lambda: len(shown()) == KARTS and shown() == told())
+    wait_until(lambda: len(shown()) == KARTS and shown() == published())
 
 
 def test_race_control_tells_of_laps_and_items(watching: Page, driving: Page) -> None:
-    told = watching.get_by_test_id("race-control")
-    wait_until(lambda: "picks up" in told.inner_text() and "lap 1 in" in told.inner_text())
+    events = watching.get_by_test_id("race-control")
+    wait_until(lambda: "picks up" in events.inner_text() and "lap 1 in" in events.inner_text())
 
 
 def test_a_steward_shows_a_yellow_flag_and_everybody_sees_it(
@@ -268,15 +270,15 @@ def test_after_a_wrong_token_another_one_can_be_typed(
     page.keyboard.press("Enter")
     if role == "steward":
         page.get_by_role("button", name="Yellow flag").wait_for()
-    else:  # it fits, but somebody drives with it
+    else:  # it fits, but another page drives with it
         page.locator("[data-testid=overlay] [data-code=used]").wait_for()
     page.context.close()
 
 
 def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: Stage) -> None:
     page = stage.open("replay=")
-    visits: list[object] = []
-    page.on("websocket", lambda visit: visits.append(visit))
+    sockets: list[object] = []
+    page.on("websocket", sockets.append)
     page.get_by_test_id("recordings").get_by_role("button").first.click()
     page.get_by_test_id("play").click()  # it plays at once: stand still
     page.get_by_test_id("scrubber").focus()
@@ -284,8 +286,8 @@ def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: St
         page.keyboard.press("ArrowRight")
     page.keyboard.press("Home")
     wait_until(lambda: stats(page)["tick"] <= 1)
-    page.wait_for_timeout(1000)  # whoever was let go would be back by now
-    assert len(visits) == 1
+    page.wait_for_timeout(1000)  # a page that was disconnected would be back by now
+    assert len(sockets) == 1
     page.context.close()
 
 
@@ -295,7 +297,7 @@ def test_no_page_is_wider_than_a_narrow_phone_in_the_longer_language(
 ) -> None:
     size = {"width": 360, "height": 640}
     page = stage.browser.new_context(viewport=size, locale="fr").new_page()
-    page.goto(f"{stage.hall.base}#{place}")
+    page.goto(f"{stage.served.base}#{place}")
     page.get_by_role("navigation").get_by_text("Rediffusions").wait_for()
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
     page.context.close()

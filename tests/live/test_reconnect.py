@@ -1,4 +1,4 @@
-"""A driver whose link stalls goes on over a fresh one, as the same driver."""
+"""A driver whose link stalls goes on over a new one, as the same driver."""
 
 import socket
 import threading
@@ -13,6 +13,7 @@ from race_server.core.messages import Control, Event, EventKind, Status
 from race_server.core.observation import Observation
 from race_server.live.client.driver import run_driver
 from race_server.live.client.link_stats import LinkStats
+from race_server.live.client.timing import ClientTiming
 from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
@@ -21,7 +22,7 @@ from support.courses import ring
 
 
 class Stall:
-    """Carries bytes between clients and a server, until those who are there are frozen."""
+    """Carries bytes between clients and a server, until the links that exist are frozen."""
 
     def __init__(self, server: str) -> None:
         self._server = _place_of(server)
@@ -47,7 +48,7 @@ class Stall:
                     sink.sendall(data)
 
     def freeze(self) -> None:
-        """Carry nothing any more on the links that are there, which stay open."""
+        """Carry nothing more on the links that exist; they stay open."""
         self._frozen.update(self._sockets)
 
     def close(self) -> None:
@@ -80,10 +81,8 @@ class Stepper:
 
 
 @pytest.mark.net
-def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("race_server.live.client.driver.SILENCE_S", 0.5)
+def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one() -> None:
+    timing = ClientTiming(observation_timeout_s=0.5)
     rules = Rules(laps=1, countdown_s=0.3, limit_s=8.0)
     course = ring(radius=4.0, half_width=0.8)
     session = Session("race", Scenario(course, karts=1, rules=rules))
@@ -95,7 +94,14 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
         stall = Stall(address)
         driver = Stepper(stall)
         began = time.monotonic()
-        run_driver(driver, "stepper", address=stall.address, wanted=0, link_stats=link_stats)
+        run_driver(
+            driver,
+            "stepper",
+            address=stall.address,
+            wanted=0,
+            link_stats=link_stats,
+            timing=timing,
+        )
         assert time.monotonic() - began < 20.0
         race.join()
         stall.close()
@@ -103,7 +109,7 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
         assert 20 < away < 240  # half a second of silence, and what a fresh link takes
         assert driver.ticks == sorted(driver.ticks)
         assert link_stats.reconnects >= 1
-        assert not Counter(link.dropped)  # nobody was taken for a second login
+        assert not Counter(link.dropped)  # no link was taken for a second login
         assert session.seats[0].driver == "stepper"
         retired = [event for event in server.events if event.kind is EventKind.RETIRED]
         assert session.world.bodies["status"][0, 0] == Status.RETIRED
@@ -115,8 +121,8 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one(
 def test_events_that_are_told_again_count_once() -> None:
     link_stats = LinkStats()
     lap = Event(7, 300, EventKind.LAP, 2, 1, 5_000_000)
-    link_stats.note_events(1, [lap], seat=2)
-    link_stats.note_events(1, [lap, Event(8, 600, EventKind.LAP, 2, 2, 5_000_000)], seat=2)
+    link_stats.record_events(1, [lap], seat=2)
+    link_stats.record_events(1, [lap, Event(8, 600, EventKind.LAP, 2, 2, 5_000_000)], seat=2)
     assert link_stats.laps == 2
-    link_stats.note_events(2, [lap], seat=2)  # another race counts anew
+    link_stats.record_events(2, [lap], seat=2)  # another race counts from the start
     assert link_stats.laps == 3

@@ -20,6 +20,7 @@ from race_server.envs.presets import task_on
 from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_env import RemoteRace
 from race_server.live.client.remote_kart import RemoteKart
+from race_server.live.client.timing import ClientTiming
 from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
@@ -37,7 +38,7 @@ def test_a_stuck_kart_accepts_its_rescue_as_in_training() -> None:
     seat: Any = SimpleNamespace(
         welcome=SimpleNamespace(briefing=SimpleNamespace(vehicle=TT02), epoch=0),
         layout=layout,
-        hear=lambda _: frame,
+        receive=lambda _: frame,
         answer=lambda *words: said.append(words[-1]),
     )
     kart = RemoteKart(seat)
@@ -48,6 +49,7 @@ def test_a_stuck_kart_accepts_its_rescue_as_in_training() -> None:
 
 COURSE = ring(radius=3.0, half_width=0.7)
 RULES = Rules(laps=1, countdown_s=0.2, items=False, finish_limit_s=20.0, limit_s=40.0)
+IMPATIENT = ClientTiming(observation_timeout_s=0.3)
 # Actions that add up from one decision to the next.
 ADDED_UP = ("report_b", "increments")
 EVERYTHING = {
@@ -229,11 +231,11 @@ def test_the_next_reset_waits_for_the_next_race_even_in_the_middle_of_one() -> N
     assert live.results[0].standings[-1].status is Status.RETIRED
 
 
-def test_an_agent_whose_seat_is_lost_is_truncated_and_the_others_race_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("race_server.live.client.remote_env.SILENCE_S", 0.3)
-    with served(scenario(2), drivers=2) as live, joined(live, karts=2) as race:
+def test_an_agent_whose_seat_is_lost_is_truncated_and_the_others_race_on() -> None:
+    with (
+        served(scenario(2), drivers=2) as live,
+        joined(live, karts=2, timing=IMPATIENT) as race,
+    ):
         race.reset()
         race.step({})
         seats = live.server.session.seats
@@ -245,11 +247,11 @@ def test_an_agent_whose_seat_is_lost_is_truncated_and_the_others_race_on(
         assert list(race.step({})[0]) == ["kart_0"]
 
 
-def test_a_seat_that_was_given_up_for_silence_is_asked_for_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("race_server.live.client.remote_env.SILENCE_S", 0.3)
-    with served(scenario(2), drivers=2) as live, joined(live, karts=2) as race:
+def test_a_seat_that_was_given_up_for_silence_is_asked_for_again() -> None:
+    with (
+        served(scenario(2), drivers=2) as live,
+        joined(live, karts=2, timing=IMPATIENT) as race,
+    ):
         race.reset()
         live.server.session.drop(1)
         *_, cut, _ = race.step({})

@@ -1,4 +1,4 @@
-"""What a client does about a network on which what its driver sees is old, and a relay of karts."""
+"""What a client does about a slow network, and a bridge between two sites."""
 
 import math
 import threading
@@ -41,16 +41,16 @@ def observation(speed: float = 0.0, yaw_rate: float = 0.0) -> Observation:
 
 
 def late(age_s: float) -> LatencyLimiter:
-    caution = LatencyLimiter(TT02)
+    limiter = LatencyLimiter(TT02)
     for _ in range(200):
-        caution.note(age_s + 0.05, 0.1)
-    return caution
+        limiter.record(age_s + 0.05, 0.1)
+    return limiter
 
 
 def test_on_a_good_network_no_control_is_touched() -> None:
-    caution = late(0.05)
-    assert not caution.is_needed
-    assert caution.temper(FULL, 5.0) is FULL
+    limiter = late(0.05)
+    assert not limiter.is_needed
+    assert limiter.limit(FULL, 5.0) is FULL
 
 
 def test_the_older_the_view_the_slower_the_kart() -> None:
@@ -61,15 +61,15 @@ def test_the_older_the_view_the_slower_the_kart() -> None:
 
 
 def test_too_fast_for_its_view_a_kart_brakes_and_from_rest_it_may_start() -> None:
-    caution = late(0.8)
-    fast = caution.temper(FULL, 4.0)
+    limiter = late(0.8)
+    fast = limiter.limit(FULL, 4.0)
     assert fast.throttle == 0.0
     assert fast.brake > 0.1
-    still = caution.temper(FULL, 0.0)
+    still = limiter.limit(FULL, 0.0)
     assert 0.2 < still.throttle <= 1.0
     assert still.brake == 0.0
     assert still.steering == FULL.steering
-    assert caution.temper(Control(throttle=-1.0), -4.0).throttle == 0.0
+    assert limiter.limit(Control(throttle=-1.0), -4.0).throttle == 0.0
 
 
 def test_a_scan_seen_from_further_ahead_is_shorter_in_front_and_longer_at_the_sides() -> None:
@@ -100,7 +100,7 @@ def test_a_fresh_view_is_shown_as_it_is() -> None:
 def test_an_old_view_is_moved_on_by_what_was_sent_meanwhile() -> None:
     predictor = Predictor(TT02, FIELD)
     for tenth in range(10):
-        predictor.note(99.0 + 0.1 * tenth, Control(throttle=0.2))
+        predictor.record(99.0 + 0.1 * tenth, Control(throttle=0.2))
     shown = predictor.ahead(observation(speed=1.0), 100.0, 0.6, 0.3)
     assert shown["lidar"][100] == pytest.approx(3.0 - 0.7, abs=0.1)
     assert shown.scalar("speed") == pytest.approx(1.07, abs=0.1)
@@ -113,7 +113,7 @@ def test_a_slow_kart_may_go_on_unheard_for_as_long_as_it_takes_for_its_own_lengt
     assert grace_of(0.0, 0.45) == SLOW_TICKS
 
 
-# Karts of another hall
+# Karts of another site
 
 
 class FakeSeat:
@@ -128,14 +128,14 @@ class FakeSeat:
 
 def test_a_guest_is_told_of_as_a_real_kart_that_acknowledges_what_it_heard() -> None:
     seat = FakeSeat()
-    guest = GhostKart(seat)  # type: ignore[arg-type]
+    ghost = GhostKart(seat)  # type: ignore[arg-type]
     names = ("x", "y", "heading", "speed", "lateral_speed", "yaw_rate", "steering")
     row = {name: 0.1 * place for place, name in enumerate(names)}
-    guest.tell(row, 1234)
-    assert seat.sent == []  # nothing is known of the hall's race yet
+    ghost.send_pose(row, 1234)
+    assert seat.sent == []  # no heads-up data was received yet
     effects = np.zeros(0)
-    guest.hud = HudFrame(3, 60, 9.0, 1.0, 1.0, 0, 0.0, effects, sequence=5, monotonic_us=77)
-    guest.tell(row, 1234)
+    ghost.hud = HudFrame(3, 60, 9.0, 1.0, 1.0, 0, 0.0, effects, sequence=5, monotonic_us=77)
+    ghost.send_pose(row, 1234)
     frame = decode_pose(seat.sent[0])
     assert (frame.epoch, frame.sequence, frame.acknowledged) == (3, 1, 5)
     assert (frame.pose.stamp_us, frame.pose.speed) == (1234, pytest.approx(0.3))

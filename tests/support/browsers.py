@@ -1,4 +1,4 @@
-"""A browser for tests: says hello to a gateway, and keeps what it is told."""
+"""A browser for tests: authenticates with a gateway, and keeps what it receives."""
 
 import json
 import time
@@ -16,7 +16,7 @@ class Browser:
     """One WebSocket to a gateway."""
 
     def __init__(self, base: str, hello: Words | str | bytes | None = None, **named: Any) -> None:
-        """Connect to ``http://host:port/`` and say hello; None says nothing."""
+        """Connect to ``http://host:port/`` and send `hello`; None sends nothing."""
         named.setdefault("subprotocols", ["race.1"])
         address = base.replace("http", "ws", 1) + "ws"
         self._life = ExitStack()
@@ -36,12 +36,12 @@ class Browser:
         self._life.close()
 
     def send(self, message: Words | str | bytes) -> None:
-        """Send words as JSON, and all else as it is; who was let go already says nothing."""
+        """Send a dictionary as JSON, and all else as it is; nothing where the socket is closed."""
         with suppress(ConnectionClosed):
             self.socket.send(json.dumps(message) if isinstance(message, dict) else message)
 
-    def hear(self, timeout_s: float = 5.0) -> Words | bytes | None:
-        """Return the next message, None where none comes or the socket is closed."""
+    def receive(self, timeout_s: float = 5.0) -> Words | bytes | None:
+        """Return the next message, None where none arrives or the socket is closed."""
         try:
             data = self.socket.recv(timeout=timeout_s)
         except (TimeoutError, ConnectionClosed):
@@ -53,33 +53,33 @@ class Browser:
         return data
 
     def until(self, is_it: Callable[[Any], object], timeout_s: float = 10.0) -> Any:
-        """Return the first message from now on of which something is true."""
+        """Return the first message from now on for which a condition holds."""
         deadline = time.monotonic() + timeout_s
         while (left := deadline - time.monotonic()) > 0.0:
-            heard = self.hear(left)
-            if heard is None:
+            received = self.receive(left)
+            if received is None:
                 break
-            if is_it(heard):
-                return heard
-        raise AssertionError(f"not heard; the last words were {self.words[-3:]}")
+            if is_it(received):
+                return received
+        raise AssertionError(f"not received; the last texts were {self.words[-3:]}")
 
     def word(self, kind: str, timeout_s: float = 10.0) -> Words:
-        """Return the next words of a type."""
+        """Return the next text message of a type."""
         found: Words = self.until(
-            lambda heard: isinstance(heard, dict) and heard["type"] == kind, timeout_s
+            lambda received: isinstance(received, dict) and received["type"] == kind, timeout_s
         )
         return found
 
     def frame(self, identifier: bytes, timeout_s: float = 10.0) -> bytes:
         """Return the next bytes with an identifier."""
         found: bytes = self.until(
-            lambda heard: isinstance(heard, bytes) and heard[4:8] == identifier, timeout_s
+            lambda received: isinstance(received, bytes) and received[4:8] == identifier, timeout_s
         )
         return found
 
     def refusal(self) -> tuple[str, int | None]:
-        """Return the word by which it is refused, and the code with which its socket closes."""
+        """Return the code of its refusal, and the code with which its socket closes."""
         code: str = self.word("refused")["code"]
-        while self.hear(2.0) is not None:
+        while self.receive(2.0) is not None:
             pass
         return code, self.socket.close_code

@@ -1,33 +1,24 @@
-"""A driver's process: takes a seat, answers every observation, comes back if the link breaks."""
+"""A driver's process: takes a seat, answers every observation, reconnects if the link breaks."""
 
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import TypeVar
 
-from race_server.core.clock import TICK_S, ticks_of
 from race_server.core.driver import Briefing, Driver
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.errors import DriverError, LinkError, WireError
-from race_server.live.client.latency_limiter import LatencyLimiter
+from race_server.live.client.driver_loop import DriverLoop, call_driver
 from race_server.live.client.link_stats import LinkStats
-from race_server.live.client.predictor import Predictor
-from race_server.live.client.reconnect import FRESH_LINK_S, Reconnect
-from race_server.live.client.seat import SILENCE_S, ClientSeat, insist, take_seat
+from race_server.live.client.reconnect import Reconnect
+from race_server.live.client.seat import ClientSeat, insist, take_seat
+from race_server.live.client.timing import ClientTiming
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
 from race_server.net.wire.spectate import decode_events
-
-Answer = TypeVar("Answer")
-
-# For so long a driver tries to get its seat back after the link broke.
-RETRY_S = 30.0
-# For so long it waits to be told how the race has ended for it.
-OUTCOME_S = 1.0
 
 
 def run_driver(
@@ -40,149 +31,207 @@ def run_driver(
     timeout_s: float = 20.0,
     keys: ClientKeys | None = None,
     link_stats: LinkStats | None = None,
-    tell: Callable[[LinkStats], None] = lambda _: None,
+    on_observation: Callable[[LinkStats], None] = lambda _: None,
     raw: bool = False,
+    timing: ClientTiming | None = None,
 ) -> Briefing:
     """Drive one race to its end and return the briefing that the driver had.
 
-    raw: the driver sees what came as it came, however old it is, and drives as it likes; else a
-    slow network is allowed for, see `predictor` and `latency_limiter` beside this file.
-    reception: takes what is heard; tell: is called with it after each observation.
+    Args:
+        driver: what decides.
+        name: shown in the standings, at most 32 characters.
+        address: of the server, such as ``tcp/127.0.0.1:7447``.
+        session: the server's session.
+        wanted: the seat, -1 for any.
+        timeout_s: how long to wait for a server [s].
+        keys: of a session with keys.
+        link_stats: records what is received, and how the race ended for this driver.
+        on_observation: is called with the link's figures after each observation.
+        raw: give the driver what was received as it was received, and send what it answers,
+            however old that is; else a slow network is allowed for, see `predictor` and
+            `latency_limiter` beside this file.
+        timing: timeouts during the race.
 
     Raises:
-        LinkError: no server, it did not come back, or it does not let us in.
+        LinkError: no server, it did not come back, or it refuses the link.
         SeatError: no seat.
-        DriverError: the driver raised; its seat is left.
+        DriverError: the driver raised; its seat is given up.
     """
+    timing = timing or ClientTiming()
     connect = partial(ClientLink, address, session, keys=keys)
     with connect(timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
-        _call(name, "reset", partial(driver.reset, seat.welcome.briefing))
-        heard = link_stats or LinkStats()
+        briefing = seat.welcome.briefing
+        call_driver(name, "reset", partial(driver.reset, briefing))
+        stats = link_stats or LinkStats()
         if link_stats is not None:
-            _listen(link, seat.number, link_stats)
-        catch_up = partial(_catch_up, seat.number, heard)
-        with Reconnect(seat, partial(connect, timeout_s=FRESH_LINK_S), catch_up) as renewal:
+            _record_events(link, seat.number, link_stats)
+        begin = partial(DriverLoop, driver, name, briefing, seat.layout, stats, raw=raw)
+        catch_up = partial(_catch_up, seat.number, stats)
+        fresh_link = partial(connect, timeout_s=timing.fresh_link_s)
+        with Reconnect(seat, fresh_link, catch_up, timing.fresh_link_s) as reconnect:
             try:
-                persist(partial(_get_ready, seat, heard))
-                _answer(driver, name, seat, renewal, heard, tell, raw=raw)
+                persist(partial(_get_ready, seat, stats))
+                loop = begin(give_up_s=timing.give_up_s, now_s=time.monotonic())
+                _answer_all(loop, seat, reconnect, stats, on_observation, timing)
             except DriverError:
                 seat.act(topics.LEAVE)
                 raise
-        return seat.welcome.briefing
+        return briefing
 
 
 def _get_ready(seat: ClientSeat, link_stats: LinkStats) -> None:
     begun = time.monotonic()
     seat.act(topics.READY)
-    link_stats.offset.note_round_trip(time.monotonic() - begun)
+    link_stats.offset.record_round_trip(time.monotonic() - begun)
 
 
-def _listen(link: ClientLink, seat: int, link_stats: LinkStats) -> Callable[[bytes], None]:
-    """Let somebody take note of the events of a race; return what takes them."""
+def _record_events(link: ClientLink, seat: int, link_stats: LinkStats) -> Callable[[bytes], None]:
+    """Record the events of a race as they arrive; return what records a message of them."""
 
-    def hear_events(data: bytes) -> None:
+    def receive(data: bytes) -> None:
         with suppress(WireError):
-            link_stats.note_events(*decode_events(data), seat)
+            link_stats.record_events(*decode_events(data), seat)
 
-    link.listen(topics.EVENTS, hear_events)
-    link_stats.hears_events = True
-    return hear_events
+    link.listen(topics.EVENTS, receive)
+    link_stats.receives_events = True
+    return receive
 
 
 def _catch_up(seat: int, link_stats: LinkStats, link: ClientLink, deadline: float) -> None:
-    """Listen on a fresh link too, and ask for what the old one owes."""
-    if link_stats.hears_events:
-        _listen(link, seat, link_stats)(insist(partial(link.ask, topics.RECENT), deadline))
+    """Listen on a new link too, and ask for what the old one failed to deliver."""
+    if link_stats.receives_events:
+        receive = _record_events(link, seat, link_stats)
+        receive(insist(partial(link.ask, topics.RECENT), deadline))
 
 
-def _answer(
-    driver: Driver,
-    name: str,
+def _answer_all(
+    loop: DriverLoop,
     seat: ClientSeat,
-    renewal: Reconnect,
+    reconnect: Reconnect,
     link_stats: LinkStats,
-    tell: Callable[[LinkStats], None],
-    *,
-    raw: bool,
+    on_observation: Callable[[LinkStats], None],
+    timing: ClientTiming,
 ) -> None:
     """Answer observations until the race is over for this kart."""
-    briefing = seat.welcome.briefing
-    decision_ticks = max(ticks_of(briefing.decision_s), 1)
-    caution = LatencyLimiter(briefing.vehicle)
-    predictor = Predictor(briefing.vehicle, briefing.lidar_field)
-    sequence = 0
-    epoch = answered = -1
-    last = time.monotonic()
     while True:
-        frame = seat.hear(SILENCE_S)
-        link_stats.reconnects += renewal.end()
+        frame = seat.receive(timing.observation_timeout_s)
+        link_stats.reconnects += reconnect.finish()
+        now_s = time.monotonic()
         if frame is None:
-            if time.monotonic() - last > RETRY_S:
-                raise LinkError(f"no observation for {RETRY_S:g} s: the server has gone")
-            if epoch >= 0 and renewal.begin():
+            loop.on_silence(now_s)
+            if loop.has_begun and reconnect.begin():
                 continue
-            with suppress(LinkError):  # a lobby that has not started yet has nothing to tell
-                seat.come_back()
-                link_stats.reconnects += epoch >= 0
+            with suppress(LinkError):  # a lobby that has not started yet sends nothing
+                seat.ask_again()
+                link_stats.reconnects += loop.has_begun
             continue
-        last = time.monotonic()
-        if frame.epoch == epoch and frame.tick < answered:
-            continue  # late, from a link that was given up
-        if frame.epoch != epoch:
-            epoch, sequence, answered = frame.epoch, frame.acknowledged, -1
-            link_stats.begin()
-        link_stats.note(frame.tick, last, decision_ticks)
-        if not raw and link_stats.is_in_real_time():
-            caution.note(link_stats.last_age_s, link_stats.last_gap_s)
-        tell(link_stats)
-        if frame.tick != answered:  # the same tick again: our answer was lost, not unwanted
-            answered = frame.tick
-            observation = Observation(frame.tick, seat.layout, frame.values)
-            shown = observation
-            if caution.is_needed:
-                age_s = link_stats.offset.age_s(frame.tick * TICK_S, last)
-                shown = predictor.ahead(observation, last, age_s, caution.late_s)
-            control = _call(name, "act", partial(driver.act, shown))
-            control = caution.temper(control, shown.scalar("speed"))
-        predictor.note(time.monotonic(), control)
-        sequence += 1
-        seat.answer(frame.epoch, sequence, frame.tick, control)
-        if observation.scalar("finished") > 0.0:
-            link_stats.wait_for_outcome(OUTCOME_S)
+        answer = loop.on_frame(frame, now_s)
+        if answer is None:
+            continue
+        loop.on_sent(answer, time.monotonic())
+        seat.answer(answer.epoch, answer.sequence, answer.tick, answer.control)
+        on_observation(link_stats)
+        if answer.is_last:
+            link_stats.wait_for_outcome(timing.outcome_s)
             return
 
 
-def _call(name: str, what: str, function: Callable[[], Answer]) -> Answer:
-    try:
-        return function()
-    except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        raise DriverError(f"driver {name!r} failed in {what}: {reason}") from error
-
-
 class KartClient:
-    """A driver of one's own: override `act`, then call `run`.
+    """A driver on a server, in a few lines.
+
+    Give it a function that returns a control for each observation:
+
+    >>> from race_server.core.messages import Control
+    >>> def act(observation):
+    ...     left, right = observation["lidar"][100:].mean(), observation["lidar"][:101].mean()
+    ...     return Control(steering=2.0 * (left - right) / (left + right), throttle=0.3)
+    >>> KartClient(act, preset="lidar").run("tcp/127.0.0.1:7447")  # doctest: +SKIP
+
+    or inherit from it and override `act`, and `reset` for what is needed before the race:
 
     >>> class Careful(KartClient):
     ...     preset = "lidar"
     ...     def act(self, observation):
     ...         return Control(throttle=0.2)
     >>> Careful().run("tcp/127.0.0.1:7447")  # doctest: +SKIP
+
+    Attributes:
+        preset: what the driver sees: ``lidar``, ``radar``, ``track``, ``line``, ``rivals`` or
+            ``full``; `docs/observations.md` lists their parts.
+        briefing: course, vehicle and rules, from `reset` on.
     """
 
-    preset = "lidar"
+    preset: str = "lidar"
     briefing: Briefing
+    _act: Callable[[Observation], Control] | None = None
+
+    def __init__(
+        self,
+        act: Callable[[Observation], Control] | None = None,
+        *,
+        preset: str | None = None,
+    ) -> None:
+        """Make a driver.
+
+        act: returns a control for an observation; not needed where a class overrides `act`.
+        preset: what the driver sees; without it that of the class.
+        """
+        self._act = act
+        if preset is not None:
+            self.preset = preset
 
     def reset(self, briefing: Briefing) -> None:
         """Keep the briefing; override to prepare more."""
         self.briefing = briefing
 
     def act(self, observation: Observation) -> Control:
-        """Return what to do until the next observation."""
-        raise DriverError(f"{type(self).__name__} does not say how to act: override `act`")
+        """Return the control that holds until the next observation.
 
-    def run(self, address: str = DEFAULT_ADDRESS, *, session: str = "race", name: str = "") -> None:
-        """Drive one race on the server at `address`."""
-        run_driver(self, name or type(self).__name__, address=address, session=session)
+        Raises:
+            DriverError: there is no function, and the class does not override this method.
+        """
+        if self._act is None:
+            raise DriverError(
+                f"{type(self).__name__} does not say how to act: give a function, or override `act`"
+            )
+        return self._act(observation)
+
+    def run(
+        self,
+        address: str = DEFAULT_ADDRESS,
+        *,
+        session: str = "race",
+        name: str = "",
+        seat: int = -1,
+        keys: ClientKeys | None = None,
+        timeout_s: float = 20.0,
+        link_stats: LinkStats | None = None,
+    ) -> None:
+        """Drive one race on a server to its end.
+
+        Args:
+            address: of the server, such as ``tcp/127.0.0.1:7447``.
+            session: the server's session.
+            name: shown in the standings; without it the name of the class.
+            seat: the seat wanted, -1 for any.
+            keys: of a session with keys, see `read_client_keys`.
+            timeout_s: how long to wait for a server [s].
+            link_stats: records what is received, and how the race ended for this driver.
+
+        Raises:
+            LinkError: no server, it did not come back, or it refuses the link.
+            SeatError: no seat.
+            DriverError: `reset` or `act` raised; the seat is given up.
+        """
+        run_driver(
+            self,
+            name or type(self).__name__,
+            address=address,
+            session=session,
+            wanted=seat,
+            timeout_s=timeout_s,
+            keys=keys,
+            link_stats=link_stats,
+        )

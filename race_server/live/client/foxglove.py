@@ -1,7 +1,7 @@
-"""A race live in Foxglove: what a spectator hears, handed on over a WebSocket.
+"""A race live in Foxglove: what a spectator receives, forwarded over a WebSocket.
 
 The channels are those of a recording, so a layout made for one fits the other. All work is done in
-the spectator's process: the server has one more listener and does not know of the rest.
+the spectator's process: to the server it is one more spectator.
 """
 
 import threading
@@ -17,16 +17,16 @@ from race_server.storage.recording.channels import EVENTS, SCENE, SNAPSHOTS, STA
 from race_server.storage.recording.scene import SCENE_TICKS, course_scene, karts_scene
 
 PERIOD_S = SCENE_TICKS / TICKS_PER_SECOND
-# What a slow viewer does not take is dropped, the oldest first.
-MOST_WAITING = 256
-_HANDED_ON = ((topics.SNAPSHOT, SNAPSHOTS), (topics.EVENTS, EVENTS), (topics.STANDINGS, STANDINGS))
+# Messages that wait for a slow viewer; beyond that the oldest are dropped.
+MAX_WAITING = 256
+_FORWARDED = ((topics.SNAPSHOT, SNAPSHOTS), (topics.EVENTS, EVENTS), (topics.STANDINGS, STANDINGS))
 
 
 class FoxgloveServer:
     """Serves Foxglove on a port of this machine for as long as it is open."""
 
-    def __init__(self, link: ClientLink, watcher: Spectator, session: str, port: int) -> None:
-        """Serve viewers. port: 0 takes any that is free.
+    def __init__(self, link: ClientLink, spectator: Spectator, session: str, port: int) -> None:
+        """Serve viewers. port: 0 for any free one.
 
         Raises:
             RaceError: the extra is not installed.
@@ -39,16 +39,16 @@ class FoxgloveServer:
                 "Foxglove needs the package foxglove-sdk: pip install 'race-server[foxglove]'"
             ) from error
         self._sdk, self._context = foxglove, foxglove.Context()
-        self._watcher = watcher
-        rules, _ = watcher.rules()
+        self._spectator = spectator
+        rules, _ = spectator.rules()
         self._size = float(rules["kart_length"]), float(rules["kart_width"])
-        self._borders = watcher.course().borders
+        self._borders = spectator.course().borders
         self._course_wanted = threading.Event()
         self._course_wanted.set()
         self._shown = (-1, -1)  # epoch and tick of the newest picture
         self._scene = self._channel(SCENE, session)
         self._ended = threading.Event()
-        listener: Any = self  # of a listener's methods the package calls those that are there
+        listener: Any = self  # the package calls those methods of a listener that exist
         try:
             self._server = foxglove.start_server(
                 name=f"race {session}",
@@ -56,11 +56,11 @@ class FoxgloveServer:
                 port=port,
                 server_listener=listener,
                 context=self._context,
-                message_backlog_size=MOST_WAITING,
+                message_backlog_size=MAX_WAITING,
             )
         except (OSError, RuntimeError) as error:
             raise LinkError(f"port {port} is in use; choose another, or 0 for any") from error
-        for topic, kind in _HANDED_ON:
+        for topic, kind in _FORWARDED:
             link.listen(topic, self._channel(kind, session).log)
         self._thread = threading.Thread(target=self._draw, name="foxglove", daemon=True)
         self._thread.start()
@@ -78,11 +78,11 @@ class FoxgloveServer:
 
     @property
     def address(self) -> str:
-        """What Foxglove connects to."""
+        """The address to open in Foxglove."""
         return f"ws://127.0.0.1:{self._server.port}"
 
     def on_subscribe(self, client: object, channel: object) -> None:
-        """Draw the course for somebody who comes late; called by a thread of the SDK."""
+        """Draw the course again for a new viewer; called by a thread of the SDK."""
         del client, channel
         self._course_wanted.set()
 
@@ -95,11 +95,11 @@ class FoxgloveServer:
             if self._course_wanted.is_set():
                 self._course_wanted.clear()
                 self._scene.log(course_scene(self._borders, now_ns))
-            frame = self._watcher.snapshot()
+            frame = self._spectator.snapshot()
             if frame is None or (frame.epoch, frame.tick) == self._shown:
                 continue
             self._shown = frame.epoch, frame.tick
-            table = self._watcher.standings
+            table = self._spectator.standings
             names = {row.seat: row.driver for row in table.rows} if table else {}
             self._scene.log(karts_scene(frame, names, self._size, now_ns))
 
@@ -107,7 +107,7 @@ class FoxgloveServer:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let all viewers go."""
+        """Disconnect all viewers and stop."""
         self._ended.set()
         self._thread.join()
         self._server.stop()

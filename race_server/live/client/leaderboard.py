@@ -1,4 +1,4 @@
-"""The leaderboard and the table of results, as people read them in a terminal."""
+"""The leaderboard and the events of a race as text for a terminal."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ _MEDALS = {1: "bold yellow", 2: "bold white", 3: "bold dark_orange3"}
 
 @dataclass(frozen=True)
 class Headline:
-    """What stands above the table."""
+    """What is shown above the table."""
 
     session: str
     course: str
@@ -51,7 +51,7 @@ class Headline:
 
 
 def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
-    """Return the standings of a race that is going on, or is over."""
+    """Return the standings of a race as a table."""
     table = Table(
         title=headline.text(),
         title_justify="left",
@@ -92,7 +92,7 @@ def _penalties(row: Standing) -> str:
 
 
 def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
-    """Return an event as a short sentence; an empty string for what is not worth telling.
+    """Return an event as a short sentence, empty for events that are not shown.
 
     names: of the drivers by seat; items: names of the items by number - 1.
     """

@@ -1,10 +1,10 @@
-"""What a driver's client shows its driver whose network is slow: not what was, but what will be.
+"""Latency compensation: observations as they will be when the answer to them acts.
 
-A view that is half a second old shows the kart where it was, and the control that answers it acts
-later still. The client knows what it has sent meanwhile and how its kart moves, so it works out
-how far the kart will have got when the control acts (a Smith predictor), and moves what is seen by
-that much: scans, the course ahead, other karts, and the kart's own speeds. On a good network there
-is nothing to move and nothing is touched.
+An observation that is half a second old shows the kart where it was, and the control that answers
+it acts later still. The client knows what it has sent meanwhile and how its kart moves, so it works
+out how far the kart will have moved when the control acts (a Smith predictor), and moves what is
+seen by that much: scans, the course ahead, other karts, and the kart's own speeds. On a good
+network observations stay as they are.
 """
 
 import math
@@ -23,10 +23,10 @@ from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.session.failsafe import FRESH_TICKS
 
-# A shorter time [s] is not worth predicting over; what lies further ahead is guesswork.
+# A shorter horizon [s] is not worth a prediction; a longer one is guesswork.
 SHORT_S, FURTHEST_S = 0.15, 1.5
 STEP_S = 1.0 / 30.0
-# A control is small and nothing waits behind it: it takes less than what the driver sees took.
+# A control is small and queues behind nothing: share of an observation's latency that it takes.
 WAY_SHARE = 0.3
 # x, y, heading, speed, lateral speed, yaw rate, steering
 State = tuple[float, float, float, float, float, float, float]
@@ -35,7 +35,7 @@ _POINTS = (("path_ahead_x", "path_ahead_y"), ("karts_x", "karts_y"), ("hazards_x
 
 @dataclass
 class Predictor:
-    """Remembers what was sent, and moves what is seen on to the moment that counts."""
+    """Remembers what was sent, and predicts observations from it."""
 
     vehicle: Vehicle
     field_angle: float  # [rad] between the outermost rays of the lidar
@@ -45,14 +45,15 @@ class Predictor:
         """Read the vehicle as the kernels do, which plain Python reads faster as it is."""
         self._figures: Any = self.vehicle if INTERPRET else vehicle_record(self.vehicle)[0]
 
-    def note(self, now_s: float, control: Control) -> None:
-        """Take note that a control is sent."""
+    def record(self, now_s: float, control: Control) -> None:
+        """Record that a control is sent."""
         self._sent.append((now_s, control))
 
     def ahead(self, seen: Observation, now_s: float, age_s: float, late_s: float) -> Observation:
         """Return what will be seen when a control that is sent now acts.
 
-        age_s: of what is seen now; late_s: that it had on average of late.
+        now_s: by the clock of `record`; age_s: of what is seen now [s]; late_s: of observations on
+        average [s].
         """
         way = WAY_SHARE * late_s
         horizon = min(age_s + way, FURTHEST_S)
@@ -109,8 +110,8 @@ def _moved(seen: Observation, state: State, field_angle: float) -> Observation:
 def moved_scan(ranges: Floats, x: float, y: float, heading: float, field_angle: float) -> Floats:
     """Return a scan (N,) [m] as it is from a place (x, y) [m], turned by `heading` [rad].
 
-    Rays that nothing is known of keep the range of their nearest neighbour; a range of 0, where
-    nothing came back, stays out.
+    A ray without a point takes its range from its neighbours; a range of 0, where nothing came
+    back, is left out.
     """
     angles = np.linspace(-0.5, 0.5, len(ranges)) * field_angle
     hit = ranges > 0.0

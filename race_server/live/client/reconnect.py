@@ -1,8 +1,8 @@
-"""A fresh link for a driver whose old one has stalled.
+"""A new link for a driver whose old one has stalled.
 
-Where packet after packet is lost TCP waits twice as long before it tries again, each time: a link
-may be there and carry nothing for twenty seconds. A fresh one is through within a few seconds, and
-the server takes who shows the same secret on it for the same driver.
+Where packet after packet is lost TCP doubles the time until it tries again: a link may be open and
+carry nothing for twenty seconds. A new one carries messages within a few seconds, and the server
+accepts the same secret on it as the same driver.
 """
 
 import threading
@@ -15,27 +15,26 @@ from race_server.errors import RaceError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
 
-# A fresh link that is not through after so long will not be: another one is tried.
-FRESH_LINK_S = 5.0
-
 
 class Reconnect:
-    """Moves a seat to a fresh link, while its driver goes on listening to the old one."""
+    """Moves a seat to a new link, while its driver goes on listening to the old one."""
 
     def __init__(
         self,
         seat: ClientSeat,
         connect: Callable[[], ClientLink],
         prepare: Callable[[ClientLink, float], None],
+        timeout_s: float,
     ) -> None:
-        """Stand by.
+        """Prepare; nothing is connected before `begin`.
 
-        connect: returns a fresh link, or raises. prepare: is called with it, and the time of
-        `time.monotonic` until which it may take, before the seat moves there.
+        connect: returns a new link, or raises. prepare: is called with it and with its deadline,
+        a time of `time.monotonic`, before the seat moves there. timeout_s: for the whole attempt.
         """
         self._seat = seat
         self._connect = connect
         self._prepare = prepare
+        self._timeout_s = timeout_s
         self._fresh: ClientSeat | None = None
         self._attempt: threading.Thread | None = None
 
@@ -43,29 +42,29 @@ class Reconnect:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the seat's links."""
+        """Close the seat's links."""
         if self._attempt is not None:
             self._attempt.join()
-        self.end()
+        self.finish()
         self._seat.link.close()
 
     def begin(self) -> bool:
-        """Ask for the seat over a fresh link; False where that is under way."""
+        """Begin to move the seat to a new link; False where an attempt is under way."""
         if self._attempt is not None:
             return False
         self._attempt = threading.Thread(target=self._renew, name="fresh link")
         self._attempt.start()
         return True
 
-    def end(self) -> bool:
-        """Return whether the seat has moved to a fresh link just now; the old one ends then."""
+    def finish(self) -> bool:
+        """Move the seat if its new link is ready, and close the old one; return whether it did."""
         if self._attempt is None or self._attempt.is_alive():
             return False
         self._attempt = None
         fresh, self._fresh = self._fresh, None
         if fresh is None:
             return False
-        # What a stalled link has still to send holds up who ends it.
+        # Closing a stalled link blocks until it has sent what it holds.
         threading.Thread(target=self._seat.link.close, name="stalled link").start()
         self._seat.link, self._seat.send = fresh.link, fresh.send
         return True
@@ -74,8 +73,8 @@ class Reconnect:
         try:
             link = self._connect()
         except RaceError:
-            return  # the next silence asks again
-        deadline = time.monotonic() + FRESH_LINK_S
+            return  # the next timeout tries again
+        deadline = time.monotonic() + self._timeout_s
         try:
             ask = partial(take_seat, link, self._seat.request, self._seat.mailbox)
             fresh = insist(ask, deadline)

@@ -1,4 +1,4 @@
-"""A race on a live server as a PettingZoo parallel environment: some of its karts are ours."""
+"""A race on a live server as a PettingZoo parallel environment: its agents drive some karts."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -16,27 +16,24 @@ from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.racing.reward_terms import TERMS, reward_weights
 from race_server.envs.spaces import observation_space
 from race_server.errors import LinkError, ScenarioError, SeatError
-from race_server.live.client.remote_kart import News, RemoteKart
-from race_server.live.client.seat import SILENCE_S, ClientSeat, insist, take_seat
+from race_server.live.client.remote_kart import RaceEvents, RemoteKart
+from race_server.live.client.seat import ClientSeat, insist, take_seat
+from race_server.live.client.timing import ClientTiming
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, decode_course
 
 _TERMS = tuple(TERMS)
-# Parts that a term is worked out from, where not every preset has them.
+# Observation parts that a term needs, where not every preset has them.
 _NEEDS = {"progress": "progress", "range": "lidar", "report_b": "lidar", "lead": "all karts"}
-# Seats are listened to in turn, each for so long.
-POLL_S = 0.05
-# A lobby is told again that we are ready as often as this: it forgets with every race.
-READY_S = 0.25
 
 
 class RemoteRace(KartAgents):
-    """The race of a server in lock-step; agents are `kart_0` … of those that are driven here.
+    """The race of a server in lock-step; agents are `kart_0` … of the karts driven here.
 
-    Who is through leaves `agents`: terminated when its race is over, truncated when time ran out
-    or the server no longer knows its seat. Observations, actions and reward terms mean what they
-    mean in `KartRace`. The seats are held from the first `reset` until `close`.
+    An agent leaves `agents` terminated when its race is over, truncated when time ran out or its
+    seat is lost. Observations, actions and reward terms mean what they mean in `KartRace`. The
+    seats are held from the first `reset` until `close`.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
@@ -57,10 +54,20 @@ class RemoteRace(KartAgents):
         reward: str | Mapping[str, float] = "progress",
         action: str = "continuous",
         timeout_s: float = 20.0,
+        timing: ClientTiming | None = None,
     ) -> None:
-        """Prepare to join; nobody is called before the first `reset`.
+        """Prepare to join; nothing is connected before the first `reset`.
 
-        seats: the seats wanted, one for each kart; without them the server chooses.
+        Args:
+            address: of the server.
+            session: the server's session.
+            karts: how many karts are driven here.
+            seats: the seats wanted, one for each kart; without them the server chooses.
+            observation: preset that all agents see.
+            reward: preset or weights of the reward terms.
+            action: what an action means.
+            timeout_s: without an answer of the server for this long [s] it has gone.
+            timing: timeouts and periods during a race.
 
         Raises:
             ScenarioError: an observation, a reward or an action that a live race cannot give.
@@ -72,6 +79,7 @@ class RemoteRace(KartAgents):
             raise ScenarioError(f"{len(seats)} seats for {karts} karts: name one for each, or none")
         self.address, self.session, self.timeout_s = address, session, timeout_s
         super().__init__(karts, action)
+        self._timing = timing or ClientTiming()
         self._wanted = tuple(seats) or (-1,) * karts
         self._preset = observation
         self._weights = reward_weights(reward)
@@ -87,10 +95,10 @@ class RemoteRace(KartAgents):
 
     @cached_property
     def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
-        """What each agent may see. How many rays a lidar has is asked of the server."""
+        """What each agent may see. Takes the seats where only the server knows the lidar's rays."""
         rays = 0
         if "lidar" in PRESETS[self._preset]:
-            self._take_seats()
+            self._join()
             rays = self._karts[self.possible_agents[0]].seat.welcome.lidar_rays
         layout = layout_of(self._preset, rays)
         return {agent: observation_space(layout) for agent in self.possible_agents}
@@ -102,14 +110,14 @@ class RemoteRace(KartAgents):
     ) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
         """Wait for the next race of the server and return what is seen at its start.
 
-        The seed is ignored: the server owns it. Options are not used. Karts that still race
+        The seed is ignored: the server has its own. Options are not used. Karts that still race
         withdraw. A lobby may wait for other drivers, so this waits as long as the server answers.
 
         Raises:
             LinkError: no server, or it does not answer for `timeout_s`.
             SeatError: no seat.
         """
-        self._take_seats()
+        self._join()
         for agent in self.agents:
             with suppress(LinkError, SeatError):
                 self._karts[agent].seat.act(topics.LEAVE)
@@ -117,7 +125,7 @@ class RemoteRace(KartAgents):
         self._wait_for_start()
         self.agents = list(self.possible_agents)
         karts = self._karts
-        self._news.begin(max(kart.epoch for kart in karts.values()))
+        self._events.begin(max(kart.epoch for kart in karts.values()))
         seen = {agent: kart.seen.values.copy() for agent, kart in karts.items()}
         return seen, {agent: kart.info() for agent, kart in karts.items()}
 
@@ -130,17 +138,17 @@ class RemoteRace(KartAgents):
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Send every agent's control and wait until all see what came of it.
+        """Send the control of every agent and wait for the next observation of all.
 
-        An agent without an action rolls on with its pedals and wheel at rest.
+        An agent without an action coasts with its steering straight.
 
         Raises:
-            LinkError: no agent hears from the server for `timeout_s`.
+            LinkError: no agent receives anything for `timeout_s`.
         """
         karts = {agent: self._karts[agent] for agent in self.agents}
         for agent, kart in karts.items():
             kart.answer(self._action, actions.get(agent, 0.0))
-        lost = self._hear_all()
+        lost = self._receive_all()
         self._catch_up(lost)
         rewards, infos = {}, {}
         for agent, kart in karts.items():
@@ -150,12 +158,12 @@ class RemoteRace(KartAgents):
             infos[agent] = {**kart.info(), "reward_terms": named}
         seen = {agent: kart.seen.values.copy() for agent, kart in karts.items()}
         cut = {agent: agent in lost or kart.is_late for agent, kart in karts.items()}
-        over = {agent: kart.is_through and not cut[agent] for agent, kart in karts.items()}
+        over = {agent: kart.is_done and not cut[agent] for agent, kart in karts.items()}
         self.agents = [agent for agent in karts if not over[agent] and not cut[agent]]
         return seen, rewards, over, cut, infos
 
     def close(self) -> None:
-        """Leave the seats and hang up; a race that runs goes on without these karts."""
+        """Leave the seats and close the link; a race that runs goes on without these karts."""
         link, self._link = self._link, None
         karts, self._karts = self._karts, {}
         self.agents = []
@@ -168,7 +176,7 @@ class RemoteRace(KartAgents):
 
     # The server
 
-    def _take_seats(self) -> None:
+    def _join(self) -> None:
         """Take all seats, unless they are held."""
         if self._link is not None:
             return
@@ -183,7 +191,7 @@ class RemoteRace(KartAgents):
             self.close()
             raise
         self._length = sheet.spacing * len(sheet.line)
-        self._news = News(link)
+        self._events = RaceEvents(link)
 
     def _wait_for_start(self) -> None:
         waiting = dict(self._karts)
@@ -191,28 +199,28 @@ class RemoteRace(KartAgents):
         while waiting:
             if time.monotonic() > again:
                 self._get_ready()
-                again = time.monotonic() + READY_S
+                again = time.monotonic() + self._timing.ready_s
             for agent, kart in tuple(waiting.items()):
-                if kart.begin(POLL_S):
+                if kart.begin(self._timing.poll_s):
                     del waiting[agent]
 
     def _get_ready(self) -> None:
-        """Ask for all seats, then say that all are ready: a race needs all who sit there."""
+        """Ask for all seats, then report all ready: a race waits for every seat that is taken."""
         deadline = time.monotonic() + self.timeout_s
         for kart in self._karts.values():
-            # A server that was started anew counts its races anew.
-            kart.epoch = min(kart.epoch, insist(kart.seat.come_back, deadline).epoch)
+            # A server that was started again counts its races from one.
+            kart.epoch = min(kart.epoch, insist(kart.seat.ask_again, deadline).epoch)
         for kart in self._karts.values():
             insist(partial(kart.seat.act, topics.READY), deadline)
 
-    def _hear_all(self) -> set[str]:
-        """Wait until every agent sees a later tick; return those whose seat is lost."""
+    def _receive_all(self) -> set[str]:
+        """Wait until every agent has a later observation; return those whose seat is lost."""
         waiting = {agent: self._karts[agent] for agent in self.agents}
         lost: set[str] = set()
         last = asked = time.monotonic()
         while waiting:
             for agent, kart in tuple(waiting.items()):
-                if kart.hear(POLL_S):
+                if kart.receive(self._timing.poll_s):
                     del waiting[agent]
                     last = asked = time.monotonic()
             now = time.monotonic()
@@ -223,7 +231,7 @@ class RemoteRace(KartAgents):
                         "has gone, or waits for another driver"
                     )
                 return lost | set(waiting)
-            if now - asked > SILENCE_S:
+            if now - asked > self._timing.observation_timeout_s:
                 refused = {agent for agent, kart in waiting.items() if _is_refused(kart.seat)}
                 waiting = {agent: waiting[agent] for agent in waiting if agent not in refused}
                 lost |= refused
@@ -231,14 +239,14 @@ class RemoteRace(KartAgents):
         return lost
 
     def _catch_up(self, lost: set[str]) -> None:
-        """Hear all that has happened so far: no reward may depend on which message came first."""
+        """Receive all events so far: no reward may depend on which message came first."""
         karts = [self._karts[agent] for agent in self.agents if agent not in lost]
-        through = {kart.seat.number for kart in karts if kart.is_through}
-        if len(through) < len(karts):
-            with suppress(LinkError):  # the next step will tell
-                self._news.put(karts[0].seat.link.ask(topics.RECENT))
-        # A race that is over answers no more, but everybody is told how it ended.
-        for event in self._news.take(through):
+        ended = {kart.seat.number for kart in karts if kart.is_done}
+        if len(ended) < len(karts):
+            with suppress(LinkError):  # the next step notices
+                self._events.receive(karts[0].seat.link.ask(topics.RECENT))
+        # A race that is over answers no queries, but publishes how it ended.
+        for event in self._events.wait_for(ended, self._timing.final_event_s):
             met = {event.kart, event.other if event.kind is EventKind.CONTACT_KART else -1}
             for kart in self._karts.values():
                 if kart.seat.number in met:
@@ -246,10 +254,10 @@ class RemoteRace(KartAgents):
 
 
 def _known_terms(preset: str, weights: Floats) -> dict[str, int]:
-    """Return the terms that an observation lets us know, with their places.
+    """Return the terms that can be known from an observation, with their places.
 
     Raises:
-        ScenarioError: another one has a weight.
+        ScenarioError: another term has a weight.
     """
     known = {}
     for place, name in enumerate(_TERMS):
@@ -266,11 +274,11 @@ def _known_terms(preset: str, weights: Floats) -> dict[str, int]:
 
 
 def _is_refused(seat: ClientSeat) -> bool:
-    """Ask for a silent seat again; True if the server no longer knows it as ours."""
+    """Ask for a silent seat again; True where the server refuses it."""
     try:
-        seat.come_back()
+        seat.ask_again()
     except SeatError:
         return True
     except LinkError:
-        return False  # still away: zenoh goes on trying to connect
+        return False  # no answer: zenoh goes on trying to connect
     return False

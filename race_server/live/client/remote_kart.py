@@ -1,4 +1,4 @@
-"""One kart on a live server, as an environment keeps it, and the news of its race."""
+"""One kart on a live server, as an environment keeps it, and the events of its race."""
 
 import math
 import threading
@@ -15,6 +15,7 @@ from race_server.envs.actions import MEMORY, WIDTHS, Driven, discrete_table, rea
 from race_server.envs.racing import reward_terms
 from race_server.envs.racing.reward_terms import TERMS
 from race_server.errors import WireError
+from race_server.live.client.event_stream import EventStream
 from race_server.live.client.seat import ClientSeat
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
@@ -28,12 +29,12 @@ _COUNTED = {
     EventKind.FINISH: reward_terms.FINISH,
 }
 _ENDS = frozenset({EventKind.FINISH, EventKind.RETIRED})
-# The event that says why a kart is through arrives close to its last observation.
-NEWS_S = 1.0
+# Events that are remembered.
+MAX_EVENTS = 4096
 
 
 class RemoteKart:
-    """One of our seats: what it saw, what it answered, what befell it."""
+    """One of the environment's seats: what it saw, what it answered, what happened to it."""
 
     seen: Observation  # newest
     before: Observation  # when the newest control was sent
@@ -49,36 +50,36 @@ class RemoteKart:
         self._commanded: Floats = np.zeros(4)
 
     @property
-    def is_through(self) -> bool:
+    def is_done(self) -> bool:
         """Whether the race is over for this kart."""
         return self.seen.scalar("finished") > 0.0
 
     def info(self) -> dict[str, Any]:
-        """Return what an agent is told besides its observation."""
+        """Return an agent's info: its seat and the tick of its observation."""
         return {"seat": self.seat.number, "tick": self.seen.tick}
 
     def begin(self, timeout_s: float) -> bool:
         """Wait for the first observation of a new race; False if there is none yet."""
-        frame = self.seat.hear(timeout_s)
+        frame = self.seat.receive(timeout_s)
         if frame is None or frame.epoch <= self.epoch:
             return False
         self.epoch, self._sequence = frame.epoch, frame.acknowledged
         self.seen = self.before = Observation(frame.tick, self.seat.layout, frame.values)
         self.events.clear()
-        # What an action's meaning depends on: speed, the button before, what was set before.
+        # What the meaning of an action depends on: speed, last button, last controls.
         self._buttons = 0
         self._memory: Floats = np.zeros(MEMORY)
         self._off_track = 0.0
         self.is_late = False  # out because time ran out
         return True
 
-    def hear(self, timeout_s: float) -> bool:
+    def receive(self, timeout_s: float) -> bool:
         """Wait for an observation of a later tick; False if there is none yet."""
-        frame = self.seat.hear(timeout_s)
+        frame = self.seat.receive(timeout_s)
         if frame is None or frame.epoch != self.epoch:
             return False
         if frame.tick <= self.seen.tick:
-            self._say()  # the same tick again: our answer was lost, not unwanted
+            self._send()  # the same tick again: our answer was lost
             return False
         self.seen = Observation(frame.tick, self.seat.layout, frame.values)
         return True
@@ -94,9 +95,9 @@ class RemoteKart:
         self._buttons = int(wanted[3])
         self._control = Control(wanted[0], wanted[1], wanted[2], Button(int(wanted[3])))
         self.before = self.seen
-        self._say()
+        self._send()
 
-    def _say(self) -> None:
+    def _send(self) -> None:
         self._sequence += 1
         self.seat.answer(self.epoch, self._sequence, self.seen.tick, self._control)
 
@@ -104,7 +105,7 @@ class RemoteKart:
         """Return what every reward term of the last decision is, as `envs/reward_terms.py` does."""
         terms = np.zeros(len(TERMS))
         if self.seen is self.before:
-            return terms  # lost: nothing is known of this decision
+            return terms  # the observation was lost: nothing is known of this decision
         now, before = self.seen.scalar, self.before.scalar
         terms[reward_terms.SPEED] = now("speed")
         terms[reward_terms.WRONG_WAY] = now("wrong_way")
@@ -141,39 +142,40 @@ class RemoteKart:
         terms[reward_terms.OFF_TRACK] = self._off_track
 
 
-class News:
-    """The events of one race, each once, whichever way it came."""
+class RaceEvents:
+    """The events of one race, each once, whichever way they arrive."""
 
     def __init__(self, link: ClientLink) -> None:
+        """Begin to receive; events count from `begin` on."""
         self._changed = threading.Condition()
+        self._stream = EventStream(MAX_EVENTS)
         self.begin(-1)
-        link.listen(topics.EVENTS, self.put)
+        link.listen(topics.EVENTS, self.receive)
 
     def begin(self, epoch: int) -> None:
         """Forget the race before."""
         with self._changed:
-            self._epoch, self._last = epoch, 0
+            self._stream.begin(epoch)
             self._new: list[Event] = []
-            self._through: set[int] = set()
+            self._ended: set[int] = set()  # seats whose race is over
 
-    def put(self, data: bytes) -> None:
-        """Note the events in a message that are not known yet."""
+    def receive(self, data: bytes) -> None:
+        """Record the events of a message; those of another race do not count."""
         try:
             epoch, events = decode_events(data)
         except WireError:
             return
         with self._changed:
-            for event in events:
-                if epoch == self._epoch and event.sequence > self._last:
-                    self._last = event.sequence
-                    self._new.append(event)
-                    if event.kind in _ENDS:
-                        self._through.add(event.kart)
+            if epoch != self._stream.epoch:
+                return
+            fresh = self._stream.receive(epoch, events)
+            self._new += fresh
+            self._ended |= {event.kart for event in fresh if event.kind in _ENDS}
             self._changed.notify_all()
 
-    def take(self, through: set[int]) -> list[Event]:
-        """Return what is new, once it is known how the race ended for the seats `through`."""
+    def wait_for(self, ended: set[int], timeout_s: float) -> list[Event]:
+        """Return the new events, once it is known how the race ended for the seats `ended`."""
         with self._changed:
-            self._changed.wait_for(lambda: through <= self._through, NEWS_S)
+            self._changed.wait_for(lambda: ended <= self._ended, timeout_s)
             new, self._new = self._new, []
             return new

@@ -1,4 +1,4 @@
-"""A seat as its driver holds it: taken, made ready, heard, answered, asked for again, left."""
+"""A seat as its driver holds it: take it, get ready, receive, answer, ask for it again, leave."""
 
 import time
 from collections.abc import Callable
@@ -31,18 +31,15 @@ from race_server.net.wire.lobby import (
 
 Answer = TypeVar("Answer")
 
-# Without an observation for so long the server is asked whether it is still there.
-SILENCE_S = 3.0
-
 
 @dataclass
 class ClientSeat:
-    """What a driver holds while it takes part."""
+    """A seat that a driver holds."""
 
     welcome: Welcome
     mailbox: Mailbox
     link: ClientLink
-    request: Join  # asks for this very seat again
+    request: Join  # asks for this same seat again
     send: Callable[[bytes], None]  # a control, as a message; of a real kart a pose
 
     @property
@@ -55,11 +52,11 @@ class ClientSeat:
         """Where each part of this seat's observation lies."""
         return layout_of(self.welcome.briefing.preset, self.welcome.lidar_rays)
 
-    def hear(self, timeout_s: float) -> ObservationFrame | None:
-        """Return the newest observation, or None if no whole one comes within `timeout_s`.
+    def receive(self, timeout_s: float) -> ObservationFrame | None:
+        """Return the newest observation, None where none arrives whole within `timeout_s`.
 
         Raises:
-            WireError: it is of another size than was agreed on.
+            WireError: it has another size than was agreed on.
         """
         data = self.mailbox.take(timeout_s)
         try:
@@ -78,15 +75,20 @@ class ClientSeat:
         self.send(encode_control(ControlFrame(epoch, sequence, tick, _within(control))))
 
     def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
-        """Tell the server that this seat is ready, or leaves."""
+        """Report to the server that this seat is ready, or leaves.
+
+        Raises:
+            SeatError: the server refuses, with its reason.
+            LinkError: no answer.
+        """
         request = SeatAct(self.number, self.welcome.secret, ready)
         check_reply(self.link.ask(topic, encode_seat_act(request), self.number))
 
-    def come_back(self) -> Welcome:
+    def ask_again(self) -> Welcome:
         """Ask for the seat again and return the welcome as it is now.
 
         Raises:
-            SeatError: it is no longer this driver's.
+            SeatError: the seat is no longer this driver's.
             LinkError: no answer; zenoh goes on trying to connect.
         """
         request = replace(self.request, serial=new_serial())
@@ -96,7 +98,7 @@ class ClientSeat:
 def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> ClientSeat:
     """Return a seat in the session; the same request again gives the same seat.
 
-    mailbox: of a seat that the driver has on another link, to go on listening there.
+    mailbox: of the same seat on another link, which then receives from both.
 
     Raises:
         SeatError: the server refuses, with its reason.
@@ -117,10 +119,10 @@ def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> C
 
 
 def insist(ask: Callable[[], Answer], deadline: float) -> Answer:
-    """Ask until there is an answer; a server that is still getting ready may take its time.
+    """Ask until there is an answer: a server that is still starting does not answer yet.
 
     Raises:
-        LinkError: none until the deadline, a time of `time.monotonic`.
+        LinkError: no answer until the deadline, a time of `time.monotonic`.
     """
     while True:
         try:
@@ -132,7 +134,7 @@ def insist(ask: Callable[[], Answer], deadline: float) -> Answer:
 
 
 def _within(control: Control) -> Control:
-    """Return a control within its limits, so that the server takes it."""
+    """Return a control within its limits, so that the server accepts it."""
     return Control(
         min(max(float(control.steering), -1.0), 1.0),
         min(max(float(control.throttle), -1.0), 1.0),

@@ -1,110 +1,104 @@
-"""A spectator: takes no seat, sees the standings, the events and the newest snapshot."""
+"""A spectator: takes no seat, receives the standings, the events and the newest snapshot."""
 
 import threading
 import time
-from collections import deque
+from functools import partial
 
 from race_server.core.messages import Event
-from race_server.errors import LinkError, WireError
-from race_server.live.client.link_stats import ClockOffset
+from race_server.errors import LinkError
+from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, decode_course, decode_rules
-from race_server.net.wire.spectate import (
-    SnapshotFrame,
-    StandingsFrame,
-    decode_events,
-    decode_snapshot,
-    decode_standings,
-)
+from race_server.net.wire.spectate import SnapshotFrame, StandingsFrame
+
+# Events that are remembered.
+MAX_EVENTS = 1024
 
 
 class Spectator:
-    """What a spectator knows. Late comers are told the standings and the recent events first."""
+    """What a spectator knows; one that comes late asks for the standings and recent events first.
+
+    Messages arrive in threads of the link; its methods may be called from any thread.
+    """
 
     def __init__(self, link: ClientLink) -> None:
-        """Begin to watch.
+        """Begin to receive.
 
         Raises:
             LinkError: the server does not answer.
         """
         self._link = link
         self._lock = threading.Lock()
-        self._newest: SnapshotFrame | None = None
-        self._heard_at = time.monotonic()
-        self._offset = ClockOffset()
-        self.standings: StandingsFrame | None = None
-        self.events: deque[Event] = deque(maxlen=1024)
-        self.damaged = 0
-        self._last = 0
-        link.listen(topics.SNAPSHOT, self._take_snapshot)
-        link.listen(topics.STANDINGS, self._take_standings)
-        link.listen(topics.EVENTS, self._take_events)
-        self._take_standings(self._ask(topics.TABLE))
-        self._take_events(self._ask(topics.RECENT))
+        self._view = RaceView(MAX_EVENTS)
+        self._received_at = time.monotonic()
+        for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS):
+            link.listen(topic, partial(self._receive, topic))
+        self._ask(topics.TABLE)
+        self._ask(topics.RECENT)
 
     def course(self) -> CourseSheet:
-        """Return the course."""
+        """Ask for the course and return it.
+
+        Raises:
+            LinkError: no answer.
+        """
         return decode_course(self._ask(topics.COURSE))
 
     def rules(self) -> tuple[dict[str, str], tuple[str, ...]]:
-        """Return the rule book and the names of the items."""
+        """Ask for the rule book and the names of the items and return them.
+
+        Raises:
+            LinkError: no answer.
+        """
         return decode_rules(self._ask(topics.RULES))
 
     def refresh(self) -> bool:
-        """Ask for the standings; False where nobody answers any more."""
+        """Ask for the standings; False where the server does not answer."""
         try:
-            self._take_standings(self._ask(topics.TABLE))
+            self._ask(topics.TABLE)
         except LinkError:
             return False
         return True
 
+    @property
+    def standings(self) -> StandingsFrame | None:
+        """The newest standings."""
+        return self._view.standings
+
+    @property
+    def events(self) -> list[Event]:
+        """The recent events of the race, each once, oldest first."""
+        return self._view.events.recent()
+
+    @property
+    def damaged(self) -> int:
+        """How many messages could not be decoded."""
+        return self._view.damaged
+
     def snapshot(self) -> SnapshotFrame | None:
-        """Return the newest snapshot, if there is one."""
-        return self._newest
+        """Return the newest snapshot, None where there is none."""
+        return self._view.snapshot
 
     def age_s(self) -> float | None:
-        """Return how old the newest snapshot is by now, None where there is none."""
-        frame = self._newest
-        if frame is None:
-            return None
-        return self._offset.age_s(1e-6 * frame.monotonic_us, time.monotonic())
+        """Return how old [s] the newest snapshot is by now, None where there is none."""
+        with self._lock:
+            return self._view.age_s(time.monotonic())
 
     def silence_s(self) -> float:
-        """Return for how long nothing was heard."""
-        return time.monotonic() - self._heard_at
+        """Return the time [s] since the last message."""
+        return time.monotonic() - self._received_at
 
     def _ask(self, topic: topics.Topic) -> bytes:
         begun = time.monotonic()
         answer = self._link.ask(topic)
-        self._heard_at = time.monotonic()
-        self._offset.note_round_trip(self._heard_at - begun)
+        taken = time.monotonic() - begun
+        self._receive(topic, answer)
+        with self._lock:
+            self._view.offset.record_round_trip(taken)
         return answer
 
-    def _take_snapshot(self, data: bytes) -> None:
-        try:
-            frame = decode_snapshot(data)
-        except WireError:
-            self.damaged += 1
-            return
-        self._newest, self._heard_at = frame, time.monotonic()
-        self._offset.note(1e-6 * frame.monotonic_us, self._heard_at)
-
-    def _take_standings(self, data: bytes) -> None:
-        try:
-            self.standings = decode_standings(data)
-        except WireError:
-            self.damaged += 1
-
-    def _take_events(self, data: bytes) -> None:
-        try:
-            _, events = decode_events(data)
-        except WireError:
-            self.damaged += 1
-            return
+    def _receive(self, topic: topics.Topic, data: bytes) -> None:
         with self._lock:
-            for event in events:
-                # The recent events and the stream overlap; sequence numbers tell.
-                if event.sequence > self._last:
-                    self._last = event.sequence
-                    self.events.append(event)
+            now = self._received_at = time.monotonic()
+            self._view.receive(topic, data, now)

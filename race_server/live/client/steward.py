@@ -1,4 +1,4 @@
-"""The steward's end: asks a session for what only the steward may."""
+"""A steward's client: asks a session for what only a steward may do."""
 
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
@@ -7,12 +7,12 @@ from race_server.net.wire.lobby import check_reply
 
 
 class StewardClient:
-    """Tells a server what the steward decided."""
+    """Sends a steward's decisions to a server."""
 
     def __init__(self, link: ClientLink, token: str, who: str = "steward") -> None:
-        """Speak over a link.
+        """Use a link.
 
-        token: from the steward's keys, or from the file that the server left. who: a name for
+        token: from the steward's keys, or from the file that the server has written. who: name in
         the log.
         """
         self._link = link
@@ -20,7 +20,7 @@ class StewardClient:
         self._who = who
 
     def decide(self, act: str, *, seat: int = -1, value: float = 0.0) -> str:
-        """Have a decision carried out and return its line of the log.
+        """Send a decision and return its line of the log.
 
         Raises:
             SeatError: the server refuses, with its reason.
@@ -32,7 +32,7 @@ class StewardClient:
         return self.log()[-1]
 
     def log(self) -> list[str]:
-        """Return what was decided, oldest first.
+        """Return the log of decisions, oldest first.
 
         Raises:
             SeatError: the token does not fit.

@@ -1,4 +1,4 @@
-"""What is served, and under which headers."""
+"""The HTTP routes of a gateway and the headers of its answers."""
 
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
@@ -11,16 +11,17 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from race_server.live.gateway.browser import BrowserSession
-from race_server.live.gateway.hub import Hub
 from race_server.live.gateway.origins import is_known_host
 from race_server.live.gateway.page import ASSETS, File, Page
+from race_server.live.gateway.settings import Settings
+from race_server.live.gateway.state import GatewayState
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 
 HEADERS = {
-    # Everything comes from here, and nothing is written into the page itself.
+    # Everything is loaded from the gateway, and no script or style is inline.
     "content-security-policy": (
         "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
         "connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; "
@@ -31,20 +32,20 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-# Names of these files follow from what they hold.
-FOR_EVER, NEVER = "public, max-age=31536000, immutable", "no-cache"
+# Asset names contain a digest of their content, so they are cached for ever.
+CACHED, NOT_CACHED = "public, max-age=31536000, immutable", "no-cache"
 BEARER = "bearer "
 
 
-class Guarded:
-    """Puts the headers on every answer, and answers nobody who calls us by a foreign name."""
+class GuardedApp:
+    """Adds the headers to every answer, and refuses requests for a foreign host name."""
 
-    def __init__(self, inner: Starlette, hub: Hub) -> None:
-        """Stand before an application."""
-        self._inner, self._hub = inner, hub
+    def __init__(self, inner: Starlette, settings: Settings) -> None:
+        """Wrap an application."""
+        self._inner, self._settings = inner, settings
 
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
-        """Hand a request on."""
+        """Pass a request on."""
         if scope["type"] != "http":
             await self._inner(scope, receive, send)
             return
@@ -55,7 +56,7 @@ class Guarded:
                 message["headers"] = [*message.get("headers", []), *extra]
             await send(message)
 
-        settings = self._hub.settings
+        settings = self._settings
         host = Request(scope).headers.get("host", "")
         if settings.is_local and not is_known_host(host, settings.origins):
             refusal = PlainTextResponse("Open the page at the gateway's own address.\n", 403)
@@ -64,45 +65,47 @@ class Guarded:
         await self._inner(scope, receive, send_on)
 
 
-def make_app(hub: Hub, page: Page) -> Guarded:
+def make_app(state: GatewayState, page: Page) -> GuardedApp:
     """Return the application."""
 
-    async def meet(websocket: WebSocket) -> None:
+    async def serve_browser(websocket: WebSocket) -> None:
         try:
-            await BrowserSession(hub, websocket).serve()
+            await BrowserSession(state, websocket).serve()
         except WebSocketDisconnect:
-            return  # it went while it was told something
+            return  # it left while a message was sent
 
-    async def show(request: Request) -> Response:
+    async def serve_file(request: Request) -> Response:
         name = request.path_params.get("name")
         found = page.files.get(f"{ASSETS}/{name}" if name else "")
         if found is None:
             return PlainTextResponse("There is no such file.\n", 404)
-        return _answer(found, request, FOR_EVER if name else NEVER)
+        return _answer(found, request, CACHED if name else NOT_CACHED)
 
     async def list_recordings(request: Request) -> Response:
         shown = request.headers.get("authorization", "")
         token = shown[len(BEARER) :] if shown.lower().startswith(BEARER) else ""
-        if not hub.settings.tokens.lets_read(token):
+        if not state.settings.tokens.lets_read(token):
             return PlainTextResponse("Show a token: Authorization: Bearer TOKEN\n", 401)
-        return JSONResponse(await run_in_threadpool(hub.library.titles), headers=_fresh())
+        return JSONResponse(await run_in_threadpool(state.library.titles), headers=_no_cache())
 
-    async def tell_health(_: Request) -> Response:
-        state = "a race is there" if hub.live.is_there else "no race yet"
-        return PlainTextResponse(f"ok: {state}, {len(hub.guests)} browsers\n", headers=_fresh())
+    async def report_health(_: Request) -> Response:
+        race = "a race is there" if state.live.is_there else "no race yet"
+        return PlainTextResponse(
+            f"ok: {race}, {len(state.browsers)} browsers\n", headers=_no_cache()
+        )
 
     routes = [
-        Route("/", show),
-        Route(f"/{ASSETS}/{{name}}", show),
+        Route("/", serve_file),
+        Route(f"/{ASSETS}/{{name}}", serve_file),
         Route("/recordings", list_recordings),
-        Route("/healthz", tell_health),
-        WebSocketRoute("/ws", meet),
+        Route("/healthz", report_health),
+        WebSocketRoute("/ws", serve_browser),
     ]
-    return Guarded(Starlette(routes=routes), hub)
+    return GuardedApp(Starlette(routes=routes), state.settings)
 
 
-def _fresh() -> dict[str, str]:
-    return {"cache-control": NEVER}
+def _no_cache() -> dict[str, str]:
+    return {"cache-control": NOT_CACHED}
 
 
 def _answer(file: File, request: Request, keep: str) -> Response:

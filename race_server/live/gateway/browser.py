@@ -1,4 +1,4 @@
-"""One browser from hello to goodbye."""
+"""One browser, from its first message to the end of its connection."""
 
 import asyncio
 import json
@@ -11,161 +11,162 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from race_server import __version__
 from race_server.errors import GatewayError, RaceError, WireError
-from race_server.live.gateway.audience import Viewer
-from race_server.live.gateway.connection import PIPE, WebSocketConnection
+from race_server.live.gateway.audience import FrameSink, Outbox, Viewer
+from race_server.live.gateway.connection import CONNECTION
 from race_server.live.gateway.driver_seat import PRESET, DriverSeat
 from race_server.live.gateway.handshake import (
-    MOST_HZ,
-    MOST_SEAT,
+    CLOSE_CODES,
+    MAX_RATE,
+    MAX_SEAT,
     SUBPROTOCOL,
     Hello,
     Role,
+    close_reason,
     read_bool,
     read_hello,
     read_int,
+    read_message,
     read_number,
     read_text,
-    read_words,
+    refusal_text,
 )
-from race_server.live.gateway.hub import Hub
-from race_server.live.gateway.limits import (
-    CONTROLS_HZ,
-    HELLO_S,
-    MOST_CONTROL,
-    TEXTS_HZ,
-    RateLimiter,
-)
+from race_server.live.gateway.limits import RateLimiter
 from race_server.live.gateway.origins import check_origin
-from race_server.live.gateway.outbox import Outbox
-from race_server.live.gateway.playback import WORDS, Player
-from race_server.live.gateway.refusal import CLOSE_CODES, close_reason, refusal_text
+from race_server.live.gateway.playback import PLAYER_MESSAGES, Player
 from race_server.live.gateway.roles import Identity
+from race_server.live.gateway.state import GatewayState
 from race_server.live.gateway.stewarding import ACTS
 
-# What the page should lag behind, so that it always has two snapshots to draw between [ms].
-DELAY_MS = 100
-# Who takes no words of farewell is gone without.
-FAREWELL_S = 1.0
-# Penalties [s], and what a browser's clock may show [ms].
-MOST_VALUE, MOST_MOMENT = 1e6, 1e15
+Message = dict[str, Any]
+
+# Bounds of a penalty [s], and of a browser's clock [ms].
+MAX_VALUE, MAX_TIME = 1e6, 1e15
 
 
 class BrowserSession:
     """A browser that is connected."""
 
-    def __init__(self, hub: Hub, websocket: WebSocket) -> None:
-        """Know nobody yet."""
-        self._hub, self._websocket = hub, websocket
+    def __init__(self, state: GatewayState, websocket: WebSocket) -> None:
+        """Begin as a spectator that has not authenticated."""
+        self._state, self._websocket = state, websocket
+        self._limits, self._timing = state.settings.limits, state.settings.timing
         self._host = websocket.client.host if websocket.client else ""
-        self.outbox = Outbox(cast("WebSocketConnection", websocket.scope["extensions"][PIPE]))
-        self.heard_at = time.monotonic()
+        connection = cast("FrameSink", websocket.scope["extensions"][CONNECTION])
+        self.outbox = Outbox(connection, self._limits, self._timing.unread_s)
+        self.received_at = time.monotonic()
         self._ended = asyncio.Event()
         self._why: GatewayError | None = None
         self._identity = Identity(Role.SPECTATE)
-        self._viewer = Viewer(self.outbox, MOST_HZ)
-        self._wheel: DriverSeat | None = None
+        self._viewer = Viewer(self.outbox, MAX_RATE)
+        self._driver_seat: DriverSeat | None = None
         self._player: Player | None = None
-        self._texts = RateLimiter(TEXTS_HZ, "texts")
-        self._controls = RateLimiter(CONTROLS_HZ, "controls")
+        burst_s = self._limits.burst_s
+        self._texts = RateLimiter(self._limits.texts_hz, "texts", burst_s)
+        self._controls = RateLimiter(self._limits.controls_hz, "controls", burst_s)
 
-    def let_go(self, error: GatewayError) -> None:
+    def disconnect(self, error: GatewayError) -> None:
         """End, with a reason."""
         self._why = self._why or error
         self._ended.set()
 
     async def serve(self) -> None:
-        """Serve it until it goes, or is let go."""
+        """Serve the browser until it leaves, or is disconnected."""
         offered = self._websocket.scope["subprotocols"]
         await self._websocket.accept(SUBPROTOCOL if SUBPROTOCOL in offered else None)
         try:
-            await self._greet(offered)
-            await self._converse()
+            await self._authenticate(offered)
+            await self._run()
         except GatewayError as error:
-            self._hub.note_refusal(error, self._host)
+            self._state.log_refusal(error, self._host)
             await self._refuse(error)
         finally:
-            self._hub.live.leave(self._viewer)
-            self._hub.dismiss(self, self._host)
-            if self._wheel is not None:
-                self._wheel.release(self)
+            self._state.live.leave(self._viewer)
+            self._state.remove(self, self._host)
+            if self._driver_seat is not None:
+                self._driver_seat.release(self)
 
-    # Who it is
+    # The first message
 
-    async def _greet(self, offered: list[str]) -> None:
-        settings = self._hub.settings
+    async def _authenticate(self, offered: list[str]) -> None:
+        settings = self._state.settings
         headers = self._websocket.headers
         check_origin(headers, settings.origins, is_local=settings.is_local)
         if SUBPROTOCOL not in offered:
             raise GatewayError("malformed", f"speak the subprotocol {SUBPROTOCOL}")
-        self._hub.admit(self, self._host)
-        hello = await self._hear_hello()
-        passes = self._hub.passes
+        self._state.admit(self, self._host)
+        hello = await self._receive_hello()
+        resume_tokens = self._state.resume_tokens
         if hello.resume:
-            self._identity = passes.look(hello.resume)
+            self._identity = resume_tokens.find(hello.resume)
         else:
             self._identity = settings.tokens.identify(hello)
         self._viewer.rate = hello.rate
         if self._identity.role is Role.DRIVE:
-            await self._greet_driver(hello)
+            await self._begin_driving(hello)
         elif hello.recording:
-            await self._greet_reader(hello)
+            await self._begin_playing(hello)
         else:
-            self._welcome("live", settings.session)
-            self._hub.live.join(self._viewer)
-        passes.spend(hello.resume)
+            self._send_welcome("live", settings.session)
+            self._state.live.join(self._viewer)
+        resume_tokens.revoke(hello.resume)
 
-    async def _hear_hello(self) -> Hello:
+    async def _receive_hello(self) -> Hello:
+        hello_s = self._timing.hello_s
         try:
-            async with asyncio.timeout(HELLO_S):
+            async with asyncio.timeout(hello_s):
                 message = await self._websocket.receive()
         except TimeoutError as error:
             raise GatewayError(
-                "late", f"nothing was said within {HELLO_S:g} s; say who you are first"
+                "late", f"nothing was said within {hello_s:g} s; say who you are first"
             ) from error
         if message["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(message["code"])
-        return read_hello(message.get("text") or message.get("bytes"))
+        text = message.get("text")
+        self._check_length(text)
+        return read_hello(text)
 
-    async def _greet_driver(self, hello: Hello) -> None:
+    async def _begin_driving(self, hello: Hello) -> None:
         if hello.recording:
             raise GatewayError("malformed", "a recording cannot be driven")
-        wheel, identity = self._hub.wheels[self._identity.wheel], self._identity
-        briefing = wheel.take_over(self) if hello.resume else None
+        seat, identity = self._state.driver_seats[self._identity.number], self._identity
+        briefing = seat.resume(self) if hello.resume else None
         if briefing is None:
-            briefing = await wheel.take(self, identity.name, hello.seat)
-        self._wheel = wheel
-        self._viewer.seat = wheel.number_of_seat
-        more = {"seat": wheel.number_of_seat, "sequence": wheel.sequence, "preset": PRESET}
-        self._welcome("live", self._hub.settings.session, **more)
-        self._hub.live.join(self._viewer)
-        self.outbox.tell(briefing)
+            briefing = await seat.claim(self, identity.name, hello.seat)
+        self._driver_seat = seat
+        self._viewer.seat = seat.number_of_seat
+        more = {"seat": seat.number_of_seat, "sequence": seat.sequence, "preset": PRESET}
+        self._send_welcome("live", self._state.settings.session, **more)
+        self._state.live.join(self._viewer)
+        self.outbox.send(briefing)
 
-    async def _greet_reader(self, hello: Hello) -> None:
-        loop, pool = asyncio.get_running_loop(), self._hub.readers
-        tape, events = await loop.run_in_executor(pool, self._hub.library.open, hello.recording)
-        self._player = Player(self._viewer, tape, events, pool)
-        self._welcome(hello.source, tape.start.session)
+    async def _begin_playing(self, hello: Hello) -> None:
+        loop, pool = asyncio.get_running_loop(), self._state.readers
+        recording, events = await loop.run_in_executor(
+            pool, self._state.library.open, hello.recording
+        )
+        self._player = Player(self._viewer, recording, events, pool, self._timing)
+        self._send_welcome(hello.source, recording.start.session)
 
-    def _welcome(self, source: str, session: str, **more: Any) -> None:
+    def _send_welcome(self, source: str, session: str, **more: Any) -> None:
         identity = self._identity
         may = {"may": list(ACTS)} if identity.role is Role.STEWARD else {}
-        self._tell(
+        self._send(
             type="welcome",
             role=identity.role.value,
             session=session,
             source=source,
-            resume=self._hub.passes.issue(identity),
-            delay_ms=DELAY_MS,
+            resume=self._state.resume_tokens.issue(identity),
+            delay_ms=round(1e3 * self._timing.page_delay_s),
             version=__version__,
             **may,
             **more,
         )
 
-    # What it says
+    # Later messages
 
-    async def _converse(self) -> None:
-        """Listen until the browser goes, is let go, or its recording cannot be played."""
-        work: list[Coroutine[Any, Any, object]] = [self._listen(), self._ended.wait()]
+    async def _run(self) -> None:
+        """Receive until the browser leaves or is disconnected, or its recording ends it."""
+        work: list[Coroutine[Any, Any, object]] = [self._receive_all(), self._ended.wait()]
         if self._player is not None:
             work.append(self._player.run())
         tasks = [asyncio.create_task(one) for one in work]
@@ -180,93 +181,99 @@ class BrowserSession:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _listen(self) -> None:
+    async def _receive_all(self) -> None:
         while True:
             message = await self._websocket.receive()
             if message["type"] == "websocket.disconnect":
                 return
-            self.heard_at = time.monotonic()
-            data = message.get("bytes")
+            self.received_at = time.monotonic()
+            data, text = message.get("bytes"), message.get("text")
             if data is not None:
-                self._take_control(data)
-            elif not await self._take_words(read_words(message.get("text"))):
+                self._receive_control(data)
+                continue
+            self._check_length(text)
+            if not await self._handle(read_message(text)):
                 return
 
-    def _take_control(self, data: bytes) -> None:
-        if self._wheel is None:
+    def _check_length(self, text: str | None) -> None:
+        most = self._limits.text_bytes
+        if text is not None and len(text.encode()) > most:
+            raise GatewayError("too-large", f"a message of more than {most} bytes; send less")
+
+    def _receive_control(self, data: bytes) -> None:
+        if self._driver_seat is None:
             raise GatewayError("malformed", "bytes, which only drivers send")
-        if len(data) > MOST_CONTROL:
-            raise GatewayError("too-large", f"a control of more than {MOST_CONTROL} bytes")
+        most = self._limits.control_bytes
+        if len(data) > most:
+            raise GatewayError("too-large", f"a control of more than {most} bytes")
         self._controls.spend()
         try:
-            self._wheel.drive(data)
+            self._driver_seat.send_control(data)
         except WireError as error:
             raise GatewayError("malformed", f"no control: {error}") from error
 
-    async def _take_words(self, words: dict[str, Any]) -> bool:
-        """Do what is asked for; False where the browser leaves."""
+    async def _handle(self, message: Message) -> bool:
+        """Do what a message asks for; False where the browser leaves."""
         self._texts.spend()
-        kind = read_text(words, "type", 16)
+        kind = read_text(message, "type", 16)
         if kind == "ping":
-            moment = read_number(words, "t", -MOST_MOMENT, MOST_MOMENT, default=0.0)
-            self._tell(type="pong", t=moment, server_us=self._hub.live.server_us())
+            moment = read_number(message, "t", -MAX_TIME, MAX_TIME, default=0.0)
+            self._send(type="pong", t=moment, server_us=self._state.live.server_us())
         elif kind == "follow":
-            self._viewer.seat = read_int(words, "seat", -1, MOST_SEAT, default=-1)
-            self._viewer.wants_rays = read_bool(words, "rays") and self._viewer.seat >= 0
+            self._viewer.seat = read_int(message, "seat", -1, MAX_SEAT, default=-1)
+            self._viewer.wants_rays = read_bool(message, "rays") and self._viewer.seat >= 0
             if self._player is not None:
-                self._player.turn()
+                self._player.refresh()
         elif kind == "rate":
-            self._viewer.rate = read_number(words, "rate", 1.0, MOST_HZ, default=MOST_HZ)
-        elif kind in WORDS and self._player is not None:
-            self._player.obey(words)
-        elif kind in {"ready", "leave"} and self._wheel is not None:
-            return await self._take_drivers_words(kind, words, self._wheel)
+            self._viewer.rate = read_number(message, "rate", 1.0, MAX_RATE, default=MAX_RATE)
+        elif kind in PLAYER_MESSAGES and self._player is not None:
+            self._player.handle(message)
+        elif kind in {"ready", "leave"} and self._driver_seat is not None:
+            return await self._handle_driver(kind, message, self._driver_seat)
         elif kind in {"act", "log"} and self._identity.role is Role.STEWARD:
-            await self._take_stewards_words(kind, words)
+            await self._handle_steward(kind, message)
         else:
             raise GatewayError("malformed", f"{kind!r} means nothing from you here")
         return True
 
-    async def _take_drivers_words(
-        self, kind: str, words: dict[str, Any], wheel: DriverSeat
-    ) -> bool:
+    async def _handle_driver(self, kind: str, message: Message, seat: DriverSeat) -> bool:
         if kind == "leave":
-            await wheel.leave()
+            await seat.leave()
             await self._websocket.close()
             return False
-        ready, reason = read_bool(words, "ready"), ""
+        ready, reason = read_bool(message, "ready"), ""
         try:
-            await wheel.get_ready(ready=ready)
+            await seat.get_ready(ready=ready)
         except RaceError as error:
             reason = str(error)
-        self._tell(type="ready", ready=ready, accepted=not reason, reason=reason)
+        self._send(type="ready", ready=ready, accepted=not reason, reason=reason)
         return True
 
-    async def _take_stewards_words(self, kind: str, words: dict[str, Any]) -> None:
-        stewarding, who = self._hub.stewarding, self._identity.name
+    async def _handle_steward(self, kind: str, message: Message) -> None:
+        stewarding, who = self._state.stewarding, self._identity.name
         if kind == "log":
             try:
-                self._tell(type="log", lines=await stewarding.log(who))
+                self._send(type="log", lines=await stewarding.log(who))
             except RaceError as error:
-                self._tell(type="log", lines=[], reason=str(error))
+                self._send(type="log", lines=[], reason=str(error))
             return
-        number = read_int(words, "id", 0, 1 << 53, default=0)
+        number = read_int(message, "id", 0, 1 << 53, default=0)
         reason = await stewarding.decide(
-            read_text(words, "act", 16),
-            read_int(words, "seat", -1, MOST_SEAT, default=-1),
-            read_number(words, "value", -MOST_VALUE, MOST_VALUE, default=0.0),
+            read_text(message, "act", 16),
+            read_int(message, "seat", -1, MAX_SEAT, default=-1),
+            read_number(message, "value", -MAX_VALUE, MAX_VALUE, default=0.0),
             who,
         )
-        self._tell(type="acted", id=number, accepted=not reason, reason=reason)
+        self._send(type="acted", id=number, accepted=not reason, reason=reason)
 
-    # What it is told
+    # What it is sent
 
-    def _tell(self, **words: Any) -> None:
-        self.outbox.tell(json.dumps(words))
+    def _send(self, **message: Any) -> None:
+        self.outbox.send(json.dumps(message))
 
     async def _refuse(self, error: GatewayError) -> None:
-        """Say why, and close; a browser that takes no words is gone without."""
+        """Send the reason and close; a browser that does not read is closed without."""
         with suppress(TimeoutError):
-            async with asyncio.timeout(FAREWELL_S):
+            async with asyncio.timeout(self._timing.farewell_s):
                 await self._websocket.send_text(refusal_text(error))
                 await self._websocket.close(CLOSE_CODES[error.code], close_reason(error))

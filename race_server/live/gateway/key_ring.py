@@ -1,4 +1,4 @@
-"""The keys of those for whom the gateway speaks: the spectator, drivers, the steward."""
+"""The keys that a gateway uses for its browsers: a spectator's, drivers' and a steward's."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,12 +7,12 @@ from race_server.errors import KeysError
 from race_server.net.auth.access import SPECTATOR, STEWARD, seat_name
 from race_server.net.auth.keys import ABOUT, ClientKeys, read_client_keys
 
-MOST_KARTS = 64
+MAX_KARTS = 64
 
 
 @dataclass(frozen=True)
 class KeyRing:
-    """A folder that somebody was handed, or one with several such folders; or none."""
+    """A folder with the keys of one role, or one with several such folders; or none."""
 
     folder: Path | None = None
     session: str = ""
@@ -35,8 +35,8 @@ class KeyRing:
             )
         return held
 
-    def of_watcher(self) -> ClientKeys | None:
-        """Return keys that let one watch: everybody's in a folder of one role do."""
+    def of_spectator(self) -> ClientKeys | None:
+        """Return keys with which to watch: those of any role do."""
         if self.folder is not None and (self.folder / ABOUT).exists():
             return read_client_keys(self.folder, self.session)
         return self.of(SPECTATOR)
@@ -55,11 +55,9 @@ class KeyRing:
         """
         if wanted >= 0 or self.folder is None:
             return (wanted,)
-        held = [
-            number for number in range(MOST_KARTS) if (self.folder / seat_name(number)).is_dir()
-        ]
+        held = [number for number in range(MAX_KARTS) if (self.folder / seat_name(number)).is_dir()]
         if not held:
-            raise KeysError(f"{self.folder} holds keys of no seat: nobody can drive with them")
+            raise KeysError(f"{self.folder} holds keys of no seat: no browser can drive with them")
         return tuple(held)
 
     def of_steward(self) -> ClientKeys | None:

@@ -1,7 +1,8 @@
-"""The recordings that browsers may open: those in one folder, by name, and no other file."""
+"""The recordings that browsers may open: those of one folder, by name, and no other file."""
 
 import json
 import threading
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,14 +10,16 @@ from typing import Any
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import GatewayError, RecordingError, WireError
+from race_server.live.client.event_stream import EventStream
+from race_server.live.gateway.limits import GatewayLimits
 from race_server.net.wire.spectate import decode_events
 from race_server.storage.recording.seekable import SeekableRecording
 
 ENDING = ".mcap"
-# A race that is being driven, and one that is taken up: not yet a recording.
+# Files of a race that goes on, or is resumed: not yet a recording.
 _NOT_YET = (".journal.mcap", ".part.mcap")
-# The newest so many are listed, and of so many all events are kept.
-MOST_LISTED, MOST_KEPT = 100, 4
+# Events of one recording that are read.
+MAX_EVENTS = 1 << 20
 
 Stamp = tuple[str, int, int]  # name, time of the last change [ns], size
 
@@ -34,11 +37,11 @@ class Title:
 
 
 class Library:
-    """The recordings of a folder. Its methods read files: call them from the pool."""
+    """The recordings of a folder. Its methods read files: call them from a thread."""
 
-    def __init__(self, folder: Path | None) -> None:
-        """Look at a folder, or at none."""
-        self._folder = folder
+    def __init__(self, folder: Path | None, limits: GatewayLimits) -> None:
+        """Serve the recordings of a folder; None has none."""
+        self._folder, self._limits = folder, limits
         self._titles: dict[Stamp, Title | None] = {}
         self._events: dict[Stamp, list[Event]] = {}
         self._lock = threading.Lock()
@@ -47,7 +50,9 @@ class Library:
         """Return the newest recordings, newest first."""
         files = sorted(self._files().items(), key=lambda file: file[1][1], reverse=True)
         with self._lock:
-            found = [self._title(path, stamp) for path, stamp in files[:MOST_LISTED]]
+            found = [
+                self._title(path, stamp) for path, stamp in files[: self._limits.listed_recordings]
+            ]
         return [asdict(title) for title in found if title is not None]
 
     def open(self, name: str) -> tuple[SeekableRecording, list[Event]]:
@@ -56,14 +61,14 @@ class Library:
         Raises:
             GatewayError: no recording has that name, or it cannot be read.
         """
-        # A name is looked for among those that are there, never put into a path.
+        # A name is compared with those of the files, never made into a path.
         for path, stamp in self._files().items():
             if path.name.removesuffix(ENDING) == name:
                 try:
-                    tape = SeekableRecording(path)
+                    recording = SeekableRecording(path)
                 except RecordingError as error:
                     raise GatewayError("no-recording", str(error)) from error
-                return tape, self._events_of(stamp, tape)
+                return recording, self._events_of(stamp, recording)
         raise GatewayError(
             "no-recording", f"no recording is called {name[:80]!r}; choose one from the list"
         )
@@ -83,12 +88,12 @@ class Library:
             self._titles[stamp] = _title_of(path)
         return self._titles[stamp]
 
-    def _events_of(self, stamp: Stamp, tape: SeekableRecording) -> list[Event]:
+    def _events_of(self, stamp: Stamp, recording: SeekableRecording) -> list[Event]:
         with self._lock:
             if stamp not in self._events:
-                while len(self._events) >= MOST_KEPT:
+                while len(self._events) >= self._limits.cached_recordings:
                     del self._events[next(iter(self._events))]
-                self._events[stamp] = _all_events(tape)
+                self._events[stamp] = _all_events(recording)
             return self._events[stamp]
 
 
@@ -98,7 +103,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def _stamp(path: Path) -> Stamp | None:
-    """Return what tells a file from an earlier one of its name, None where it has just gone."""
+    """Return what tells a file from an earlier one of its name, None where it was just deleted."""
     try:
         about = path.stat()
     except OSError:
@@ -107,33 +112,30 @@ def _stamp(path: Path) -> Stamp | None:
 
 
 def _title_of(path: Path) -> Title | None:
-    """Return the line of a recording, None for a file that is none."""
+    """Return the line of a recording, None for a file that cannot be read."""
     try:
-        tape = SeekableRecording(path)
+        recording = SeekableRecording(path)
     except RecordingError:
         return None
     try:
         return Title(
             name=path.name.removesuffix(ENDING),
-            course=str(json.loads(tape.start.setting)["course"]["name"]),
-            started=tape.start.started_at,
-            seconds=round(tape.last_tick / TICKS_PER_SECOND, 1),
-            karts=len(tape.start.seats),
-            finished=tape.is_finished(),
+            course=str(json.loads(recording.start.setting)["course"]["name"]),
+            started=recording.start.started_at,
+            seconds=round(recording.last_tick / TICKS_PER_SECOND, 1),
+            karts=len(recording.start.seats),
+            finished=recording.is_finished(),
         )
     except (ValueError, KeyError, TypeError, WireError):
         return None
     finally:
-        tape.close()
+        recording.close()
 
 
-def _all_events(tape: SeekableRecording) -> list[Event]:
+def _all_events(recording: SeekableRecording) -> list[Event]:
     """Return all events of a recording, each once; damaged messages are left out."""
-    events: dict[int, Event] = {}
-    for moment in tape.all_events():
-        try:
-            _, told = decode_events(moment.data)
-        except WireError:
-            continue
-        events.update((event.sequence, event) for event in told)
-    return sorted(events.values(), key=lambda event: event.sequence)
+    stream = EventStream(MAX_EVENTS, recording.start.epoch)
+    for moment in recording.all_events():
+        with suppress(WireError):
+            stream.receive(recording.start.epoch, decode_events(moment.data)[1])
+    return stream.recent()

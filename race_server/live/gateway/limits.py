@@ -1,56 +1,156 @@
-"""How much one browser, one address and all browsers together may ask for."""
+"""How much browsers may ask for, how long anything may take, and what counts it."""
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from race_server.errors import GatewayError
+from race_server.live.gateway.origins import is_loopback
 
-# All browsers, and those of one address that is not this machine.
-MOST_BROWSERS, MOST_OF_ADDRESS = 256, 16
-# A page, its files and its socket open a few connections each.
-MOST_CONNECTIONS, MOST_CONNECTIONS_OF_ADDRESS = 1024, 64
-# A browser says who it is within so long …
-HELLO_S = 3.0
-# … in so many bytes; later texts are as short, and so are controls.
-MOST_TEXT, MOST_CONTROL = 1024, 256
-# Longer messages end the connection before anybody has read them.
-MOST_MESSAGE = 1 << 16
-TEXTS_HZ, CONTROLS_HZ = 20.0, 120.0
-# Of whatever it sends, pings and pieces too; and a message comes in so many pieces.
-BYTES_HZ, MOST_PIECES = 1 << 17, 64
-# Somebody whose network held messages up may send so many seconds' worth at once.
-BURST_S = 2.0
-# A browser that takes nothing for so long is let go, and ends for good a little later.
-DRAIN_S, ABORT_S = 10.0, 3.0
-HEARTBEAT_S = 20.0
+
+@dataclass(frozen=True)
+class GatewayLimits:
+    """Bounds on what browsers cost: counts, sizes [bytes] and rates [1/s]."""
+
+    # Browsers, of all addresses and of one address that is not this machine.
+    browsers: int = 256
+    browsers_per_address: int = 16
+    # TCP connections that are no WebSocket yet: a page and its files open a few each.
+    connections: int = 1024
+    connections_per_address: int = 64
+    # Connections that wait to be accepted, and files that this process asks to open.
+    backlog: int = 256
+    open_files: int = 4096
+    # A text and a control of a browser.
+    text_bytes: int = 1024
+    control_bytes: int = 256
+    # Longer messages end the connection before they are read.
+    message_bytes: int = 1 << 16
+    texts_hz: float = 20.0
+    controls_hz: float = 120.0
+    # All that a browser sends, pings and fragments included.
+    bytes_hz: float = 1 << 17
+    # Fragments of one message.
+    fragments: int = 64
+    # After a break of the network a browser may send this many seconds' worth at once.
+    burst_s: float = 2.0
+    # Bytes that wait in this process for a browser that reads slowly; beyond that only the newest
+    # message of a kind is kept. As much again may wait in the kernel.
+    write_buffer_bytes: int = 16_384
+    # Pongs and closing frames exceed that bound; a browser never causes this many bytes of them.
+    buffered_bytes: int = 1 << 20
+    # Messages that must all arrive and wait for one browser.
+    waiting_messages: int = 256
+    # Messages of the race that must all be processed and wait for the event loop.
+    race_messages: int = 1024
+    # Resume tokens that are valid at once, of each role.
+    resume_tokens: int = 1024
+    # A refusal is logged once for each reason and address, for this many of them.
+    logged_refusals: int = 1024
+    # Threads that wait for the race, and threads that read recordings.
+    race_threads: int = 8
+    recording_threads: int = 4
+    # Recordings in the list, and recordings whose events stay in memory.
+    listed_recordings: int = 100
+    cached_recordings: int = 4
+
+
+@dataclass(frozen=True)
+class GatewayTiming:
+    """Timeouts and periods of a gateway, in seconds."""
+
+    # A browser authenticates within this time.
+    hello_s: float = 3.0
+    # A connection that has not become a WebSocket is closed after this time.
+    request_s: float = 60.0
+    heartbeat_s: float = 20.0
+    # A browser that has read nothing for this long is disconnected …
+    unread_s: float = 10.0
+    # … and its connection is aborted this long after the end of its session.
+    abort_s: float = 3.0
+    # A refused browser has this long to read the reason, and all browsers at the gateway's end.
+    farewell_s: float = 1.0
+    # A page shows the race this much late, so that it has two snapshots to interpolate between.
+    page_delay_s: float = 0.1
+    # Without a control for this long a driver's hands are off the controls.
+    dead_man_s: float = 0.25
+    # The seat of a driver whose page is gone is kept for this long.
+    seat_grace_s: float = 30.0
+    # A page that was silent for this long may be replaced by one that shows its resume token.
+    stalled_s: float = 2.0
+    # Without heads-up data for this long a seat is asked for again.
+    hud_timeout_s: float = 3.0
+    # A link to the race fails after this time.
+    connect_s: float = 2.0
+    # Between two attempts to connect to a race.
+    reconnect_s: float = 0.5
+    # Between two checks of the link to the race.
+    link_poll_s: float = 0.5
+    # A lobby sends nothing: after this silence it is asked whether it is there.
+    race_silence_s: float = 1.5
+    # A race that was there and has been gone for this long is over: a server that was killed is
+    # back before that.
+    race_gone_s: float = 10.0
+    # Between two polls of the seats and rays, and between two checks for browsers that do not read.
+    poll_s: float = 0.1
+    check_s: float = 1.0
+    # Between two positions of a recording that plays, and between two casts of its rays.
+    position_s: float = 0.5
+    rays_s: float = 0.1
 
 
 @dataclass
 class RateLimiter:
-    """Fills up at a rate; each message, or byte, takes one from it."""
+    """A token bucket: fills at a rate; each message, or byte, takes one from it."""
 
     rate_hz: float
     what: str
+    burst_s: float  # what it holds, in seconds of its rate
     clock: Callable[[], float] = time.monotonic
     _left: float = field(init=False)
     _at: float = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin full."""
-        self._left, self._at = BURST_S * self.rate_hz, self.clock()
+        self._left, self._at = self.burst_s * self.rate_hz, self.clock()
 
     def spend(self, amount: float = 1.0) -> None:
         """Take one, or several.
 
         Raises:
-            GatewayError: there are not so many left.
+            GatewayError: fewer are left.
         """
         now = self.clock()
-        self._left = min(self._left + (now - self._at) * self.rate_hz, BURST_S * self.rate_hz)
+        full = self.burst_s * self.rate_hz
+        self._left = min(self._left + (now - self._at) * self.rate_hz, full)
         self._at = now
         if self._left < amount:
             raise GatewayError(
                 "too-fast", f"more than {self.rate_hz:g} {self.what} a second; send fewer"
             )
         self._left -= amount
+
+
+class ConnectionLimiter:
+    """Counts open connections, in total and by address."""
+
+    def __init__(self, total: int, per_address: int) -> None:
+        """Begin with none. per_address: of an address that is not this machine."""
+        self._total, self._per_address = total, per_address
+        self._open: Counter[str] = Counter()
+
+    def enter(self, host: str) -> bool:
+        """Count a connection and return True, if there is room for it."""
+        is_full = self._open.total() >= self._total
+        crowded = self._open[host] >= self._per_address and not is_loopback(host)
+        if is_full or crowded:
+            return False
+        self._open[host] += 1
+        return True
+
+    def leave(self, host: str) -> None:
+        """Count a connection no longer."""
+        self._open[host] -= 1
+        if not self._open[host]:
+            del self._open[host]

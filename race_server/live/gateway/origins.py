@@ -1,4 +1,4 @@
-"""Which pages may talk to the gateway: its own, and those that were named."""
+"""Which pages may connect to the gateway: its own, and those named in the settings."""
 
 import ipaddress
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from race_server.errors import GatewayError
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether an address is of this machine."""
+    """Return whether an address is a loopback address of this machine."""
     try:
         return ipaddress.ip_address(host.partition("%")[0]).is_loopback
     except ValueError:
@@ -16,14 +16,14 @@ def is_loopback(host: str) -> bool:
 
 
 def check_origin(headers: Mapping[str, str], origins: tuple[str, ...], *, is_local: bool) -> None:
-    """Do nothing for a connection of our own page, or of no page at all.
+    """Do nothing for a connection of the gateway's own page, or of no page.
 
-    Browsers always say from which page a connection comes; other programs do not, and could lie.
-    origins: of other pages that may connect; is_local: only this machine can reach the gateway,
-    so a page that reaches it under another name was sent here by somebody's name server.
+    Browsers always send the origin of the page; other programs need not, and could send any.
+    origins: of other pages that may connect; is_local: only this machine can reach the gateway, so
+    a page with another host name was sent here by a name server (DNS rebinding).
 
     Raises:
-        GatewayError: it is another page's.
+        GatewayError: the connection is another page's.
     """
     origin, host = headers.get("origin"), headers.get("host", "")
     if origin is None or origin in origins:
@@ -39,13 +39,13 @@ def check_origin(headers: Mapping[str, str], origins: tuple[str, ...], *, is_loc
 
 
 def is_known_host(host: str, origins: tuple[str, ...]) -> bool:
-    """Return whether a name, as browsers give it, is this machine's own or one of the pages'."""
+    """Return whether a Host header names this machine, or one of the origins."""
     _, name = _named(f"//{host}")
     return is_loopback(name) or name in {_named(origin)[1] for origin in origins}
 
 
 def _named(address: str) -> tuple[str, str]:
-    """Return ``host:port`` and host of an address; nothing of one that is none."""
+    """Return ``host:port`` and host of an address, empty where it cannot be read."""
     try:
         parts = urlsplit(address)
         return parts.netloc.lower(), parts.hostname or ""

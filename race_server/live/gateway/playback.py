@@ -1,4 +1,4 @@
-"""A recording as one browser plays it: at its own speed, forwards and back."""
+"""A recording as one browser plays it: at any speed, forwards and back."""
 
 import asyncio
 import json
@@ -14,10 +14,10 @@ from race_server.core.messages import Event
 from race_server.core.rules.items import items
 from race_server.errors import GatewayError, RecordingError, WireError
 from race_server.live.gateway.audience import POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
-from race_server.live.gateway.connection import frame_of
-from race_server.live.gateway.event_frames import KnownEvents, event_frames
+from race_server.live.gateway.frames import RecordedEventFrames, event_frames, frame_of
 from race_server.live.gateway.handshake import read_int, read_number
-from race_server.live.gateway.rays import Caster
+from race_server.live.gateway.limits import GatewayTiming
+from race_server.live.gateway.rays import RayCaster
 from race_server.net.wire.line import encode_line
 from race_server.net.wire.lobby import encode_course, encode_rules
 from race_server.net.wire.rays import encode_rays
@@ -30,89 +30,95 @@ from race_server.storage.recording.seekable import Moment, SeekableRecording
 
 Answer = TypeVar("Answer")
 
-LEAST_SPEED, MOST_SPEED = 0.1, 16.0
-MOST_TICK = 1 << 31
-# Where it stands is told as often as this, and rays are cast as often as that [s].
-TELL_S, RAYS_S = 0.5, 0.1
-WORDS = ("play", "pause", "seek", "step")
+# Bounds of the speed, in times real time, and of a tick.
+MIN_SPEED, MAX_SPEED = 0.1, 16.0
+MAX_TICK = 1 << 31
+# The types of messages for a player.
+PLAYER_MESSAGES = ("play", "pause", "seek", "step")
 
 
 class Player:
     """Plays one recording to one viewer."""
 
     def __init__(
-        self, viewer: Viewer, tape: SeekableRecording, events: list[Event], pool: Executor
+        self,
+        viewer: Viewer,
+        recording: SeekableRecording,
+        events: list[Event],
+        pool: Executor,
+        timing: GatewayTiming,
     ) -> None:
-        """Stand at the beginning. events: all of the race; pool: for what has to wait."""
-        self._viewer, self._tape, self._events, self._pool = viewer, tape, events, pool
+        """Begin at the first tick. events: all of the race; pool: for blocking work."""
+        self._viewer, self._recording, self._events = viewer, recording, events
+        self._pool, self._timing = pool, timing
         self._ticks = [event.tick for event in events]
-        self._known = KnownEvents(tape.start.epoch, events)
-        self._tick = 0  # shown last
+        self._event_frames = RecordedEventFrames(recording.start.epoch, events)
+        self._tick = 0  # sent last
         self._anchor = (0.0, 0.0)  # a tick and the time at which it was due
         self._speed, self._is_playing = 1.0, False
         self._sought: int | None = 0
-        self._turned = asyncio.Event()
-        self._told_at = self._cast_at = 0.0
+        self._changed = asyncio.Event()
+        self._position_at = self._cast_at = 0.0
         self._snapshot: SnapshotFrame | None = None
-        self._caster: Caster | None = None
+        self._caster: RayCaster | None = None
 
-    def obey(self, words: dict[str, Any]) -> None:
-        """Do what a browser asks for.
+    def handle(self, message: dict[str, Any]) -> None:
+        """Do what a message of a browser asks for.
 
         Raises:
-            GatewayError: it makes no sense.
+            GatewayError: it is malformed.
         """
-        kind = words["type"]
+        kind = message["type"]
         if kind == "play":
-            self._speed = read_number(words, "speed", LEAST_SPEED, MOST_SPEED, default=1.0)
-            if self._tick >= self._tape.last_tick:
+            self._speed = read_number(message, "speed", MIN_SPEED, MAX_SPEED, default=1.0)
+            if self._tick >= self._recording.last_tick:
                 self._sought = 0
             self._is_playing = True
         elif kind == "pause":
             self._is_playing = False
         elif kind == "seek":
-            self._sought = read_int(words, "tick", 0, MOST_TICK, default=0)
+            self._sought = read_int(message, "tick", 0, MAX_TICK, default=0)
         else:
-            ticks = read_int(words, "ticks", -MOST_TICK, MOST_TICK, default=1)
+            ticks = read_int(message, "ticks", -MAX_TICK, MAX_TICK, default=1)
             self._is_playing = False
             self._sought = (self._tick if self._sought is None else self._sought) + ticks
         self._anchor = (float(self._tick), time.monotonic())
-        self._turned.set()
+        self._changed.set()
 
     async def run(self) -> None:
-        """Play until the browser has gone."""
+        """Play until cancelled."""
         try:
-            for data in await self._wait_for(self._sheets):
-                self._viewer.outbox.tell(data)
+            for data in await self._run_in_pool(self._first_messages):
+                self._viewer.outbox.send(data)
             while True:
                 if self._sought is not None:
                     sought, self._sought = self._sought, None
-                    await self._jump(min(max(sought, 0), self._tape.last_tick))
+                    await self._jump(min(max(sought, 0), self._recording.last_tick))
                 elif self._is_playing:
-                    await self._go_on()
+                    await self._advance()
                 await self._wait()
         finally:
-            self._tape.close()
+            self._recording.close()
 
     async def _wait(self) -> None:
-        """Wait for the next picture, or for a word of the browser."""
+        """Wait until the next snapshot is due, or the browser asks for something."""
         if self._sought is None:
             if not self._is_playing:
-                self._show_rays()
+                self._send_rays()
             with suppress(TimeoutError):
                 async with asyncio.timeout(1.0 / self._viewer.rate if self._is_playing else None):
-                    await self._turned.wait()
-        self._turned.clear()
+                    await self._changed.wait()
+        self._changed.clear()
 
-    def _sheets(self) -> list[bytes]:
-        """Return what comes first, as messages; runs in the pool."""
-        start = self._tape.start
+    def _first_messages(self) -> list[bytes]:
+        """Return the first messages: course, rules and line; runs in the pool."""
+        start = self._recording.start
         try:
             scenario = unpack_scenario(start.setting, start.arrays)
         except RecordingError as error:
             raise GatewayError("no-recording", str(error)) from error
         course = course_sheet(scenario)
-        self._caster = Caster(course, scenario.lidar, scenario.radar)
+        self._caster = RayCaster(course, scenario.lidar, scenario.radar)
         names = [item.name for item in items()]
         return [
             encode_course(course),
@@ -121,96 +127,96 @@ class Player:
         ]
 
     async def _jump(self, tick: int) -> None:
-        """Show a moment, and all that was known then."""
-        table, snapshot, events = await self._wait_for(
+        """Send the state at a tick, and all events until then."""
+        table, snapshot, events = await self._run_in_pool(
             lambda: (
-                self._tape.newest(TABLES, tick),
-                self._tape.newest(SNAPSHOTS, tick),
-                self._known.frames(bisect_right(self._ticks, tick)),
+                self._recording.newest(TABLES, tick),
+                self._recording.newest(SNAPSHOTS, tick),
+                self._event_frames.frames(bisect_right(self._ticks, tick)),
             )
         )
         self._tick, self._anchor = tick, (float(tick), time.monotonic())
-        self._tell_position(sought=True)
+        self._send_position(sought=True)
         outbox = self._viewer.outbox
         if table is not None and _is_sound(decode_standings, table):
-            outbox.tell(table.data)
+            outbox.send(table.data)
         for frame in events:
-            outbox.put(frame)
-        if snapshot is not None and self._take_snapshot(snapshot):
-            outbox.tell(snapshot.data)
+            outbox.send_frame(frame)
+        if snapshot is not None and self._decode_snapshot(snapshot):
+            outbox.send(snapshot.data)
 
-    async def _go_on(self) -> None:
-        """Show what has come since the last picture."""
+    async def _advance(self) -> None:
+        """Send what was recorded since the last time."""
         begun, at = self._anchor
         due = int(begun + (time.monotonic() - at) * TICKS_PER_SECOND * self._speed)
-        last = min(due, self._tape.last_tick)
+        last = min(due, self._recording.last_tick)
         before, self._tick = self._tick, max(last, self._tick)
-        shown = await self._wait_for(lambda: self._tape.between(before, last))
+        found = await self._run_in_pool(lambda: self._recording.between(before, last))
         if self._sought is not None:
-            return  # it was moved meanwhile
-        self._show(shown, before, last)
-        if last >= self._tape.last_tick:
+            return  # the browser has sought another tick meanwhile
+        self._send_between(found, before, last)
+        if last >= self._recording.last_tick:
             self._is_playing = False
-            self._tell_position()
-        elif time.monotonic() - self._told_at > TELL_S:
-            self._tell_position()
+            self._send_position()
+        elif time.monotonic() - self._position_at > self._timing.position_s:
+            self._send_position()
 
-    def _show(self, shown: list[Moment], before: int, last: int) -> None:
-        outbox, newest = self._viewer.outbox, {moment.kind: moment for moment in shown}
+    def _send_between(self, found: list[Moment], before: int, last: int) -> None:
+        outbox, newest = self._viewer.outbox, {moment.kind: moment for moment in found}
         first, end = bisect_right(self._ticks, before), bisect_right(self._ticks, last)
-        for frame in event_frames(self._tape.start.epoch, self._events[first:end]):
-            outbox.put(frame)
+        for frame in event_frames(self._recording.start.epoch, self._events[first:end]):
+            outbox.send_frame(frame)
         table, snapshot = newest.get(TABLES), newest.get(SNAPSHOTS)
         if table is not None and _is_sound(decode_standings, table):
-            outbox.show(STANDINGS, frame_of(table.data))
-        if snapshot is not None and self._take_snapshot(snapshot):
-            outbox.show(SNAPSHOT, frame_of(snapshot.data))
-            self._show_rays()
+            outbox.send_newest(STANDINGS, frame_of(table.data))
+        if snapshot is not None and self._decode_snapshot(snapshot):
+            outbox.send_newest(SNAPSHOT, frame_of(snapshot.data))
+            self._send_rays()
 
-    def _take_snapshot(self, moment: Moment) -> bool:
+    def _decode_snapshot(self, moment: Moment) -> bool:
         try:
             self._snapshot = decode_snapshot(moment.data)
         except WireError:
             return False
         return True
 
-    def _show_rays(self) -> None:
+    def _send_rays(self) -> None:
         now, viewer = time.monotonic(), self._viewer
-        if not viewer.wants_rays or now - self._cast_at < RAYS_S:
+        if not viewer.wants_rays or now - self._cast_at < self._timing.rays_s:
             return
         self._cast_at = now
         if self._snapshot is not None and self._caster is not None:
             if rays := self._caster.cast(self._snapshot, viewer.seat):
-                viewer.outbox.show(RAYS, frame_of(encode_rays(rays)))
+                viewer.outbox.send_newest(RAYS, frame_of(encode_rays(rays)))
 
-    def _tell_position(self, *, sought: bool = False) -> None:
-        self._told_at = time.monotonic()
-        words = {
+    def _send_position(self, *, sought: bool = False) -> None:
+        self._position_at = time.monotonic()
+        message = {
             "type": "position",
             "tick": self._tick,
             "first": 0,
-            "last": self._tape.last_tick,
+            "last": self._recording.last_tick,
             "playing": self._is_playing,
             "speed": self._speed,
             "sought": sought,
         }
-        frame = frame_of(json.dumps(words))
-        # The page forgets what it knew where it was moved, so that one must arrive, and in order.
+        frame = frame_of(json.dumps(message))
+        # The page forgets its state after a seek, so this one must arrive, and in order.
         if sought:
-            self._viewer.outbox.put(frame)
+            self._viewer.outbox.send_frame(frame)
         else:
-            self._viewer.outbox.show(POSITION, frame)
+            self._viewer.outbox.send_newest(POSITION, frame)
 
-    def turn(self) -> None:
-        """Look again at what the viewer wants."""
-        self._turned.set()
+    def refresh(self) -> None:
+        """Send what the viewer wants to see by now."""
+        self._changed.set()
 
-    async def _wait_for(self, read: Callable[[], Answer]) -> Answer:
+    async def _run_in_pool(self, read: Callable[[], Answer]) -> Answer:
         return await asyncio.get_running_loop().run_in_executor(self._pool, read)
 
 
 def _is_sound(decode: Callable[[bytes], object], moment: Moment) -> bool:
-    """Return whether a message can be handed on: a recording may come from anywhere."""
+    """Return whether a message can be sent on: a recording may come from anywhere."""
     try:
         decode(moment.data)
     except WireError:

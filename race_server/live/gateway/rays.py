@@ -1,7 +1,7 @@
-"""The rays of a kart's sensors as they would be without noise, for who watches.
+"""The rays of a kart's sensors without noise, for spectators.
 
-Spectators are not told what karts see: it is worked out here, from where everything is, in plain
-numpy, so that no compiler has to be loaded. A test holds it to what the sensors of the race give.
+A server does not publish what karts see: it is computed here from the snapshot, in plain numpy, so
+that no compiler has to be loaded. A test compares it with the sensors of the race.
 """
 
 import math
@@ -25,18 +25,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Things:
-    """All that rays may hit: P segments and D discs."""
+    """Everything that rays may hit: P segments and D discs."""
 
     segments: Floats  # (P, 4) [m]
     kinds: NDArray[np.uint8]  # (P,) see `race_server.core.codes`
     discs: Floats  # (D, 3) x, y, radius [m]
 
 
-class Caster:
+class RayCaster:
     """Casts the rays of karts on one course."""
 
     def __init__(self, course: CourseSheet, lidar: Lidar | None = None, radar: Radar | None = None):
-        """Keep what never moves."""
+        """Keep what never moves. lidar, radar: those of the race, if they are known."""
         self._course, self._lidar, self._radar = course, lidar or Lidar(), radar or Radar()
         boxes = course.obstacles
         outlines = [segments_of(corners_of_box(*box)) for box in boxes]
@@ -99,7 +99,7 @@ def _cast(
     x, y = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
     near = are_near(things.segments, x, y, reach)
     ranges, which = first_met(things.segments[near], x, y, heading + angles, reach)
-    # The last one is for rays that meet nothing: their number is -1.
+    # The last entry is for rays that hit nothing: their index is -1.
     kinds = np.append(things.kinds[near], np.uint8(codes.NOTHING))[which]
     ways = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
     for disc in things.discs:

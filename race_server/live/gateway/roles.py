@@ -1,4 +1,4 @@
-"""Who a browser may be: tokens that were handed out, and words by which it comes back."""
+"""Roles of browsers: tokens that open them, and tokens that resume them after a break."""
 
 import secrets
 from collections import OrderedDict
@@ -7,34 +7,31 @@ from dataclasses import dataclass
 from race_server.errors import GatewayError
 from race_server.live.gateway.handshake import Hello, Role
 
-# So many words for coming back are kept of each role.
-MOST_PASSES = 1024
-
 
 def new_token() -> str:
-    """Return a token that nobody guesses."""
+    """Return a token that cannot be guessed."""
     return secrets.token_urlsafe(16)
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who somebody is here."""
+    """The role of a browser."""
 
     role: Role
-    wheel: int = -1  # of a driver: number of its token
+    number: int = -1  # of a driver's token
     name: str = ""
 
 
 @dataclass(frozen=True)
 class Tokens:
-    """What opens each role."""
+    """The token of each role."""
 
-    spectate: str = ""  # "" lets anybody watch
+    spectate: str = ""  # "" lets all browsers watch
     drive: tuple[str, ...] = ()  # one for each driver
-    steward: str = ""  # "" for nobody
+    steward: str = ""  # "" lets no browser steward
 
     def identify(self, hello: Hello) -> Identity:
-        """Return who shows a token.
+        """Return the role that a token opens.
 
         Raises:
             GatewayError: it does not fit.
@@ -43,7 +40,7 @@ class Tokens:
             if not self.spectate or _fits(hello.token, self.spectate):
                 return Identity(hello.role, name=hello.name)
         elif hello.role is Role.DRIVE:
-            # All are compared, so that the time taken tells nothing.
+            # All are compared, so that the time taken reveals nothing.
             fits = [_fits(hello.token, token) for token in self.drive]
             if any(fits):
                 return Identity(hello.role, fits.index(True), hello.name)
@@ -56,7 +53,7 @@ class Tokens:
         )
 
     def lets_read(self, token: str) -> bool:
-        """Return whether whoever shows a token may look at what spectators see."""
+        """Return whether a token lets its bearer read what spectators see."""
         known = (self.spectate, self.steward, *self.drive)
         fits = [_fits(token, one) for one in known if one]
         return not self.spectate or any(fits)
@@ -68,37 +65,38 @@ def _fits(shown: str, token: str) -> bool:
 
 
 class ResumeTokens:
-    """Words by which browsers come back after a break, each good for one time."""
+    """Tokens with which browsers resume after a break, each valid once."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
-        # Those of one role cannot push out those of another.
+    def __init__(self, most_per_role: int) -> None:
+        """Begin with none. most_per_role: that are valid at once; the oldest expire."""
+        self._most = most_per_role
+        # Many tokens of one role do not make those of another expire.
         self._open: dict[Role, OrderedDict[str, Identity]] = {role: OrderedDict() for role in Role}
 
     def issue(self, identity: Identity) -> str:
-        """Return a new word for somebody."""
-        word, kept = new_token(), self._open[identity.role]
-        kept[word] = identity
-        if len(kept) > MOST_PASSES:
+        """Return a new token for a browser."""
+        token, kept = new_token(), self._open[identity.role]
+        kept[token] = identity
+        if len(kept) > self._most:
             kept.popitem(last=False)
-        return word
+        return token
 
-    def look(self, word: str) -> Identity:
-        """Return who a word is for, and leave it as it is.
+    def find(self, token: str) -> Identity:
+        """Return the browser that a token was issued to; the token stays valid.
 
         Raises:
-            GatewayError: it was used already, or nobody was given it.
+            GatewayError: it was used already, has expired, or was never issued.
         """
         for kept in self._open.values():
-            if word in kept:
-                return kept[word]
+            if token in kept:
+                return kept[token]
         raise GatewayError(
             "used",
             "this word for coming back was used already, or is an earlier gateway's; open the "
             "page's address again",
         )
 
-    def spend(self, word: str) -> None:
-        """Let a word count no longer."""
+    def revoke(self, token: str) -> None:
+        """Make a token invalid."""
         for kept in self._open.values():
-            kept.pop(word, None)
+            kept.pop(token, None)

@@ -1,6 +1,7 @@
-"""A gateway that listens: its socket, its loop, and the end of both."""
+"""A gateway as a process: its socket, its event loop, and the end of both."""
 
 import asyncio
+import math
 import resource
 import signal
 import socket
@@ -12,62 +13,51 @@ import uvicorn
 
 from race_server.errors import LinkError
 from race_server.live.gateway.app import make_app
-from race_server.live.gateway.connection import (
-    WRITE_BUFFER,
-    ConnectionLimiter,
-    PendingConnection,
-    WebSocketConnection,
-)
-from race_server.live.gateway.hub import Hub
-from race_server.live.gateway.limits import HEARTBEAT_S, MOST_CONNECTIONS, MOST_MESSAGE
+from race_server.live.gateway.connection import PendingConnection, WebSocketConnection
+from race_server.live.gateway.limits import ConnectionLimiter, GatewayLimits
 from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.page import Page
 from race_server.live.gateway.settings import Addresses, Settings, addresses_of
+from race_server.live.gateway.state import GatewayState
 from race_server.logs import Log
 
-# Connections that wait to be accepted.
-BACKLOG = 256
-# Connections, recordings, the link to the race: often a process has 1024 until it asks for more.
-WANTED_FILES = 4096
-# Browsers are told of the end, and have so long to take it.
-FAREWELL_S = 1
-# A server that was killed is back before that; one that has ended is not.
-GONE_S, LOOK_S = 10.0, 0.2
+# Between two checks whether the race has gone [s].
+ONCE_POLL_S = 0.2
 
 
 class Gateway:
-    """Listens from its making on; serves while `serve` runs."""
+    """Listens as soon as it is made; serves while `serve` runs."""
 
     def __init__(self, settings: Settings, log: Log) -> None:
         """Listen.
 
         Raises:
-            LinkError: the place is in use, or not of this machine.
+            LinkError: the address is in use, or not of this machine.
         """
         self._settings, self._log = settings, log
-        self._socket = _listening(settings.host, settings.port)
+        self._socket = _listen(settings)
         self.addresses: Addresses = addresses_of(settings, self._socket.getsockname()[1])
         self._server: uvicorn.Server | None = None
-        self.hub: Hub | None = None
+        self.state: GatewayState | None = None
 
     def run(self) -> None:
-        """Serve in a loop of its own until a signal comes."""
+        """Serve in a new event loop until a signal arrives."""
         for number in (signal.SIGINT, signal.SIGTERM):
-            # uvicorn takes them while it serves, and raises them again at its end.
+            # uvicorn handles them while it serves, and raises them again at its end.
             signal.signal(number, lambda *_: None)
         asyncio.run(self.serve())
 
     async def serve(self) -> None:
-        """Serve until it is stopped."""
-        hub = self.hub = Hub(self._settings, self._log)
-        self._server = uvicorn.Server(self._config(hub))
-        tasks = [asyncio.create_task(hub.look_after())]
+        """Serve until `stop` is called."""
+        state = self.state = GatewayState(self._settings, self._log)
+        self._server = uvicorn.Server(self._config(state))
+        tasks = [asyncio.create_task(state.run())]
         if self._settings.once:
-            tasks.append(asyncio.create_task(self._end_with(hub.live)))
+            tasks.append(asyncio.create_task(self._end_with(state.live)))
         try:
-            with hub.listener:
+            with state.listener:
                 await self._server.serve(sockets=[self._socket])
-                await hub.close()
+                await state.close()
         finally:
             for task in tasks:
                 task.cancel()
@@ -76,8 +66,9 @@ class Gateway:
 
     async def _end_with(self, live: LiveRace) -> None:
         """Stop once a race that was there has been gone for a while."""
-        while live.left_at is None or time.monotonic() - live.left_at < GONE_S:
-            await asyncio.sleep(LOOK_S)
+        gone_s = self._settings.timing.race_gone_s
+        while live.left_at is None or time.monotonic() - live.left_at < gone_s:
+            await asyncio.sleep(ONCE_POLL_S)
         self.stop()
 
     def stop(self) -> None:
@@ -85,57 +76,62 @@ class Gateway:
         if self._server is not None:
             self._server.should_exit = True
 
-    def _config(self, hub: Hub) -> uvicorn.Config:
-        visit: Any = partial(PendingConnection, porch=ConnectionLimiter(_room_for_connections()))
-        pipe: Any = WebSocketConnection
+    def _config(self, state: GatewayState) -> uvicorn.Config:
         settings = self._settings
-        app: Any = make_app(hub, Page.read())
+        limits, timing = settings.limits, settings.timing
+        limiter = ConnectionLimiter(room_for_connections(limits), limits.connections_per_address)
+        pending: Any = partial(PendingConnection, limiter=limiter, request_s=timing.request_s)
+        connection: Any = partial(WebSocketConnection, limits=limits, timing=timing)
+        app: Any = make_app(state, Page.read())
         return uvicorn.Config(
             app,
-            http=visit,
-            ws=pipe,
-            ws_max_size=MOST_MESSAGE,
-            ws_ping_interval=HEARTBEAT_S,
-            ws_ping_timeout=HEARTBEAT_S,
-            ws_per_message_deflate=False,  # snapshots hardly get smaller, and processors warmer
+            http=pending,
+            ws=connection,
+            ws_max_size=limits.message_bytes,
+            ws_ping_interval=timing.heartbeat_s,
+            ws_ping_timeout=timing.heartbeat_s,
+            ws_per_message_deflate=False,  # snapshots hardly get smaller, for much work
             lifespan="off",
             log_config=None,
             log_level="warning",
             access_log=False,
-            # Whoever comes through a proxy says so in words that anybody could say.
+            # The headers of a proxy could be sent by any client.
             proxy_headers=False,
             server_header=False,
             date_header=False,
-            timeout_graceful_shutdown=FAREWELL_S,
+            timeout_graceful_shutdown=math.ceil(timing.farewell_s),
             ssl_certfile=settings.certificate,
             ssl_keyfile=settings.private_key,
         )
 
 
-def _room_for_connections() -> int:
-    """Return how many connections may be open before a browser has said anything.
+def room_for_connections(limits: GatewayLimits) -> int:
+    """Ask for more open files, and return how many connections may be open.
 
-    Half of what this process may open: browsers, recordings and the race need room too.
+    At most half of the files that this process may open: browsers, recordings and the race need
+    some too, and often a process has 1024 until it asks for more.
     """
     files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if files == resource.RLIM_INFINITY:
-        return MOST_CONNECTIONS
-    may = WANTED_FILES if most == resource.RLIM_INFINITY else min(most, WANTED_FILES)
+        return limits.connections
+    wanted = limits.open_files
+    may = wanted if most == resource.RLIM_INFINITY else min(most, wanted)
     files = max(files, may)
     resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
-    return min(files // 2, MOST_CONNECTIONS)
+    return min(files // 2, limits.connections)
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def _listen(settings: Settings) -> socket.socket:
+    host, port, limits = settings.host, settings.port, settings.limits
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # Without naming TCP here asyncio would let small messages wait for those before: 30 ms.
+    # Without TCP named here asyncio would not set TCP_NODELAY: small messages would wait 30 ms.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        # Inherited by every connection: what waits in the kernel can no longer be overtaken.
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, WRITE_BUFFER)
+        # Inherited by every connection: what waits in the kernel cannot be replaced by newer data.
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, limits.write_buffer_bytes)
         listener.bind((host, port))
-        listener.listen(BACKLOG)
+        listener.listen(limits.backlog)
     except OSError as error:
         listener.close()
         raise LinkError(

@@ -1,4 +1,4 @@
-"""What a gateway serves, to whom, and where."""
+"""What a gateway serves, for which browsers, and at which address."""
 
 import socket
 import ssl
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from race_server.errors import KeysError, LinkError
 from race_server.live.gateway.key_ring import KeyRing
+from race_server.live.gateway.limits import GatewayLimits, GatewayTiming
 from race_server.live.gateway.origins import is_loopback
 from race_server.live.gateway.roles import Tokens, new_token
 
@@ -16,7 +17,7 @@ _EVERYWHERE = ("0.0.0.0", "::")
 
 @dataclass(frozen=True)
 class Settings:
-    """All that is fixed when a gateway starts."""
+    """Everything that is fixed when a gateway starts."""
 
     address: str  # of the race
     session: str
@@ -29,6 +30,8 @@ class Settings:
     certificate: Path | None = None
     private_key: Path | None = None
     once: bool = False  # ends with its race
+    limits: GatewayLimits = field(default_factory=GatewayLimits)
+    timing: GatewayTiming = field(default_factory=GatewayTiming)
 
     @property
     def is_local(self) -> bool:
@@ -40,7 +43,7 @@ def place_of(words: str) -> tuple[str, int]:
     """Return host and port of ``HOST:PORT``.
 
     Raises:
-        LinkError: it is none.
+        LinkError: it is written in another way.
     """
     host, _, port = words.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535:
@@ -49,7 +52,7 @@ def place_of(words: str) -> tuple[str, int]:
 
 
 def tokens_for(*, drivers: int, steward: bool, open_to_all: bool) -> Tokens:
-    """Return fresh tokens. open_to_all: anybody may watch."""
+    """Return new tokens. open_to_all: spectators need none."""
     return Tokens(
         spectate="" if open_to_all else new_token(),
         drive=tuple(new_token() for _ in range(drivers)),
@@ -58,11 +61,11 @@ def tokens_for(*, drivers: int, steward: bool, open_to_all: bool) -> Tokens:
 
 
 def check_settings(settings: Settings, *, is_open: bool) -> None:
-    """Do nothing for a gateway that only lets in whom it should.
+    """Do nothing for settings that let no browser in by mistake.
 
     Raises:
-        LinkError: other machines could reach it and it was not said that they may.
-        KeysError: anybody there could watch, or the certificate is of no use.
+        LinkError: other machines could reach it, and it is not open.
+        KeysError: other machines could watch without a token, or the certificate cannot be used.
     """
     if not settings.is_local and not is_open:
         raise LinkError(
@@ -89,7 +92,7 @@ def _check_certificate(certificate: Path, private_key: Path | None) -> None:
 
 @dataclass(frozen=True)
 class Addresses:
-    """What people open. Tokens are behind the #, so that browsers send them to nobody."""
+    """The addresses to open. Tokens are behind the #, so that browsers send them to no server."""
 
     base: str
     watch: str
@@ -100,7 +103,7 @@ class Addresses:
 def addresses_of(settings: Settings, port: int) -> Addresses:
     """Return the addresses of a gateway that listens on a port."""
     scheme = "https" if settings.certificate else "http"
-    # All of this machine's addresses are none that could be opened.
+    # The wildcard address cannot be opened in a browser.
     name = socket.gethostname() if settings.host in _EVERYWHERE else settings.host
     host = f"[{name}]" if ":" in name else name
     base, tokens = f"{scheme}://{host}:{port}/", settings.tokens

@@ -1,4 +1,4 @@
-"""What a steward decides in a browser, taken to the race."""
+"""A steward's decisions in a browser, sent to the race."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,46 +12,46 @@ from race_server.net.transport import ClientLink
 
 Answer = TypeVar("Answer")
 
-# What a steward may do; see `race_server.live.server.steward`.
+# Decisions that a steward may send; see `race_server.live.server.steward`.
 ACTS = ("flag", "pause", "resume", "penalty", "kick", "close", "open", "restart")
 
 
 class Stewarding:
-    """Asks the race for what the steward of a browser wants, one thing after the other."""
+    """Sends decisions to the race, one after the other."""
 
     def __init__(
         self, connect: Callable[[], ClientLink], token: Callable[[], str], pool: Executor
     ) -> None:
-        """Get ready. connect: returns a link; token: the race's own, which a new server changes."""
+        """Prepare. connect: returns a link; token: the race's, which every new server changes."""
         self._connect, self._token, self._pool = connect, token, pool
-        self._turn = asyncio.Lock()
+        self._busy = asyncio.Lock()
         self._link: ClientLink | None = None
 
     async def decide(self, act: str, seat: int, value: float, who: str) -> str:
-        """Have a decision carried out and return why not, nothing where it was."""
+        """Send a decision and return why it was refused, nothing where it was not."""
         if act not in ACTS:
             return f"a steward cannot {act!r}; choose one of {', '.join(ACTS)}"
         try:
-            await self._ask(lambda marshal: marshal.decide(act, seat=seat, value=value), who)
+            await self._ask(lambda client: client.decide(act, seat=seat, value=value), who)
         except RaceError as error:
             return str(error)
         return ""
 
     async def log(self, who: str) -> list[str]:
-        """Return what was decided, oldest first.
+        """Return the log of decisions, oldest first.
 
         Raises:
-            RaceError: the race does not tell.
+            RaceError: the race refuses, or does not answer.
         """
         return await self._ask(StewardClient.log, who)
 
     async def close(self) -> None:
-        """End the link."""
-        async with self._turn:
+        """Close the link."""
+        async with self._busy:
             self._drop()
 
     async def _ask(self, ask: Callable[[StewardClient], Answer], who: str) -> Answer:
-        async with self._turn:
+        async with self._busy:
             work = partial(self._ask_over_link, ask, who or "steward")
             return await asyncio.get_running_loop().run_in_executor(self._pool, work)
 
@@ -62,7 +62,7 @@ class Stewarding:
         try:
             return ask(StewardClient(self._link, self._token(), who))
         except SeatError:
-            raise  # the race has answered
+            raise  # the race has answered, so the link works
         except RaceError:
             self._drop()
             raise

@@ -98,7 +98,7 @@ def drive_all(address: str, karts: int) -> None:
 
 
 def _answer(seat: ClientSeat, sequence: int, watch: Stopwatch) -> int:
-    frame = seat.hear(0.0)
+    frame = seat.receive(0.0)
     if frame is None:
         return sequence
     sequence = max(sequence, frame.acknowledged) + 1

@@ -19,7 +19,7 @@ def try_legal(scene: Scene) -> None:
     session = scene.served.server.session
     driver = scene.drivers[0]
     scene.allow("take a seat and be ready", "" if session.seats[0].is_ready else "not ready")
-    frame = driver.hear(5.0)
+    frame = driver.receive(5.0)
     scene.allow("hear own observation", "" if frame else "nothing came")
     before = session.seats[0].sequence
     if frame:

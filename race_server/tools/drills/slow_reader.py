@@ -7,9 +7,9 @@ import socket
 import time
 from urllib.parse import urlsplit
 
-from race_server.live.gateway.connection import frame_of
+from race_server.live.gateway.frames import frame_of
 from race_server.live.gateway.handshake import SUBPROTOCOL
-from race_server.live.gateway.limits import ABORT_S, DRAIN_S
+from race_server.live.gateway.limits import GatewayTiming
 from race_server.tools.drills.report import Finding
 
 # Size of the receive buffer, and of one read [bytes].
@@ -23,7 +23,8 @@ FILL_S = 15.0
 async def read_slowly(base: str, seconds: float) -> Finding:
     """Watch at one byte a second, and return when the gateway had enough."""
     act, expected = "a byte a second", "is disconnected"
-    if seconds < FILL_S + DRAIN_S:
+    timing = GatewayTiming()
+    if seconds < FILL_S + timing.unread_s:
         return Finding(act, expected, f"not tried in {seconds:g} s", ok=True)
     loop, parts = asyncio.get_running_loop(), urlsplit(base)
     begun = time.monotonic()
@@ -46,7 +47,8 @@ async def read_slowly(base: str, seconds: float) -> Finding:
                 break
         else:
             return Finding(act, expected, f"still connected after {gone:.0f} s", ok=False)
-    return Finding(act, expected, f"disconnected after {gone:.0f} s", ok=gone > DRAIN_S - ABORT_S)
+    ok = gone > timing.unread_s - timing.abort_s
+    return Finding(act, expected, f"disconnected after {gone:.0f} s", ok=ok)
 
 
 def _is_reset(line: socket.socket) -> bool:

@@ -1,4 +1,4 @@
-"""A race and a gateway before it, each in a thread, for tests that play browsers."""
+"""A race and its gateway, each in a thread, for tests with browsers."""
 
 import asyncio
 import threading
@@ -9,16 +9,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from race_server.competition.launch import free_address
-from race_server.live.gateway.hub import Hub
 from race_server.live.gateway.key_ring import KeyRing
 from race_server.live.gateway.roles import Tokens
 from race_server.live.gateway.service import Gateway
 from race_server.live.gateway.settings import Settings
+from race_server.live.gateway.state import GatewayState
 from race_server.live.server import LOCKSTEP, REAL, RaceServer
 from race_server.logs import Log
 from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.track.course import Course
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
 from support.courses import ring
@@ -29,8 +30,8 @@ ORIGIN = "https://race.example"
 
 
 @dataclass
-class Hall:
-    """Where a race is served and who serves it."""
+class ServedRace:
+    """A race, its gateway, and their addresses."""
 
     address: str
     server: RaceServer | None = None
@@ -39,11 +40,11 @@ class Hall:
     thread: threading.Thread = field(default_factory=threading.Thread)
 
     @property
-    def hub(self) -> Hub:
-        """What all browsers of the gateway share."""
+    def state(self) -> GatewayState:
+        """What all browser sessions of the gateway share."""
         assert self.gateway is not None
-        assert self.gateway.hub is not None
-        return self.gateway.hub
+        assert self.gateway.state is not None
+        return self.gateway.state
 
 
 @contextmanager
@@ -53,11 +54,12 @@ def racing(
     karts: int = 2,
     drivers: int = 0,
     laps: int = 0,
+    course: Course = COURSE,
     scenario: Scenario | None = None,
 ) -> Iterator[RaceServer]:
-    """Serve a race in real time; scripted drivers take the seats that stay empty."""
+    """Serve a race in real time; scripted drivers take the seats that stay free."""
     rules = Rules(laps=laps, countdown_s=0.3, limit_s=300.0)
-    scenario = scenario or Scenario(COURSE, karts=karts, seed=7, rules=rules)
+    scenario = scenario or Scenario(course, karts=karts, seed=7, rules=rules)
     session = Session("race", scenario)
     with (
         local_token(address, "race") as token,
@@ -74,36 +76,41 @@ def racing(
 
 
 @contextmanager
-def gated(address: str, recordings: Path | None = None, **changes: object) -> Iterator[Hall]:
-    """Let browsers in to what is served at an address. changes: of the settings."""
+def gated(address: str, recordings: Path | None = None, **changes: object) -> Iterator[ServedRace]:
+    """Serve a gateway to a race at an address. changes: of the settings."""
     settings = Settings(
         address, "race", KeyRing(), port=0, tokens=TOKENS, recordings=recordings, origins=(ORIGIN,)
     )
     gateway = Gateway(replace(settings, **changes), Log())  # type: ignore[arg-type]
-    hall = Hall(address, base=gateway.addresses.base, gateway=gateway)
-    hall.thread = thread = threading.Thread(target=lambda: asyncio.run(gateway.serve()))
+    served = ServedRace(address, base=gateway.addresses.base, gateway=gateway)
+    served.thread = thread = threading.Thread(target=lambda: asyncio.run(gateway.serve()))
     thread.start()
     try:
-        yield hall
+        yield served
     finally:
         gateway.stop()
         thread.join(10.0)
         assert not thread.is_alive()
 
 
-def wait_for_race(hall: Hall) -> None:
+def wait_for_race(served: ServedRace) -> None:
     """Wait until a gateway knows its race."""
     deadline = time.monotonic() + 20.0
-    while hall.gateway is None or hall.gateway.hub is None or not hall.hub.live.is_there:
+    while not _knows_race(served):
         assert time.monotonic() < deadline
         time.sleep(0.02)
 
 
-def record_race(folder: Path) -> Path:
+def _knows_race(served: ServedRace) -> bool:
+    has_begun = served.gateway is not None and served.gateway.state is not None
+    return has_begun and served.state.live.is_there
+
+
+def record_race(folder: Path, course: Course = COURSE) -> Path:
     """Return the recording of a short race of three scripted drivers."""
     said: list[str] = []
     rules = Rules(laps=1, countdown_s=0.5)
-    session = Session("cup", Scenario(COURSE, karts=3, seed=5, rules=rules))
+    session = Session("cup", Scenario(course, karts=3, seed=5, rules=rules))
     with Logbook(folder, "cup", said.append) as book, ServerLink(free_address(), "cup", 3) as link:
         server = RaceServer(session, link, LOCKSTEP, ("pure_pursuit", "avoider"), logbook=book)
         assert server.run(0) is not None

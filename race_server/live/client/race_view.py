@@ -1,0 +1,111 @@
+"""What a spectator knows of a race: fed with messages, without links, threads or a clock."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from race_server.core.messages import Event
+from race_server.errors import WireError
+from race_server.live.client.clock_offset import ClockOffset
+from race_server.live.client.event_stream import EventStream
+from race_server.net.wire import topics
+from race_server.net.wire.line import decode_line
+from race_server.net.wire.links import decode_links
+from race_server.net.wire.lobby import CourseSheet, decode_course, decode_rules
+from race_server.net.wire.spectate import (
+    SnapshotFrame,
+    StandingsFrame,
+    decode_events,
+    decode_snapshot,
+    decode_standings,
+)
+from race_server.net.wire.topics import Topic
+
+# A snapshot whose tick is lower than the last by more than this is of another race; a race that is
+# resumed from its journal goes back by less.
+BACK_TICKS = 60
+
+_DECODERS: dict[Topic, Callable[[bytes], Any]] = {
+    topics.SNAPSHOT: decode_snapshot,
+    topics.STANDINGS: decode_standings,
+    topics.TABLE: decode_standings,
+    topics.LINKS: decode_links,
+    topics.EVENTS: decode_events,
+    topics.RECENT: decode_events,
+    topics.COURSE: decode_course,
+    topics.RULES: decode_rules,
+    topics.LINE: decode_line,
+}
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a message has changed."""
+
+    is_other_race: bool = False  # another race than before, of which something was known
+    events: tuple[Event, ...] = ()  # not known before
+
+
+class RaceView:
+    """The newest snapshot, standings and course, and the events, of the race that goes on."""
+
+    def __init__(self, most_events: int) -> None:
+        """Begin without any message. most_events: that are remembered."""
+        self.epoch = -1
+        self.snapshot: SnapshotFrame | None = None
+        self.standings: StandingsFrame | None = None
+        self.course: CourseSheet | None = None
+        self.events = EventStream(most_events)
+        self.offset = ClockOffset()
+        self.damaged = 0  # messages that could not be decoded
+
+    def receive(self, topic: Topic, data: bytes, now_s: float) -> Update | None:
+        """Record a message and return what it changed; None where it is damaged.
+
+        now_s: when it was received, by `time.monotonic`.
+        """
+        try:
+            message = _DECODERS[topic](data)
+        except WireError:
+            self.damaged += 1
+            return None
+        if topic is topics.SNAPSHOT:
+            return self._receive_snapshot(message, now_s)
+        if topic in {topics.STANDINGS, topics.TABLE}:
+            is_other = self._enter(message.epoch)
+            self.standings = message
+            return Update(is_other)
+        if topic in {topics.EVENTS, topics.RECENT}:
+            epoch, events = message
+            is_other = self._enter(epoch)
+            return Update(is_other, tuple(self.events.receive(epoch, events)))
+        if topic is topics.COURSE:
+            self.course = message
+        return Update()
+
+    def _receive_snapshot(self, frame: SnapshotFrame, now_s: float) -> Update:
+        before = self.snapshot
+        went_back = before is not None and frame.tick + BACK_TICKS < before.tick
+        is_other = self._enter(frame.epoch, restarted=went_back)
+        self.snapshot = frame
+        self.offset.record(1e-6 * frame.monotonic_us, now_s)
+        return Update(is_other)
+
+    def _enter(self, epoch: int, *, restarted: bool = False) -> bool:
+        """Begin another race; return whether one was known before.
+
+        restarted: even with the same number, as a server that is started again counts from one.
+        """
+        if epoch == self.epoch and not restarted:
+            return False
+        is_other = self.epoch >= 0
+        if is_other:
+            self.offset.restart()
+        self.epoch, self.snapshot = epoch, None
+        self.events.begin(epoch)
+        return is_other
+
+    def age_s(self, now_s: float) -> float | None:
+        """Return how old [s] the newest snapshot is, None where there is none."""
+        frame = self.snapshot
+        return None if frame is None else self.offset.age_s(1e-6 * frame.monotonic_us, now_s)

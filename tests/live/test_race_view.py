@@ -1,0 +1,82 @@
+"""What a spectator knows of a race, from messages alone."""
+
+from dataclasses import replace
+
+import pytest
+
+from race_server.core.messages import Event, EventKind
+from race_server.live.client.race_view import BACK_TICKS, RaceView, Update
+from race_server.live.server.publisher import snapshot_of
+from race_server.net.wire import topics
+from race_server.net.wire.lobby import encode_course
+from race_server.net.wire.sheets import course_sheet
+from race_server.net.wire.spectate import SnapshotFrame, build_snapshot, encode_events
+from race_server.scenario.race import Scenario
+from race_server.session import Session
+from support.courses import ring
+
+EVENTS = tuple(Event(number, number, EventKind.LAP, 0, 1, 1) for number in (1, 2))
+
+
+@pytest.fixture(scope="module")
+def frame() -> SnapshotFrame:
+    return replace(snapshot_of(Session("race", Scenario(ring(), karts=1))), epoch=1, tick=600)
+
+
+def receive_snapshot(view: RaceView, frame: SnapshotFrame, now_s: float = 0.0) -> Update | None:
+    return view.receive(topics.SNAPSHOT, build_snapshot(frame), now_s)
+
+
+def test_the_first_race_that_is_seen_is_no_other_race(frame: SnapshotFrame) -> None:
+    view = RaceView(100)
+    assert receive_snapshot(view, frame) == Update()
+    assert (view.epoch, view.snapshot and view.snapshot.tick) == (1, 600)
+
+
+def test_recent_events_and_the_stream_overlap_in_either_order() -> None:
+    view = RaceView(100)
+    assert view.receive(topics.EVENTS, encode_events(1, EVENTS[1:]), 0.0) == Update(
+        events=EVENTS[1:]
+    )
+    assert view.receive(topics.RECENT, encode_events(1, EVENTS), 0.0) == Update(events=EVENTS[:1])
+    assert view.events.recent() == list(EVENTS)
+
+
+def test_events_of_the_next_race_count_although_their_numbers_begin_again() -> None:
+    view = RaceView(100)
+    view.receive(topics.EVENTS, encode_events(1, EVENTS), 0.0)
+    update = view.receive(topics.EVENTS, encode_events(2, EVENTS[:1]), 0.0)
+    assert update == Update(is_other_race=True, events=EVENTS[:1])
+    assert view.events.recent() == [EVENTS[0]]
+
+
+def test_ticks_that_go_far_back_are_those_of_a_server_that_was_started_again(
+    frame: SnapshotFrame,
+) -> None:
+    view = RaceView(100)
+    receive_snapshot(view, frame)
+    view.receive(topics.EVENTS, encode_events(1, EVENTS), 0.0)
+    assert receive_snapshot(view, replace(frame, tick=600 - BACK_TICKS)) == Update()
+    assert receive_snapshot(view, replace(frame, tick=0)) == Update(is_other_race=True)
+    assert view.events.recent() == []
+
+
+def test_the_age_of_the_snapshot_counts_from_the_quickest_one(frame: SnapshotFrame) -> None:
+    view = RaceView(100)
+    assert view.age_s(50.0) is None
+    receive_snapshot(view, replace(frame, monotonic_us=10_000_000), 50.0)
+    assert view.age_s(50.25) == pytest.approx(0.25)
+
+
+def test_damaged_messages_are_counted_and_change_nothing(frame: SnapshotFrame) -> None:
+    view = RaceView(100)
+    assert view.receive(topics.SNAPSHOT, build_snapshot(frame)[:-4], 0.0) is None
+    assert (view.damaged, view.snapshot) == (1, None)
+
+
+def test_the_course_is_remembered() -> None:
+    view = RaceView(100)
+    sheet = course_sheet(Scenario(ring(), karts=1))
+    assert view.receive(topics.COURSE, encode_course(sheet), 0.0) == Update()
+    assert view.course is not None
+    assert view.course.name == "ring"
