@@ -96,7 +96,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             log.say("metrics", address=f"http://{LOOPBACK}:{port}/metrics")
         while not stopped:
             outcome = (
-                server.go_on(*taken_up) if taken_up else server.run(min(service.awaited, karts))
+                server.resume(*taken_up) if taken_up else server.run(min(service.awaited, karts))
             )
             taken_up = None
             if outcome is None:

@@ -1,6 +1,14 @@
 """Plain integers for the kernels, equal to the enumerations of `messages`, and small bit sets."""
 
-from race_server.core.messages import Button, EventKind, Flag, Retirement, Status, Trust
+from race_server.core.messages import (
+    Button,
+    Cleanness,
+    EventKind,
+    Flag,
+    Retirement,
+    Status,
+    Trust,
+)
 
 ABSENT, RACING, FINISHED, RETIRED = (int(status) for status in Status)
 GREEN, YELLOW, RED = (int(flag) for flag in Flag)
@@ -23,6 +31,9 @@ ON_SELF, PLACED, GUARD, ON_KART_AHEAD = 1, 2, 3, 4
 
 # Surfaces.
 ASPHALT, KERB, GRASS = 0, 1, 2
+
+CLEAN = int(Cleanness.CLEAN)
+UNCLEAN = int(Cleanness.UNCLEAN)
 
 USE_ITEM = int(Button.USE_ITEM)
 ACCEPT_RESCUE = int(Button.ACCEPT_RESCUE)

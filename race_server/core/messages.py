@@ -39,10 +39,10 @@ class Button(IntFlag):
 
 
 class EventKind(IntEnum):
-    """What happened in the world. `value` and `other` of an event are read as noted."""
+    """What happened in the world; each line says how an event's numbers are read."""
 
     GREEN = 1  # the lights went out
-    LAP = 2  # value: lap time [µs], other: lap number
+    LAP = 2  # value: lap time [µs], other: lap number, detail: see Cleanness
     SECTOR = 3  # value: sector time [µs], other: sector number from 1
     FINISH = 4  # value: race time [µs]
     RETIRED = 5  # other: reason, see Retirement
@@ -65,6 +65,14 @@ class EventKind(IntEnum):
     RACE_OVER = 22
     WARNING = 23  # drove into another from behind; other: that kart; value: warnings so far
     POSE = 24  # of a real kart; other: Trust from now on; value: Doubt
+
+
+class Cleanness(IntEnum):
+    """Whether a lap was driven without wall contact, short cut, rescue or leaving the course."""
+
+    UNKNOWN = 0  # of a recording from before LAP events carried it
+    CLEAN = 1
+    UNCLEAN = 2
 
 
 class Retirement(IntEnum):
@@ -154,6 +162,7 @@ class Event:
     kart: int  # -1 where it concerns the whole race
     other: int
     value: int
+    detail: int = 0
 
 
 @dataclass(frozen=True)

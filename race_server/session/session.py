@@ -42,7 +42,7 @@ class Session:
     is_recorded: bool = False
     log: list[Entry] = field(default_factory=list)  # while recorded; who records empties it
     serials: ReplayGuard = field(default_factory=ReplayGuard)  # of requests that were granted
-    chronicle: EventLog = field(default_factory=EventLog)
+    event_log: EventLog = field(default_factory=EventLog)
     seats: Seats = field(init=False)
     world: World = field(init=False)
     fleet: TrackedKarts = field(init=False)
@@ -164,7 +164,7 @@ class Session:
             seat.line_up()
         self._controls.clear()
         self._views.begin(self.seats)
-        self.chronicle.begin(len(self.seats))
+        self.event_log.begin(len(self.seats))
         self.fleet.begin(self.world, now_us)
         self._turn(Phase.COUNTDOWN)
 
@@ -178,7 +178,7 @@ class Session:
 
     def _turn(self, phase: Phase) -> Event:
         self.phase = phase
-        return self.chronicle.turn(self.world, phase)
+        return self.event_log.enter_phase(self.world, phase)
 
     # What drivers send
 
@@ -280,7 +280,7 @@ class Session:
         if ticks not in self._advances:
             self._advances[ticks] = bind(advance, self.world, self._controls.acting, ticks)
         self._advances[ticks]()
-        events = self.chronicle.take(self.world)
+        events = self.event_log.collect(self.world)
         if self.phase is Phase.COUNTDOWN and self.tick > self.world.races[0].start_tick:
             events.append(self._turn(Phase.RUNNING))
         if self.phase is Phase.RUNNING and self.world.races[0].over:
@@ -308,7 +308,7 @@ class Session:
         """
         carry_out(self.world, Intervention(self.tick, InterventionKind.PENALTY, number, seconds))
         rank(self.world, 0)
-        return self.chronicle.take(self.world)
+        return self.event_log.collect(self.world)
 
     def close(self, number: int) -> None:
         """Let nobody take a seat; who has it keeps it."""
@@ -397,7 +397,7 @@ class Session:
 
     def table(self) -> list[Standing]:
         """Return one row for each seat, whether or not somebody still sits there."""
-        return table_of(self.seats, self.world, self.chronicle.laps_us)
+        return table_of(self.seats, self.world, self.event_log.laps.times_us)
 
     def digest(self) -> str:
         """Return the digest of the world."""

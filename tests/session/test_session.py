@@ -262,7 +262,7 @@ def test_a_second_race_begins_like_the_first() -> None:
 
 def test_late_comers_find_the_recent_events() -> None:
     session = racing()
-    assert EventKind.GREEN in [event.kind for event in session.chronicle.recent]
+    assert EventKind.GREEN in [event.kind for event in session.event_log.recent]
 
 
 def test_more_karts_than_places_on_the_grid_are_refused() -> None:

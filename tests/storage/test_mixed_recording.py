@@ -13,6 +13,7 @@ from race_server.errors import RecordingError, SeatError, WireError
 from race_server.live.server.journal import Journal
 from race_server.live.server.publisher import snapshot_of
 from race_server.live.server.resume import take_up
+from race_server.net.wire import topics
 from race_server.net.wire.placement import PLACED, decode_placements, encode_placements
 from race_server.net.wire.spectate import SnapshotWriter
 from race_server.scenario.race import Rules, Scenario
@@ -50,17 +51,16 @@ class Recorded:
     def run(self, ticks: int, *, silent: bool = False) -> None:
         """Let ticks pass as the server does."""
         for _ in range(ticks):
-            before, seen = self.session.tick, len(self.session.chronicle.recent)
+            before, seen = self.session.tick, len(self.session.event_log.recent)
             drive(self.session, self.real, 1, silent=silent)
-            self.journal.note(before, list(self.session.chronicle.recent)[seen:])
+            self.journal.record(before, list(self.session.event_log.recent)[seen:])
             frame = snapshot_of(self.session)
-            self.journal.note_snapshot(frame, self.snapshots.write(frame))
+            self.journal.publish(topics.SNAPSHOT, self.snapshots.write(frame))
             if frame.tick % 20 == 0:
                 self._wait()  # as in real time, where a chunk holds a few ticks
 
     def _wait(self) -> None:
-        recorder, ticket = self.journal.ticket()
-        assert recorder.wait(ticket, 10.0)
+        assert self.journal.flush().wait(10.0)
 
     def kill(self) -> Path:
         """Leave the journal as a server leaves it that was killed a moment later."""
@@ -75,7 +75,7 @@ def raced(tmp_path: Path) -> Iterator[Recorded]:
     with Logbook(tmp_path, "cup", print) as book:
         race = Recorded(book)
         yield race
-        race.journal.ticket()[0].close()
+        race.journal.close()
 
 
 def rerun_of(recording: Recording) -> Rerun:
@@ -90,7 +90,7 @@ def test_a_race_with_a_real_kart_driven_again_has_equal_digests(raced: Recorded)
     raced.session.show_flag(Flag.YELLOW)
     raced.run(60, silent=True)  # doubtful for a while
     raced.run(60)
-    raced.journal.end()
+    raced.journal.close()
     (path,) = raced.book.folder.glob("cup-*.mcap")
     recording = read_recording(path)
     rerun = rerun_of(recording)
@@ -214,7 +214,7 @@ def test_seats_that_were_closed_and_drivers_sent_away_stay_so(raced: Recorded) -
 def test_a_clock_that_stood_stands(raced: Recorded) -> None:
     raced.run(30)
     raced.session.stand_still(stands=True)
-    raced.journal.note(raced.session.tick, [])
+    raced.journal.record(raced.session.tick, [])
     session, _ = take_up(read_recording(raced.kill()), None)
     assert session.is_paused
     assert session.phase is Phase.COUNTDOWN or session.phase is Phase.RUNNING

@@ -87,7 +87,7 @@ def test_a_race_driven_again_has_the_same_digest_at_every_second(recorded: Path)
     assert rerun.difference is None
     assert recording.is_complete
     assert rerun.compared == len(recording.digests) >= recording.last_tick // 60
-    assert rerun.session.chronicle.laps_us == {
+    assert rerun.session.event_log.laps.times_us == {
         seat: [us for s, _, us, _ in recording.laps if s == seat] for seat in range(3)
     }
 
@@ -181,7 +181,7 @@ def test_a_killed_race_goes_on_and_keeps_its_laps(recorded: Path, tmp_path: Path
         assert session.tick == recording.last_tick
         with ServerLink(free_address(), "cup", 3) as link:
             server = RaceServer(session, link, LOCKSTEP, DRIVERS, keeper, book)
-            outcome = server.go_on(recording, events)
+            outcome = server.resume(recording, events)
         assert book.unfinished() is None
     before = {(seat, number): us for seat, number, us, _ in recording.laps}
     assert len(before) >= 3

@@ -24,13 +24,14 @@ from race_server.net.wire import topics
 from race_server.net.wire.spectate import decode_events
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
+from race_server.session.lap_log import Lap
 from race_server.storage.results import keeper, schema
 from race_server.storage.results.export import export
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, best_laps, finished_races, races
 from race_server.storage.results.ratings import ratings
 from race_server.storage.results.schema import MIGRATIONS, default_path, open_file, version_of
-from race_server.storage.results.store import FINISHED, Change, Entry, Lap, Outcome, Race, Store
+from race_server.storage.results.store import FINISHED, Change, Entry, Outcome, Race, Store
 from race_server.storage.results.writer import Writer
 from support.courses import ring
 
@@ -326,7 +327,6 @@ def test_a_file_locked_during_a_race_stops_nothing_and_is_written_in_the_end(
 def test_a_writer_that_is_full_drops_the_rest_of_the_race_and_takes_the_next(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("race_server.storage.results.writer.MOST_WAITING", 3)
     log: list[str] = []
     gate = threading.Event()
     write = Store.write
@@ -336,13 +336,13 @@ def test_a_writer_that_is_full_drops_the_rest_of_the_race_and_takes_the_next(
         write(store, changes)
 
     monkeypatch.setattr(Store, "write", when_open)
-    with Writer(Store(path), log.append) as writer:
+    with Writer(Store(path), log.append, most_waiting=3) as writer:
         tickets = [writer.submit(a_race("ann"))]
         tickets += [writer.submit(Lap(0, number, 8, (), True)) for number in range(1, 6)]
         gate.set()
-        assert writer.wait(tickets[2], 5.0)
+        assert tickets[2].wait(5.0)
         writer.submit(a_race("bob"))
-    assert [ticket > 0 for ticket in tickets] == [True] * 3 + [False] * 3
+    assert [ticket.number > 0 for ticket in tickets] == [True] * 3 + [False] * 3
     assert len(log) == 1
     assert "takes no more" in log[0]
     assert len(all_laps(path)) == 2

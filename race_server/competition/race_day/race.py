@@ -115,12 +115,10 @@ class LocalRace:
             session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
 
     def _advance(self, remarks: Incidents) -> None:
-        if self._keeper:
-            self._keeper.look(self._session)
         events = self._session.advance(self._session.decision_ticks)
         remarks.hear(events)
         if self._keeper:
-            self._keeper.keep(events)
+            self._keeper.add_laps(self._session.event_log.laps.laps_in(events))
 
     def _close_book(self) -> None:
         if self._keeper:

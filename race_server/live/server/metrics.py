@@ -126,7 +126,7 @@ def answer_of(server: RaceServer) -> _Answer:
         if path == "/metrics":
             return metrics(environ, start_response)
         if path == "/healthz":
-            reason = server.counters.stillness()
+            reason = server.counters.stillness(server.timing.still_s)
             status, text = ("503 Service Unavailable", reason) if reason else ("200 OK", "ok")
         else:
             status, text = "404 Not Found", "there are /metrics and /healthz"

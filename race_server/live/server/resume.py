@@ -20,15 +20,13 @@ def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[
     """
     rerun = Rerun(recording)
     session = rerun.session
-    events = list(session.chronicle.recent)
+    events = list(session.event_log.recent)
     if keeper:
         keeper.take_up(session, recording.start.pace, recording.start.started_at)
-        keeper.look(session)
     for happened in rerun.run():
         events += happened
         if keeper:
-            keeper.keep(happened)
-            keeper.look(session)
+            keeper.add_laps(session.event_log.laps.laps_in(happened))
     if rerun.difference is not None:
         tick = rerun.difference.tick
         raise RecordingError(

@@ -115,7 +115,7 @@ class Logbook:
                 if isinstance(line, Line):
                     recorder.copy(line)
             # Until now the old journal is the one that counts.
-            recorder.wait(recorder.hurry(), timeout_s=60.0)
+            recorder.flush().wait(timeout_s=60.0)
             path.replace(self.journal)
         else:
             recorder.begin(frame)

@@ -12,6 +12,7 @@ import numpy as np
 
 from race_server.core.messages import Standing
 from race_server.core.state import Float32s
+from race_server.session.lap_log import Lap
 from race_server.storage.results.schema import explained, open_file, transaction
 
 FINISHED, STOPPED = "finished", "stopped"
@@ -43,17 +44,6 @@ class Race:
     server_version: str
     entries: tuple[Entry, ...]
     is_taken_up: bool = False  # a server that was killed has begun it
-
-
-@dataclass(frozen=True)
-class Lap:
-    """A lap that was driven."""
-
-    seat: int
-    number: int
-    time_us: int
-    sectors: tuple[int, ...]
-    is_clean: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,7 +117,7 @@ class PeerServer:
             skipped = int(late / TICK_S) if late > TICK_S else 0
             deadline += (1 + skipped) * TICK_S
             counters.ticks += 1
-            counters.note_tick(duration, late, counters.missed + skipped)
+            counters.record_tick(duration, late, counters.missed + skipped)
 
     def _tell_drivers(self) -> None:
         from race_server.live.server.publisher import hud_of

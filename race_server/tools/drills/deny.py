@@ -61,7 +61,7 @@ def drill_deny() -> dict[str, Any]:
         with _scene(log) as scene:
             for part in (*_PARTS, logins.try_full_house):
                 part(scene)
-            refused = dict(scene.stage.server.refused)
+            refused = dict(scene.stage.server.counters.refused)
         findings += scene.findings
     findings.append(_told_once(said.getvalue()))
     with served_session(1, 1, "tcp") as stage:
