@@ -27,14 +27,14 @@ class Inbox:
 
     def drain(self) -> None:
         """Receive all that has come since the last call."""
-        for seat, data in self._link.take_inputs():
+        for seat, data in self._link.receive_controls():
             self.receive_control(seat, data)
-        self._link.hear_karts(self._session.fleet.trackers.keys())
-        for seat, data, arrived_us in self._link.take_poses():
+        self._link.expect_poses(self._session.fleet.trackers.keys())
+        for seat, data, arrived_us in self._link.receive_poses():
             self._receive_pose(seat, data, arrived_us)
-        for request in self._link.take_requests():
+        for request in self._link.receive_requests():
             self._requests.answer(request)
-        for seat, is_there in self._link.take_presence():
+        for seat, is_there in self._link.receive_presence():
             if seat not in self._local_drivers:
                 self._requests.receive_presence(seat, is_there=is_there)
 

@@ -90,7 +90,7 @@ def _scene(log: Log) -> Iterator[Scene]:
     """Start a race of honest drivers with an honest spectator."""
     with served_session(SEATS, SPECTATORS, log=log) as stage, contextlib.ExitStack() as stack:
         arrived, told = Ears(), Ears()
-        stage.server.link.overhear(arrived.hear_at)
+        stage.server.link.receive_everything(arrived.hear_at)
         links = [stack.enter_context(stage.link(f"seat-{seat}")) for seat in range(SEATS)]
         drivers = [
             take_seat(link, Join(f"honest {seat}", "track", seat))
