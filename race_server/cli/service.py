@@ -18,7 +18,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import RaceError, RecordingError
 from race_server.live.server import REAL, RaceServer
-from race_server.live.server.resume import take_up
+from race_server.live.server.resume import restore_session
 from race_server.logs import Log
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.token import local_token
@@ -137,7 +137,7 @@ def _take_up(
         return None
     begun = time.perf_counter()
     try:
-        session, events = take_up(recording, keeper)
+        session, events = restore_session(recording, keeper)
     except RecordingError as error:
         logbook.put_aside(str(error))
         return None

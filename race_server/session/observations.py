@@ -1,4 +1,4 @@
-"""What the seats of a session see."""
+"""The observations of the seats of a session."""
 
 import numpy as np
 
@@ -13,10 +13,10 @@ NOBODY = -1  # in place of a preset
 
 
 class Observations:
-    """The observation vectors of all seats, worked out in one call."""
+    """The observation vectors of all seats, computed in one call."""
 
     def __init__(self, seats: int, rays: int) -> None:
-        """Lay out what can be seen. rays: of the lidar."""
+        """Lay out the observations of all presets. rays: of the lidar."""
         names = list(PRESETS)
         self._layouts: list[Layout] = [layout_of(name, rays) for name in names]
         longest = max(len(layout.numbers) for layout in self._layouts)
@@ -28,17 +28,17 @@ class Observations:
         self._values: Float32s = np.zeros((1, seats, size), np.float32)
 
     def begin(self, seats: Seats) -> None:
-        """Show everybody in a race what their presets name."""
+        """Begin a race: every taken seat observes what its preset names."""
         names = list(PRESETS)
         for seat in seats:
             self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NOBODY
 
-    def look(self, world: World) -> None:
-        """Work out what every seat sees now."""
+    def compute(self, world: World) -> None:
+        """Compute the observations of all seats now."""
         observe_karts(world, self._parts, self._presets, self._values)
 
     def of(self, seat: int) -> Float32s:
-        """Return the observation vector of a seat as of the last `look`."""
+        """Return the observation vector of a seat as of the last `compute`."""
         layout = self._layouts[int(self._presets[seat])]
         return self._values[0, seat, : layout.size]
 

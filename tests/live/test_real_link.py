@@ -65,7 +65,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
 
         def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
             del now_s
-            tracker = session.fleet.trackers[0]
+            tracker = session.tracked_karts.trackers[0]
             if tracker.trust is Trust.TRUSTED and session.tick > 90:
                 seen.setdefault("trusted", (onboard.sequence, tracker.clock.delay_us))
                 onboard.is_cut = True
@@ -88,7 +88,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
     assert poses > 20
     assert 45_000 < delay_us < 150_000
     assert isinstance(seen["command"], Command)
-    assert session.fleet.orders(0).acknowledged >= 1
+    assert session.tracked_karts.orders(0).acknowledged >= 1
     assert session.world.racers["yellow"][0, 0] == 1
 
 

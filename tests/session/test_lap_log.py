@@ -61,7 +61,7 @@ def test_a_lap_with_a_wall_contact_is_unclean_and_the_next_one_clean_again() -> 
         # In the second lap, for half a second: into the outer wall.
         is_astray = racer.laps == 1 and 5.0 < racer.progress < 6.5
         steering = -1.0 if is_astray else float(np.clip(wanted / 0.314, -1.0, 1.0))
-        session.take_control(0, 1, decision, session.tick, Control(steering, 0.5))
+        session.receive_control(0, 1, decision, session.tick, Control(steering, 0.5))
         events += session.advance(3)
         if not session.is_on:
             break

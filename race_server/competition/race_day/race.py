@@ -106,13 +106,13 @@ class LocalRace:
     def _decide(self, local_drivers: LocalDrivers, remarks: Incidents) -> None:
         """Ask every driver that still races for its control."""
         session = self._session
-        session.look()
+        session.observe()
         for seat in session.waits_for():
             think = partial(_control, local_drivers, seat)
             if (frame := _answer(think, DECISION_S, seat, remarks)) is None:
                 session.leave(seat)
                 continue
-            session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
+            session.receive_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
 
     def _advance(self, remarks: Incidents) -> None:
         events = self._session.advance(self._session.decision_ticks)
@@ -179,7 +179,7 @@ def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
         try:
             local_drivers.admit(name, driver_named(name), 0)
             session.start()
-            session.look()
+            session.observe()
             with time_limit(10.0 * READY_S):
                 local_drivers.answer(0)
             session.advance(session.decision_ticks)

@@ -29,7 +29,7 @@ class Inbox:
         """Receive all that has come since the last call."""
         for seat, data in self._link.receive_controls():
             self.receive_control(seat, data)
-        self._link.expect_poses(self._session.fleet.trackers.keys())
+        self._link.expect_poses(self._session.tracked_karts.trackers.keys())
         for seat, data, arrived_us in self._link.receive_poses():
             self._receive_pose(seat, data, arrived_us)
         for request in self._link.receive_requests():
@@ -46,7 +46,9 @@ class Inbox:
         before = self._session.seats[seat].sequence
         try:
             frame = decode_control(data)
-            self._session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
+            self._session.receive_control(
+                seat, frame.epoch, frame.sequence, frame.tick, frame.control
+            )
         except WireError as error:
             self._counters.refused.record(reason_of(error), seat)
         else:
@@ -55,7 +57,7 @@ class Inbox:
     def _receive_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
         try:
             frame = decode_pose(data)
-            self._session.take_pose(
+            self._session.receive_pose(
                 seat,
                 frame.epoch,
                 frame.sequence,

@@ -31,10 +31,10 @@ class Journal:
         self._names = {row.number: row.driver for row in frame.seats}
         vehicle = session.scenario.vehicle_of(0)
         self._size = (vehicle.length, vehicle.width)
-        session.is_recorded = True
+        session.journal.is_recorded = True
         if not old:
-            session.log_what_holds()
-            self._recorder.record(session.log)
+            session.journal_standing_decisions()
+            self._recorder.record(session.journal.drain())
             borders, at = session.scenario.course.borders, self._recorder.time_of(0)
             self._recorder.write(SCENE, 0, partial(course_scene, borders, at))
 
@@ -53,7 +53,7 @@ class Journal:
     def record(self, before: int, events: list[Event]) -> None:
         """Write what acted since the last call and what came of it. before: tick at its start."""
         session, recorder = self._session, self._recorder
-        recorder.record(session.log)
+        recorder.record(session.journal.drain())
         for lap in session.event_log.laps.laps_in(events):
             recorder.record_lap(lap)
         if events:
@@ -90,7 +90,7 @@ class Journal:
     def close(self) -> None:
         """Write the last digest and close the recording."""
         session = self._session
-        self._recorder.record(session.log)
+        self._recorder.record(session.journal.drain())
         self._recorder.record_digest(session.tick, session.digest(), is_last=True)
-        session.is_recorded = False
+        session.journal.is_recorded = False
         self._logbook.end(self._recorder, self._frame)

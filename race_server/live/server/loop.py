@@ -156,7 +156,7 @@ class RaceServer:
                 self.link.holders.admit(row.number, self.session.seats[row.number].key)
         if self.pace == LOCKSTEP:
             self._wait_for_return()
-        self.session.fleet.take_up(self.session.world, _now_us())
+        self.session.tracked_karts.resume(self.session.world, _now_us())
         return self._begin_again(self._race_on(events))
 
     def _wait_for_return(self) -> None:
@@ -190,7 +190,7 @@ class RaceServer:
             self.events,
             self.missed_ticks,
             self.refusals(),
-            self.session.fleet.figures(_now_us()),
+            self.session.tracked_karts.figures(_now_us()),
         )
         self._session_log.close(result)
         self._result = result
@@ -205,7 +205,7 @@ class RaceServer:
         if self._result is None:
             raise SeatError("no race is on, and there is none whose result could be changed")
         driver = self._result.driver_on(seat)
-        events = self.session.penalise_late(seat, seconds)
+        events = self.session.race_control.penalise_late(seat, seconds)
         self._result = self._result.amended(self.session.table(), events)
         if self.keeper:
             self.keeper.amend(self._result.standings)
@@ -228,8 +228,8 @@ class RaceServer:
         pacer.start()
         session = self.session
         while self._goes_on():
-            if self.session.is_paused:
-                self._stand_still()
+            if self.session.race_control.is_paused:
+                self._wait_while_paused()
                 pacer.start()
             begun = time.perf_counter()
             if session.tick % session.decision_ticks == 0:
@@ -247,8 +247,8 @@ class RaceServer:
 
     def _race_in_lockstep(self) -> None:
         while self._goes_on():
-            if self.session.is_paused:
-                self._stand_still()
+            if self.session.race_control.is_paused:
+                self._wait_while_paused()
             self._publish_observations()
             self._wait_for_answers()
             self.advance(self.session.decision_ticks)
@@ -257,10 +257,10 @@ class RaceServer:
         ends = self._stop or self._steward.wants_restart
         return not ends and self.session.is_on
 
-    def _stand_still(self) -> None:
+    def _wait_while_paused(self) -> None:
         """Let no time pass while the clock stands; repeated observations show that we are here."""
         again = 0.0
-        while self.session.is_paused and self._goes_on():
+        while self.session.race_control.is_paused and self._goes_on():
             self.poll()
             self._persistence.record_interventions()
             if time.monotonic() > again:
@@ -322,7 +322,7 @@ class RaceServer:
 
     def _publish_observations(self) -> None:
         """Send every seat its observation, and let the local drivers answer at once."""
-        self.session.look()
+        self.session.observe()
         self._publisher.publish_seats(but=self._local_drivers)
         for seat in self.session.seats.taken():
             if seat.number in self._local_drivers:

@@ -103,7 +103,7 @@ class Persistence:
 
     def record_interventions(self) -> None:
         """Write what was done while no time passes."""
-        if self._journal and self._session.log:
+        if self._journal and self._session.journal.entries:
             self._journal.record(self._session.tick, [])
 
     def released(self, *, wait: bool) -> Iterator[list[Event]]:

@@ -68,7 +68,7 @@ class Publisher:
 
     def repeat_orders(self) -> None:
         """Send real karts again the orders that they have not acknowledged yet."""
-        for number, tracker in self._session.fleet.trackers.items():
+        for number, tracker in self._session.tracked_karts.trackers.items():
             seat = self._session.seats[number]
             if tracker.orders.is_open and seat.is_present:
                 self._publish_hud(seat)
@@ -121,7 +121,7 @@ def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s
         row["item"] = effect["source"]
         row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
     immune = max(int(player.immune_until), int(player.shield_until)) - tick
-    race, tracker = session.world.races[0], session.fleet.trackers.get(seat.number)
+    race, tracker = session.world.races[0], session.tracked_karts.trackers.get(seat.number)
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
@@ -203,7 +203,7 @@ def standings_of(session: Session) -> StandingsFrame:
 
 def links_of(session: Session) -> LinksFrame:
     """Return the state of each driver's link now."""
-    taken, tick, trackers = session.seats.taken(), session.tick, session.fleet.trackers
+    taken, tick, trackers = session.seats.taken(), session.tick, session.tracked_karts.trackers
     statuses = session.world.bodies["status"][0]
     rows = np.zeros(len(taken), LINK)
     for row, seat in zip(rows, taken, strict=True):

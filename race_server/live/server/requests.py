@@ -116,7 +116,7 @@ class RequestHandler:
                 "install the same version of race-server on both sides"
             )
         wanted = _agreed(request.seat, join.wanted)
-        session.serials.check(key_of(join.secret), join.serial)
+        session.replay_guard.check(key_of(join.secret), join.serial)
         seat = session.join(
             join.driver,
             join.preset,
@@ -136,7 +136,7 @@ class RequestHandler:
         seat = self._session.seat(_agreed(request.seat, act.seat))
         if not seat.fits(act.secret):
             raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
-        self._session.serials.check(key_of(act.secret), act.serial)
+        self._session.replay_guard.check(key_of(act.secret), act.serial)
         self._session.grant(act.secret, act.serial)
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)

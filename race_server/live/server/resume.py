@@ -1,4 +1,4 @@
-"""Taking up a race whose server was killed."""
+"""Restoring a race whose server was killed."""
 
 from race_server.core.messages import Event
 from race_server.errors import RecordingError
@@ -9,11 +9,11 @@ from race_server.storage.recording.rerun import Rerun
 from race_server.storage.results.keeper import Keeper
 
 
-def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
+def restore_session(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
     """Return the session as its server left it, and all events so far.
 
-    The race is driven again from its recording; laps that are not yet in the results file are
-    put there. Drivers count as away until their links are back.
+    The race is replayed from its recording; laps that are not yet in the results file are put
+    there. Drivers count as away until their links are back.
 
     Raises:
         RecordingError: the recording makes no race, or another one than was recorded.
@@ -22,7 +22,7 @@ def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[
     session = rerun.session
     events = list(session.event_log.recent)
     if keeper:
-        keeper.take_up(session, recording.start.pace, recording.start.started_at)
+        keeper.resume(session, recording.start.pace, recording.start.started_at)
     for happened in rerun.run():
         events += happened
         if keeper:

@@ -78,16 +78,16 @@ class Steward:
             raise SeatError(
                 f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red"
             ) from error
-        self._session.show_flag(flag)
+        self._session.race_control.show_flag(flag)
         return f"{flag.name.lower()} flag"
 
     def _pause(self, _: Decision) -> str:
         self._need_race()
-        self._session.stand_still(stands=True)
+        self._session.race_control.pause()
         return "the clock stands"
 
     def _resume(self, _: Decision) -> str:
-        self._session.stand_still(stands=False)
+        self._session.race_control.pause(is_paused=False)
         return "the clock goes on"
 
     def _penalty(self, decision: Decision) -> str:
@@ -101,20 +101,20 @@ class Steward:
             driver = self._penalise_late(decision.seat, decision.value)
             return f"{sentence}, {driver}, after the race"
         driver = self._session.seat(decision.seat).driver
-        self._session.penalise(decision.seat, decision.value)
+        self._session.race_control.penalise(decision.seat, decision.value)
         return f"{sentence}, {driver}"
 
     def _kick(self, decision: Decision) -> str:
         driver = self._session.seat(decision.seat).driver
-        self._session.kick(decision.seat)
+        self._session.race_control.exclude(decision.seat)
         return f"seat {decision.seat}, {driver}, sent away"
 
     def _close(self, decision: Decision) -> str:
-        self._session.close(decision.seat)
+        self._session.race_control.close_seat(decision.seat)
         return f"seat {decision.seat} closed"
 
     def _open(self, decision: Decision) -> str:
-        self._session.unclose(decision.seat)
+        self._session.race_control.open_seat(decision.seat)
         return f"seat {decision.seat} open"
 
     def _restart(self, _: Decision) -> str:

@@ -27,11 +27,11 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
     rehearsal = Session("rehearsal", scenario)
     rehearsal.join("nobody", "full")
     rehearsal.start()
-    rehearsal.look()
+    rehearsal.observe()
     rehearsal.advance(1)
-    rehearsal.show_flag(Flag.YELLOW)
-    rehearsal.penalise(0, 1.0)
-    rehearsal.penalise_late(0, 1.0)
+    rehearsal.race_control.show_flag(Flag.YELLOW)
+    rehearsal.race_control.penalise(0, 1.0)
+    rehearsal.race_control.penalise_late(0, 1.0)
     rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.leave(0)
 
@@ -41,7 +41,7 @@ def _let_decide(name: str, scenario: Scenario) -> None:
     local_drivers = LocalDrivers(alone)
     local_drivers.admit(name, driver_named(name), 0)
     alone.start()
-    alone.look()
+    alone.observe()
     local_drivers.answer(0)
 
 

@@ -69,10 +69,10 @@ class TrackedKarts:
                 tracker.trust, tracker.doubt = Trust(int(row[1])), PoseFault(int(row[2]))
                 tracker.orders.sequence, tracker.orders.acknowledged = map(int, orders)
 
-    def take_up(self, world: World, now_us: int) -> None:
-        """Go on with a race whose server was killed: expect all karts about where they were."""
+    def resume(self, world: World, now_us: int) -> None:
+        """Continue a race whose server was killed: expect all karts about where they were."""
         for seat, tracker in self.trackers.items():
-            self.trackers[seat] = tracker.taken_up(_place_of(world, seat), now_us)
+            self.trackers[seat] = tracker.resumed(_place_of(world, seat), now_us)
 
     def placed(self, tick: int, rows: Floats) -> Placements:
         """Return placements as they are recorded."""
@@ -80,10 +80,10 @@ class TrackedKarts:
         numbers = [(known.sequence, known.acknowledged) for known in orders]
         return Placements(tick, rows, np.array(numbers, np.int64))
 
-    def take(self, seat: int, pose: Pose, arrived_us: int) -> PoseFault:
-        """Take a pose that arrived and return what speaks against it."""
+    def receive(self, seat: int, pose: Pose, arrived_us: int) -> PoseFault:
+        """Receive a pose and return its fault."""
         is_inside = self.is_inside(pose.x, pose.y, BEYOND_LENGTHS * self._lengths[seat])
-        return self.trackers[seat].take(pose, arrived_us, is_inside=is_inside)
+        return self.trackers[seat].receive(pose, arrived_us, is_inside=is_inside)
 
     def is_inside(self, x: float, y: float, beyond: float) -> bool:
         """Return whether a point lies on the course or at most `beyond` [m] outside."""

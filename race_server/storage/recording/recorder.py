@@ -8,7 +8,7 @@ from then on it survives the death of this process. Only a power cut can take mo
 import contextlib
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from io import BufferedWriter
 from pathlib import Path
@@ -122,9 +122,9 @@ class Recorder:
         """Write how the race begins."""
         self.write(START, 0, lambda: encode_start(frame))
 
-    def record(self, log: list[Entry]) -> None:
-        """Write what acted on the race since the last call, and empty the log."""
-        for entry in log:
+    def record(self, entries: Iterable[Entry]) -> None:
+        """Write what acted on the race."""
+        for entry in entries:
             if isinstance(entry, Inputs):
                 self.write(INPUTS, entry.tick, partial(_encode_inputs, entry))
             elif isinstance(entry, Placements):
@@ -134,7 +134,6 @@ class Recorder:
             else:
                 numbers = (entry.tick, entry.key, entry.serial)
                 self.write(GRANTED, entry.tick, partial(encode_granted, *numbers))
-        log.clear()
 
     def record_digest(self, tick: int, digest: str, *, is_last: bool = False) -> None:
         """Write the digest of the world before a tick."""

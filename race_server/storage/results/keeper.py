@@ -38,7 +38,7 @@ class Keeper:
         self._outcome = None
         self._writer.submit(_race_of(session, pace, started_at or utc_now()))
 
-    def take_up(self, session: Session, pace: str, started_at: str) -> None:
+    def resume(self, session: Session, pace: str, started_at: str) -> None:
         """Open a race again that a server which was killed has begun."""
         race = _race_of(session, pace, started_at)
         self._writer.submit(replace(race, is_taken_up=True))

@@ -86,7 +86,7 @@ class PeerServer:
 
         session, counters = self.session, self.counters
         session.start()
-        session.look()
+        session.observe()
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -123,7 +123,7 @@ class PeerServer:
         from race_server.live.server.publisher import hud_of
 
         session = self.session
-        session.look()
+        session.observe()
         for number, connection in self.drivers.items():
             seat = session.seats[number]
             seen = {
@@ -143,7 +143,9 @@ class PeerServer:
             control = Control(
                 sent["steering"], sent["throttle"], sent["brake"], Button(sent["buttons"])
             )
-            self.session.take_control(seat, sent["epoch"], sent["sequence"], sent["tick"], control)
+            self.session.receive_control(
+                seat, sent["epoch"], sent["sequence"], sent["tick"], control
+            )
         self.inbox.clear()
 
     def mark(self) -> None:
