@@ -9,7 +9,7 @@ from race_server.scenario.race import ABSENT
 from race_server.scenario.sensors import sensors_for
 from race_server.session.seats import Seat, Seats
 
-NOBODY = -1  # in place of a preset
+NO_PRESET = -1  # of a seat without a driver
 
 
 class Observations:
@@ -23,7 +23,7 @@ class Observations:
         self._parts = np.full((len(names), longest), -1, np.int64)
         for row, layout in zip(self._parts, self._layouts, strict=True):
             row[: len(layout.numbers)] = layout.numbers
-        self._presets = np.full(seats, NOBODY, np.int64)  # their places in PRESETS
+        self._presets = np.full(seats, NO_PRESET, np.int64)  # their places in PRESETS
         size = max(layout.size for layout in self._layouts)
         self._values: Float32s = np.zeros((1, seats, size), np.float32)
 
@@ -31,7 +31,7 @@ class Observations:
         """Begin a race: every taken seat observes what its preset names."""
         names = list(PRESETS)
         for seat in seats:
-            self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NOBODY
+            self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NO_PRESET
 
     def compute(self, world: World) -> None:
         """Compute the observations of all seats now."""

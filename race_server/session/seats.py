@@ -50,7 +50,7 @@ class Seat:
         self.away_since = -1
 
     def is_gone(self, tick: int) -> bool:
-        """Return whether the driver has been away for so long that it has withdrawn."""
+        """Return whether the driver has been away so long that it counts as withdrawn."""
         return 0 <= self.away_since <= tick - AWAY_TICKS
 
     def line_up(self) -> None:

@@ -265,7 +265,7 @@ class Session:
         """Move the race on and return what happened.
 
         The same control acts for all `ticks`; see `race_server.session.failsafe` for karts whose
-        driver is not heard.
+        driver is silent.
         """
         tick, statuses = self.tick, self.world.bodies["status"][0]
         for seat in self.seats.taken():

@@ -1,6 +1,6 @@
 """A queue between the loop of a server and a thread that writes to a disk.
 
-The loop hands items over and never waits. Each item has a ticket, which tells when all up to that
+The loop hands items over and never waits. Each item has a ticket, which says when all up to that
 item is written, or never will be.
 """
 

@@ -287,7 +287,7 @@ def test_a_wire_loses_the_share_of_packets_that_it_is_told() -> None:
     wire, here, there = ends_of(LinkConditions(loss=0.2))
     for _ in range(2000):
         here.send(b"x")
-        wire._take(wire.devices[0])
+        wire.receive(wire.devices[0])
     assert wire.passed + wire.lost == 2000
     assert wire.lost == pytest.approx(400, abs=60)
     for device in (*wire.devices, here.detach(), there.detach()):

@@ -25,9 +25,10 @@ from race_server.live.server import LOCKSTEP, REAL, RaceServer
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join
+from race_server.net.wire.sheets import course_sheet
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from race_server.tools.drills.mixed import _judge_both, way_to_stop
+from race_server.tools.drills.mixed import judge_both, way_to_stop
 from support.courses import ring
 
 pytestmark = pytest.mark.net
@@ -129,7 +130,7 @@ def test_only_a_busy_machine_excuses_a_doubt_and_only_a_late_pose(
 ) -> None:
     kart = {"worst_excess_share": 0.0, "slowdowns": 1}
     part = {"seat": 2, "laps": 1, "items_used": 1, "kart": kart, "doubts": doubts}
-    assert (_judge_both({name: part}, is_busy=is_busy) == []) is is_well
+    assert (judge_both({name: part}, is_busy=is_busy) == []) is is_well
 
 
 def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None:
@@ -141,8 +142,6 @@ def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None
 
 def test_the_fence_of_a_course_is_its_kerb() -> None:
     session = Session("race", Scenario(COURSE, karts=1))
-    from race_server.net.wire.sheets import course_sheet
-
     fence = fence_of(course_sheet(session.scenario))
     x, y = COURSE.line[0, :2]
     assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)

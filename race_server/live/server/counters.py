@@ -34,10 +34,10 @@ class Histogram:
 
 
 class Refusals(Counter[str]):
-    """How many messages were refused, by reason; the log tells of the first of each."""
+    """How many messages were refused, by reason; the first of each is logged."""
 
     def __init__(self, log: Log | None = None) -> None:
-        """Count from nothing. log: is told of the first of each reason and seat."""
+        """Count from nothing. log: receives the first of each reason and seat."""
         super().__init__()
         self._log = log
         self._logged: set[tuple[str, int]] = set()

@@ -1,6 +1,6 @@
 """Figures of a running server for Prometheus, and whether it is well, over HTTP on loopback.
 
-Everything is read when somebody asks; the loop knows nothing of it.
+Everything is read when a request comes; the loop does nothing for it.
 """
 
 import threading

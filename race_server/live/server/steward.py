@@ -1,4 +1,4 @@
-"""The steward: shows flags, gives penalties, shuts seats, stops the clock, starts the race anew."""
+"""The steward: flags, penalties, closed seats, the clock, restarts of the race."""
 
 import secrets
 from collections import deque
@@ -10,7 +10,7 @@ from race_server.errors import SeatError
 from race_server.net.wire.admin import Decision
 from race_server.session import Session
 
-# So many decisions are remembered.
+# At most this many decisions are kept in the log.
 MOST_LINES = 500
 # A penalty beyond this is a slip of the finger.
 MOST_PENALTY_S = 600.0
@@ -21,7 +21,7 @@ def _refuse_late(_seat: int, _seconds: float) -> str:
 
 
 class Steward:
-    """Carries out what the steward decides, and keeps a log of it."""
+    """Carries out decisions of the steward and logs them."""
 
     def __init__(
         self,
@@ -29,9 +29,9 @@ class Steward:
         token: str,
         penalise_late: Callable[[int, float], str] = _refuse_late,
     ) -> None:
-        """Obey whoever knows the token.
+        """Obey a client that shows the token.
 
-        token: "" for nobody. penalise_late: changes the result of a race that is over, and
+        token: "" for no steward. penalise_late: changes the result of a race that is over, and
         returns the driver's name.
         """
         self._session = session

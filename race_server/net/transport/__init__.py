@@ -2,7 +2,7 @@
 
 The server's session is the router: it listens on one address, with scouting, gossip and shared
 memory off; `admission` says who may do what there. Callbacks do no more than put bytes into bounded
-mailboxes, one for each key, so that nobody crowds others out; the server's loop empties them. A
+mailboxes, one for each key, so that no sender crowds others out; the server's loop empties them. A
 session that is not closed keeps its process alive, so both ends are context managers and are closed
 at exit as well.
 """

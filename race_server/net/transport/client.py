@@ -34,7 +34,7 @@ class ClientLink(Link):
         """Connect to a server.
 
         Raises:
-            LinkError: nobody answers there, or we are not let in.
+            LinkError: no server answers there, or it refuses us.
             KeysError: the address asks for a certificate.
             WireError: the session's name is none.
         """

@@ -4,14 +4,14 @@ import threading
 
 
 class Mailbox:
-    """Holds the newest message until somebody takes it."""
+    """Holds the newest message until it is taken."""
 
     def __init__(self) -> None:
         self._newest: bytes | None = None
         self._condition = threading.Condition()
 
     def put(self, data: bytes) -> None:
-        """Store a message; an older one that nobody took is forgotten."""
+        """Store a message; an older one that was not taken is dropped."""
         with self._condition:
             self._newest = data
             self._condition.notify()

@@ -46,7 +46,7 @@ class Request:
     """A query that waits for an answer."""
 
     topic: Topic
-    seat: int  # in the key, and so who asks; -1 where the key names none
+    seat: int  # of the client, as the key names it; -1 where it names none
     payload: bytes
     _query: Any
 
@@ -75,12 +75,12 @@ class ServerLink(Link):
         one control a tick, so where a seat sends far more only the newest are received.
 
         Raises:
-            LinkError: it cannot be listened on, or would be open to everybody.
+            LinkError: it cannot be listened on, or would be open to any machine.
             WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
-        door = ListenSettings(address, session_name, seats, keys, real_time)
-        settings = server_settings(door)
+        listening = ListenSettings(address, session_name, seats, keys, real_time)
+        settings = server_settings(listening)
         try:
             super().__init__(open_session(settings))
         except zenoh.ZError as error:

@@ -14,7 +14,7 @@ class LinkClock:
     """
 
     BUCKET_US, BUCKETS = 3 * MICROSECONDS, 10
-    # A clock that is this far off all at once has been set anew.
+    # A clock that is this far off all at once was set again.
     RESET_US = 2 * MICROSECONDS
 
     def __init__(self, assumed_s: float = 0.0) -> None:

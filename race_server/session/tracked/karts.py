@@ -1,4 +1,4 @@
-"""The real karts of a session: what they tell goes into the world, and what they must obey back."""
+"""The real karts of a session: their poses go into the world, and orders go back to them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,7 @@ from race_server.session.tracked.tracker import Tracker
 
 # A point this many kart lengths beyond the borders is not on the course.
 BEYOND_LENGTHS = 1.0
-# The centre line is looked at about every so many metres.
+# Distance between the samples of the centre line that are searched, about.
 LOOK_M = 0.5
 
 
@@ -137,7 +137,7 @@ def _place_of(world: World, seat: int) -> Pose:
 
 
 def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[float, ...] | None:
-    """Return the row of one kart; None while it has not been heard of yet."""
+    """Return the row of one kart; None before its first pose."""
     body, racer, flag = world.bodies[0, seat], world.racers[0, seat], int(world.races[0].flag)
     if body.status == codes.ABSENT:
         return None

@@ -9,11 +9,11 @@ from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 
-# So long without a pose that is believed makes a kart doubtful, then parks it, then ends its race.
+# Time without a believed pose after which a kart is doubtful, then suspended, then out.
 DOUBT_S, PARK_S, OUT_S = 0.4, 2.0, 20.0
-# So many poses in a row, over at least this time, must agree before a kart is believed again.
+# Number and duration of agreeing poses in a row before a kart is believed again.
 AGREEING, AGREEING_S = 8, 0.25
-# Nobody expects the first pose sooner than this, nor before the start.
+# The first pose is due this long after tracking begins, and not before the start.
 FIRST_S = 1.0
 
 
@@ -40,7 +40,7 @@ class Tracker:
     def at_start(self, pose: Pose, now_us: int, *, lights_s: float = 0.0) -> "Tracker":
         """Return a tracker that expects the kart on the grid; its clock is known from before.
 
-        lights_s: time until the lights go out: until then nobody is in anybody's way.
+        lights_s: time until the lights go out: until then no kart is in another's way.
         """
         since_us = now_us + round(max(lights_s - FIRST_S, 0.0) * MICROSECONDS)
         return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=since_us)
@@ -48,7 +48,7 @@ class Tracker:
     def resumed(self, place: Pose, now_us: int) -> "Tracker":
         """Return a tracker for the rest of a race whose server was killed.
 
-        A kart that was trusted has as long as at the start to be heard of again.
+        A kart that was trusted has as long as at the start to send a pose again.
         """
         trust = Trust.SIMULATED if self.trust is Trust.TRUSTED else self.trust
         orders = self.orders.resumed(now_us)

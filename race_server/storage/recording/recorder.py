@@ -49,7 +49,7 @@ from race_server.storage.recording.channels import (
 )
 from race_server.storage.recording.reader import NANOSECONDS, Line
 
-# What has been handed over is with the operating system after so long.
+# What has been handed over is with the operating system after this time.
 FLUSH_S = 0.05
 CHUNK_BYTES = 64 * 1024
 # Messages that wait for a disk that has stopped; a race goes on without its recording then.
@@ -70,7 +70,7 @@ class Recorder:
     ) -> None:
         """Begin the file and start the thread.
 
-        begun_ns: when the race began, nanoseconds since 1970 in UTC; log: is told once if the
+        begun_ns: when the race began, nanoseconds since 1970 in UTC; log: called once if the
         recording fails.
         """
         self.path = Path(file.name)
@@ -170,7 +170,7 @@ class Recorder:
             self._give_up(error)
 
     def _write_batch(self) -> bool:
-        """Write what comes within a flush's time, or until somebody waits; False after the last."""
+        """Write what comes within a flush's time, or until a flush; False after the last."""
         entry, count, goes_on = self._queue.get(), 0, True
         deadline = time.monotonic() + FLUSH_S
         while entry is not _FLUSH:

@@ -25,7 +25,7 @@ class Difference:
 
 
 def session_of(recording: Recording) -> Session:
-    """Return a session at the start of a recorded race, with everybody in their seats.
+    """Return a session at the start of a recorded race, with all drivers in their seats.
 
     Raises:
         RecordingError: the recording does not fit this version.

@@ -13,7 +13,7 @@ import numpy as np
 from race_server.core.messages import Standing
 from race_server.core.state import Float32s
 from race_server.session.lap_log import Lap
-from race_server.storage.results.schema import explained, open_file, transaction
+from race_server.storage.results.schema import BUSY_S, explained, open_file, transaction
 
 FINISHED, STOPPED = "finished", "stopped"
 
@@ -74,15 +74,17 @@ TRACE_TYPE = np.dtype("<f4")
 class Store:
     """An open results file that a live race writes to. Laps belong to the race last begun."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, busy_s: float = BUSY_S) -> None:
         """Open or make the file, and see that it can be written.
+
+        busy_s: another program may hold the file for this long.
 
         Raises:
             ResultsError: it is locked, damaged, newer, or cannot be written.
         """
         self.path = path
         self._race = 0
-        self._connection = open_file(path, create=True)
+        self._connection = open_file(path, create=True, busy_s=busy_s)
         try:
             with explained(path), transaction(self._connection):
                 pass
@@ -185,7 +187,7 @@ class Store:
         )
 
     def _tidy(self) -> None:
-        """Copy the log back into the file; if somebody reads just now, the next race will."""
+        """Copy the log back into the file, or leave it to the next race while others read."""
         try:
             self._connection.execute("pragma wal_checkpoint(passive)").fetchall()
         except sqlite3.Error:

@@ -123,7 +123,7 @@ class Writer:
 def writer_for(results: str, say: Callable[[str], None]) -> AbstractContextManager[Writer | None]:
     """Return the writer of a results file, None for nowhere; close it after the last race.
 
-    results: where it lies, see `path_of`. say: is told once if the file fails.
+    results: where it lies, see `path_of`. say: called once if the file fails.
 
     Raises:
         ResultsError: it is locked, damaged or newer than this program.
