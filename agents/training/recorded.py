@@ -128,7 +128,7 @@ def _look(session: Session, seat: int) -> Float32s | None:
     """Return the observation of a seat, None while its kart does not race."""
     if not _races(session, seat) or session.tick < session.world.races[0].start_tick:
         return None
-    session.look()
+    session.observe()
     return session.view(seat).copy()
 
 

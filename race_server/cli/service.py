@@ -18,7 +18,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import RaceError, RecordingError
 from race_server.live.server import REAL, RaceServer
-from race_server.live.server.resume import take_up
+from race_server.live.server.resume import restore_session
 from race_server.logs import Log
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.token import local_token
@@ -95,7 +95,9 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             port = stack.enter_context(exposed(server, service.metrics))
             log.say("metrics", address=f"http://{LOOPBACK}:{port}/metrics")
         while not stopped:
-            outcome = server.go_on(*resumed) if resumed else server.run(min(service.awaited, karts))
+            outcome = (
+                server.resume(*resumed) if resumed else server.run(min(service.awaited, karts))
+            )
             resumed = None
             if outcome is None:
                 return
@@ -135,7 +137,7 @@ def _resumed(
         return None
     begun = time.perf_counter()
     try:
-        session, events = take_up(recording, keeper)
+        session, events = restore_session(recording, keeper)
     except RecordingError as error:
         logbook.put_aside(str(error))
         return None

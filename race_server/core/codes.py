@@ -2,6 +2,7 @@
 
 from race_server.core.messages import (
     Button,
+    Cleanness,
     EventKind,
     Flag,
     RayHit,
@@ -31,6 +32,9 @@ ON_SELF, PLACED, GUARD, ON_KART_AHEAD = 1, 2, 3, 4
 
 # Surfaces.
 ASPHALT, KERB, GRASS = 0, 1, 2
+
+CLEAN = int(Cleanness.CLEAN)
+UNCLEAN = int(Cleanness.UNCLEAN)
 
 USE_ITEM = int(Button.USE_ITEM)
 ACCEPT_RESCUE = int(Button.ACCEPT_RESCUE)

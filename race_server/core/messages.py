@@ -64,10 +64,10 @@ class RayHit(IntEnum):
 
 
 class EventKind(IntEnum):
-    """What happened in the world, and how `value` and `other` of the event are read."""
+    """What happened in the world, and how `value`, `other`, `detail` of the event are read."""
 
     GREEN = 1  # the lights went out
-    LAP = 2  # value: lap time [µs]; other: number of the lap
+    LAP = 2  # value: lap time [µs]; other: number of the lap; detail: see Cleanness
     SECTOR = 3  # value: sector time [µs]; other: number of the sector, from 1
     FINISH = 4  # value: race time [µs]
     RETIRED = 5  # other: Retirement
@@ -90,6 +90,14 @@ class EventKind(IntEnum):
     RACE_OVER = 22
     WARNING = 23  # drove into a kart from behind; value: warnings so far; other: that kart
     POSE = 24  # of a real kart; value: PoseFault; other: Trust from now on
+
+
+class Cleanness(IntEnum):
+    """Whether a lap was driven without wall contact, short cut, rescue or leaving the course."""
+
+    UNKNOWN = 0  # of a recording from before LAP events carried it
+    CLEAN = 1
+    UNCLEAN = 2
 
 
 class Retirement(IntEnum):
@@ -179,6 +187,7 @@ class Event:
     kart: int  # -1 where it concerns the whole race
     other: int
     value: int
+    detail: int = 0
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ PLACEMENT = (
     *("speed", "lateral_speed", "yaw_rate", "steering"),
 )
 
-EVENT = _record(_fields("", "sequence tick kind kart other value"))
+EVENT = _record(_fields("", "sequence tick kind kart other value detail"))
 
 # What is fixed for one race. Zero switches a limit off.
 RULES = _record(

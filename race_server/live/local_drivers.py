@@ -1,9 +1,10 @@
-"""Drivers that drive from inside this process: seats of a session that no network fills."""
+"""Drivers inside this process, for seats of a session that no network fills."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.driver import Briefing, Driver
+from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.errors import DriverError
@@ -13,7 +14,7 @@ from race_server.session.seats import Seat
 
 
 def briefing_for(session: Session, seat: Seat) -> Briefing:
-    """Return what the driver of a seat is told before the start."""
+    """Return the briefing of the driver of a seat."""
     scenario = session.scenario
     return Briefing(
         seat=seat.number,
@@ -62,8 +63,15 @@ class LocalDrivers:
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error
 
+    def fill(self, names: Sequence[str]) -> None:
+        """Give the free seats of the lobby to drivers of these names, repeated in turn."""
+        for seat in list(self._session.seats):
+            if names and not seat.is_taken:
+                name = names[seat.number % len(names)]
+                self.admit(name, driver_named(name), seat.number)
+
     def readmit(self, name: str, driver: Driver, seat: int) -> None:
-        """Give a driver a seat of its name in a race that is taken up.
+        """Give a driver the seat of its name in a race that is resumed.
 
         Raises:
             DriverError: the driver raised.
@@ -73,7 +81,7 @@ class LocalDrivers:
         self._get_ready(name, driver, taken)
 
     def answer(self, seat: int) -> bytes:
-        """Return a driver's control for what it sees now: the same bytes as over the network.
+        """Return a driver's control for its observation now: the same bytes as over the network.
 
         Raises:
             DriverError: the driver raised, or what it returned is no control.
@@ -91,7 +99,7 @@ class LocalDrivers:
             raise _failed(taken.driver, error) from error
 
     def clear(self) -> None:
-        """Send all local drivers away; their seats are free again."""
+        """Remove all local drivers; their seats are free again."""
         for seat in self._locals:
             if self._session.seats[seat].is_taken:
                 self._session.leave(seat)

@@ -1,4 +1,4 @@
-"""What acts on the karts of a session: their drivers' controls, or what silence makes of them."""
+"""What acts on the karts of a session: their drivers' controls, or the failsafe."""
 
 import numpy as np
 
@@ -28,19 +28,19 @@ class Controls:
         self._decision_ticks = decision_ticks
 
     def clear(self) -> None:
-        """Begin a race: nothing was heard yet."""
+        """Begin a race: no control was received yet."""
         self.acting[:] = 0.0
         self._loaded[:] = 0.0
 
     def load(self, seats: Seats, world: World) -> Inputs | None:
-        """Let act what the seats give now, and return it as far as it changed."""
+        """Let the newest control of each seat act, and return those that changed."""
         tick = int(world.races[0].tick)
         # All at once: to ask a record for a field takes a microsecond.
         racing = (world.bodies["status"][0] == codes.RACING).tolist()
         speeds = world.bodies["speed"][0].tolist()
         for seat in seats.taken():
             is_racing = racing[seat.number]
-            self._listen(seat, tick, speeds[seat.number], is_racing=is_racing)
+            self._update_failsafe(seat, tick, speeds[seat.number], is_racing=is_racing)
             control = _control_of(seat, is_racing=is_racing)
             # As on the wire, so that a recording holds exactly what acted.
             self._loaded[seat.number] = (
@@ -60,25 +60,25 @@ class Controls:
         """Let the controls of a recording act."""
         self.acting[0, inputs.seats] = inputs.controls
 
-    def _listen(self, seat: Seat, tick: int, speed: float, *, is_racing: bool) -> None:
-        """Work out how far the silence of a driver has got."""
+    def _update_failsafe(self, seat: Seat, tick: int, speed: float, *, is_racing: bool) -> None:
+        """Update the failsafe stage of a seat."""
         # A control that came after a link was gone shows that the driver is there.
         is_linked = seat.is_present or seat.control_tick > seat.away_since
         has_spoken = seat.control_tick >= 0
         overdue = tick - seat.control_tick - self._decision_ticks
         grace = grace_of(speed, self._lengths[seat.number]) if has_spoken else 0
         silence = failsafe_stage(overdue - grace, is_linked=is_linked)
-        # A kart that slows down unheard must not be given its grace anew, and drive off again.
+        # A kart that slows down without controls must not get its grace again, and drive off.
         seat.silence = silence if overdue <= 0 and is_linked else max(seat.silence, silence)
         hangs = is_racing and seat.silence is FailsafeStage.STOPPED and has_spoken
-        # Of real karts the fleet knows more.
+        # The trackers know more of real karts.
         if hangs and not seat.is_tracked and seat.away_since < 0:
             seat.away_since = tick  # its link is there, but it answers no more
 
 
 def _control_of(seat: Seat, *, is_racing: bool) -> Control:
     """Return what acts on the kart of a seat."""
-    # Nobody waits for the answers of a kart that is through: they must not matter.
+    # No tick waits for the controls of a kart that has finished: they must not matter.
     if not is_racing:
         return STOP
     if seat.is_tracked and seat.silence is not FailsafeStage.FRESH:

@@ -4,26 +4,27 @@ from collections import deque
 
 from race_server.core.messages import Event, EventKind, Phase
 from race_server.core.state import World
+from race_server.session.lap_log import LapLog
 
-# Late joiners are told of so many events.
+# Spectators that come late receive at most this many events.
 RECENT_EVENTS = 256
 
 
 class EventLog:
-    """The newest events of a session and all lap times of its race."""
+    """The newest events of a session and all laps of its race."""
 
     def __init__(self) -> None:
-        """Begin before anything has happened."""
+        """Begin with no events."""
         self.recent: deque[Event] = deque(maxlen=RECENT_EVENTS)
-        self.laps_us: dict[int, list[int]] = {}  # by seat
+        self.laps = LapLog()
 
     def begin(self, seats: int) -> None:
-        """Forget the last race."""
+        """Forget the last race. seats: how many there are."""
         self.recent.clear()
-        self.laps_us = {seat: [] for seat in range(seats)}
+        self.laps.begin(seats)
 
-    def take(self, world: World) -> list[Event]:
-        """Return the events of the world since the last call and remember them."""
+    def collect(self, world: World) -> list[Event]:
+        """Record the events of the world since the last call, and return them."""
         count = int(world.event_counts[0])
         events = [
             Event(
@@ -33,18 +34,18 @@ class EventLog:
                 int(row.kart),
                 int(row.other),
                 int(row.value),
+                int(row.detail),
             )
             for row in world.events[0][:count]
         ]
         world.event_counts[0] = 0
         for event in events:
-            if event.kind is EventKind.LAP:
-                self.laps_us[event.kart].append(event.value)
+            self.laps.add(event)
         self.recent.extend(events)
         return events
 
-    def turn(self, world: World, phase: Phase) -> Event:
-        """Remember that a phase begins, and return that as an event."""
+    def enter_phase(self, world: World, phase: Phase) -> Event:
+        """Record that a phase begins, and return that as an event."""
         race = world.races[0]
         race.sequence += 1
         event = Event(int(race.sequence), int(race.tick), EventKind.PHASE, -1, int(phase), 0)

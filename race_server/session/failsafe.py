@@ -1,4 +1,4 @@
-"""What becomes of a kart whose driver falls silent: it coasts, brakes, and stands safely.
+"""The failsafe of a kart whose driver is silent: it coasts, brakes, and stands safely.
 
 A driver that speaks again drives on at once, with the place, laps and penalties that its kart has;
 one that is away or silent for `AWAY_TICKS` has withdrawn.
@@ -9,7 +9,7 @@ from enum import IntEnum
 from race_server.core.clock import TICKS_PER_SECOND, ticks_of
 from race_server.core.messages import Control
 
-# The last control acts for so long, as if it had been sent again.
+# The last control acts for this long, as if it had been sent again.
 FRESH_TICKS = ticks_of(0.25)
 # Then the motor is off and the wheels stay where they were: a gap of the network costs no crash.
 COAST_TICKS = ticks_of(0.5)
@@ -19,14 +19,14 @@ BRAKE = 0.5
 # … and at last it stands, wheels straight and brake on, until its driver has withdrawn.
 AWAY_TICKS = ticks_of(10.0)
 # All of this comes later to a slow kart: as long as it drives no further than its own length
-# without being heard there is nothing to brake for, up to so much longer.
+# without a control there is nothing to brake for, up to this much longer.
 SLOW_TICKS = ticks_of(0.75)
 
 STOP = Control(brake=1.0)
 
 
 class FailsafeStage(IntEnum):
-    """How far a kart has got since its driver was last heard."""
+    """The stage of a kart since the last control of its driver."""
 
     FRESH = 0
     COASTING = 1

@@ -20,8 +20,8 @@ class InterventionKind(IntEnum):
     WITHDRAW = 1  # a kart is out of the race
     FLAG = 2  # value: Flag
     PENALTY = 3  # value: [s] that the stewards add to a kart's race time
-    CLOSE = 4  # nobody may take a kart's seat; value: 1 where its driver was sent away
-    OPEN = 5  # somebody may again
+    CLOSE = 4  # no driver may take a kart's seat; value: 1 where its driver was sent away
+    OPEN = 5  # it may be taken again
     CLOCK = 6  # value: 1 the clock stands, 0 it goes on
 
 

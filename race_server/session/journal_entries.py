@@ -1,6 +1,6 @@
 """What acts on a race, as a recording holds it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from race_server.core.state import Float32s, Ints
 from race_server.session.interventions import Intervention
@@ -20,3 +20,21 @@ class Inputs:
 
 # What acts on a race, in the order in which it does.
 Entry = Inputs | Placements | Intervention | Granted
+
+
+@dataclass
+class JournalEntries:
+    """What has acted on a race and is not yet written down; the recorder empties it."""
+
+    is_recorded: bool = False
+    entries: list[Entry] = field(default_factory=list)
+
+    def add(self, entry: Entry) -> None:
+        """Put an entry into the journal, if the race is recorded."""
+        if self.is_recorded:
+            self.entries.append(entry)
+
+    def drain(self) -> list[Entry]:
+        """Return all entries since the last call."""
+        entries, self.entries = self.entries, []
+        return entries

@@ -1,4 +1,4 @@
-"""What the seats of a session see."""
+"""The observations of the seats of a session."""
 
 import numpy as np
 
@@ -9,36 +9,36 @@ from race_server.scenario.race import ABSENT
 from race_server.scenario.sensors import sensors_for
 from race_server.session.seats import Seat, Seats
 
-NOBODY = -1  # in place of a preset
+NO_PRESET = -1  # of a seat without a driver
 
 
 class Observations:
-    """The observation vectors of all seats, worked out in one call."""
+    """The observation vectors of all seats, computed in one call."""
 
     def __init__(self, seats: int, rays: int) -> None:
-        """Lay out what can be seen. rays: of the lidar."""
+        """Lay out the observations of all presets. rays: of the lidar."""
         names = list(PRESETS)
         self._layouts: list[Layout] = [layout_of(name, rays) for name in names]
         longest = max(len(layout.numbers) for layout in self._layouts)
         self._parts = np.full((len(names), longest), -1, np.int64)
         for row, layout in zip(self._parts, self._layouts, strict=True):
             row[: len(layout.numbers)] = layout.numbers
-        self._presets = np.full(seats, NOBODY, np.int64)  # their places in PRESETS
+        self._presets = np.full(seats, NO_PRESET, np.int64)  # their places in PRESETS
         size = max(layout.size for layout in self._layouts)
         self._values: Float32s = np.zeros((1, seats, size), np.float32)
 
     def begin(self, seats: Seats) -> None:
-        """Show everybody in a race what their presets name."""
+        """Begin a race: every taken seat observes what its preset names."""
         names = list(PRESETS)
         for seat in seats:
-            self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NOBODY
+            self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NO_PRESET
 
-    def look(self, world: World) -> None:
-        """Work out what every seat sees now."""
+    def compute(self, world: World) -> None:
+        """Compute the observations of all seats now."""
         observe_karts(world, self._parts, self._presets, self._values)
 
     def of(self, seat: int) -> Float32s:
-        """Return the observation vector of a seat as of the last `look`."""
+        """Return the observation vector of a seat as of the last `compute`."""
         layout = self._layouts[int(self._presets[seat])]
         return self._values[0, seat, : layout.size]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from race_server.errors import SeatError
 
-# So many senders' last serials are remembered.
+# The last serials of at most this many senders are kept.
 MOST_SERIALS = 1024
 
 
@@ -34,8 +34,8 @@ class ReplayGuard:
         if serial <= last:
             raise SeatError(f"request {serial} again: already at {last}, so this is a copy")
 
-    def note(self, key: bytes, serial: int) -> None:
-        """Take note of a request that was granted."""
+    def record(self, key: bytes, serial: int) -> None:
+        """Record a request that was granted."""
         if key not in self.last and len(self.last) >= MOST_SERIALS:
             del self.last[next(iter(self.last))]
         self.last[key] = serial

@@ -1,4 +1,4 @@
-"""The door to the seats of a session: who is given which."""
+"""Which seat of a session a driver is given."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from race_server.session.seats import Seat, Seats
 
 @dataclass(frozen=True)
 class Newcomer:
-    """Who asks for a seat; see `Session.join`."""
+    """A driver that asks for a seat; see `Session.join`."""
 
     driver: str
     preset: str

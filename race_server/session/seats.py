@@ -1,4 +1,4 @@
-"""The seats of a session: who holds them, who is there, and which of them nobody may take."""
+"""The seats of a session: their drivers, which of them are there, and which seats are closed."""
 
 import secrets
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ CLOSED_FOR = ("by the steward", "the steward sent its driver away")
 
 @dataclass
 class Seat:
-    """One place in the race and who holds it."""
+    """One place in the race and its driver."""
 
     number: int
     driver: str = ""
@@ -37,29 +37,29 @@ class Seat:
         """Return whether a secret is that of the seat's driver."""
         return secrets.compare_digest(self.key, key_of(secret))
 
-    def take(self, driver: str, preset: str, secret: int, *, is_tracked: bool) -> None:
-        """Let a driver sit down. secret: 0 for one that nobody knows."""
+    def assign(self, driver: str, preset: str, secret: int, *, is_tracked: bool) -> None:
+        """Give the seat to a driver. secret: 0 for one that is drawn and known to no client."""
         self.driver, self.preset = driver, preset
         self.key = key_of(secret or secrets.randbits(63) | 1)
         self.is_taken, self.is_ready, self.is_present = True, False, True
         self.is_tracked = is_tracked
 
     def come_back(self) -> None:
-        """Take note that the driver is there again."""
+        """Record that the driver is there again."""
         self.is_present = True
         self.away_since = -1
 
     def is_gone(self, tick: int) -> bool:
-        """Return whether the driver has been away for so long that it has withdrawn."""
+        """Return whether the driver has been away so long that it counts as withdrawn."""
         return 0 <= self.away_since <= tick - AWAY_TICKS
 
     def line_up(self) -> None:
-        """Forget what was heard in the last race."""
+        """Forget what was received in the last race."""
         self.control, self.control_tick, self.answered_tick = STOP, -1, -1
         self.sequence, self.away_since, self.silence = 0, -1, FailsafeStage.FRESH
 
-    def hear(self, sequence: int, control: Control, tick: int) -> None:
-        """Take the newest message of the driver, which arrived before a tick."""
+    def receive(self, sequence: int, control: Control, tick: int) -> None:
+        """Record the newest message of the driver, which arrived before a tick."""
         self.sequence = sequence
         self.control, self.control_tick = control, tick
         if self.is_present:
@@ -72,7 +72,7 @@ class Seats:
     def __init__(self, count: int) -> None:
         """Begin with all of them free."""
         self._seats = [Seat(number) for number in range(count)]
-        self.closed: dict[int, str] = {}  # those that nobody may take, and why
+        self.closed: dict[int, str] = {}  # those that no driver may take, and why
 
     def __len__(self) -> int:
         return len(self._seats)
@@ -105,14 +105,14 @@ class Seats:
             raise SeatError(f"seat {number} is closed: {self.closed[number]}")
 
     def taken(self) -> list[Seat]:
-        """Return the seats in which somebody sits."""
+        """Return the seats that are taken."""
         return [seat for seat in self._seats if seat.is_taken]
 
     def taken_one(self, number: int) -> Seat:
-        """Return a seat in which somebody sits.
+        """Return a taken seat.
 
         Raises:
-            SeatError: nobody sits there.
+            SeatError: it is not taken.
         """
         if number not in self or not self[number].is_taken:
             raise SeatError(f"seat {number} is not taken")
@@ -126,7 +126,7 @@ class Seats:
         return None
 
     def deserted(self, number: int, preset: str) -> Seat | None:
-        """Return a seat that races without its driver, who would see what is seen there."""
+        """Return a seat that races without its driver, if its preset is the same."""
         if number not in self or number in self.closed:
             return None
         seat = self[number]
@@ -155,11 +155,11 @@ class Seats:
         self._seats[seat.number] = seat
 
     def free(self, number: int) -> None:
-        """Let nobody sit on a seat any more."""
+        """Free a seat."""
         self.put(Seat(number))
 
     def close(self, number: int, *, sent_away: bool) -> None:
-        """Let nobody take a seat; a driver who was sent away may not come back either."""
+        """Let no driver take a seat; one that was sent away may not come back either."""
         self.closed[number] = CLOSED_FOR[sent_away]
         if sent_away:
             self[number].key = b""

@@ -1,4 +1,4 @@
-"""A race session: its sections say what happens to it, from the lobby to the results."""
+"""A race session, from the lobby to the results."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -7,9 +7,8 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.kernels.jit import bind
-from race_server.core.messages import Button, Control, Event, Flag, Phase, Pose, PoseFault, Standing
+from race_server.core.messages import Button, Control, Event, Phase, Pose, PoseFault, Standing
 from race_server.core.observation import Layout, layout_of
-from race_server.core.stages.standings import rank
 from race_server.core.state import Float32s, Floats, World, digest
 from race_server.core.step import advance, place_karts
 from race_server.credentials import key_of
@@ -18,9 +17,10 @@ from race_server.scenario.race import Scenario, line_up_race, make_world
 from race_server.session.controls import Controls
 from race_server.session.event_log import EventLog
 from race_server.session.failsafe import STOP
-from race_server.session.interventions import Intervention, InterventionKind, carry_out
-from race_server.session.journal_entries import Entry, Inputs
+from race_server.session.interventions import Intervention, InterventionKind
+from race_server.session.journal_entries import Entry, Inputs, JournalEntries
 from race_server.session.observations import Observations, fitted_for
+from race_server.session.race_control import RaceControl
 from race_server.session.replay_guard import Granted, ReplayGuard
 from race_server.session.seating import Newcomer, free_seat, held_seat
 from race_server.session.seats import Seat, Seats
@@ -30,7 +30,7 @@ from race_server.session.tracked.karts import Placements, TrackedKarts
 
 @dataclass
 class Session:
-    """One race session on one scenario; it may be run again and again, an epoch each time."""
+    """One race session on one scenario; each race in it is an epoch."""
 
     name: str
     scenario: Scenario
@@ -38,26 +38,28 @@ class Session:
     phase: Phase = Phase.LOBBY
     epoch: int = 0
     takes_tracked: bool = True  # where the world waits for drivers no real kart can take part
-    is_paused: bool = False  # the clock stands
-    is_recorded: bool = False
-    log: list[Entry] = field(default_factory=list)  # while recorded; who records empties it
-    serials: ReplayGuard = field(default_factory=ReplayGuard)  # of requests that were granted
-    chronicle: EventLog = field(default_factory=EventLog)
+    journal: JournalEntries = field(default_factory=JournalEntries)
+    replay_guard: ReplayGuard = field(default_factory=ReplayGuard)  # of requests that were granted
+    event_log: EventLog = field(default_factory=EventLog)
     seats: Seats = field(init=False)
     world: World = field(init=False)
-    fleet: TrackedKarts = field(init=False)
+    tracked_karts: TrackedKarts = field(init=False)
+    race_control: RaceControl = field(init=False)
 
     def __post_init__(self) -> None:
         """Build the world once; each start puts it back."""
         scenario = self.scenario
         self.seats = Seats(scenario.karts)
         self.world = make_world(scenario)
-        self.fleet = TrackedKarts(scenario.course)
+        self.tracked_karts = TrackedKarts(scenario.course)
+        self.race_control = RaceControl(
+            self.world, self.seats, self.event_log, self.journal, self.leave
+        )
         self._controls = Controls(scenario, self.decision_ticks)
-        self._views = Observations(scenario.karts, scenario.lidar.rays)
+        self._observations = Observations(scenario.karts, scenario.lidar.rays)
         self._advances: dict[int, Callable[[], None]] = {}
 
-    # Who drives
+    # Drivers and their seats
 
     def join(
         self,
@@ -71,10 +73,9 @@ class Session:
     ) -> Seat:
         """Give a driver a seat, or the one that it already has.
 
-        secret: chosen by the driver; who sends the same one again is given the same seat, so a
-        join whose answer was lost may simply be repeated. owns: the wanted seat is known to be
-        the driver's, which may then take it up with a new secret once its old link is gone.
-        tracked: a real kart, which exists.
+        secret: chosen by the driver; the same secret is given the same seat again, so a join
+        whose answer was lost may be repeated. owns: the wanted seat is known to be the driver's,
+        which may then take it with a new secret once its old link is gone. tracked: a real kart.
 
         Raises:
             SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
@@ -86,16 +87,16 @@ class Session:
             return held
         is_lobby = self.phase is Phase.LOBBY
         seat = free_seat(newcomer, self.seats, is_lobby=is_lobby, takes_tracked=self.takes_tracked)
-        seat.take(driver, preset, secret, is_tracked=tracked)
+        seat.assign(driver, preset, secret, is_tracked=tracked)
         if tracked:
-            self.fleet.admit(seat.number, self.scenario.vehicle_of(seat.number))
+            self.tracked_karts.admit(seat.number, self.scenario.vehicle_of(seat.number))
         return seat
 
     def seat(self, number: int) -> Seat:
         """Return a taken seat.
 
         Raises:
-            SeatError: nobody sits there.
+            SeatError: it is not taken.
         """
         return self.seats.taken_one(number)
 
@@ -103,14 +104,14 @@ class Session:
         """Free a seat in the lobby; in a race its kart stops and is out."""
         seat = self.seat(number)
         if self.is_on:
-            self.do(InterventionKind.WITHDRAW, number)
+            self.race_control.intervene(InterventionKind.WITHDRAW, number)
             seat.is_present = False
             seat.control = STOP
         else:
             self._free(number)
 
     def drop(self, number: int) -> None:
-        """Take note that a driver's link is gone: its kart is brought to a safe stop."""
+        """Record that a driver's link is gone: its kart is brought to a safe stop."""
         seat = self.seats[number]
         if not seat.is_taken:
             return
@@ -121,17 +122,17 @@ class Session:
             seat.away_since = self.tick
 
     def come_back(self, number: int) -> None:
-        """Take note that a driver is there again."""
+        """Record that a driver is there again."""
         self.seat(number).come_back()
 
     def grant(self, secret: int, serial: int) -> None:
-        """Take note of a request that was granted, so that copies of it are refused."""
-        self.serials.note(key_of(secret), serial)
-        self._log(Granted(self.tick, key_of(secret), serial))
+        """Record a request that was granted, so that copies of it are refused."""
+        self.replay_guard.record(key_of(secret), serial)
+        self.journal.add(Granted(self.tick, key_of(secret), serial))
 
     def _free(self, number: int) -> None:
         self.seats.free(number)
-        self.fleet.dismiss(number)
+        self.tracked_karts.dismiss(number)
 
     # From the lobby to the race and back
 
@@ -146,7 +147,7 @@ class Session:
         return self.phase in {Phase.COUNTDOWN, Phase.RUNNING}
 
     def can_start(self) -> bool:
-        """Return whether somebody sits in the lobby and everybody there is ready."""
+        """Return whether the lobby has drivers and all of them are ready."""
         taken = self.seats.taken()
         return self.phase is Phase.LOBBY and bool(taken) and all(seat.is_ready for seat in taken)
 
@@ -156,36 +157,36 @@ class Session:
         now_us: the time of the clock by which real karts are followed.
         """
         self.epoch += 1
-        self.log.clear()
-        self.is_paused = False
+        self.journal.drain()
+        self.race_control.is_paused = False
         fitted = tuple(fitted_for(seat) for seat in self.seats)
         line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
         for seat in self.seats:
             seat.line_up()
         self._controls.clear()
-        self._views.begin(self.seats)
-        self.chronicle.begin(len(self.seats))
-        self.fleet.begin(self.world, now_us)
-        self._turn(Phase.COUNTDOWN)
+        self._observations.begin(self.seats)
+        self.event_log.begin(len(self.seats))
+        self.tracked_karts.begin(self.world, now_us)
+        self._enter_phase(Phase.COUNTDOWN)
 
     def reopen(self) -> None:
-        """Go back to the lobby after a race; the seats of those who have gone are free."""
+        """Go back to the lobby after a race; the seats of drivers that have gone are free."""
         for seat in list(self.seats):
             seat.is_ready = False
             if not seat.is_present:
                 self._free(seat.number)
-        self._turn(Phase.LOBBY)
+        self._enter_phase(Phase.LOBBY)
 
-    def _turn(self, phase: Phase) -> Event:
+    def _enter_phase(self, phase: Phase) -> Event:
         self.phase = phase
-        return self.chronicle.turn(self.world, phase)
+        return self.event_log.enter_phase(self.world, phase)
 
     # What drivers send
 
-    def take_control(
+    def receive_control(
         self, number: int, epoch: int, sequence: int, tick: int, control: Control
     ) -> None:
-        """Take the newest control of a seat.
+        """Receive the newest control of a seat.
 
         Raises:
             WireError: it belongs to another epoch, is a replay, or answers the future.
@@ -193,13 +194,13 @@ class Session:
         seat = self.seats[number]
         if seat.is_tracked:
             raise WireError(f"control of seat {number}, which is a real kart: it sends poses")
-        self._check_news(seat, "control", epoch, sequence)
+        self._check_sequence(seat, "control", epoch, sequence)
         if tick > self.tick:
             raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
         seat.answered_tick = tick
-        seat.hear(sequence, control, self.tick)
+        seat.receive(sequence, control, self.tick)
 
-    def take_pose(
+    def receive_pose(
         self,
         number: int,
         epoch: int,
@@ -210,7 +211,7 @@ class Session:
         acknowledged: int = 0,
         buttons: Button = Button.NONE,
     ) -> PoseFault:
-        """Take a pose of a real kart and return what speaks against it.
+        """Receive a pose of a real kart and return its fault.
 
         Raises:
             WireError: the kart is simulated, or the pose of another epoch or a replay.
@@ -218,13 +219,13 @@ class Session:
         seat = self.seats[number]
         if not seat.is_tracked:
             raise WireError(f"pose of seat {number}, whose kart is simulated: it sends controls")
-        self._check_news(seat, "pose", epoch, sequence)
+        self._check_sequence(seat, "pose", epoch, sequence)
         # The kart moves by its poses; of a control only the buttons are left.
-        seat.hear(sequence, replace(STOP, buttons=buttons), self.tick)
-        self.fleet.orders(number).acknowledge(acknowledged, arrived_us)
-        return self.fleet.take(number, pose, arrived_us)
+        seat.receive(sequence, replace(STOP, buttons=buttons), self.tick)
+        self.tracked_karts.orders(number).acknowledge(acknowledged, arrived_us)
+        return self.tracked_karts.receive(number, pose, arrived_us)
 
-    def _check_news(self, seat: Seat, what: str, epoch: int, sequence: int) -> None:
+    def _check_sequence(self, seat: Seat, what: str, epoch: int, sequence: int) -> None:
         if not seat.is_taken or epoch != self.epoch:
             raise WireError(f"{what} for epoch {epoch}, this is epoch {self.epoch}")
         if sequence <= seat.sequence:
@@ -245,8 +246,8 @@ class Session:
 
     def follow(self, now_us: int) -> None:
         """Put the real karts where they are at this time, right before a tick."""
-        if self.fleet.trackers:
-            self.place_karts(self.fleet.follow(self.world, now_us))
+        if self.tracked_karts.trackers:
+            self.place_karts(self.tracked_karts.follow(self.world, now_us))
 
     def place_karts(self, placements: Floats) -> None:
         """Put karts into the world. placements: (n, 10), see state.PLACEMENT.
@@ -256,23 +257,23 @@ class Session:
         """
         if not len(placements):
             return
-        if self.is_recorded:
-            self.log.append(self.fleet.placed(self.tick, placements))
+        if self.journal.is_recorded:
+            self.journal.add(self.tracked_karts.placed(self.tick, placements))
         place_karts(self.world, 0, placements)
 
     def advance(self, ticks: int = 1) -> list[Event]:
         """Move the race on and return what happened.
 
         The same control acts for all `ticks`; see `race_server.session.failsafe` for karts whose
-        driver is not heard.
+        driver is silent.
         """
         tick, statuses = self.tick, self.world.bodies["status"][0]
         for seat in self.seats.taken():
             if seat.is_gone(tick) and statuses[seat.number] == codes.RACING:
-                self.do(InterventionKind.WITHDRAW, seat.number)
+                self.race_control.intervene(InterventionKind.WITHDRAW, seat.number)
                 seat.away_since = -1
         if inputs := self._controls.load(self.seats, self.world):
-            self._log(inputs)
+            self.journal.add(inputs)
         return self.move(ticks)
 
     def move(self, ticks: int) -> list[Event]:
@@ -280,82 +281,23 @@ class Session:
         if ticks not in self._advances:
             self._advances[ticks] = bind(advance, self.world, self._controls.acting, ticks)
         self._advances[ticks]()
-        events = self.chronicle.take(self.world)
+        events = self.event_log.collect(self.world)
         if self.phase is Phase.COUNTDOWN and self.tick > self.world.races[0].start_tick:
-            events.append(self._turn(Phase.RUNNING))
+            events.append(self._enter_phase(Phase.RUNNING))
         if self.phase is Phase.RUNNING and self.world.races[0].over:
-            events.append(self._turn(Phase.FINISHED))
+            events.append(self._enter_phase(Phase.FINISHED))
         return events
-
-    # What stewards do
-
-    def show_flag(self, flag: Flag) -> None:
-        """Show a flag to all karts."""
-        self.do(InterventionKind.FLAG, value=float(flag))
-
-    def penalise(self, number: int, seconds: float) -> None:
-        """Add a penalty to the race time of a seat.
-
-        Raises:
-            SeatError: nobody sits there.
-        """
-        self.do(InterventionKind.PENALTY, self.seat(number).number, seconds)
-
-    def penalise_late(self, number: int, seconds: float) -> list[Event]:
-        """Add a penalty to a race that is over, rank its karts anew, return what happened.
-
-        The recording of the race is closed, so this act is in none.
-        """
-        carry_out(self.world, Intervention(self.tick, InterventionKind.PENALTY, number, seconds))
-        rank(self.world, 0)
-        return self.chronicle.take(self.world)
-
-    def close(self, number: int) -> None:
-        """Let nobody take a seat; who has it keeps it."""
-        self.seats.check(number)
-        self.do(InterventionKind.CLOSE, number, 0.0)
-
-    def unclose(self, number: int) -> None:
-        """Let a seat be taken again."""
-        self.seats.check(number)
-        self.do(InterventionKind.OPEN, number)
-
-    def kick(self, number: int) -> None:
-        """Take a seat from its driver, who may not come back."""
-        self.do(InterventionKind.CLOSE, self.seat(number).number, 1.0)
-        self.leave(number)
-
-    def stand_still(self, *, stands: bool) -> None:
-        """Stop the clock of the race, or let it go on; whoever lets time pass obeys."""
-        self.do(InterventionKind.CLOCK, value=float(stands))
-
-    def do(self, kind: InterventionKind, kart: int = -1, value: float = 0.0) -> None:
-        """Do something to the race from outside, and log it."""
-        act = Intervention(self.tick, kind, kart, value)
-        self._log(act)
-        self._carry_out(act)
-
-    def _carry_out(self, act: Intervention) -> None:
-        carry_out(self.world, act)
-        if act.kind is InterventionKind.CLOSE:
-            self.seats.close(act.kart, sent_away=bool(act.value))
-        elif act.kind is InterventionKind.OPEN:
-            self.seats.unclose(act.kart)
-        elif act.kind is InterventionKind.CLOCK:
-            self.is_paused = bool(act.value)
 
     # What a recording holds
 
-    def _log(self, entry: Entry) -> None:
-        if self.is_recorded:
-            self.log.append(entry)
+    def journal_standing_decisions(self) -> None:
+        """Put into the journal what was decided before the race began and still holds."""
+        for act in self.seats.closings(self.tick):
+            self.journal.add(act)
+        for granted in self.replay_guard.granted(self.tick):
+            self.journal.add(granted)
 
-    def log_what_holds(self) -> None:
-        """Log what was decided before the race began and still holds."""
-        self.log.extend(self.seats.closings(self.tick))
-        self.log.extend(self.serials.granted(self.tick))
-
-    def do_again(self, entry: Entry) -> None:
+    def repeat(self, entry: Entry) -> None:
         """Let something act that a recording holds."""
         if isinstance(entry, Inputs):
             self._controls.recall(entry)
@@ -363,21 +305,21 @@ class Session:
                 self.seats[seat].sequence = int(sequence)
         elif isinstance(entry, Placements):
             place_karts(self.world, 0, entry.rows)
-            self.fleet.recall(entry)
+            self.tracked_karts.recall(entry)
         elif isinstance(entry, Intervention):
-            self._carry_out(entry)
+            self.race_control.repeat(entry)
         else:
-            self.serials.note(entry.key, entry.serial)
+            self.replay_guard.record(entry.key, entry.serial)
 
-    # What others are told
+    # What drivers and spectators are sent
 
-    def look(self) -> None:
-        """Work out what every seat sees now; read it with `view`."""
-        self._views.look(self.world)
+    def observe(self) -> None:
+        """Compute the observations of all seats now; read them with `view`."""
+        self._observations.compute(self.world)
 
     def view(self, number: int) -> Float32s:
-        """Return the observation vector of a seat as of the last `look`."""
-        return self._views.of(number)
+        """Return the observation vector of a seat as of the last `observe`."""
+        return self._observations.of(number)
 
     def acting(self, number: int) -> Float32s:
         """Return the control that acts on the kart of a seat, or acted last, shape (4,).
@@ -396,8 +338,8 @@ class Session:
         return sorted(rows, key=lambda row: row.rank)
 
     def table(self) -> list[Standing]:
-        """Return one row for each seat, whether or not somebody still sits there."""
-        return table_of(self.seats, self.world, self.chronicle.laps_us)
+        """Return one row for each seat, taken or not."""
+        return table_of(self.seats, self.world, self.event_log.laps.times_us)
 
     def digest(self) -> str:
         """Return the digest of the world."""

@@ -432,7 +432,7 @@ class Loop:
             now_s = tick / 60.0
             self.unit.sense(self.plant.read(now_s + 77.0))  # a clock of its own
             if self.hears and tick % 3 == 0:
-                self.session.look()
+                self.session.observe()
                 self.unit.hear(hud_of(self.session, self.session.seats[0]), now_s + 77.0)
                 values = self.session.view(0).copy()
                 self.control = self._steer(Observation(tick, self.session.layout("track"), values))
@@ -459,7 +459,7 @@ class Loop:
         if pose is None or hud is None or not self.hears:
             return
         self.sequence += 1
-        self.session.take_pose(
+        self.session.receive_pose(
             0, 1, self.sequence, pose, arrived_us=now_us, acknowledged=hud.sequence
         )
 
@@ -478,7 +478,7 @@ def test_a_plant_drives_laps_where_the_server_says_it_is(scale: str) -> None:
     assert np.median(errors) < 0.1 + 2.0 * speed / 60.0
     loop.run(24.0 if scale == "1/10" else 30.0)
     assert loop.session.world.racers["laps"][0, 0] >= 1
-    assert loop.session.fleet.trackers[0].trust is Trust.TRUSTED
+    assert loop.session.tracked_karts.trackers[0].trust is Trust.TRUSTED
     assert loop.plant.scrapes == 0
 
 

@@ -115,12 +115,12 @@ def test_a_trial_runs_the_very_race_that_a_live_session_runs() -> None:
     session.start()
     attempt.drive(lambda _: None)
     for decision in range(len(attempt.notes) - 1):
-        session.look()
+        session.observe()
         seen = Observation(session.tick, session.layout(driver.preset), session.view(0).copy())
         # A live server gets controls in single precision, as a trial does.
         steering, throttle, brake, _ = (float(x) for x in numbers_of(driver.act(seen)))
         control = Control(steering, throttle, brake)
-        session.take_control(0, session.epoch, decision + 1, session.tick, control)
+        session.receive_control(0, session.epoch, decision + 1, session.tick, control)
         session.advance(3)
     assert len(attempt.marks) == 2
     # A session also numbers its own events; all else is the same to the bit.

@@ -23,7 +23,7 @@ def seen(preset: str = "full", karts: int = 3) -> tuple[Session, Observation]:
         session.join("someone", preset)
         session.seats[number].is_ready = True
     session.start()
-    session.look()
+    session.observe()
     return session, Observation(0, session.layout(preset), session.view(1).copy())
 
 
@@ -66,7 +66,7 @@ def test_each_scalar_shows_the_field_of_its_name() -> None:
     ):
         field_of(world, name)[0, 1] = 0.1 + number
     body.speed_cap, player.held, racer.laps, racer.wrong_way = 3.5, 2, 4, 1
-    session.look()
+    session.observe()
     view = Observation(0, session.layout("full"), session.view(1))
     for number, name in enumerate(
         ("speed", "lateral_speed", "yaw_rate", "steering", "progress", "lateral_offset")
@@ -80,7 +80,7 @@ def test_the_lights_show_the_time_to_the_start() -> None:
     session, view = seen()
     assert view.scalar("lights") == pytest.approx(2.0)
     session.advance(60)
-    session.look()
+    session.observe()
     later = Observation(60, session.layout("full"), session.view(1))
     assert later.scalar("lights") == pytest.approx(1.0)
 

@@ -109,7 +109,7 @@ def test_the_batch_runs_the_very_race_that_a_live_session_runs() -> None:
     for decision in range(200):
         drive = 0.4 if decision % 40 < 30 else 0.0
         batch.step(np.array([[[drive, 0.1, 0.0]]]))
-        session.look()
+        session.observe()
         seen = {
             seat: Observation(session.tick, session.layout(driver.preset), session.view(seat))
             for seat, driver in drivers.items()
@@ -118,9 +118,9 @@ def test_the_batch_runs_the_very_race_that_a_live_session_runs() -> None:
         steering, throttle = np.float32(0.1), np.float32(drive)
         controls[0] = Control(float(steering), float(throttle))
         for seat, control in controls.items():
-            session.take_control(seat, session.epoch, decision + 1, session.tick, control)
+            session.receive_control(seat, session.epoch, decision + 1, session.tick, control)
         session.advance(3)
-    session.look()
+    session.observe()
     # A session also numbers its own events; all else is the same to the bit.
     session.world.races["sequence"] = batch.world.races["sequence"]
     assert session.digest() == batch.digest()

@@ -20,7 +20,7 @@ from race_server.errors import DriverError, LinkError, SeatError
 from race_server.live.client.driver import run_driver
 from race_server.live.client.seat import take_seat
 from race_server.live.client.spectator import Spectator
-from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer
+from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer, ServerTiming
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, encode_join
@@ -144,14 +144,11 @@ def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> 
     assert {row.status for row in result.standings} == {Status.FINISHED}
 
 
-def test_a_seat_whose_driver_never_shows_up_is_free_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("race_server.live.server.requests.SHOW_UP_S", 0.3)
+def test_a_seat_whose_driver_never_shows_up_is_free_again() -> None:
     session = Session("race", Scenario(COURSE, karts=2))
     address = free_address()
     with ServerLink(address, "race", 2) as link:
-        server = RaceServer(session, link, LOCKSTEP)
+        server = RaceServer(session, link, LOCKSTEP, timing=ServerTiming(show_up_s=0.3))
         thread = threading.Thread(target=server.wait_in_lobby, args=(2,))
         thread.start()
         with ClientLink(address, "race") as client:

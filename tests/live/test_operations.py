@@ -9,7 +9,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -18,7 +18,7 @@ from race_server.core.messages import Control, Event, EventKind, Retirement
 from race_server.errors import LinkError, RaceError, SeatError, WireError
 from race_server.live.client.clock_offset import ClockOffset
 from race_server.live.client.link_stats import LinkStats
-from race_server.live.server import RaceServer
+from race_server.live.server import RaceServer, ServerTiming
 from race_server.live.server.counters import Counters, Histogram
 from race_server.live.server.metrics import exposed
 from race_server.live.server.requests import reason_of
@@ -52,7 +52,7 @@ def get(port: int, path: str) -> tuple[int, str]:
 
 
 @pytest.fixture
-def racing() -> RaceServer:
+def racing() -> Iterator[RaceServer]:
     """Return a server in the middle of a race of two, one of whom is silent."""
     session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
@@ -62,11 +62,11 @@ def racing() -> RaceServer:
         session.start()
         for sequence in (1, 2, 5):
             frame = ControlFrame(1, sequence, session.tick, Control(throttle=0.1))
-            server._inbox.take_control(0, encode_control(frame))
-            server._hear()
-            server._advance(30)
-            server.counters.note_tick(0.0003, 0.00001, missed=1)
-        server._inbox.take_control(0, b"rubbish")
+            server.inbox.receive_control(0, encode_control(frame))
+            server.poll()
+            server.advance(30)
+            server.counters.record_tick(0.0003, 0.00001, missed=1)
+        server.inbox.receive_control(0, b"rubbish")
         yield server
 
 
@@ -95,7 +95,7 @@ def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
     racing: RaceServer,
 ) -> None:
     with exposed(racing, 0) as port:
-        racing._hear()
+        racing.poll()
         assert get(port, "/healthz") == (200, "ok\n")
         racing.counters.turned_at -= 7.0
         status, text = get(port, "/healthz")
@@ -114,14 +114,14 @@ def test_a_port_for_metrics_that_is_in_use_is_named(racing: RaceServer) -> None:
 def test_a_time_falls_into_the_first_bin_that_holds_it() -> None:
     histogram = Histogram((0.001, 0.002))
     for seconds in (0.0005, 0.001, 0.0015, 9.0):
-        histogram.note(seconds)
+        histogram.record(seconds)
     assert histogram.counts == [2, 1, 1]
 
 
 def test_the_first_control_of_a_race_and_a_repeated_one_lose_nothing() -> None:
     counters = Counters(1)
-    counters.note_control(0, before=0, sequence=9)
-    counters.note_control(0, before=9, sequence=10)
+    counters.record_control(0, before=0, sequence=9)
+    counters.record_control(0, before=9, sequence=10)
     assert counters.lost == [0]
 
 
@@ -169,18 +169,19 @@ def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
     stream = io.StringIO()
     session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
-        server = RaceServer(session, link, log=Log(stream=stream))
+        timing = ServerTiming(log_s=0.0)
+        server = RaceServer(session, link, log=Log(stream=stream), timing=timing)
         steps: tuple[Callable[[], object], ...] = (
             lambda: session.join("ann", "track"),
             lambda: session.start(),
             lambda: session.drop(0),
             lambda: session.come_back(0),
-            lambda: server.refused.note("too long", 0),
-            lambda: server.refused.note("too long", 0),
+            lambda: server.inbox.receive_control(0, b"rubbish"),
+            lambda: server.inbox.receive_control(0, b"rubbish"),
         )
-        for now, step in enumerate(steps):
+        for step in steps:
             step()
-            server._session_log.look(float(now + 1))
+            server.poll()
     events = [json.loads(line)["event"] for line in stream.getvalue().splitlines()]
     assert events == [
         "joined",
@@ -287,7 +288,7 @@ def test_a_wire_loses_the_share_of_packets_that_it_is_told() -> None:
     wire, here, there = ends_of(LinkConditions(loss=0.2))
     for _ in range(2000):
         here.send(b"x")
-        wire._take(wire.devices[0])
+        wire.receive(wire.devices[0])
     assert wire.passed + wire.lost == 2000
     assert wire.lost == pytest.approx(400, abs=60)
     for device in (*wire.devices, here.detach(), there.detach()):

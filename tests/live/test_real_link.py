@@ -25,9 +25,10 @@ from race_server.live.server import LOCKSTEP, REAL, RaceServer
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join
+from race_server.net.wire.sheets import course_sheet
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from race_server.tools.drills.mixed import _judge_both, way_to_stop
+from race_server.tools.drills.mixed import judge_both, way_to_stop
 from support.courses import ring
 
 pytestmark = pytest.mark.net
@@ -65,7 +66,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
 
         def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
             del now_s
-            tracker = session.fleet.trackers[0]
+            tracker = session.tracked_karts.trackers[0]
             if tracker.trust is Trust.TRUSTED and session.tick > 90:
                 seen.setdefault("trusted", (onboard.sequence, tracker.clock.delay_us))
                 onboard.is_cut = True
@@ -88,7 +89,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
     assert poses > 20
     assert 45_000 < delay_us < 150_000
     assert isinstance(seen["command"], Command)
-    assert session.fleet.orders(0).acknowledged >= 1
+    assert session.tracked_karts.orders(0).acknowledged >= 1
     assert session.world.racers["yellow"][0, 0] == 1
 
 
@@ -129,7 +130,7 @@ def test_only_a_busy_machine_excuses_a_doubt_and_only_a_late_pose(
 ) -> None:
     kart = {"worst_excess_share": 0.0, "slowdowns": 1}
     part = {"seat": 2, "laps": 1, "items_used": 1, "kart": kart, "doubts": doubts}
-    assert (_judge_both({name: part}, is_busy=is_busy) == []) is is_well
+    assert (judge_both({name: part}, is_busy=is_busy) == []) is is_well
 
 
 def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None:
@@ -141,8 +142,6 @@ def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None
 
 def test_the_fence_of_a_course_is_its_kerb() -> None:
     session = Session("race", Scenario(COURSE, karts=1))
-    from race_server.net.wire.sheets import course_sheet
-
     fence = fence_of(course_sheet(session.scenario))
     x, y = COURSE.line[0, :2]
     assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
@@ -151,7 +150,7 @@ def test_the_fence_of_a_course_is_its_kerb() -> None:
 def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
     address = free_address()
     with ServerLink(address, "race", 2) as link, ClientLink(address, "race") as client:
-        link.hear_karts({1})
+        link.expect_poses({1})
         send = [client.sender(seat, "nobody's", topics.POSE) for seat in (0, 1)]
         deadline = time.monotonic() + 5.0
         while not link.dropped and time.monotonic() < deadline:
@@ -159,7 +158,7 @@ def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
                 pose(b"rubbish")
             time.sleep(0.02)
         assert {seat for _, seat in link.dropped} == {1}
-        link.hear_karts(())
+        link.expect_poses(())
         time.sleep(0.1)
         before = link.dropped.copy()
         send[1](b"rubbish")

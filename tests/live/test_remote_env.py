@@ -160,12 +160,12 @@ def test_remote_karts_see_what_their_seats_see_in_a_local_session() -> None:
             alone.join("local", "track", wanted=seat)
         alone.start()
         for turn in range(1, 80):
-            alone.look()
+            alone.observe()
             for seat in range(2):
                 assert alone.view(seat).tobytes() == seen[f"kart_{seat}"].tobytes()
                 drive, steering = 0.5 + 0.1 * seat, 0.2
                 control = Control(np.float32(steering), np.float32(drive))
-                alone.take_control(seat, alone.epoch, turn, alone.tick, control)
+                alone.receive_control(seat, alone.epoch, turn, alone.tick, control)
             alone.advance(alone.decision_ticks)
             seen, *_ = race.step({f"kart_{k}": (0.5 + 0.1 * k, 0.2, 0.0) for k in range(2)})
 

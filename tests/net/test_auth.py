@@ -20,7 +20,7 @@ from race_server.live.client.seat import take_seat
 from race_server.live.client.spectator import Spectator
 from race_server.live.client.steward import StewardClient
 from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer
-from race_server.live.server.refusals import MOST_LINES, Refusals
+from race_server.live.server.counters import MOST_REASONS, Refusals
 from race_server.live.server.steward import Steward
 from race_server.logs import Log
 from race_server.net.auth.access import ANYONE, access_control, keys_allowed, roles_of
@@ -55,6 +55,7 @@ from race_server.net.wire.lobby import (
 from race_server.net.wire.spectate import decode_events
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
+from race_server.session.interventions import Intervention
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import races
 from race_server.storage.results.store import Store
@@ -277,10 +278,11 @@ def test_a_decision_counts_once() -> None:
 
 def test_a_penalty_is_added_and_logged_as_an_act() -> None:
     session = racing()
-    session.is_recorded = True
+    session.journal.is_recorded = True
     told(Steward(session, "token"), "penalty", 1, 2.5)
     assert session.world.racers[0, 1].penalty_us == 2_500_000
-    assert [(act.kart, act.value) for act in session.log if hasattr(act, "kind")] == [(1, 2.5)]
+    acts = [act for act in session.journal.entries if isinstance(act, Intervention)]
+    assert [(act.kart, act.value) for act in acts] == [(1, 2.5)]
 
 
 def test_who_was_sent_away_comes_back_only_when_the_seat_is_opened() -> None:
@@ -327,7 +329,7 @@ def test_a_refusal_is_counted_each_time_and_told_once_for_each_seat() -> None:
     stream = io.StringIO()
     refusals = Refusals(Log(stream=stream))
     for seat in (2, 2, -1, 2, -1):
-        refusals.note("control again", seat)
+        refusals.record("control again", seat)
     assert refusals["control again"] == 5
     lines = [json.loads(line) for line in stream.getvalue().splitlines()]
     assert [line["event"] for line in lines] == ["refused for the first time"] * 2
@@ -338,10 +340,10 @@ def test_reasons_without_end_are_counted_but_not_all_told() -> None:
     stream = io.StringIO()
     refusals = Refusals(Log(stream=stream))
     for number in range(1000):
-        refusals.note(f"reason {number}")
+        refusals.record(f"reason {number}")
     assert len(refusals) == 1000
     lines = stream.getvalue().splitlines()
-    assert len(lines) == MOST_LINES + 1
+    assert len(lines) == MOST_REASONS + 1
     assert "more reasons" in lines[-1]
 
 

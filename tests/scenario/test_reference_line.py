@@ -34,7 +34,7 @@ def seen(scenario: Scenario, x: float, y: float, heading: float) -> Observation:
     body.x, body.y, body.heading = x, y, heading
     line = scenario.course.line
     racer.line_index = int(np.argmin(np.hypot(line[:, 0] - x, line[:, 1] - y)))
-    session.look()
+    session.observe()
     return Observation(0, session.layout("line"), session.view(0).copy())
 
 
@@ -82,7 +82,7 @@ def test_rivals_are_told_of_along_the_line_and_across_it() -> None:
     for kart, angle, radius in ((0, 0.0, 6.0), (1, 0.2, 5.8), (2, -0.4, 6.1)):
         bodies[kart].x, bodies[kart].y = radius * np.cos(angle), radius * np.sin(angle)
         racers[kart].line_index = round(angle / (2.0 * np.pi) * len(RING.line)) % len(RING.line)
-    session.look()
+    session.observe()
     view = Observation(0, session.layout("rivals"), session.view(0))
     assert view["karts_along"] == pytest.approx([1.2, -2.4, 1000.0, 1000.0], abs=0.02)
     assert view["karts_across"] == pytest.approx([0.2, -0.1, 0.0, 0.0], abs=0.01)

@@ -138,7 +138,7 @@ def test_a_driver_that_stays_away_has_withdrawn() -> None:
 
 def test_the_kart_of_a_driver_that_drops_stops() -> None:
     session = racing()
-    session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
+    session.receive_control(0, 1, 1, session.tick, Control(throttle=1.0))
     session.advance(15)
     assert session.world.bodies["speed"][0, 0] > 0.2
     session.drop(0)
@@ -173,7 +173,7 @@ def test_a_kart_steers_on_until_it_is_to_stand() -> None:
 
 def test_a_slow_kart_goes_on_longer_unheard_but_never_drives_off_again() -> None:
     session = racing()
-    session.take_control(0, 1, 1, session.tick, Control(throttle=0.5))
+    session.receive_control(0, 1, 1, session.tick, Control(throttle=0.5))
     throttles = []
     for _ in range(180):
         session.advance(1)
@@ -185,7 +185,7 @@ def test_a_slow_kart_goes_on_longer_unheard_but_never_drives_off_again() -> None
 
 def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
     session = racing()
-    session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
+    session.receive_control(0, 1, 1, session.tick, Control(throttle=1.0))
     brakes = []
     for _ in range(120):
         session.world.bodies["speed"][0, 0] = 3.0  # too fast for any grace
@@ -197,7 +197,7 @@ def test_a_silent_driver_coasts_then_brakes_then_stands() -> None:
 
 def test_a_driver_that_hangs_with_its_link_open_has_withdrawn() -> None:
     session = racing()
-    session.take_control(0, 1, 1, session.tick, Control(throttle=1.0))
+    session.receive_control(0, 1, 1, session.tick, Control(throttle=1.0))
     for _ in range(SLOW_TICKS + BRAKE_TICKS + AWAY_TICKS + 10):
         session.advance(1)
     assert session.world.bodies["status"][0, 0] == Status.RETIRED
@@ -215,7 +215,7 @@ def test_who_is_back_within_the_grace_keeps_place_laps_and_penalties() -> None:
     session.come_back(1)
     for _ in range(BRAKE_TICKS):
         session.advance(1)
-    session.take_control(1, 1, 1, session.tick, Control(throttle=1.0))
+    session.receive_control(1, 1, 1, session.tick, Control(throttle=1.0))
     session.advance(1)
     assert session.world.bodies["status"][0, 1] == Status.RACING
     assert session.world.racers[["laps", "penalties", "rank"]][0, 1].item() == before
@@ -225,25 +225,25 @@ def test_who_is_back_within_the_grace_keeps_place_laps_and_penalties() -> None:
 def test_a_control_of_another_epoch_is_refused() -> None:
     session = racing()
     with pytest.raises(WireError, match="epoch 9, this is epoch 1"):
-        session.take_control(0, 9, 1, 0, Control())
+        session.receive_control(0, 9, 1, 0, Control())
 
 
 def test_a_replayed_control_is_refused() -> None:
     session = racing()
-    session.take_control(0, 1, 5, 0, Control())
+    session.receive_control(0, 1, 5, 0, Control())
     with pytest.raises(WireError, match="control 5 again"):
-        session.take_control(0, 1, 5, 0, Control())
+        session.receive_control(0, 1, 5, 0, Control())
 
 
 def test_a_control_cannot_answer_the_future() -> None:
     session = racing()
     with pytest.raises(WireError, match="answers tick 9999"):
-        session.take_control(0, 1, 1, 9999, Control())
+        session.receive_control(0, 1, 1, 9999, Control())
 
 
 def test_lockstep_waits_for_who_races_and_is_there() -> None:
     session = racing(karts=3)
-    session.take_control(0, 1, 1, session.tick, Control())
+    session.receive_control(0, 1, 1, session.tick, Control())
     session.drop(1)
     assert session.waits_for() == [2]
 
@@ -262,7 +262,7 @@ def test_a_second_race_begins_like_the_first() -> None:
 
 def test_late_comers_find_the_recent_events() -> None:
     session = racing()
-    assert EventKind.GREEN in [event.kind for event in session.chronicle.recent]
+    assert EventKind.GREEN in [event.kind for event in session.event_log.recent]
 
 
 def test_more_karts_than_places_on_the_grid_are_refused() -> None:

@@ -81,21 +81,21 @@ def test_the_clock_takes_the_quickest_message_and_half_of_its_round_trip() -> No
     # The kart's clock is 5 s behind ours; messages take 90, 120 and 95 ms.
     for sent_us, delay_us in ((0, 90_000), (100_000, 120_000), (200_000, 95_000)):
         arrived_us = 5_000_000 + sent_us + delay_us
-        clock.note(sent_us, arrived_us, echo_us=arrived_us - 2 * delay_us)
+        clock.record(sent_us, arrived_us, echo_us=arrived_us - 2 * delay_us)
     assert clock.delay_us == 90_000
     assert clock.offset_us == 5_000_000
 
 
 def test_a_kart_that_echoes_nothing_is_as_late_as_assumed() -> None:
     clock = LinkClock(assumed_s=0.09)
-    clock.note(0, 190_000)
+    clock.record(0, 190_000)
     assert clock.offset_us == 100_000
 
 
 def test_a_clock_that_was_set_anew_is_measured_anew() -> None:
     clock = LinkClock()
-    clock.note(60_000_000, 61_000_000)
-    clock.note(0, 61_020_000)
+    clock.record(60_000_000, 61_000_000)
+    clock.record(0, 61_020_000)
     assert clock.offset_us == 61_020_000
 
 
@@ -125,7 +125,7 @@ def standing(tracker: Tracker, first_s: float, last_s: float, **where: float) ->
     for turn in range(round(first_s * 50), round(last_s * 50)):
         now_us = turn * 20_000
         pose = replace(Pose(now_us, 0.0, 0.0, 0.0, 0.0), **where)
-        tracker.take(pose, now_us, is_inside=True)
+        tracker.receive(pose, now_us, is_inside=True)
         tracker.follow(now_us)
 
 
@@ -140,7 +140,7 @@ def test_a_kart_is_believed_after_some_poses_that_agree() -> None:
 def test_one_pose_that_jumps_is_dropped_and_nothing_else_happens() -> None:
     tracker = Tracker(GATES)
     standing(tracker, 0.0, 1.0)
-    assert tracker.take(Pose(1_000_000, 30.0, 0.0, 0.0, 0.0), 1_000_000, is_inside=True) is (
+    assert tracker.receive(Pose(1_000_000, 30.0, 0.0, 0.0, 0.0), 1_000_000, is_inside=True) is (
         PoseFault.JUMP
     )
     standing(tracker, 1.02, 1.5)
@@ -185,7 +185,7 @@ def test_a_kart_whose_race_is_over_may_leave() -> None:
 def test_poses_that_all_come_late_are_named_as_what_they_are() -> None:
     tracker = Tracker(GATES)
     standing(tracker, 0.0, 1.0)
-    tracker.take(Pose(1_000_000, 0.0, 0.0, 0.0, 0.0), 1_380_000, is_inside=True)
+    tracker.receive(Pose(1_000_000, 0.0, 0.0, 0.0, 0.0), 1_380_000, is_inside=True)
     tracker.follow(1_450_000)
     assert (tracker.trust, tracker.doubt) == (Trust.DOUBTFUL, PoseFault.STALE)
 
@@ -224,20 +224,20 @@ def test_poses_at_ten_a_second_over_a_slow_link_are_moved_on_to_now() -> None:
             sent.speed, sent.angle = 3.0, real.angle - real.speed / RADIUS * late_us / 1e6
             pose = replace(sent.pose(now_us - late_us), echo_us=round(now_us - 2 * late_us))
             real.sequence += 1
-            session.take_pose(
+            session.receive_pose(
                 0,
                 1,
                 real.sequence,
                 pose,
                 arrived_us=round(now_us),
-                acknowledged=session.fleet.orders(0).sequence,
+                acknowledged=session.tracked_karts.orders(0).sequence,
             )
         session.follow(round(now_us))
         session.advance(1)
         body, here = session.world.bodies[0, 0], real.pose(now_us)
         if turn > 60:
             worst = max(worst, math.hypot(body.x - here.x, body.y - here.y))
-    assert session.fleet.trackers[0].clock.delay_us == pytest.approx(late_us, abs=2)
+    assert session.tracked_karts.trackers[0].clock.delay_us == pytest.approx(late_us, abs=2)
     assert worst < 0.01  # against 0.57 m that the kart drives in the 190 ms of its oldest pose
 
 
@@ -273,13 +273,13 @@ def test_a_doubtful_kart_touches_nobody_and_calls_a_yellow_flag_around_it() -> N
     )
     other_racer.progress = racer.progress - 0.6
     contacts = int(other_racer.contacts)
-    session.take_control(1, 1, 1, session.tick, Control(throttle=1.0))
+    session.receive_control(1, 1, 1, session.tick, Control(throttle=1.0))
     events = drive(session, real, 12, silent=True)
     assert other_racer.contacts == contacts
     assert other_body.y > body.y
     assert other_racer.yellow == 1
     assert other_body.speed_cap == pytest.approx(0.4 * TT02.top_speed)
-    session.look()
+    session.observe()
     flag = session.view(1)[session.layout("track").slices["flag"]]
     assert flag == 1.0
     snapshot = snapshot_of(session)
@@ -304,7 +304,7 @@ def test_a_pose_off_the_world_never_gets_into_it() -> None:
     body = session.world.bodies[0, 0]
     assert body.trust == codes.DOUBTFUL
     assert math.hypot(body.x, body.y) == pytest.approx(RADIUS, abs=0.3)
-    assert session.fleet.trackers[0].doubt is PoseFault.OFF_WORLD
+    assert session.tracked_karts.trackers[0].doubt is PoseFault.OFF_WORLD
 
 
 def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
@@ -314,7 +314,7 @@ def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
     body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
     assert body.trust == codes.SUSPENDED
     assert body.speed_cap == 0.0
-    session.look()
+    session.observe()
     assert session.view(1)[session.layout("track").slices["karts_x"]][0] == 1000.0  # nobody there
     events = drive(session, real, 60)
     assert events.count(EventKind.POSE) == 1
@@ -347,7 +347,7 @@ def test_a_real_kart_uses_its_item_and_is_slowed_by_others() -> None:
     assert (player.held, player.items_used) == (0, 1)
     session.world.racers["rank"][0] = (1, 2)
     other.held = names.index("pulse") + 1
-    session.take_control(1, 1, 1, session.tick, Control(buttons=Button.USE_ITEM))
+    session.receive_control(1, 1, 1, session.tick, Control(buttons=Button.USE_ITEM))
     session.advance(1)
     before = hud_of(session, session.seats[0])
     drive(session, real, 2)
@@ -355,7 +355,7 @@ def test_a_real_kart_uses_its_item_and_is_slowed_by_others() -> None:
     assert hud.speed_cap == pytest.approx(0.5 * TT02.top_speed)
     assert len(hud.effects) == 1
     assert hud.sequence == before.sequence + 1
-    assert session.fleet.orders(0).is_open
+    assert session.tracked_karts.orders(0).is_open
 
 
 def test_a_kart_that_never_acknowledges_is_doubtful() -> None:
@@ -365,11 +365,11 @@ def test_a_kart_that_never_acknowledges_is_doubtful() -> None:
         real.sequence += 1
         session.world.bodies["thrust_scale"][0, 0] = 0.5
         pose = replace(real.pose(now_us), speed=0.0, yaw_rate=0.0)
-        session.fleet.orders(0).change((float(session.tick > 60),), 0)
-        session.take_pose(0, 1, real.sequence, pose, arrived_us=round(now_us))
+        session.tracked_karts.orders(0).change((float(session.tick > 60),), 0)
+        session.receive_pose(0, 1, real.sequence, pose, arrived_us=round(now_us))
         session.follow(round(now_us))
         session.advance(1)
-    assert session.fleet.trackers[0].doubt is PoseFault.DEAF
+    assert session.tracked_karts.trackers[0].doubt is PoseFault.DEAF
 
 
 def test_the_same_placements_give_the_same_race_again() -> None:
@@ -401,17 +401,17 @@ def test_the_same_placements_give_the_same_race_again() -> None:
 def test_a_real_kart_sends_no_controls_and_a_simulated_one_no_poses() -> None:
     session, real = mixed()
     with pytest.raises(WireError, match="seat 0, which is a real kart"):
-        session.take_control(0, 1, 999, session.tick, Control())
+        session.receive_control(0, 1, 999, session.tick, Control())
     with pytest.raises(WireError, match="seat 1, whose kart is simulated"):
-        session.take_pose(1, 1, 1, real.pose(0.0), arrived_us=0)
+        session.receive_pose(1, 1, 1, real.pose(0.0), arrived_us=0)
 
 
 def test_a_pose_of_another_epoch_or_again_is_refused() -> None:
     session, real = mixed()
     with pytest.raises(WireError, match="pose for epoch 9"):
-        session.take_pose(0, 9, 999, real.pose(0.0), arrived_us=0)
+        session.receive_pose(0, 9, 999, real.pose(0.0), arrived_us=0)
     with pytest.raises(WireError, match="pose 1 again"):
-        session.take_pose(0, 1, 1, real.pose(0.0), arrived_us=0)
+        session.receive_pose(0, 1, 1, real.pose(0.0), arrived_us=0)
 
 
 def test_no_real_kart_takes_part_where_the_world_waits() -> None:

@@ -12,7 +12,8 @@ from race_server.core.messages import Event, EventKind, Flag, Phase, Trust
 from race_server.errors import RecordingError, SeatError, WireError
 from race_server.live.server.journal import Journal
 from race_server.live.server.publisher import snapshot_of
-from race_server.live.server.resume import take_up
+from race_server.live.server.resume import restore_session
+from race_server.net.wire import topics
 from race_server.net.wire.placement import PLACED, decode_placements, encode_placements
 from race_server.net.wire.spectate import SnapshotWriter
 from race_server.scenario.race import Rules, Scenario
@@ -37,7 +38,7 @@ class Recorded:
         for number, secret in enumerate(SECRETS):
             self.session.join(f"d{number}", "track", secret=secret, tracked=number == 0)
             self.session.grant(secret, 7)
-        self.session.close(3)
+        self.session.race_control.close_seat(3)
         self.session.start()
         self.book = book
         self.journal = Journal.of_new_race(self.book, self.session, "real", STARTED_AT, ())
@@ -50,17 +51,16 @@ class Recorded:
     def run(self, ticks: int, *, silent: bool = False) -> None:
         """Let ticks pass as the server does."""
         for _ in range(ticks):
-            before, seen = self.session.tick, len(self.session.chronicle.recent)
+            before, seen = self.session.tick, len(self.session.event_log.recent)
             drive(self.session, self.real, 1, silent=silent)
-            self.journal.note(before, list(self.session.chronicle.recent)[seen:])
+            self.journal.record(before, list(self.session.event_log.recent)[seen:])
             frame = snapshot_of(self.session)
-            self.journal.note_snapshot(frame, self.snapshots.write(frame))
+            self.journal.publish(topics.SNAPSHOT, self.snapshots.write(frame))
             if frame.tick % 20 == 0:
                 self._wait()  # as in real time, where a chunk holds a few ticks
 
     def _wait(self) -> None:
-        recorder, ticket = self.journal.ticket()
-        assert recorder.wait(ticket, 10.0)
+        assert self.journal.flush().wait(10.0)
 
     def kill(self) -> Path:
         """Leave the journal as a server leaves it that was killed a moment later."""
@@ -75,7 +75,7 @@ def raced(tmp_path: Path) -> Iterator[Recorded]:
     with Logbook(tmp_path, "cup", print) as book:
         race = Recorded(book)
         yield race
-        race.journal.ticket()[0].close()
+        race.journal.close()
 
 
 def rerun_of(recording: Recording) -> Rerun:
@@ -87,10 +87,10 @@ def rerun_of(recording: Recording) -> Rerun:
 
 def test_a_race_with_a_real_kart_driven_again_has_equal_digests(raced: Recorded) -> None:
     raced.run(120)
-    raced.session.show_flag(Flag.YELLOW)
+    raced.session.race_control.show_flag(Flag.YELLOW)
     raced.run(60, silent=True)  # doubtful for a while
     raced.run(60)
-    raced.journal.end()
+    raced.journal.close()
     (path,) = raced.book.folder.glob("cup-*.mcap")
     recording = read_recording(path)
     rerun = rerun_of(recording)
@@ -129,12 +129,12 @@ def test_cut_at_any_byte_it_replays_to_its_last_whole_chunk(raced: Recorded) -> 
 
 def test_a_killed_server_takes_up_a_race_with_a_real_kart(raced: Recorded) -> None:
     raced.run(150)
-    before = raced.session.fleet.orders(0)
-    session, _ = take_up(read_recording(raced.kill()), None)
+    before = raced.session.tracked_karts.orders(0)
+    session, _ = restore_session(read_recording(raced.kill()), None)
     assert session.digest() == raced.session.digest()
     assert session.seats[0].is_tracked
-    session.fleet.take_up(session.world, 5_000_000)
-    orders = session.fleet.orders(0)
+    session.tracked_karts.resume(session.world, 5_000_000)
+    orders = session.tracked_karts.orders(0)
     assert orders.sequence > before.sequence
     assert not orders.is_unheard(6_000_000)
     real = raced.real
@@ -147,7 +147,7 @@ def test_a_killed_server_takes_up_a_race_with_a_real_kart(raced: Recorded) -> No
         real.send(real.pose(now_us))
         session.follow(now_us)
         events += session.advance(1)
-    assert session.fleet.trackers[0].trust is Trust.TRUSTED
+    assert session.tracked_karts.trackers[0].trust is Trust.TRUSTED
     assert not [event for event in events if event.kind is EventKind.POSE]
     assert session.world.racers["lap_clean"][0, 0] == raced.session.world.racers["lap_clean"][0, 0]
 
@@ -155,17 +155,17 @@ def test_a_killed_server_takes_up_a_race_with_a_real_kart(raced: Recorded) -> No
 def test_a_real_kart_that_was_out_of_favour_stays_so(raced: Recorded) -> None:
     raced.run(60)
     raced.run(40, silent=True)
-    session, _ = take_up(read_recording(raced.kill()), None)
-    session.fleet.take_up(session.world, 0)
-    assert session.fleet.trackers[0].trust is Trust.DOUBTFUL
+    session, _ = restore_session(read_recording(raced.kill()), None)
+    session.tracked_karts.resume(session.world, 0)
+    assert session.tracked_karts.trackers[0].trust is Trust.DOUBTFUL
     session.follow(2_100_000)
-    assert session.fleet.trackers[0].trust is Trust.SUSPENDED
+    assert session.tracked_karts.trackers[0].trust is Trust.SUSPENDED
 
 
 def test_a_real_kart_that_does_not_come_back_is_doubtful_a_second_later(raced: Recorded) -> None:
     raced.run(60)
-    session, _ = take_up(read_recording(raced.kill()), None)
-    session.fleet.take_up(session.world, 0)
+    session, _ = restore_session(read_recording(raced.kill()), None)
+    session.tracked_karts.resume(session.world, 0)
     session.follow(900_000)
     assert session.world.bodies["trust"][0, 0] == Trust.TRUSTED
     session.follow(1_100_000)
@@ -174,10 +174,10 @@ def test_a_real_kart_that_does_not_come_back_is_doubtful_a_second_later(raced: R
 
 def test_a_real_kart_that_was_home_is_not_missed_after_the_kill(raced: Recorded) -> None:
     raced.run(60)
-    raced.session.do(InterventionKind.WITHDRAW, 0)
+    raced.session.race_control.intervene(InterventionKind.WITHDRAW, 0)
     raced.run(2)
-    session, _ = take_up(read_recording(raced.kill()), None)
-    session.fleet.take_up(session.world, 0)
+    session, _ = restore_session(read_recording(raced.kill()), None)
+    session.tracked_karts.resume(session.world, 0)
     session.follow(30_000_000)
     assert session.world.bodies["trust"][0, 0] == Trust.TRUSTED
     assert session.world.racers["yellow"][0].sum() == 0
@@ -187,7 +187,7 @@ def test_copies_of_what_was_taken_before_the_kill_are_refused_after_it(raced: Re
     raced.run(150)
     raced.session.grant(SECRETS[1], 9)
     raced.run(1)
-    session, _ = take_up(read_recording(raced.kill()), None)
+    session, _ = restore_session(read_recording(raced.kill()), None)
     real = raced.real
     real.session, real.sequence = session, real.sequence - 1
     with pytest.raises(WireError, match="again"):
@@ -195,15 +195,15 @@ def test_copies_of_what_was_taken_before_the_kill_are_refused_after_it(raced: Re
     for secret, serial in zip(SECRETS, (7, 9, 7), strict=True):
         key = session.seats[SECRETS.index(secret)].key
         with pytest.raises(SeatError, match="this is a copy"):
-            session.serials.check(key, serial)
-        session.serials.check(key, serial + 1)
+            session.replay_guard.check(key, serial)
+        session.replay_guard.check(key, serial + 1)
 
 
 def test_seats_that_were_closed_and_drivers_sent_away_stay_so(raced: Recorded) -> None:
     raced.run(30)
-    raced.session.kick(2)
+    raced.session.race_control.exclude(2)
     raced.run(30)
-    session, _ = take_up(read_recording(raced.kill()), None)
+    session, _ = restore_session(read_recording(raced.kill()), None)
     assert session.seats.closed == raced.session.seats.closed
     assert set(session.seats.closed) == {2, 3}
     with pytest.raises(SeatError, match="seat 2 is closed: the steward sent its driver away"):
@@ -213,10 +213,10 @@ def test_seats_that_were_closed_and_drivers_sent_away_stay_so(raced: Recorded) -
 
 def test_a_clock_that_stood_stands(raced: Recorded) -> None:
     raced.run(30)
-    raced.session.stand_still(stands=True)
-    raced.journal.note(raced.session.tick, [])
-    session, _ = take_up(read_recording(raced.kill()), None)
-    assert session.is_paused
+    raced.session.race_control.pause()
+    raced.journal.record(raced.session.tick, [])
+    session, _ = restore_session(read_recording(raced.kill()), None)
+    assert session.race_control.is_paused
     assert session.phase is Phase.COUNTDOWN or session.phase is Phase.RUNNING
 
 

@@ -19,7 +19,7 @@ from race_server.competition.launch import free_address
 from race_server.core.messages import Flag
 from race_server.errors import RecordingError
 from race_server.live.server import LOCKSTEP, RaceServer
-from race_server.live.server.resume import take_up
+from race_server.live.server.resume import restore_session
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
@@ -64,8 +64,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
         def advance_and_flag(count: int = 1) -> object:
             if (turn := next(ticks)) in {100, 130}:
-                session.show_flag(Flag.YELLOW if turn == 100 else Flag.GREEN)
-                session.penalise(1, 2.5)
+                session.race_control.show_flag(Flag.YELLOW if turn == 100 else Flag.GREEN)
+                session.race_control.penalise(1, 2.5)
             return advance(count)
 
         session.advance = advance_and_flag  # type: ignore[method-assign, assignment]
@@ -87,7 +87,7 @@ def test_a_race_driven_again_has_the_same_digest_at_every_second(recorded: Path)
     assert rerun.difference is None
     assert recording.is_complete
     assert rerun.compared == len(recording.digests) >= recording.last_tick // 60
-    assert rerun.session.chronicle.laps_us == {
+    assert rerun.session.event_log.laps.times_us == {
         seat: [us for s, _, us, _ in recording.laps if s == seat] for seat in range(3)
     }
 
@@ -177,11 +177,11 @@ def test_a_killed_race_goes_on_and_keeps_its_laps(recorded: Path, tmp_path: Path
         recording = book.unfinished()
         assert recording is not None
         keeper = Keeper(writer)
-        session, events = take_up(recording, keeper)
+        session, events = restore_session(recording, keeper)
         assert session.tick == recording.last_tick
         with ServerLink(free_address(), "cup", 3) as link:
             server = RaceServer(session, link, LOCKSTEP, DRIVERS, keeper, book)
-            outcome = server.go_on(recording, events)
+            outcome = server.resume(recording, events)
         assert book.unfinished() is None
     before = {(seat, number): us for seat, number, us, _ in recording.laps}
     assert len(before) >= 3

@@ -24,13 +24,14 @@ from race_server.net.wire import topics
 from race_server.net.wire.spectate import decode_events
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
+from race_server.session.lap_log import Lap
 from race_server.storage.results import keeper, schema
 from race_server.storage.results.export import export
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, best_laps, finished_races, races
 from race_server.storage.results.ratings import ratings
 from race_server.storage.results.schema import MIGRATIONS, default_path, open_file, version_of
-from race_server.storage.results.store import FINISHED, Change, Entry, Lap, Outcome, Race, Store
+from race_server.storage.results.store import FINISHED, Change, Entry, Outcome, Race, Store
 from race_server.storage.results.writer import Writer
 from support.courses import ring
 
@@ -147,14 +148,13 @@ def test_a_file_from_a_newer_version_is_refused_and_left_alone(path: Path) -> No
     assert path.read_bytes() == before
 
 
-def test_a_locked_file_is_a_clear_error(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(schema, "BUSY_S", 0.1)
+def test_a_locked_file_is_a_clear_error(path: Path) -> None:
     fill(path)
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("begin immediate")
         with pytest.raises(ResultsError, match=r"results.sqlite is locked by another program.*--r"):
-            Store(path)
-        assert races(path) == []  # who only reads is not in the way
+            Store(path, busy_s=0.1)
+        assert races(path) == []  # a reader is not in the way
 
 
 @pytest.mark.parametrize("damage", [b"this is no database, it is a letter " * 40, b""])
@@ -209,11 +209,9 @@ def test_the_file_lies_where_the_variable_or_the_desktop_standard_says(
 # What a live race writes
 
 
-def run_race(
-    path: Path, pace: str, log: list[str], hear: Callable[[Event], None], laps: int = 2
-) -> RaceResult:
+def run_race(store: Store, pace: str, log: list[str], hear: Callable[[Event], None]) -> RaceResult:
     """Run a race of two on loopback; `hear` is called with each event as a spectator gets it."""
-    rules = Rules(laps=laps, countdown_s=0.5, items=False, limit_s=60.0)
+    rules = Rules(laps=2, countdown_s=0.5, items=False, limit_s=60.0)
     session = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
     address = free_address()
 
@@ -222,7 +220,7 @@ def run_race(
             hear(event)
 
     with (
-        Writer(Store(path), log.append) as writer,
+        Writer(store, log.append) as writer,
         ServerLink(address, "race", 2) as link,
         spectator(address, receive),
     ):
@@ -250,18 +248,19 @@ def lap_is_in(path: Path, event: Event) -> bool:
         return found.fetchone() is not None
 
 
+class SlowStore(Store):
+    """A results file on a slow disk."""
+
+    def write(self, changes: Sequence[Change]) -> None:
+        time.sleep(0.1)
+        super().write(changes)
+
+
 @pytest.mark.net
 @pytest.mark.parametrize("pace", [LOCKSTEP, REAL])
 def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
-    path: Path, pace: str, monkeypatch: pytest.MonkeyPatch
+    path: Path, pace: str
 ) -> None:
-    write = Store.write
-
-    def slowly(store: Store, changes: Sequence[Change]) -> None:
-        time.sleep(0.1)
-        write(store, changes)
-
-    monkeypatch.setattr(Store, "write", slowly)
     heard: list[Event] = []
     there: list[bool] = []
 
@@ -270,7 +269,7 @@ def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
         if event.kind is EventKind.LAP:
             there.append(lap_is_in(path, event))
 
-    result = run_race(path, pace, [], hear)
+    result = run_race(SlowStore(path), pace, [], hear)
     laps = [event for event in result.events if event.kind is EventKind.LAP]
     assert len(laps) == 4
     assert there == [True] * len(laps)
@@ -282,7 +281,7 @@ def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
 
 @pytest.mark.net
 def test_a_race_leaves_its_laps_sectors_entries_and_digest(path: Path) -> None:
-    result = run_race(path, LOCKSTEP, [], lambda _: None)
+    result = run_race(Store(path), LOCKSTEP, [], lambda _: None)
     (race,) = races(path)
     assert (race["digest"], race["ended"], race["pace"]) == (result.digest, "finished", "lockstep")
     assert (race["track"], race["vehicle"], race["seed"]) == ("ring", "tt02", 7)
@@ -302,9 +301,8 @@ def test_a_race_leaves_its_laps_sectors_entries_and_digest(path: Path) -> None:
 
 @pytest.mark.net
 def test_a_file_locked_during_a_race_stops_nothing_and_is_written_in_the_end(
-    path: Path, monkeypatch: pytest.MonkeyPatch
+    path: Path,
 ) -> None:
-    monkeypatch.setattr(schema, "BUSY_S", 0.05)
     log: list[str] = []
     fill(path)
     with closing(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as other:
@@ -315,7 +313,7 @@ def test_a_file_locked_during_a_race_stops_nothing_and_is_written_in_the_end(
             if event.kind is EventKind.RACE_OVER:
                 other.execute("rollback")
 
-        result = run_race(path, LOCKSTEP, log, hear)
+        result = run_race(Store(path, busy_s=0.05), LOCKSTEP, log, hear)
     assert len(log) == 1
     assert "is locked by another program" in log[0]
     assert "The race goes on" in log[0]
@@ -324,25 +322,23 @@ def test_a_file_locked_during_a_race_stops_nothing_and_is_written_in_the_end(
 
 
 def test_a_writer_that_is_full_drops_the_rest_of_the_race_and_takes_the_next(
-    path: Path, monkeypatch: pytest.MonkeyPatch
+    path: Path,
 ) -> None:
-    monkeypatch.setattr("race_server.storage.results.writer.MOST_WAITING", 3)
     log: list[str] = []
     gate = threading.Event()
-    write = Store.write
 
-    def when_open(store: Store, changes: Sequence[Change]) -> None:
-        gate.wait(5.0)
-        write(store, changes)
+    class GatedStore(Store):
+        def write(self, changes: Sequence[Change]) -> None:
+            gate.wait(5.0)
+            super().write(changes)
 
-    monkeypatch.setattr(Store, "write", when_open)
-    with Writer(Store(path), log.append) as writer:
+    with Writer(GatedStore(path), log.append, most_waiting=3) as writer:
         tickets = [writer.submit(a_race("ann"))]
         tickets += [writer.submit(Lap(0, number, 8, (), True)) for number in range(1, 6)]
         gate.set()
-        assert writer.wait(tickets[2], 5.0)
+        assert tickets[2].wait(5.0)
         writer.submit(a_race("bob"))
-    assert [ticket > 0 for ticket in tickets] == [True] * 3 + [False] * 3
+    assert [ticket.number > 0 for ticket in tickets] == [True] * 3 + [False] * 3
     assert len(log) == 1
     assert "takes no more" in log[0]
     assert len(all_laps(path)) == 2

@@ -4,6 +4,7 @@ import numpy as np
 
 from race_server.core.driver import Briefing
 from race_server.core.messages import (
+    Cleanness,
     Event,
     EventKind,
     Flag,
@@ -28,7 +29,10 @@ def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
     )
 
 
-EVENTS = [Event(1, 60, EventKind.LAP, 3, 2, 17_000_000), Event(2, 61, EventKind.GREEN, -1, -1, 0)]
+EVENTS = [
+    Event(1, 60, EventKind.LAP, 3, 2, 17_000_000, Cleanness.UNCLEAN),
+    Event(2, 61, EventKind.GREEN, -1, -1, 0),
+]
 
 STANDING = Standing(4, "me", 1, 3, Status.FINISHED, 10, 9, 30, 0, 1, 5_000_000, 2, (11, 10, 9))
 

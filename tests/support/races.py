@@ -32,11 +32,11 @@ def run_race(scenario: Scenario, names: list[str]) -> tuple[Session, list[Event]
     events: list[Event] = []
     turn = 0
     while session.phase is not Phase.FINISHED:
-        session.look()
+        session.observe()
         turn += 1
         for seat, driver in enumerate(drivers):
             layout = session.layout(driver.preset)
             control = driver.act(Observation(session.tick, layout, session.view(seat).copy()))
-            session.take_control(seat, session.epoch, turn, session.tick, control)
+            session.receive_control(seat, session.epoch, turn, session.tick, control)
         events += session.advance(session.decision_ticks)
     return session, events

@@ -38,13 +38,13 @@ class Real:
 
     def send(self, pose: Pose, buttons: Button = Button.NONE) -> PoseFault:
         self.sequence += 1
-        return self.session.take_pose(
+        return self.session.receive_pose(
             self.seat,
             self.session.epoch,
             self.sequence,
             pose,
             arrived_us=pose.stamp_us,
-            acknowledged=self.session.fleet.orders(self.seat).sequence,
+            acknowledged=self.session.tracked_karts.orders(self.seat).sequence,
             buttons=buttons,
         )
 

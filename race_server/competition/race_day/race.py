@@ -106,21 +106,19 @@ class LocalRace:
     def _decide(self, local_drivers: LocalDrivers, incidents: Incidents) -> None:
         """Ask every driver that still races for its control."""
         session = self._session
-        session.look()
+        session.observe()
         for seat in session.waits_for():
             think = partial(_control, local_drivers, seat)
             if (frame := _answer(think, DECISION_S, seat, incidents)) is None:
                 session.leave(seat)
                 continue
-            session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
+            session.receive_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
 
     def _advance(self, incidents: Incidents) -> None:
-        if self._keeper:
-            self._keeper.look(self._session)
         events = self._session.advance(self._session.decision_ticks)
         incidents.record_events(events)
         if self._keeper:
-            self._keeper.keep(events)
+            self._keeper.add_laps(self._session.event_log.laps.laps_in(events))
 
     def _close_book(self) -> None:
         if self._keeper:
@@ -183,7 +181,7 @@ def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
         try:
             local_drivers.admit(name, driver_named(name), 0)
             session.start()
-            session.look()
+            session.observe()
             with time_limit(10.0 * READY_S):
                 local_drivers.answer(0)
             session.advance(session.decision_ticks)

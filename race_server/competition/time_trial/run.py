@@ -24,7 +24,7 @@ from race_server.envs.buffers import STAY
 from race_server.errors import RaceError
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import load_course
-from race_server.storage.results.keeper import DIRTY
+from race_server.session.lap_log import LapLog
 
 # Time limit to load a driver and for its first decision [s]: networks load, kernels compile.
 START_LIMIT_S = 120.0
@@ -104,6 +104,7 @@ class Attempt:
         self.batch = Batch(task, seed=spec.seed, after=STAY)
         self.notes: list[tuple[float, ...]] = []
         self.marks: list[Mark] = []
+        self._laps = LapLog()
         self.crashes = self.rescues = 0
         self._begin_lap()
         lidar = spec.gap.lidar()
@@ -158,38 +159,29 @@ class Attempt:
         return Observation(tick, batch.layout, batch.observations[0, 0].copy())
 
     def _move(self, numbers: Float32s) -> None:
-        dirty = not self._racer.lap_clean
         self.batch.buffers.actions[0, 0] = numbers
         self.batch.step()
         self._note()
         count = int(self.batch.world.event_counts[0])
         for row in self.batch.world.events[0][:count]:
+            other, value, detail = int(row.other), int(row.value), int(row.detail)
             kind = EventKind(int(row.kind))
-            dirty = dirty or kind in DIRTY
-            dirty = self._count(
-                Event(0, int(row.tick), kind, 0, int(row.other), int(row.value)), dirty
-            )
+            self._count(Event(int(row.sequence), int(row.tick), kind, 0, other, value, detail))
 
-    def _count(self, event: Event, dirty: bool) -> bool:
-        """Count an event; return whether the present lap is no longer clean."""
+    def _count(self, event: Event) -> None:
+        """Record an event."""
         if event.kind is EventKind.CONTACT_WALL:
             self.crashes += 1
             self._contacts += 1
         elif event.kind is EventKind.RESCUED:
             self.rescues += 1
             self._rescues += 1
-        elif event.kind is EventKind.SECTOR:
-            self._sectors.append(event.value)
-        elif event.kind is EventKind.LAP:
-            end_us = int(self._racer.lap_start_us)
-            sectors, contacts, rescues = tuple(self._sectors), self._contacts, self._rescues
-            self.marks.append(Mark(end_us, event.value, sectors, not dirty, contacts, rescues))
+        if (lap := self._laps.add(event)) is not None:
+            end_us, counts = int(self._racer.lap_start_us), (self._contacts, self._rescues)
+            self.marks.append(Mark(end_us, lap.time_us, lap.sectors, lap.is_clean, *counts))
             self._begin_lap()
-            return False
-        return dirty
 
     def _begin_lap(self) -> None:
-        self._sectors: list[int] = []
         self._contacts = self._rescues = 0
 
     def _note(self) -> None:

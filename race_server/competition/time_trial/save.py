@@ -14,13 +14,13 @@ from race_server.competition.time_trial.run_spec import rules_of
 from race_server.core.vehicles import vehicle_named
 from race_server.errors import ResultsError
 from race_server.scenario.track.load import load_course
+from race_server.session.lap_log import Lap
 from race_server.storage.results.keeper import driver_version, rules_version
 from race_server.storage.results.store import (
     FINISHED,
     STOPPED,
     Change,
     Entry,
-    Lap,
     Outcome,
     Race,
     Store,

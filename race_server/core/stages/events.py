@@ -19,7 +19,17 @@ def report(world: World, w: int, kind: int, kart: int, other: int, value: int) -
         event.kart = kart
         event.other = other
         event.value = value
+        event.detail = 0
         world.event_counts[w] = count + 1
+
+
+@kernel
+def report_lap(world: World, w: int, kart: int, lap_us: int, is_clean: bool) -> None:
+    """Add the event of a lap that a kart has completed. lap_us: its time [µs]."""
+    count = world.event_counts[w]
+    report(world, w, codes.EVENT_LAP, kart, world.racers[w, kart].laps, lap_us)
+    if count < EVENTS:
+        world.events[w, count].detail = codes.CLEAN if is_clean else codes.UNCLEAN
 
 
 @kernel

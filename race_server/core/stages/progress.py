@@ -6,7 +6,7 @@ from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.effects import surface_at
 from race_server.core.rules.laps import count_gate, crossing_share, is_missed, microseconds
-from race_server.core.stages.events import penalise, report
+from race_server.core.stages.events import penalise, report, report_lap
 from race_server.core.state import Record, World
 
 
@@ -118,8 +118,8 @@ def _complete_lap(world: World, w: int, k: int, now_us: int) -> None:
     if racer.best_lap_us == 0 or lap_us < racer.best_lap_us:
         racer.best_lap_us = lap_us
     racer.lap_start_us = now_us
+    report_lap(world, w, k, lap_us, racer.lap_clean != 0)
     racer.lap_clean = 1
-    report(world, w, codes.EVENT_LAP, k, racer.laps, lap_us)
     if rules.laps > 0 and racer.laps >= rules.laps:
         body.status = codes.FINISHED
         racer.finish_us = now_us

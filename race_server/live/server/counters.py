@@ -1,21 +1,23 @@
-"""How a server is doing, in plain numbers: the loop writes them, whoever asks reads them."""
+"""How a server is doing, in plain numbers: the loop writes them, other threads read them."""
 
 import time
 from bisect import bisect_left
+from collections import Counter
 from dataclasses import dataclass, field
 
 from race_server.core.clock import TICK_S
+from race_server.logs import Log
 
 # Upper ends of the bins [s]; a tick lasts 16.7 ms.
 DURATIONS = (0.0005, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, TICK_S, 0.033, 0.1)
 LATENESSES = (0.00002, 0.00005, 0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, TICK_S, 0.1)
-# A loop that has not turned for so long is no longer healthy.
-STILL_S = 1.0
+# Reasons and seats are few; more than this are invented by a sender, and one line says so.
+MOST_REASONS = 256
 
 
 @dataclass
 class Histogram:
-    """How often a time fell into which bin; the last bin has no end."""
+    """Counts of times by bin; the last bin has no end."""
 
     ends: tuple[float, ...]  # [s]
     counts: list[int] = field(init=False)
@@ -25,10 +27,42 @@ class Histogram:
         """Begin with empty bins."""
         self.counts = [0] * (len(self.ends) + 1)
 
-    def note(self, seconds: float) -> None:
+    def record(self, seconds: float) -> None:
         """Count a time."""
         self.counts[bisect_left(self.ends, seconds)] += 1
         self.total += seconds
+
+
+class Refusals(Counter[str]):
+    """How many messages were refused, by reason; the first of each is logged."""
+
+    def __init__(self, log: Log | None = None) -> None:
+        """Count from nothing. log: receives the first of each reason and seat."""
+        super().__init__()
+        self._log = log
+        self._logged: set[tuple[str, int]] = set()
+        self._seen: Counter[tuple[str, int]] = Counter()
+
+    def record(self, reason: str, seat: int = -1, *, times: int = 1) -> None:
+        """Count a refusal; the first of its reason and seat is logged."""
+        self[reason] += times
+        row = (reason, seat)
+        if self._log is None or row in self._logged or len(self._logged) > MOST_REASONS:
+            return
+        self._logged.add(row)
+        if len(self._logged) > MOST_REASONS:
+            self._log.warn("refused for more reasons than are logged one by one")
+        elif seat >= 0:
+            self._log.warn("refused for the first time", reason=reason, seat=seat)
+        else:
+            self._log.warn("refused for the first time", reason=reason)
+
+    def record_dropped(self, dropped: Counter[tuple[str, int]]) -> None:
+        """Count what a link has dropped since the last call. dropped: by reason and seat."""
+        for (reason, seat), total in list(dropped.items()):
+            if new := total - self._seen[reason, seat]:
+                self._seen[reason, seat] = total
+                self.record(reason, seat, times=new)
 
 
 @dataclass
@@ -36,12 +70,13 @@ class Counters:
     """All that the loop counts. It never waits here: readers may see one number before another."""
 
     seats: int
+    refused: Refusals = field(default_factory=Refusals)
     duration: Histogram = field(default_factory=lambda: Histogram(DURATIONS))
     lateness: Histogram = field(default_factory=lambda: Histogram(LATENESSES))
     ticks: int = 0
     missed: int = 0
-    controls: list[int] = field(init=False)  # of each seat, taken
-    lost: list[int] = field(init=False)  # of each seat, sent but never taken
+    controls: list[int] = field(init=False)  # of each seat, received
+    lost: list[int] = field(init=False)  # of each seat, sent but never received
     silent: list[int] = field(init=False)  # of each seat, ticks without a fresh control
     turned_at: float = field(default_factory=time.monotonic)  # when the loop last came around
 
@@ -49,19 +84,22 @@ class Counters:
         """Begin with zero for each seat."""
         self.controls, self.lost, self.silent = ([0] * self.seats for _ in range(3))
 
-    def note_tick(self, duration_s: float, lateness_s: float, missed: int) -> None:
+    def record_tick(self, duration_s: float, lateness_s: float, missed: int) -> None:
         """Count a tick in real time. duration_s: of its work; missed: ticks in all so far."""
-        self.duration.note(duration_s)
-        self.lateness.note(lateness_s)
+        self.duration.record(duration_s)
+        self.lateness.record(lateness_s)
         self.missed = missed
 
-    def note_control(self, seat: int, before: int, sequence: int) -> None:
-        """Count a control that was taken. before: sequence of the one taken before it."""
+    def record_control(self, seat: int, before: int, sequence: int) -> None:
+        """Count a control that was received. before: sequence of the one received before it."""
         self.controls[seat] += 1
         if 0 < before < sequence:
             self.lost[seat] += sequence - before - 1
 
-    def stillness(self) -> str:
-        """Return in a sentence what is wrong with the loop, nothing while it turns."""
+    def stillness(self, still_s: float) -> str:
+        """Return in a sentence what is wrong with the loop, nothing while it turns.
+
+        still_s: a loop that has not turned for this long is not healthy.
+        """
         still = time.monotonic() - self.turned_at
-        return f"the loop has not turned for {still:.1f} s" if still > STILL_S else ""
+        return f"the loop has not turned for {still:.1f} s" if still > still_s else ""

@@ -1,9 +1,8 @@
-"""What the server hears over its link, handed on to whom it concerns."""
+"""What the server receives over its link, dispatched to what it concerns."""
 
 from race_server.errors import WireError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters
-from race_server.live.server.refusals import Refusals
 from race_server.live.server.requests import RequestHandler, reason_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire.drive import decode_control
@@ -12,50 +11,53 @@ from race_server.session import Session
 
 
 class Inbox:
-    """Hears drivers, real karts, and whoever asks for something."""
+    """Receives controls, poses, requests and the presence of drivers."""
 
     def __init__(
         self,
         session: Session,
         link: ServerLink,
-        desk: RequestHandler,
+        requests: RequestHandler,
         local_drivers: LocalDrivers,
         counters: Counters,
-        refused: Refusals,
     ) -> None:
-        """Hear a link for a session; what is refused is counted."""
-        self._session, self._link = session, link
-        self._requests, self._local_drivers = desk, local_drivers
-        self._counters, self._refused = counters, refused
+        """Receive from a link for a session; what is refused is counted."""
+        self._session, self._link, self._requests = session, link, requests
+        self._local_drivers, self._counters = local_drivers, counters
 
-    def listen(self) -> None:
-        """Take all that has come since the last call."""
-        for seat, data in self._link.take_inputs():
-            self.take_control(seat, data)
-        self._link.hear_karts(self._session.fleet.trackers.keys())
-        for seat, data, arrived_us in self._link.take_poses():
-            self._take_pose(seat, data, arrived_us)
-        for request in self._link.take_requests():
+    def drain(self) -> None:
+        """Receive all that has come since the last call."""
+        for seat, data in self._link.receive_controls():
+            self.receive_control(seat, data)
+        self._link.expect_poses(self._session.tracked_karts.trackers.keys())
+        for seat, data, arrived_us in self._link.receive_poses():
+            self._receive_pose(seat, data, arrived_us)
+        for request in self._link.receive_requests():
             self._requests.answer(request)
-        for seat, is_there in self._link.take_presence():
+        for seat, is_there in self._link.receive_presence():
             if seat not in self._local_drivers:
-                self._requests.take_presence(seat, is_there=is_there)
+                self._requests.receive_presence(seat, is_there=is_there)
 
-    def take_control(self, seat: int, data: bytes) -> None:
-        """Take a control of a seat, if it is one that fits the race."""
+    def receive_control(self, seat: int, data: bytes) -> None:
+        """Receive a control message of a seat, from the link or from a local driver.
+
+        One that is damaged or does not fit the race is counted and dropped.
+        """
         before = self._session.seats[seat].sequence
         try:
             frame = decode_control(data)
-            self._session.take_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
+            self._session.receive_control(
+                seat, frame.epoch, frame.sequence, frame.tick, frame.control
+            )
         except WireError as error:
-            self._refused.note(reason_of(error), seat)
+            self._counters.refused.record(reason_of(error), seat)
         else:
-            self._counters.note_control(seat, before, frame.sequence)
+            self._counters.record_control(seat, before, frame.sequence)
 
-    def _take_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
+    def _receive_pose(self, seat: int, data: bytes, arrived_us: int) -> None:
         try:
             frame = decode_pose(data)
-            self._session.take_pose(
+            self._session.receive_pose(
                 seat,
                 frame.epoch,
                 frame.sequence,
@@ -65,4 +67,4 @@ class Inbox:
                 buttons=frame.buttons,
             )
         except WireError as error:
-            self._refused.note(reason_of(error), seat)
+            self._counters.refused.record(reason_of(error), seat)

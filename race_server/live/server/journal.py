@@ -1,13 +1,16 @@
-"""The race server's hand that writes: what of a live race goes into its recording."""
+"""What of a live race goes into its recording."""
 
 from collections.abc import Container
 from functools import partial
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.messages import Event, EventKind
+from race_server.core.messages import Event
+from race_server.net.wire import topics
 from race_server.net.wire.journal import StartFrame
-from race_server.net.wire.spectate import SnapshotFrame, encode_events
+from race_server.net.wire.spectate import decode_snapshot, encode_events
+from race_server.net.wire.topics import Topic
 from race_server.session import Session
+from race_server.storage.queue import Ticket
 from race_server.storage.recording.channels import EVENTS, SCENE, SNAPSHOTS, STANDINGS
 from race_server.storage.recording.header import header_of
 from race_server.storage.recording.logbook import Logbook
@@ -20,7 +23,7 @@ class Journal:
     """The recording of one race while it is driven."""
 
     def __init__(self, logbook: Logbook, session: Session, frame: StartFrame, old: bool) -> None:
-        """Begin a recording, or take up the old one."""
+        """Begin a recording, or continue the old one."""
         self._logbook = logbook
         self._session = session
         self._frame = frame
@@ -28,10 +31,10 @@ class Journal:
         self._names = {row.number: row.driver for row in frame.seats}
         vehicle = session.scenario.vehicle_of(0)
         self._size = (vehicle.length, vehicle.width)
-        session.is_recorded = True
+        session.journal.is_recorded = True
         if not old:
-            session.log_what_holds()
-            self._recorder.note(session.log)
+            session.journal_standing_decisions()
+            self._recorder.record(session.journal.drain())
             borders, at = session.scenario.course.borders, self._recorder.time_of(0)
             self._recorder.write(SCENE, 0, partial(course_scene, borders, at))
 
@@ -44,47 +47,50 @@ class Journal:
 
     @classmethod
     def of_old_race(cls, logbook: Logbook, session: Session, recording: Recording) -> "Journal":
-        """Go on with the recording of a race that is taken up."""
+        """Continue the recording of a race whose server was killed."""
         return cls(logbook, session, recording.start, old=True)
 
-    def note(self, before: int, events: list[Event]) -> None:
+    def record(self, before: int, events: list[Event]) -> None:
         """Write what acted since the last call and what came of it. before: tick at its start."""
         session, recorder = self._session, self._recorder
-        recorder.note(session.log)
-        for event in events:
-            if event.kind is EventKind.LAP:
-                recorder.note_lap(event.kart, event.other, event.value, event.tick)
+        recorder.record(session.journal.drain())
+        for lap in session.event_log.laps.laps_in(events):
+            recorder.record_lap(lap)
         if events:
-            told = partial(encode_events, session.epoch, events)
-            recorder.write(EVENTS, session.tick, told)
+            recorder.write(EVENTS, session.tick, partial(encode_events, session.epoch, events))
         if before // TICKS_PER_SECOND != session.tick // TICKS_PER_SECOND:
-            recorder.note_digest(session.tick, session.digest())
+            recorder.record_digest(session.tick, session.digest())
 
-    def note_snapshot(self, frame: SnapshotFrame, data: bytes) -> None:
-        """Write what spectators see."""
-        self._recorder.write(SNAPSHOTS, frame.tick, data)
-        if frame.tick % SCENE_TICKS == 0:
-            at = self._recorder.time_of(frame.tick)
-            drawn = partial(karts_scene, frame, self._names, self._size, at)
-            self._recorder.write(SCENE, frame.tick, drawn)
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Write a snapshot or the standings, as spectators are sent them.
 
-    def note_standings(self, data: bytes) -> None:
-        """Write the table."""
-        self._recorder.write(STANDINGS, self._session.tick, data)
+        Events are written as they happen, before they are published: see `record`.
+        """
+        recorder, tick = self._recorder, self._session.tick
+        if topic is topics.SNAPSHOT:
+            recorder.write(SNAPSHOTS, tick, payload)
+            if tick % SCENE_TICKS == 0:
+                recorder.write(SCENE, tick, partial(self._draw, payload, recorder.time_of(tick)))
+        elif topic is topics.STANDINGS:
+            recorder.write(STANDINGS, tick, payload)
 
-    def ticket(self) -> tuple[Recorder, int]:
-        """Return what an announcement has to wait for."""
-        return self._recorder, self._recorder.hurry()
+    def _draw(self, snapshot: bytes, at: int) -> bytes:
+        """Return a snapshot as a scene. at: time [ns since 1970]."""
+        return karts_scene(decode_snapshot(snapshot), self._names, self._size, at)
+
+    def flush(self) -> Ticket:
+        """Have all that was recorded so far written, and return the ticket of that."""
+        return self._recorder.flush()
 
     @property
     def backlog(self) -> int:
         """How many messages wait for the disk."""
         return self._recorder.backlog
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Write the last digest and close the recording."""
         session = self._session
-        self._recorder.note(session.log)
-        self._recorder.note_digest(session.tick, session.digest(), is_last=True)
-        session.is_recorded = False
+        self._recorder.record(session.journal.drain())
+        self._recorder.record_digest(session.tick, session.digest(), is_last=True)
+        session.journal.is_recorded = False
         self._logbook.end(self._recorder, self._frame)

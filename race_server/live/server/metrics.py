@@ -1,6 +1,6 @@
 """Figures of a running server for Prometheus, and whether it is well, over HTTP on loopback.
 
-Everything is read when somebody asks; the loop knows nothing of it.
+Everything is read when a request comes; the loop does nothing for it.
 """
 
 import threading
@@ -126,7 +126,7 @@ def answer_of(server: RaceServer) -> _Answer:
         if path == "/metrics":
             return metrics(environ, start_response)
         if path == "/healthz":
-            reason = server.counters.stillness()
+            reason = server.counters.stillness(server.timing.still_s)
             status, text = ("503 Service Unavailable", reason) if reason else ("200 OK", "ok")
         else:
             status, text = "404 Not Found", "there are /metrics and /healthz"

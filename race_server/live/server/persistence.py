@@ -1,28 +1,66 @@
-"""What is written down of a race, and told no sooner than that."""
+"""What is written down of a race, and announced no sooner than that."""
 
-from collections.abc import Container, Iterable
+import time
+from collections import deque
+from collections.abc import Container, Iterable, Iterator
 
 from race_server.core.messages import Event
-from race_server.live.server.commit_gate import CommitGate, Tickets
 from race_server.live.server.journal import Journal
-from race_server.live.server.publisher import Publisher
+from race_server.live.server.timing import ServerTiming
+from race_server.net.wire.topics import Topic
 from race_server.session import Session
+from race_server.storage.queue import Ticket
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper, utc_now
+
+
+class CommitGate:
+    """Holds events back, in order, until they are written down."""
+
+    def __init__(self, hold_s: float) -> None:
+        """Hold nothing. hold_s: no event is held longer, whatever the disk does."""
+        self._hold_s = hold_s
+        self._held: deque[tuple[list[Ticket], float, list[Event]]] = deque()
+
+    def clear(self) -> None:
+        """Forget what is held: another race begins."""
+        self._held.clear()
+
+    def hold(self, events: list[Event], tickets: list[Ticket]) -> None:
+        """Hold events until their tickets are settled."""
+        if events:
+            self._held.append((tickets, time.monotonic() + self._hold_s, events))
+
+    def released(self, *, wait: bool) -> Iterator[list[Event]]:
+        """Yield, in order, the events that may be announced now; with `wait`, all of them."""
+        while self._held:
+            tickets, deadline, events = self._held[0]
+            if wait:
+                for ticket in tickets:
+                    ticket.wait(max(deadline - time.monotonic(), 0.0))
+            elif time.monotonic() < deadline and not all(ticket.is_settled for ticket in tickets):
+                return
+            self._held.popleft()
+            yield events
+
+    def announced(self, events: Iterable[Event]) -> list[Event]:
+        """Return those of the events that are not held back."""
+        first = self._held[0][2][0].sequence if self._held else None
+        return [event for event in events if first is None or event.sequence < first]
 
 
 class Persistence:
     """The race in the results file and its recording, where there are such."""
 
     def __init__(
-        self, session: Session, publisher: Publisher, keeper: Keeper | None, logbook: Logbook | None
+        self, session: Session, keeper: Keeper | None, logbook: Logbook | None, timing: ServerTiming
     ) -> None:
-        """Keep races with `keeper`, recordings in `logbook`; `publisher` tells what is written."""
-        self._session, self._publisher = session, publisher
+        """Keep races of a session with `keeper`, recordings in `logbook`."""
+        self._session = session
         self._keeper, self._logbook = keeper, logbook
         self._journal: Journal | None = None
-        self._commit_gate = CommitGate()
+        self._gate = CommitGate(timing.hold_s)
 
     def open(self, pace: str, locals_: Container[int]) -> None:
         """Begin to write down: the race with its laps, and everything that acts on it.
@@ -30,67 +68,64 @@ class Persistence:
         locals_: seats that are driven from inside the server.
         """
         started_at = utc_now()
-        self._commit_gate.clear()
+        self._gate.clear()
         if self._keeper:
             self._keeper.begin(self._session, pace, started_at)
         if self._logbook:
-            self._journal = self._publisher.journal = Journal.of_new_race(
+            self._journal = Journal.of_new_race(
                 self._logbook, self._session, pace, started_at, locals_
             )
 
-    def take_up(self, recording: Recording) -> None:
-        """Go on with the recording of a race whose server was killed."""
+    def resume(self, recording: Recording) -> None:
+        """Continue the recording of a race whose server was killed."""
         assert self._logbook is not None
         self._journal = Journal.of_old_race(self._logbook, self._session, recording)
-        self._publisher.journal = self._journal
 
-    def look(self) -> None:
-        """Note before a tick what must be known after it."""
-        if self._keeper:
-            self._keeper.look(self._session)
-
-    def note(self, before: int, events: list[Event]) -> None:
-        """Write what acted since the last call and what came of it. before: tick at its start."""
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Record what spectators are sent."""
         if self._journal:
-            self._journal.note(before, events)
+            self._journal.publish(topic, payload)
 
-    def note_acts(self) -> None:
-        """Write what was done while no time passes."""
-        if self._journal and self._session.log:
-            self._journal.note(self._session.tick, [])
+    def record(self, before: int, events: list[Event]) -> None:
+        """Write what acted since the last call and what came of it. before: tick at its start.
 
-    def announce(self, events: list[Event], *, wait: bool) -> None:
-        """Tell events in order, each once it is written down.
-
-        wait: for the disk, as for a driver; without it no tick waits, and they are told later.
+        The events are held until they are written, see `released`.
         """
-        if events:
-            tickets: Tickets = ()
-            if self._keeper:
-                tickets += ((self._keeper, self._keeper.keep(events)),)
-            if self._journal:
-                tickets += (self._journal.ticket(),)
-            self._commit_gate.hold(events, tickets)
-        self._tell_released(wait=wait)
+        tickets = []
+        if self._journal:
+            self._journal.record(before, events)
+        if events and self._keeper:
+            laps = self._session.event_log.laps.laps_in(events)
+            tickets.append(self._keeper.add_laps(laps))
+        if events and self._journal:
+            tickets.append(self._journal.flush())
+        self._gate.hold(events, tickets)
 
-    def told(self, events: Iterable[Event]) -> list[Event]:
-        """Return those of the events that everybody may know of."""
-        return self._commit_gate.told(events)
+    def record_interventions(self) -> None:
+        """Write what was done while no time passes."""
+        if self._journal and self._session.journal.entries:
+            self._journal.record(self._session.tick, [])
+
+    def released(self, *, wait: bool) -> Iterator[list[Event]]:
+        """Yield, in order, the events that may be announced now.
+
+        wait: for the disk, as for a driver; without it no tick waits, and they come later.
+        """
+        return self._gate.released(wait=wait)
+
+    def announced(self, events: Iterable[Event]) -> list[Event]:
+        """Return those of the events that spectators may know of."""
+        return self._gate.announced(events)
 
     def close(self) -> None:
-        """Tell the last events and write how the race ended."""
-        self._tell_released(wait=True)
+        """Write how the race ended."""
         if self._keeper:
             self._keeper.end(self._session)
         if self._journal:
-            self._journal.end()
-        self._journal = self._publisher.journal = None
+            self._journal.close()
+        self._journal = None
 
     @property
     def backlog(self) -> int:
         """How many messages wait to be recorded."""
         return self._journal.backlog if self._journal else 0
-
-    def _tell_released(self, *, wait: bool) -> None:
-        for events in self._commit_gate.released(wait=wait):
-            self._publisher.publish_events(events)

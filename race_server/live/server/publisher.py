@@ -1,7 +1,8 @@
-"""What the server tells: each seat what it sees, everybody how the race stands."""
+"""What the server sends: observations to seats, the state of the race to spectators."""
 
 import time
 from collections.abc import Container, Iterable
+from typing import Protocol
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
 from race_server.core.state import EFFECTS, field_of
-from race_server.live.server.journal import Journal
+from race_server.live.server.timing import ServerTiming
 from race_server.net.transport import ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
@@ -23,50 +24,62 @@ from race_server.net.wire.spectate import (
     encode_events,
     encode_standings,
 )
+from race_server.net.wire.topics import Topic
 from race_server.session import Session
 from race_server.session.seats import Seat
 
-# What a kart must obey holds for so long; without news it then stops by itself.
-VALID_S = 0.5
+
+class Sink(Protocol):
+    """Takes what spectators are sent: a link sends it, a recording keeps it."""
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Take a message of a topic."""
 
 
 class Publisher:
     """Puts the race into messages and sends them."""
 
-    def __init__(self, session: Session, link: ServerLink) -> None:
-        """Prepare the writers."""
+    def __init__(
+        self, session: Session, link: ServerLink, recording: Sink, *, orders_s: float
+    ) -> None:
+        """Prepare the writers.
+
+        orders_s: a real kart that receives no newer orders for this long stops by itself.
+        """
         self._session = session
         self._link = link
-        self.journal: Journal | None = None  # of the race that is on
+        self._sinks: tuple[Sink, ...] = (link, recording)
+        self._orders_s = orders_s
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
 
     def publish_seats(self, *, but: Container[int]) -> None:
-        """Send every seat whose driver is there what it sees, and what acts on its kart."""
+        """Send every seat whose driver is there its observation, and what acts on its kart."""
         for seat in self._session.seats.taken():
             if seat.is_present and seat.number not in but:
-                self._tell_observation(seat)
-                self._tell_hud(seat)
+                self._publish_observation(seat)
+                self._publish_hud(seat)
 
     def repeat(self, seats: Iterable[Seat], *, but: Container[int]) -> None:
-        """Send seats whose driver is there again what they see."""
+        """Send seats whose driver is there their observation again."""
         for seat in seats:
             if seat.is_present and seat.number not in but:
-                self._tell_observation(seat)
+                self._publish_observation(seat)
 
     def repeat_orders(self) -> None:
-        """Tell real karts again what they have not acknowledged yet."""
-        for number, tracker in self._session.fleet.trackers.items():
+        """Send real karts again the orders that they have not acknowledged yet."""
+        for number, tracker in self._session.tracked_karts.trackers.items():
             seat = self._session.seats[number]
             if tracker.orders.is_open and seat.is_present:
-                self._tell_hud(seat)
+                self._publish_hud(seat)
 
-    def _tell_hud(self, seat: Seat) -> None:
+    def _publish_hud(self, seat: Seat) -> None:
         """Send a seat what acts on its kart."""
-        self._link.publish(topics.HUD, encode_hud(hud_of(self._session, seat)), seat.number)
+        frame = hud_of(self._session, seat, self._orders_s)
+        self._link.publish(topics.HUD, encode_hud(frame), seat.number)
 
-    def _tell_observation(self, seat: Seat) -> None:
-        """Send a seat what it sees."""
+    def _publish_observation(self, seat: Seat) -> None:
+        """Send a seat its observation."""
         session = self._session
         values = session.view(seat.number)
         writer = self._observations.get(len(values))
@@ -77,28 +90,25 @@ class Publisher:
 
     def publish_snapshot(self) -> None:
         """Send the race as spectators see it now."""
-        frame = snapshot_of(self._session)
-        data = self._snapshots.write(frame)
-        self._link.publish(topics.SNAPSHOT, data)
-        if self.journal:
-            self.journal.note_snapshot(frame, data)
+        self._publish(topics.SNAPSHOT, self._snapshots.write(snapshot_of(self._session)))
 
     def publish_standings(self) -> None:
-        """Send the table, and while a race is on how its drivers are heard."""
-        data = encode_standings(standings_of(self._session))
-        self._link.publish(topics.STANDINGS, data)
-        if self.journal:
-            self.journal.note_standings(data)
+        """Send the standings, and while a race is on the state of its drivers' links."""
+        self._publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
         if self._session.is_on:
-            self._link.publish(topics.LINKS, encode_links(links_of(self._session)))
+            self._publish(topics.LINKS, encode_links(links_of(self._session)))
 
     def publish_events(self, events: list[Event]) -> None:
         """Send what happened."""
-        self._link.publish(topics.EVENTS, encode_events(self._session.epoch, events))
+        self._publish(topics.EVENTS, encode_events(self._session.epoch, events))
+
+    def _publish(self, topic: Topic, payload: bytes) -> None:
+        for sink in self._sinks:
+            sink.publish(topic, payload)
 
 
-def hud_of(session: Session, seat: Seat) -> HudFrame:
-    """Return what acts on a seat's kart now."""
+def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s) -> HudFrame:
+    """Return what acts on a seat's kart now, and holds for `orders_s` [s]."""
     body, racer, player = (
         session.world.bodies[0, seat.number],
         session.world.racers[0, seat.number],
@@ -111,11 +121,11 @@ def hud_of(session: Session, seat: Seat) -> HudFrame:
         row["item"] = effect["source"]
         row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
     immune = max(int(player.immune_until), int(player.shield_until)) - tick
-    race, tracker = session.world.races[0], session.fleet.trackers.get(seat.number)
+    race, tracker = session.world.races[0], session.tracked_karts.trackers.get(seat.number)
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
-        # Who is home or out is to stop, from the tick on in which that happened.
+        # A kart that has finished or retired is to stop, from that tick on.
         speed_cap=float(body.speed_cap) if body.status == codes.RACING else 0.0,
         thrust_scale=float(body.thrust_scale),
         grip_scale=float(body.grip_scale),
@@ -123,7 +133,7 @@ def hud_of(session: Session, seat: Seat) -> HudFrame:
         immune_s=max(immune, 0) / TICKS_PER_SECOND,
         effects=effects,
         sequence=tracker.orders.sequence if tracker else 0,
-        valid_s=VALID_S,
+        valid_s=orders_s,
         monotonic_us=time.monotonic_ns() // 1000,
         lights_s=lights_s(session),
         flag=Flag(max(int(race.flag), int(racer.yellow))),
@@ -182,7 +192,7 @@ def snapshot_of(session: Session) -> SnapshotFrame:
 
 
 def standings_of(session: Session) -> StandingsFrame:
-    """Return the table as it is now."""
+    """Return the standings as they are now."""
     race = session.world.races[0]
     return StandingsFrame(
         epoch=session.epoch,
@@ -197,8 +207,8 @@ def standings_of(session: Session) -> StandingsFrame:
 
 
 def links_of(session: Session) -> LinksFrame:
-    """Return how the driver of each seat is heard now."""
-    taken, tick, trackers = session.seats.taken(), session.tick, session.fleet.trackers
+    """Return the state of each driver's link now."""
+    taken, tick, trackers = session.seats.taken(), session.tick, session.tracked_karts.trackers
     statuses = session.world.bodies["status"][0]
     rows = np.zeros(len(taken), LINK)
     for row, seat in zip(rows, taken, strict=True):

@@ -1,4 +1,4 @@
-"""The lobby's desk: answers requests, and keeps account of whose link is there."""
+"""Answers to requests, and whose link is there."""
 
 import re
 import time
@@ -9,8 +9,8 @@ from race_server.core.rules.items import items
 from race_server.credentials import key_of
 from race_server.errors import SeatError, WireError
 from race_server.live.local_drivers import briefing_for
+from race_server.live.server.counters import Refusals
 from race_server.live.server.publisher import standings_of
-from race_server.live.server.refusals import Refusals
 from race_server.live.server.steward import Steward
 from race_server.net.transport import Request, ServerLink
 from race_server.net.wire import topics
@@ -31,8 +31,6 @@ from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.session import Session
 from race_server.session.seats import Seat
 
-# A seat is given away again if its driver's link does not show up in the lobby for so long.
-SHOW_UP_S = 10.0
 _QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
@@ -45,17 +43,20 @@ class RequestHandler:
         link: ServerLink,
         steward: Steward,
         refused: Refusals,
-        told: Callable[[Iterable[Event]], list[Event]],
+        announced: Callable[[Iterable[Event]], list[Event]],
+        show_up_s: float,
     ) -> None:
-        """Serve a session.
+        """Answer for a session.
 
-        told: returns those events that everybody may know of.
+        refused: counts what is refused; announced: returns those events that spectators may know
+        of; show_up_s: a seat in the lobby is free again if its driver's link does not come.
         """
         self._session = session
         self._link = link
         self._steward = steward
         self._refused = refused
-        self._told = told
+        self._announced = announced
+        self._show_up_s = show_up_s
         self._linked: set[int] = set()  # seats whose driver's link is there
         self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
 
@@ -64,11 +65,11 @@ class RequestHandler:
         try:
             request.answer(self._answer_to(request))
         except (WireError, SeatError) as error:
-            self._refused.note(reason_of(error), request.seat)
+            self._refused.record(reason_of(error), request.seat)
             request.answer(encode_reply(str(error)))
 
-    def take_presence(self, seat: int, *, is_there: bool) -> None:
-        """Take note that the link of a seat's driver has come or gone."""
+    def receive_presence(self, seat: int, *, is_there: bool) -> None:
+        """Record that the link of a seat's driver has come or gone."""
         if is_there:
             self._linked.add(seat)
             self._expected.pop(seat, None)
@@ -79,10 +80,10 @@ class RequestHandler:
             self._session.drop(seat)
 
     def free_deserted_seats(self) -> None:
-        """Give seats away again that were taken by somebody who never showed up."""
+        """Free the seats in the lobby whose drivers' links have not come in time."""
         now = time.monotonic()
         for seat, joined in list(self._expected.items()):
-            if now - joined > SHOW_UP_S:
+            if now - joined > self._show_up_s:
                 del self._expected[seat]
                 self._session.drop(seat)
 
@@ -104,7 +105,7 @@ class RequestHandler:
         if request.topic is topics.LINE:
             return encode_line(line_sheet(session.scenario))
         if request.topic is topics.RECENT:
-            return encode_events(session.epoch, self._told(session.chronicle.recent))
+            return encode_events(session.epoch, self._announced(session.event_log.recent))
         return encode_standings(standings_of(session))
 
     def _seat_driver(self, request: Request) -> bytes:
@@ -115,7 +116,7 @@ class RequestHandler:
                 "install the same version of race-server on both sides"
             )
         wanted = _agreed(request.seat, join.wanted)
-        session.serials.check(key_of(join.secret), join.serial)
+        session.replay_guard.check(key_of(join.secret), join.serial)
         seat = session.join(
             join.driver,
             join.preset,
@@ -135,7 +136,7 @@ class RequestHandler:
         seat = self._session.seat(_agreed(request.seat, act.seat))
         if not seat.fits(act.secret):
             raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
-        self._session.serials.check(key_of(act.secret), act.serial)
+        self._session.replay_guard.check(key_of(act.secret), act.serial)
         self._session.grant(act.secret, act.serial)
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)

@@ -1,22 +1,48 @@
-"""What is left of a race."""
+"""The result of a race, which stewards may change until the next one begins.
 
-from dataclasses import asdict, dataclass, field
+The recording ends with the race: a penalty that comes later is in the results file and in the
+result document, not in the recording and not in its digest.
+"""
+
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from race_server.core.messages import Event, Standing
+from race_server.errors import SeatError
 
 
 @dataclass(frozen=True)
 class RaceResult:
-    """What is left of a race."""
+    """The result of a race."""
 
     digest: str
     ticks: int
-    standings: list[Standing]
+    standings: list[Standing]  # best place first
     events: list[Event]
     missed_ticks: int
-    refused: dict[str, int]
+    refused: dict[str, int]  # messages, by reason
     tracked: list[dict[str, Any]] = field(default_factory=list)  # links of real karts
+
+    def driver_on(self, seat: int) -> str:
+        """Return the name of the driver who raced on a seat.
+
+        Raises:
+            SeatError: no driver did.
+        """
+        for row in self.standings:
+            if row.seat == seat:
+                return row.driver
+        raise SeatError(f"nobody raced on seat {seat} in the last race")
+
+    def amended(self, table: list[Standing], events: list[Event]) -> "RaceResult":
+        """Return the result with ranks, times and penalties as they are now.
+
+        table: one row for each seat; events: that came after the race.
+        """
+        now = {row.seat: row for row in table}
+        standings = [_amended(row, now[row.seat]) for row in self.standings]
+        standings.sort(key=lambda row: row.rank)
+        return replace(self, standings=standings, events=[*self.events, *events])
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as plain data: the document that `--json` prints."""
@@ -35,3 +61,14 @@ class RaceResult:
             "refused": self.refused,
             "tracked": self.tracked,
         }
+
+
+def _amended(row: Standing, now: Standing) -> Standing:
+    return replace(
+        row,
+        rank=now.rank,
+        race_time_us=now.race_time_us,
+        gap_us=now.gap_us,
+        penalties=now.penalties,
+        penalty_us=now.penalty_us,
+    )

@@ -1,4 +1,4 @@
-"""Taking up a race whose server was killed."""
+"""Restoring a race whose server was killed."""
 
 from race_server.core.messages import Event
 from race_server.errors import RecordingError
@@ -9,26 +9,24 @@ from race_server.storage.recording.rerun import Rerun
 from race_server.storage.results.keeper import Keeper
 
 
-def take_up(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
+def restore_session(recording: Recording, keeper: Keeper | None) -> tuple[Session, list[Event]]:
     """Return the session as its server left it, and all events so far.
 
-    The race is driven again from its recording; laps that are not yet in the results file are
-    put there. Drivers count as away until their links are back.
+    The race is replayed from its recording; laps that are not yet in the results file are put
+    there. Drivers count as away until their links are back.
 
     Raises:
         RecordingError: the recording makes no race, or another one than was recorded.
     """
     rerun = Rerun(recording)
     session = rerun.session
-    events = list(session.chronicle.recent)
+    events = list(session.event_log.recent)
     if keeper:
-        keeper.take_up(session, recording.start.pace, recording.start.started_at)
-        keeper.look(session)
+        keeper.resume(session, recording.start.pace, recording.start.started_at)
     for happened in rerun.run():
         events += happened
         if keeper:
-            keeper.keep(happened)
-            keeper.look(session)
+            keeper.add_laps(session.event_log.laps.laps_in(happened))
     if rerun.difference is not None:
         tick = rerun.difference.tick
         raise RecordingError(

@@ -1,7 +1,7 @@
-"""What becomes of a session, for the log: who comes and goes, how races start and end.
+"""What becomes of a session, for the log: drivers that come and go, races that start and end.
 
-The log looks at the session a few times a second and says what has changed, so nothing that is
-said costs a tick anything. What is refused tells `refusals`.
+The session is polled a few times a second and changes are logged, so no tick waits for the log.
+What is refused is logged by `counters.Refusals`.
 """
 
 import time
@@ -12,18 +12,15 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
 from race_server.live.server.counters import Counters
 from race_server.live.server.result import RaceResult
+from race_server.live.server.timing import ServerTiming
 from race_server.logs import Log
 from race_server.session import Session
 from race_server.session.failsafe import FailsafeStage
 
-LOOK_S = 0.1
-# Ticks that were missed are summed up so often.
-SUM_UP_S = 60.0
-
 
 @dataclass
 class _Known:
-    """What was last seen of a seat."""
+    """The state of a seat when it was last polled."""
 
     driver: str = ""
     is_present: bool = False
@@ -31,28 +28,31 @@ class _Known:
 
 
 class SessionLog:
-    """Says what happens in a session."""
+    """Logs what happens in a session."""
 
-    def __init__(self, session: Session, counters: Counters, log: Log | None) -> None:
-        """Look at nothing yet."""
+    def __init__(
+        self, session: Session, counters: Counters, log: Log | None, timing: ServerTiming
+    ) -> None:
+        """Begin without any change. log: None logs nothing."""
         self._session, self._counters, self._log = session, counters, log
         self._known = [_Known() for _ in session.seats]
         self._phase = session.phase
         self._missed = 0
-        self._next_look = self._next_sum = 0.0
+        self._timing = timing
+        self._next_poll = self._next_sum = 0.0
 
-    def look(self, now: float) -> None:
-        """Say what has changed since the last look. now: of `time.monotonic`."""
-        if self._log is None or now < self._next_look:
+    def poll(self, now: float) -> None:
+        """Log what has changed since the last poll. now: of `time.monotonic` [s]."""
+        if self._log is None or now < self._next_poll:
             return
-        self._next_look = now + LOOK_S
-        self._look_at_seats(self._log)
-        self._look_at_phase(self._log)
+        self._next_poll = now + self._timing.log_s
+        self._poll_seats(self._log)
+        self._poll_phase(self._log)
         if now > self._next_sum:
-            self._next_sum = now + SUM_UP_S
+            self._next_sum = now + self._timing.sum_up_s
             self._sum_up(self._log)
 
-    def _look_at_seats(self, log: Log) -> None:
+    def _poll_seats(self, log: Log) -> None:
         races = self._session.is_on
         statuses = self._session.world.bodies["status"][0]
         for seat, known in zip(self._session.seats, self._known, strict=True):
@@ -72,7 +72,7 @@ class SessionLog:
                 log.warn("silent: its kart stands", seat=seat.number, driver=who)
             known.driver, known.is_present, known.stands = driver, seat.is_present, stands
 
-    def _look_at_phase(self, log: Log) -> None:
+    def _poll_phase(self, log: Log) -> None:
         phase = self._session.phase
         if phase is not self._phase and phase is Phase.COUNTDOWN:
             taken = sum(seat.is_taken for seat in self._session.seats)
@@ -85,9 +85,9 @@ class SessionLog:
             log.warn("missed ticks", new=new, all=self._missed)
 
     def close(self, result: RaceResult) -> None:
-        """Say how a race has ended."""
-        self._next_look = 0.0
-        self.look(time.monotonic())
+        """Log how a race has ended."""
+        self._next_poll = 0.0
+        self.poll(time.monotonic())
         if self._log is not None:
             self._log.say(
                 "race ended",

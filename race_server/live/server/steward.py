@@ -1,4 +1,4 @@
-"""The steward: shows flags, gives penalties, shuts seats, stops the clock, starts the race anew."""
+"""The steward: flags, penalties, closed seats, the clock, restarts of the race."""
 
 import secrets
 from collections import deque
@@ -10,7 +10,7 @@ from race_server.errors import SeatError
 from race_server.net.wire.admin import Decision
 from race_server.session import Session
 
-# So many decisions are remembered.
+# At most this many decisions are kept in the log.
 MOST_LINES = 500
 # A penalty beyond this is a slip of the finger.
 MOST_PENALTY_S = 600.0
@@ -21,7 +21,7 @@ def _refuse_late(_seat: int, _seconds: float) -> str:
 
 
 class Steward:
-    """Carries out what the steward decides, and keeps a log of it."""
+    """Carries out decisions of the steward and logs them."""
 
     def __init__(
         self,
@@ -29,9 +29,9 @@ class Steward:
         token: str,
         penalise_late: Callable[[int, float], str] = _refuse_late,
     ) -> None:
-        """Obey whoever knows the token.
+        """Obey a client that shows the token.
 
-        token: "" for nobody. penalise_late: changes the result of a race that is over, and
+        token: "" for no steward. penalise_late: changes the result of a race that is over, and
         returns the driver's name.
         """
         self._session = session
@@ -78,16 +78,16 @@ class Steward:
             raise SeatError(
                 f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red"
             ) from error
-        self._session.show_flag(flag)
+        self._session.race_control.show_flag(flag)
         return f"{flag.name.lower()} flag"
 
     def _pause(self, _: Decision) -> str:
         self._need_race()
-        self._session.stand_still(stands=True)
+        self._session.race_control.pause()
         return "the clock stands"
 
     def _resume(self, _: Decision) -> str:
-        self._session.stand_still(stands=False)
+        self._session.race_control.pause(is_paused=False)
         return "the clock goes on"
 
     def _penalty(self, decision: Decision) -> str:
@@ -101,20 +101,20 @@ class Steward:
             driver = self._penalise_late(decision.seat, decision.value)
             return f"{sentence}, {driver}, after the race"
         driver = self._session.seat(decision.seat).driver
-        self._session.penalise(decision.seat, decision.value)
+        self._session.race_control.penalise(decision.seat, decision.value)
         return f"{sentence}, {driver}"
 
     def _kick(self, decision: Decision) -> str:
         driver = self._session.seat(decision.seat).driver
-        self._session.kick(decision.seat)
+        self._session.race_control.exclude(decision.seat)
         return f"seat {decision.seat}, {driver}, sent away"
 
     def _close(self, decision: Decision) -> str:
-        self._session.close(decision.seat)
+        self._session.race_control.close_seat(decision.seat)
         return f"seat {decision.seat} closed"
 
     def _open(self, decision: Decision) -> str:
-        self._session.unclose(decision.seat)
+        self._session.race_control.open_seat(decision.seat)
         return f"seat {decision.seat} open"
 
     def _restart(self, _: Decision) -> str:

@@ -1,7 +1,7 @@
-"""A watchdog that starts a process again when something kills it.
+"""A supervisor that starts a process again when a signal kills it.
 
-The watchdog has everything loaded and compiled before it forks, so that the next process is at work
-within milliseconds. It holds no file, no lock and no network itself.
+The supervisor has everything loaded and compiled before it forks, so the next process works within
+milliseconds. It holds no file, lock or network connection itself.
 """
 
 import ctypes
@@ -12,17 +12,17 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-# A process that is killed sooner than this after its start, so many times in a row, stays dead.
+# A process that is killed sooner than this after its start, this many times in a row, is given up.
 QUICK_S = 1.0
 MOST_QUICK = 5
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def supervised(work: Callable[[int], int], say: Callable[[str], None]) -> int:
-    """Do the work in a process of its own and return its exit status.
+    """Do the work in a child process and return its exit status.
 
-    work: is told how often it was killed so far. Who is killed by a signal is replaced at once,
-    unless it was asked to end.
+    work: receives how often the process was killed so far. A process that is killed by a signal is
+    replaced at once, unless it was asked to end.
     """
     quick = killed = 0
     while True:

@@ -1,7 +1,8 @@
-"""Everything that a race needs, done once before anybody waits for it."""
+"""What is done before a race so that no tick has to wait for it."""
 
-from collections.abc import Sequence
-from contextlib import suppress
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -16,21 +17,21 @@ from race_server.session import Session
 
 
 def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
-    """Compile, or load, every kernel of a race; nothing may do so while karts are on the track.
+    """Compile, or load, every kernel of a race; no tick may wait for that.
 
     drivers: those that drive from inside the server, whose kernels are its own.
     """
     for name in dict.fromkeys(drivers):
-        with suppress(DriverError):  # it will be out with a reason when its turn comes
+        with suppress(DriverError):  # in its race it will be out, with the reason
             _let_decide(name, scenario)
     rehearsal = Session("rehearsal", scenario)
     rehearsal.join("nobody", "full")
     rehearsal.start()
-    rehearsal.look()
+    rehearsal.observe()
     rehearsal.advance(1)
-    rehearsal.show_flag(Flag.YELLOW)
-    rehearsal.penalise(0, 1.0)
-    rehearsal.penalise_late(0, 1.0)
+    rehearsal.race_control.show_flag(Flag.YELLOW)
+    rehearsal.race_control.penalise(0, 1.0)
+    rehearsal.race_control.penalise_late(0, 1.0)
     rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.leave(0)
 
@@ -40,5 +41,18 @@ def _let_decide(name: str, scenario: Scenario) -> None:
     local_drivers = LocalDrivers(alone)
     local_drivers.admit(name, driver_named(name), 0)
     alone.start()
-    alone.look()
+    alone.observe()
     local_drivers.answer(0)
+
+
+@contextmanager
+def no_garbage_collected() -> Iterator[None]:
+    """Let no tick wait for the garbage collector."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()

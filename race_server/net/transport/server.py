@@ -1,10 +1,10 @@
-"""The end of the server."""
+"""The server's end."""
 
 import math
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -16,22 +16,28 @@ from race_server.net.auth.access import common_name, seat_name
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.seat_owners import SeatOwners
 from race_server.net.auth.settings import ListenSettings, server_settings
+from race_server.net.transport.inputs import (
+    Check,
+    Inputs,
+    QueuedInputs,
+    RingInputs,
+    Subscribe,
+)
 from race_server.net.transport.link import Link, open_session
 from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
 
-# Limit of waiting controls of a seat; more displace the oldest. More than one, so that a bad
-# message after a good control does not hide it.
-MOST_INPUTS = 8
-# A silent driver may log in a second time from and until these times [s]: its link has stalled.
+# A driver that falls silent may log in once more between these times: its link has stalled.
 STALLED_S, GIVEN_UP_S = 2.0, 30.0
 _WITHOUT_BADGE = {
     topics.CONTROL: "control without the seat's badge",
     topics.POSE: "pose without the seat's badge",
 }
-# More unanswered requests on one key are dropped; the client then times out.
+# The reason under which failures of callbacks are counted.
+FAILED = "message that a callback failed on"
+# More unanswered requests on one key are dropped, and time out.
 MOST_QUERIES = 8
-# Limit of requests answered per tick; the others wait.
+# At most this many requests are answered at once; the others wait for the next tick.
 MOST_ANSWERS = 8
 
 
@@ -40,19 +46,19 @@ class Request:
     """A query that waits for an answer."""
 
     topic: Topic
-    seat: int  # in the key, of the sender; -1 where the key has none
+    seat: int  # of the client, as the key names it; -1 where it names none
     payload: bytes
     _query: Any
 
     def answer(self, payload: bytes) -> None:
         """Send the answer and end the query."""
-        with suppress(zenoh.ZError):  # the client has disconnected
+        with suppress(zenoh.ZError):  # the client has gone
             self._query.reply(self._query.key_expr, payload)
         self._query.drop()
 
 
 class ServerLink(Link):
-    """The end of the server: receives from all seats, publishes to all clients."""
+    """The server's end: receives from all seats, publishes to them and to spectators."""
 
     def __init__(
         self,
@@ -65,15 +71,16 @@ class ServerLink(Link):
     ) -> None:
         """Listen on `address`.
 
-        keys: without them it listens to this machine only. real_time: limits the rate of controls,
-        of which one per tick is enough.
+        keys: without them only this machine is listened to. real_time: no driver needs more than
+        one control a tick, so where a seat sends far more only the newest are received.
 
         Raises:
-            LinkError: it cannot listen there, or would be open to all machines.
-            WireError: the session's name is not valid.
+            LinkError: it cannot be listened on, or would be open to any machine.
+            WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
-        settings = server_settings(ListenSettings(address, session_name, seats, keys, real_time))
+        listening = ListenSettings(address, session_name, seats, keys, real_time)
+        settings = server_settings(listening)
         try:
             super().__init__(open_session(settings))
         except zenoh.ZError as error:
@@ -86,86 +93,75 @@ class ServerLink(Link):
         self.is_open = keys is not None
         self.dropped: Counter[tuple[str, int]] = Counter()  # by reason and seat
         self._name = session_name
-        self._inputs: list[deque[bytes]] = [deque(maxlen=MOST_INPUTS) for _ in range(seats)]
-        self._poses: list[deque[tuple[bytes, int]]] = [
-            deque(maxlen=MOST_INPUTS) for _ in range(seats)
-        ]
-        self._seats = {str(seat): seat for seat in range(seats)}  # as written in keys
-        self._last_message_s = [-math.inf] * seats  # when each seat's owner last sent
+        self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
+        self._heard_s = [-math.inf] * seats  # when the newest message of each seat came
         self._arrived = threading.Event()
         self._requests: dict[str, deque[Request]] = {}
-        self._turn = 0  # where the next round of answers starts
+        self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
-        self._karts: dict[int, Any] = {}  # subscribers to the poses of real karts, by seat
-        # In real time controls wait in rings of zenoh until the loop takes them: no Python runs as
-        # they arrive, so a flood does not compete with the loop for the interpreter.
-        self._rings: list[tuple[Any, Callable[[Any], None]]] = []
-        self._kept: list[Any] = [self._receive_seat(seat, real_time) for seat in range(seats)]
-        self._kept += [self._receive_queries(topic) for topic in topics.QUERIES]
-        self._kept.append(self._watch_presence())
-        self._kept.append(self._watch_links())
+        self._controls = [self._inputs_of(seat, real_time) for seat in range(seats)]
+        self._poses: dict[int, Inputs] = {}  # of real karts, by seat
+        self._kept: list[Any] = [self._subscribe_queries(topic) for topic in topics.QUERIES]
+        self._kept.append(self._subscribe_presence())
+        self._kept.append(self._subscribe_links())
 
     def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback whose failures are counted: zenoh only prints them."""
+        """Return a callback whose failures are counted: zenoh prints them and goes on."""
 
         def call(news: Any) -> None:
             try:
                 store(news)
             except Exception:
-                self.dropped["message that raised an error", -1] += 1
+                self.dropped[FAILED, -1] += 1
 
         return call
 
-    def _receive_seat(self, seat: int, real_time: bool) -> Any:
-        store = self._keeper(topics.CONTROL, seat, self._inputs[seat].append)
-        if not real_time:
-            return self._subscribe(topics.CONTROL, seat, store)
-        ring: Any = zenoh.handlers.RingChannel(MOST_INPUTS)
-        subscriber = self._subscribe(topics.CONTROL, seat, ring)
-        self._rings.append((subscriber, store))
-        return subscriber
+    def _inputs_of(self, seat: int, real_time: bool) -> Inputs:
+        subscribe, check = self._subscriber(topics.CONTROL, seat), self._check(topics.CONTROL, seat)
+        if real_time:
+            return RingInputs(subscribe, check)
+        return QueuedInputs(subscribe, check, self._arrived.set)
 
-    def _receive_kart(self, seat: int) -> Any:
-        mailbox = self._poses[seat]
+    def _subscriber(self, topic: Topic, seat: int) -> Subscribe:
+        key, remote = key_of(topic, self._name, seat), zenoh.Locality.REMOTE
 
-        def note(data: bytes) -> None:
-            mailbox.append((data, time.monotonic_ns() // 1000))
+        def subscribe(handler: Any) -> Any:
+            return self._session.declare_subscriber(key, handler, allowed_origin=remote)
 
-        return self._subscribe(topics.POSE, seat, self._keeper(topics.POSE, seat, note))
+        return subscribe
 
-    def _keeper(
-        self, topic: Topic, seat: int, keep: Callable[[bytes], None]
-    ) -> Callable[[Any], None]:
-        """Return a callback that keeps messages with the badge of their seat's owner."""
+    def _check(self, topic: Topic, seat: int) -> Check:
+        """Return what checks that a message shows the badge of its seat's holder."""
 
-        def store(sample: zenoh.Sample) -> None:
+        def fault_of(sample: zenoh.Sample) -> str:
             badge = sample.attachment
             if badge is None or not self.holders.is_holder(seat, badge.to_bytes()):
-                self.dropped[_WITHOUT_BADGE[topic], seat] += 1
-                return
-            if len(sample.payload) > topic.most_bytes:
-                self.dropped["oversized", seat] += 1
-                return
-            data = sample.payload.to_bytes()
-            if data[4:8] != topic.identifier:
-                self.dropped["foreign", seat] += 1
-                return
-            keep(data)
-            self._last_message_s[seat] = time.monotonic()
-            self._arrived.set()
+                return _WITHOUT_BADGE[topic]
+            return "oversized" if len(sample.payload) > topic.most_bytes else ""
 
-        return self._counted(store)
+        def check(sample: zenoh.Sample) -> bytes | None:
+            try:
+                fault, data = fault_of(sample), b""
+                if not fault:
+                    data = sample.payload.to_bytes()
+                    fault = "foreign" if data[4:8] != topic.identifier else ""
+            except Exception:
+                self.dropped[FAILED, -1] += 1
+                return None
+            if fault:
+                self.dropped[fault, seat] += 1
+                return None
+            self._heard_s[seat] = time.monotonic()
+            return data
 
-    def _subscribe(self, topic: Topic, seat: int, handler: Any) -> Any:
-        key = key_of(topic, self._name, seat)
-        return self._session.declare_subscriber(key, handler, allowed_origin=zenoh.Locality.REMOTE)
+        return check
 
-    def _receive_queries(self, topic: Topic) -> Any:
+    def _subscribe_queries(self, topic: Topic) -> Any:
         def store(query: zenoh.Query) -> None:
             key = str(query.key_expr)
             seat = self._seat_in(topic, key)
             if seat is None:
-                self.dropped["request on an unknown key", -1] += 1
+                self.dropped["request on no key of ours", -1] += 1
                 return
             payload = query.payload.to_bytes() if query.payload is not None else b""
             if len(payload) > topic.most_bytes:
@@ -182,13 +178,13 @@ class ServerLink(Link):
         return self._session.declare_queryable(key, self._counted(store), complete=True)
 
     def _seat_in(self, topic: Topic, key: str) -> int | None:
-        """Return the seat in a key, -1 for none; None for a key of another topic."""
+        """Return the seat that a key names, -1 for none; None for a key that is not the topic's."""
         if not topic.is_seats:
             return -1 if key == key_of(topic, self._name) else None
         place = key.rsplit("/", 1)[1]
         return -1 if place == topics.ANY else self._seats.get(place)
 
-    def _watch_presence(self) -> Any:
+    def _subscribe_presence(self) -> Any:
         def store(sample: zenoh.Sample) -> None:
             *_, place, badge = str(sample.key_expr).split("/")
             seat, is_there = self._seats.get(place), sample.kind == zenoh.SampleKind.PUT
@@ -203,11 +199,11 @@ class ServerLink(Link):
             key, self._counted(store), history=True
         )
 
-    def _watch_links(self) -> Any:
-        """Count second logins of a certificate: a stolen one may only listen."""
+    def _subscribe_links(self) -> Any:
+        """Count how often a certificate is logged in: a stolen one may only listen."""
         open_links: Counter[str] = Counter()
         owners = {
-            common_name(self._name, seat_name(seat)): seat for seat in range(len(self._inputs))
+            common_name(self._name, seat_name(seat)): seat for seat in range(len(self._controls))
         }
 
         def store(event: zenoh.LinkEvent) -> None:
@@ -215,61 +211,55 @@ class ServerLink(Link):
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
                 open_links[name] += 1 if is_new else -1
-                silent_s = time.monotonic() - self._last_message_s[owners[name]]
+                silent_s = time.monotonic() - self._heard_s[owners[name]]
                 has_stalled = STALLED_S < silent_s < GIVEN_UP_S
                 if is_new and open_links[name] > 1 and not has_stalled:
                     self.dropped["second login", owners[name]] += 1
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
 
-    def take_inputs(self) -> list[tuple[int, bytes]]:
-        """Return the newest controls of each seat since the last call, oldest first."""
+    def receive_controls(self) -> Iterator[tuple[int, bytes]]:
+        """Yield the newest controls of each seat since the last call, oldest first."""
         self._arrived.clear()
-        for subscriber, store in self._rings:
-            for _ in range(MOST_INPUTS):
-                if (sample := subscriber.try_recv()) is None:
-                    break
-                store(sample)
-        found = []
-        for seat, mailbox in enumerate(self._inputs):
-            while mailbox:
-                found.append((seat, mailbox.popleft()))
-        return found
+        for seat, inputs in enumerate(self._controls):
+            for data, _ in inputs.receive():
+                yield seat, data
 
-    def hear_karts(self, seats: Collection[int]) -> None:
-        """Receive poses of these seats and no others, so that the others cannot be flooded."""
+    def expect_poses(self, seats: Collection[int]) -> None:
+        """Receive poses on these seats and no others: no flood where no real kart sits."""
         for seat in seats:
-            if seat not in self._karts:
-                self._karts[seat] = self._receive_kart(seat)
-        for seat in self._karts.keys() - set(seats):
-            self._karts.pop(seat).undeclare()
-            self._poses[seat].clear()
+            if seat not in self._poses:
+                subscribe, check = (
+                    self._subscriber(topics.POSE, seat),
+                    self._check(topics.POSE, seat),
+                )
+                self._poses[seat] = QueuedInputs(subscribe, check, self._arrived.set)
+        for seat in self._poses.keys() - set(seats):
+            self._poses.pop(seat).close()
 
-    def take_poses(self) -> list[tuple[int, bytes, int]]:
-        """Return the newest poses of each seat since the last call, oldest first.
+    def receive_poses(self) -> Iterator[tuple[int, bytes, int]]:
+        """Yield the newest poses of each seat since the last call, oldest first.
 
         The third number is when each arrived [µs] by `time.monotonic`.
         """
-        found = []
-        for seat, mailbox in enumerate(self._poses):
-            while mailbox:
-                found.append((seat, *mailbox.popleft()))
-        return found
+        for seat in sorted(self._poses):
+            for data, arrived_us in self._poses[seat].receive():
+                yield seat, data, arrived_us
 
-    def take_requests(self) -> Iterable[Request]:
+    def receive_requests(self) -> Iterable[Request]:
         """Yield requests that wait for an answer, one of each key in turn, a bounded number."""
         waiting = [requests for requests in list(self._requests.values()) if requests]
         self._turn += 1
         for place in range(min(len(waiting), MOST_ANSWERS)):
             yield waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)].popleft()
 
-    def take_presence(self) -> Iterable[tuple[int, bool]]:
-        """Yield seats whose driver's link opened (True) or closed (False)."""
+    def receive_presence(self) -> Iterable[tuple[int, bool]]:
+        """Yield seats whose driver's link has come (True) or gone (False)."""
         while self.holders.news:
             yield self.holders.news.popleft()
 
-    def overhear(self, store: Callable[[str, bytes], None]) -> None:
-        """Call `store` with key and payload of every message from outside."""
+    def receive_everything(self, store: Callable[[str, bytes], None]) -> None:
+        """Call `store` with key and payload of each message that reaches this session."""
 
         def receive(sample: zenoh.Sample) -> None:
             store(str(sample.key_expr), sample.payload.to_bytes())
@@ -278,15 +268,15 @@ class ServerLink(Link):
         self._kept.append(self._session.declare_subscriber("**", receive, allowed_origin=remote))
 
     def clients(self) -> int:
-        """Return the count of open links."""
+        """Return how many links of others are open."""
         return len(self._session.info.transports())
 
     def wait(self, timeout_s: float) -> bool:
-        """Return True once a message has arrived since `take_inputs`, False at the timeout."""
+        """Return True once something has arrived since `receive_controls`, False at the timeout."""
         return self._arrived.wait(timeout_s)
 
     def publish(self, topic: Topic, payload: bytes, seat: int = -1) -> None:
-        """Send a message to all subscribers of the topic."""
+        """Send a message to all subscribers of a topic."""
         publisher = self._publishers.get((topic.key, seat))
         if publisher is None:
             newest = topic.newest_wins

@@ -16,7 +16,7 @@ from race_server.net.wire.generated.spectate import Event as EventStruct
 from race_server.net.wire.generated.spectate import Events, Hazard, Kart, Snapshot, Standings
 from race_server.net.wire.generated.spectate import Standing as StandingTable
 from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import root_of
+from race_server.net.wire.strict import Table, root_of
 
 U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
 F32 = struct.Struct("<f")
@@ -173,9 +173,13 @@ def encode_events(epoch: int, events: Sequence[Event]) -> bytes:
             int(event.kind),
         )
     rows = builder.EndVector()
+    details = bytes(event.detail for event in events)
+    place = builder.CreateByteVector(details) if any(details) else 0
     Events.Start(builder)
     Events.AddEpoch(builder, epoch)
     Events.AddEvents(builder, rows)
+    if place:
+        Events.AddDetails(builder, place)
     builder.Finish(Events.End(builder), topics.EVENTS.identifier)
     return bytes(builder.Output())
 
@@ -189,11 +193,26 @@ def decode_events(data: bytes) -> tuple[int, list[Event]]:
     table = root_of(data, topics.EVENTS.identifier, topics.EVENTS.most_bytes)
     first, count = table.vector(1, EVENT.itemsize, MOST_EVENTS)
     rows = np.frombuffer(data, EVENT, count, first).tolist()
+    details = _details_of(table, count)
     return table.scalar(0, U32), [
-        Event(sequence, tick, EventKind(kind), kart, other, value)
-        for value, sequence, tick, other, kart, kind in rows
+        Event(sequence, tick, EventKind(kind), kart, other, value, detail)
+        for (value, sequence, tick, other, kart, kind), detail in zip(rows, details, strict=True)
         if kind in _KINDS
     ]
+
+
+def _details_of(table: Table, count: int) -> bytes:
+    """Return the details of all events of a message; zeros where it holds none.
+
+    Raises:
+        WireError: they are not as many as the events.
+    """
+    if not table.field(2, 4):
+        return bytes(count)
+    first, found = table.vector(2, 1, MOST_EVENTS)
+    if found != count:
+        raise WireError(f"{found} details of {count} events")
+    return table.data[first : first + count]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,18 +14,18 @@ class LinkClock:
     """
 
     BUCKET_US, BUCKETS = 3 * MICROSECONDS, 10
-    # A clock that is this far off all at once has been set anew.
+    # A clock that is this far off all at once was set again.
     RESET_US = 2 * MICROSECONDS
 
     def __init__(self, assumed_s: float = 0.0) -> None:
-        """Know nothing yet."""
+        """Begin without any message."""
         self._assumed_us = assumed_s * MICROSECONDS
         # Of each bucket of time: its number, shortest arrival less stamp, shortest round trip, and
         # arrival less stamp of the message that made it.
         self._buckets: deque[list[float]] = deque(maxlen=self.BUCKETS)
 
-    def note(self, stamp_us: int, arrived_us: int, echo_us: int = 0) -> None:
-        """Take note of a message: stamped by the kart, arrived by our clock."""
+    def record(self, stamp_us: int, arrived_us: int, echo_us: int = 0) -> None:
+        """Record a message: stamped by the kart, arrived by our clock."""
         gap = float(arrived_us - stamp_us)
         if self._buckets and gap - self._gap_us > self.RESET_US:
             self._buckets.clear()

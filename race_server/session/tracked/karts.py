@@ -1,4 +1,4 @@
-"""The real karts of a session: what they tell goes into the world, and what they must obey back."""
+"""The real karts of a session: their poses go into the world, and orders go back to them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,7 @@ from race_server.session.tracked.tracker import Tracker
 
 # A point this many kart lengths beyond the borders is not on the course.
 BEYOND_LENGTHS = 1.0
-# The centre line is looked at about every so many metres.
+# Distance between the samples of the centre line that are searched, about.
 LOOK_M = 0.5
 
 
@@ -69,10 +69,10 @@ class TrackedKarts:
                 tracker.trust, tracker.doubt = Trust(int(row[1])), PoseFault(int(row[2]))
                 tracker.orders.sequence, tracker.orders.acknowledged = map(int, orders)
 
-    def take_up(self, world: World, now_us: int) -> None:
-        """Go on with a race whose server was killed: expect all karts about where they were."""
+    def resume(self, world: World, now_us: int) -> None:
+        """Continue a race whose server was killed: expect all karts about where they were."""
         for seat, tracker in self.trackers.items():
-            self.trackers[seat] = tracker.taken_up(_place_of(world, seat), now_us)
+            self.trackers[seat] = tracker.resumed(_place_of(world, seat), now_us)
 
     def placed(self, tick: int, rows: Floats) -> Placements:
         """Return placements as they are recorded."""
@@ -80,10 +80,10 @@ class TrackedKarts:
         numbers = [(known.sequence, known.acknowledged) for known in orders]
         return Placements(tick, rows, np.array(numbers, np.int64))
 
-    def take(self, seat: int, pose: Pose, arrived_us: int) -> PoseFault:
-        """Take a pose that arrived and return what speaks against it."""
+    def receive(self, seat: int, pose: Pose, arrived_us: int) -> PoseFault:
+        """Receive a pose and return its fault."""
         is_inside = self.is_inside(pose.x, pose.y, BEYOND_LENGTHS * self._lengths[seat])
-        return self.trackers[seat].take(pose, arrived_us, is_inside=is_inside)
+        return self.trackers[seat].receive(pose, arrived_us, is_inside=is_inside)
 
     def is_inside(self, x: float, y: float, beyond: float) -> bool:
         """Return whether a point lies on the course or at most `beyond` [m] outside."""
@@ -137,7 +137,7 @@ def _place_of(world: World, seat: int) -> Pose:
 
 
 def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[float, ...] | None:
-    """Return the row of one kart; None while it has not been heard of yet."""
+    """Return the row of one kart; None before its first pose."""
     body, racer, flag = world.bodies[0, seat], world.racers[0, seat], int(world.races[0].flag)
     if body.status == codes.ABSENT:
         return None

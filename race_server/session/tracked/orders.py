@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from race_server.core.clock import MICROSECONDS
 
-# A kart that does not acknowledge what it must obey for so long cannot be relied on.
+# A kart that does not acknowledge its orders for this long cannot be relied on.
 DEAF_S = 1.5
 # More orders than a server can have given that was killed before they were written down.
 UNWRITTEN = 3600
@@ -19,15 +19,15 @@ class Orders:
     _what: tuple[float, ...] = ()
     _since_us: int = 0
 
-    def taken_up(self, now_us: int) -> "Orders":
+    def resumed(self, now_us: int) -> "Orders":
         """Return the orders for the rest of a race whose server was killed: all are repeated.
 
-        Their numbers are higher than any that the kart may have heard of and nobody wrote down.
+        Their numbers are higher than any that the kart may have received unrecorded.
         """
         return Orders(self.sequence + UNWRITTEN, self.acknowledged, _since_us=now_us)
 
     def change(self, what: tuple[float, ...], now_us: int) -> None:
-        """Number the orders anew if they are others than before."""
+        """Give the orders a new number if they are others than before."""
         if what != self._what:
             if self.acknowledged == self.sequence:
                 self._since_us = now_us
@@ -35,7 +35,7 @@ class Orders:
             self.sequence += 1
 
     def acknowledge(self, sequence: int, now_us: int) -> None:
-        """Take note of what the kart says it obeys."""
+        """Record what the kart says it obeys."""
         if self.acknowledged < sequence <= self.sequence:
             self.acknowledged = sequence
             self._since_us = now_us

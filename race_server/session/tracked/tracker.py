@@ -9,11 +9,11 @@ from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 
-# [s] without an accepted pose until a kart is doubtful; from then until it is suspended, then out.
+# Time without an accepted pose after which a kart is doubtful, then suspended, then out.
 DOUBT_S, SUSPEND_S, OUT_S = 0.4, 2.0, 20.0
-# So many poses in a row, over at least this time, must agree before a kart is believed again.
+# Number and duration of agreeing poses in a row before a kart is believed again.
 AGREEING, AGREEING_S = 8, 0.25
-# Nobody expects the first pose sooner than this, nor before the start.
+# The first pose is due this long after tracking begins, and not before the start.
 FIRST_S = 1.0
 
 
@@ -40,18 +40,18 @@ class Tracker:
     def at_start(self, pose: Pose, now_us: int, *, lights_s: float = 0.0) -> "Tracker":
         """Return a tracker that expects the kart on the grid; its clock is known from before.
 
-        lights_s: time until the lights go out: until then nobody is in anybody's way.
+        lights_s: time until the lights go out: until then no kart is in another's way.
         """
         since_us = now_us + round(max(lights_s - FIRST_S, 0.0) * MICROSECONDS)
         return Tracker(self.gates, self.clock, _known=pose, _known_us=now_us, _changed_us=since_us)
 
-    def taken_up(self, place: Pose, now_us: int) -> "Tracker":
+    def resumed(self, place: Pose, now_us: int) -> "Tracker":
         """Return a tracker for the rest of a race whose server was killed.
 
-        A kart that was trusted has as long as at the start to be heard of again.
+        A kart that was trusted has as long as at the start to send a pose again.
         """
         trust = Trust.SIMULATED if self.trust is Trust.TRUSTED else self.trust
-        orders = self.orders.taken_up(now_us)
+        orders = self.orders.resumed(now_us)
         return Tracker(
             self.gates,
             orders=orders,
@@ -62,11 +62,11 @@ class Tracker:
             _changed_us=now_us,
         )
 
-    def take(self, pose: Pose, arrived_us: int, *, is_inside: bool) -> PoseFault:
-        """Take a pose that arrived and return what speaks against it."""
+    def receive(self, pose: Pose, arrived_us: int, *, is_inside: bool) -> PoseFault:
+        """Receive a pose and return its fault."""
         self.poses += 1
         self._heard_us = arrived_us
-        self.clock.note(pose.stamp_us, arrived_us, pose.echo_us)
+        self.clock.record(pose.stamp_us, arrived_us, pose.echo_us)
         at_us = pose.stamp_us + self.clock.offset_us
         age_s = (arrived_us - at_us) / MICROSECONDS
         doubt = doubt_of(pose, age_s, self.gates, is_inside=is_inside)
@@ -107,20 +107,20 @@ class Tracker:
         waited = (now_us - self._changed_us) / MICROSECONDS
         if self.trust is Trust.TRUSTED:
             if is_deaf:
-                self._turn(Trust.DOUBTFUL, PoseFault.DEAF, now_us)
+                self._change(Trust.DOUBTFUL, PoseFault.DEAF, now_us)
             elif self.age_s(now_us) > DOUBT_S:
                 heard = now_us - self._heard_us < DOUBT_S * MICROSECONDS
                 why = (self.doubt or PoseFault.STALE) if heard else PoseFault.SILENT
-                self._turn(Trust.DOUBTFUL, why, now_us)
+                self._change(Trust.DOUBTFUL, why, now_us)
         elif not is_deaf and self._agrees(now_us):
             self._known, self._known_us = self._last, self._last_us
-            self._turn(Trust.TRUSTED, PoseFault.NONE, now_us)
+            self._change(Trust.TRUSTED, PoseFault.NONE, now_us)
         elif self.trust is Trust.SIMULATED and is_racing and waited > FIRST_S:
-            self._turn(Trust.DOUBTFUL, self.doubt or PoseFault.SILENT, now_us)
+            self._change(Trust.DOUBTFUL, self.doubt or PoseFault.SILENT, now_us)
         elif self.trust is Trust.DOUBTFUL and waited > SUSPEND_S:
-            self._turn(Trust.SUSPENDED, self.doubt, now_us)
+            self._change(Trust.SUSPENDED, self.doubt, now_us)
         elif self.trust is Trust.SUSPENDED and waited > OUT_S:
-            self._turn(Trust.OUT, self.doubt, now_us)
+            self._change(Trust.OUT, self.doubt, now_us)
 
     def _agrees(self, now_us: int) -> bool:
         """Return whether the newest poses in a row agree with one another for long enough."""
@@ -128,7 +128,7 @@ class Tracker:
         lasted_s = (self._last_us - self._agreeing_since_us) / MICROSECONDS
         return is_fresh and self._agreeing >= AGREEING and lasted_s >= AGREEING_S
 
-    def _turn(self, trust: Trust, doubt: PoseFault, now_us: int) -> None:
+    def _change(self, trust: Trust, doubt: PoseFault, now_us: int) -> None:
         self.trust, self.doubt, self._changed_us = trust, doubt, now_us
 
     def age_s(self, now_us: float) -> float:

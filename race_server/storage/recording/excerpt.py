@@ -1,4 +1,4 @@
-"""The first part of a recording as a recording of its own."""
+"""The first part of a recording as a separate recording."""
 
 from pathlib import Path
 

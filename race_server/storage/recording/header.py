@@ -1,4 +1,4 @@
-"""How a race begins, as a recording tells it."""
+"""How a race begins, as a recording holds it."""
 
 import importlib.metadata
 import json

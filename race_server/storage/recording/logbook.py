@@ -1,7 +1,8 @@
 """Where recordings lie: the journal of the race that is being driven, and those that are over.
 
 A journal is called ``<session>.journal.mcap`` while its race lasts. A server that starts and finds
-one takes it up: whoever wrote it was killed. At the end it is named after the time of the race.
+one resumes it: the server that wrote it was killed. At the end it gets the time of the race as its
+name.
 """
 
 import contextlib
@@ -25,7 +26,7 @@ from race_server.storage.recording.recorder import Recorder
 
 VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
-# So many servers at once may serve sessions of the same name, each with a journal of its own.
+# At most this many servers at once may serve sessions of the same name, each with its own journal.
 MOST_NAMESAKES = 16
 
 
@@ -43,9 +44,9 @@ class Logbook:
     """The recordings of one session; no other server writes to its journal."""
 
     def __init__(self, folder: Path, session: str, log: Callable[[str], None]) -> None:
-        """Find a journal that nobody else writes.
+        """Find a journal that no other server writes.
 
-        log: is told once if a recording fails.
+        log: called once if a recording fails.
 
         Raises:
             RecordingError: the folder cannot be written.
@@ -115,7 +116,7 @@ class Logbook:
                 if isinstance(line, Line):
                     recorder.copy(line)
             # Until now the old journal is the one that counts.
-            recorder.wait(recorder.hurry(), timeout_s=60.0)
+            recorder.flush().wait(timeout_s=60.0)
             path.replace(self.journal)
         else:
             recorder.begin(frame)

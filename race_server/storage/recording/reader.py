@@ -63,7 +63,7 @@ class Recording:
     laps: list[tuple[int, int, int, int]] = field(default_factory=list)  # seat, number, µs, tick
     is_complete: bool = False  # the race was over; without it the server died, or the file is cut
     is_torn: bool = False  # the file ends in the middle of something
-    last_tick: int = 0  # the newest that the recording tells of
+    last_tick: int = 0  # the newest in the recording
     snapshot: bytes = b""  # the last one, as it was sent
 
 

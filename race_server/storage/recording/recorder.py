@@ -7,9 +7,8 @@ from then on it survives the death of this process. Only a power cut can take mo
 
 import contextlib
 import queue
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from io import BufferedWriter
 from pathlib import Path
@@ -34,7 +33,9 @@ from race_server.net.wire.journal import (
 from race_server.net.wire.placement import NUMBERS, PLACED, encode_placements
 from race_server.session.interventions import Intervention
 from race_server.session.journal_entries import Entry, Inputs
+from race_server.session.lap_log import Lap
 from race_server.session.tracked.karts import Placements
+from race_server.storage.queue import Ticket, TicketQueue
 from race_server.storage.recording.channels import (
     ACTS,
     CHANNELS,
@@ -48,12 +49,11 @@ from race_server.storage.recording.channels import (
 )
 from race_server.storage.recording.reader import NANOSECONDS, Line
 
-# What has been handed over is with the operating system after so long.
+# What has been handed over is with the operating system after this time.
 FLUSH_S = 0.05
 CHUNK_BYTES = 64 * 1024
 # Messages that wait for a disk that has stopped; a race goes on without its recording then.
 MOST_WAITING = 1 << 16
-CLOSE_S = 10.0
 
 # A message, or what makes one: encoding is left to the thread.
 Content = bytes | Callable[[], bytes]
@@ -70,7 +70,7 @@ class Recorder:
     ) -> None:
         """Begin the file and start the thread.
 
-        begun_ns: when the race began, nanoseconds since 1970 in UTC; log: is told once if the
+        begun_ns: when the race began, nanoseconds since 1970 in UTC; log: called once if the
         recording fails.
         """
         self.path = Path(file.name)
@@ -80,13 +80,8 @@ class Recorder:
         self._writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start("race-server", f"race-server {__version__}")
         self._channels = {kind.key: self._register(kind, session) for kind in CHANNELS}
-        self._queue: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self._taken = 0
-        self._settled = 0
-        self._is_failing = False
-        self._turn = threading.Condition()
-        self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
-        self._thread.start()
+        self._queue: TicketQueue[Message] = TicketQueue("recording", self._work)
+        self._queue.start()
 
     def _register(self, kind: ChannelKind, session: str) -> int:
         schema = self._writer.register_schema(
@@ -102,36 +97,34 @@ class Recorder:
 
     # What the server hands over; none of these waits
 
-    def write(self, kind: ChannelKind, tick: int, content: Content) -> int:
-        """Hand a message over and return its ticket."""
-        return self._hand_over((kind.key, self.time_of(tick), content))
+    def write(self, kind: ChannelKind, tick: int, content: Content) -> None:
+        """Hand a message over."""
+        self._hand_over((kind.key, self.time_of(tick), content))
 
     def time_of(self, tick: int) -> int:
         """Return the time of a tick [ns since 1970]."""
         return self._begun_ns + tick * NANOSECONDS // TICKS_PER_SECOND
 
-    def copy(self, line: Line) -> int:
-        """Hand a message of another recording over and return its ticket."""
-        return self._hand_over((line.kind.key, line.time_ns, line.data))
+    def copy(self, line: Line) -> None:
+        """Hand a message of another recording over."""
+        self._hand_over((line.kind.key, line.time_ns, line.data))
 
     @property
     def backlog(self) -> int:
         """How many messages have been handed over and are not yet written."""
-        return self._taken - self._settled
+        return self._queue.backlog
 
-    def _hand_over(self, entry: Message) -> int:
-        if not self._is_failing and self.backlog < MOST_WAITING:
-            self._taken += 1
+    def _hand_over(self, entry: Message) -> None:
+        if not self._queue.is_failing and self.backlog < MOST_WAITING:
             self._queue.put(entry)
-        return self._taken
 
     def begin(self, frame: StartFrame) -> None:
         """Write how the race begins."""
         self.write(START, 0, lambda: encode_start(frame))
 
-    def note(self, log: list[Entry]) -> None:
-        """Write what acted on the race since the last call, and empty the log."""
-        for entry in log:
+    def record(self, entries: Iterable[Entry]) -> None:
+        """Write what acted on the race."""
+        for entry in entries:
             if isinstance(entry, Inputs):
                 self.write(INPUTS, entry.tick, partial(_encode_inputs, entry))
             elif isinstance(entry, Placements):
@@ -141,36 +134,29 @@ class Recorder:
             else:
                 numbers = (entry.tick, entry.key, entry.serial)
                 self.write(GRANTED, entry.tick, partial(encode_granted, *numbers))
-        log.clear()
 
-    def note_digest(self, tick: int, digest: str, *, is_last: bool = False) -> int:
+    def record_digest(self, tick: int, digest: str, *, is_last: bool = False) -> None:
         """Write the digest of the world before a tick."""
-        return self.write(DIGEST, tick, lambda: encode_digest(tick, digest, is_last=is_last))
+        self.write(DIGEST, tick, lambda: encode_digest(tick, digest, is_last=is_last))
 
-    def note_lap(self, seat: int, number: int, time_us: int, tick: int) -> None:
+    def record_lap(self, lap: Lap) -> None:
         """Write a lap."""
-        self.write(LAPS, tick, lambda: encode_lap(seat, number, time_us, tick))
+        numbers = (lap.seat, lap.number, lap.time_us, lap.tick)
+        self.write(LAPS, lap.tick, partial(encode_lap, *numbers))
 
     # When it is safe
 
-    def hurry(self) -> int:
-        """Have all that was handed over so far written at once, and return its ticket."""
-        self._queue.put(_FLUSH)
-        return self._taken
+    def flush(self) -> Ticket:
+        """Have all that was handed over so far written at once, and return its ticket.
 
-    def is_settled(self, ticket: int) -> bool:
-        """Return whether all up to a ticket is with the operating system, or never will be."""
-        return self._settled >= ticket or self._is_failing
-
-    def wait(self, ticket: int, timeout_s: float) -> bool:
-        """Wait until it is; False if it is not by the timeout."""
-        with self._turn:
-            return self._turn.wait_for(lambda: self.is_settled(ticket), timeout_s)
+        It is settled once all of it is with the operating system, or never will be.
+        """
+        self._queue.wake(_FLUSH)
+        return self._queue.newest
 
     def close(self) -> None:
         """Write what is left, then the index, and close the file."""
-        self._queue.put(None)
-        self._thread.join(CLOSE_S)
+        self._queue.close()
 
     # The thread
 
@@ -184,7 +170,7 @@ class Recorder:
             self._give_up(error)
 
     def _write_batch(self) -> bool:
-        """Write what comes within a flush's time, or until somebody waits; False after the last."""
+        """Write what comes within a flush's time, or until a flush; False after the last."""
         entry, count, goes_on = self._queue.get(), 0, True
         deadline = time.monotonic() + FLUSH_S
         while entry is not _FLUSH:
@@ -194,13 +180,11 @@ class Recorder:
             self._add(*entry)
             count += 1
             try:
-                entry = self._queue.get(timeout=max(deadline - time.monotonic(), 0.0))
+                entry = self._queue.get(max(deadline - time.monotonic(), 0.0))
             except queue.Empty:
                 break
         self._writer.flush()
-        with self._turn:
-            self._settled += count
-            self._turn.notify_all()
+        self._queue.settle(count)
         return goes_on
 
     def _add(self, key: str, at: int, content: Content) -> None:
@@ -208,9 +192,7 @@ class Recorder:
         self._writer.add_message(self._channels[key], at, data, at)
 
     def _give_up(self, error: Exception) -> None:
-        with self._turn:
-            self._is_failing = True
-            self._turn.notify_all()
+        self._queue.settle(0, is_failing=True)
         with contextlib.suppress(OSError, ValueError):
             self._file.close()
         reason = f"{type(error).__name__}: {error}"

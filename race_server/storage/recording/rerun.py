@@ -25,7 +25,7 @@ class Difference:
 
 
 def session_of(recording: Recording) -> Session:
-    """Return a session at the start of a recorded race, with everybody in their seats.
+    """Return a session at the start of a recorded race, with all drivers in their seats.
 
     Raises:
         RecordingError: the recording does not fit this version.
@@ -39,7 +39,7 @@ def session_of(recording: Recording) -> Session:
             seat.is_taken = seat.is_ready = True
             session.seats.put(seat)
             if row.is_tracked:
-                session.fleet.admit(row.number, scenario.vehicle_of(row.number))
+                session.tracked_karts.admit(row.number, scenario.vehicle_of(row.number))
         session.epoch = start.epoch - 1
         session.start()
     except (ScenarioError, SeatError, LookupError) as error:
@@ -100,7 +100,7 @@ class Rerun:
                     return
                 digest = next(digests, None)
             while entry is not None and entry.tick <= tick:
-                session.do_again(entry)
+                session.repeat(entry)
                 entry = next(entries, None)
             if tick >= last or not session.is_on:
                 return

@@ -1,7 +1,7 @@
 """The race as Foxglove draws it: ``foxglove.SceneUpdate`` in JSON.
 
 The message is described in Foxglove's public documentation (docs.foxglove.dev, SceneUpdate).
-Karts and hazards live for a moment and are drawn anew; the course stays.
+Karts and hazards live for a moment and are drawn again; the course stays.
 """
 
 import json
@@ -20,7 +20,7 @@ _LIFETIME_NS = 300_000_000
 _LINE_LIST = 2
 _GREY = (0.35, 0.35, 0.38, 1.0)
 _AMBER = (0.95, 0.6, 0.1, 0.9)
-# Colours that also people who cannot tell red from green can tell apart: Okabe and Ito, 2008.
+# Colours that red-green colour-blind people can distinguish: Okabe and Ito, 2008.
 COLOURS = (
     (0.90, 0.62, 0.00), (0.34, 0.71, 0.91), (0.00, 0.62, 0.45), (0.94, 0.89, 0.26),
     (0.00, 0.45, 0.70), (0.84, 0.37, 0.00), (0.80, 0.47, 0.65), (0.60, 0.60, 0.60),

@@ -39,7 +39,7 @@ MAGIC_BYTES = 8
 HEAD, SPAN = struct.Struct("<BQ"), struct.Struct("<QQ")
 # Chunks that are kept after they were read; each is 64 KiB and what was made of it.
 KEPT_CHUNKS = 8
-# So many chunks back a table is looked for: it is written twice a second.
+# Chunks to search backwards for the standings, which are written twice a second.
 LOOK_BACK = 64
 _SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS)}
 _KNOWN = {kind.key: kind for kind in CHANNELS}
@@ -104,7 +104,7 @@ class SeekableRecording:
 
     @property
     def last_tick(self) -> int:
-        """The newest tick that it tells of."""
+        """The newest tick in it."""
         return self._ends[-1]
 
     def is_finished(self) -> bool:
@@ -133,7 +133,7 @@ class SeekableRecording:
         return None
 
     def all_events(self) -> Iterator[Moment]:
-        """Yield all messages that tell of events; this reads the whole file, once."""
+        """Yield all messages of events; this reads the whole file, once."""
         for number in range(len(self._places)):
             yield from (moment for moment in self._read(number) if moment.kind is EVENTS)
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -10,24 +10,19 @@ from importlib.metadata import entry_points
 
 from race_server import __version__
 from race_server.core.driver import ENTRY_POINTS
-from race_server.core.messages import Event, EventKind, Phase, Standing
+from race_server.core.messages import Phase, Standing
 from race_server.scenario.race import Rules
 from race_server.session import Session
+from race_server.session.lap_log import Lap
 from race_server.session.seats import Seat
-from race_server.storage.results.store import FINISHED, STOPPED, Entry, Lap, Outcome, Race
+from race_server.storage.queue import Ticket
+from race_server.storage.results.store import FINISHED, STOPPED, Entry, Outcome, Race
 from race_server.storage.results.writer import Writer
 
 # The rule book as code; raise it when the same settings come to mean another race.
 RULE_BOOK = 1
 # The end of a race waits no longer than this for the file.
 HOLD_S = 3.0
-# After one of these a lap is not clean, see `lap_clean` in the stages of the world.
-DIRTY = {
-    EventKind.CONTACT_WALL,
-    EventKind.SHORT_CUT,
-    EventKind.OFF_TRACK,
-    EventKind.RESCUED,
-}
 
 
 class Keeper:
@@ -36,19 +31,15 @@ class Keeper:
     def __init__(self, writer: Writer) -> None:
         """Write through `writer`."""
         self._writer = writer
-        self._sectors: dict[int, list[int]] = {}
-        self._dirty: set[int] = set()
         self._outcome: Outcome | None = None  # of the race that was closed last
 
     def begin(self, session: Session, pace: str, started_at: str = "") -> None:
         """Open a race in the file. started_at: UTC, ISO 8601; now, if it is empty."""
-        self._sectors.clear()
         self._outcome = None
         self._writer.submit(_race_of(session, pace, started_at or utc_now()))
 
-    def take_up(self, session: Session, pace: str, started_at: str) -> None:
+    def resume(self, session: Session, pace: str, started_at: str) -> None:
         """Open a race again that a server which was killed has begun."""
-        self._sectors.clear()
         race = _race_of(session, pace, started_at)
         self._writer.submit(replace(race, is_taken_up=True))
 
@@ -56,46 +47,20 @@ class Keeper:
         """Close a race in the file, and wait until that is done."""
         ended = FINISHED if session.phase is Phase.FINISHED else STOPPED
         self._outcome = Outcome(session.digest(), ended, tuple(session.standings()))
-        self._writer.wait(self._writer.submit(self._outcome), HOLD_S)
+        self._writer.submit(self._outcome).wait(HOLD_S)
 
     def amend(self, standings: Sequence[Standing]) -> None:
         """Replace the result of the race that was closed last, and wait until that is done."""
         if self._outcome is not None:
             self._outcome = replace(self._outcome, standings=tuple(standings))
-            self._writer.wait(self._writer.submit(self._outcome), HOLD_S)
+            self._writer.submit(self._outcome).wait(HOLD_S)
 
-    def look(self, session: Session) -> None:
-        """Note before a tick whose lap has been clean so far."""
-        clean = session.world.racers["lap_clean"][0]
-        self._dirty = {kart for kart in range(len(clean)) if not clean[kart]}
-
-    def keep(self, events: list[Event]) -> int:
-        """Hand the laps among the newest events to the file, and return the ticket of the last."""
-        ticket = 0
-        for event in events:
-            if (lap := self._lap_of(event)) is not None:
-                ticket = self._writer.submit(lap)
+    def add_laps(self, laps: Iterable[Lap]) -> Ticket:
+        """Hand laps over to the file, and return the ticket of the last."""
+        ticket = self._writer.nothing
+        for lap in laps:
+            ticket = self._writer.submit(lap)
         return ticket
-
-    def is_settled(self, ticket: int) -> bool:
-        """Return whether a lap is in the file, or the file cannot be written now."""
-        return self._writer.is_settled(ticket)
-
-    def wait(self, ticket: int, timeout_s: float) -> bool:
-        """Wait until it is; False if it is not by the timeout."""
-        return self._writer.wait(ticket, timeout_s)
-
-    def _lap_of(self, event: Event) -> Lap | None:
-        """Return the lap that an event completes."""
-        if event.kind in DIRTY:
-            self._dirty.add(event.kart)
-        elif event.kind is EventKind.SECTOR:
-            self._sectors.setdefault(event.kart, []).append(event.value)
-        elif event.kind is EventKind.LAP:
-            sectors = tuple(self._sectors.pop(event.kart, ()))
-            is_clean = event.kart not in self._dirty
-            return Lap(event.kart, event.other, event.value, sectors, is_clean)
-        return None
 
 
 def utc_now() -> str:

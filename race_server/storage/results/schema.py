@@ -14,9 +14,9 @@ from race_server.errors import ResultsError
 
 VARIABLE = "RACE_SERVER_RESULTS"
 NOWHERE = "none"
-# Written into the header, so that another program's SQLite file is told from ours: "RACE".
+# Written into the header, so that another program's SQLite file is distinguished from ours: "RACE".
 APPLICATION = 0x52414345
-# Another program may hold the file for so long.
+# Another program may hold the file for at most this long.
 BUSY_S = 2.0
 
 _TABLES = (
@@ -70,7 +70,7 @@ _INDICES = (
     "create index race_by_track on race (track, vehicle)",
     "create index entry_by_driver on entry (driver)",
 )
-# Where a kart was in a lap, so that others can drive against it. A table of its own: few laps have
+# Where a kart was in a lap, so that others can drive against it. A separate table: few laps have
 # one, and questions about laps need not read past ten kilobytes each.
 _TRACES = (
     """
@@ -104,7 +104,7 @@ _MEANINGS = {
 
 
 def default_path() -> Path | None:
-    """Return where results go unless somebody says otherwise; None for nowhere."""
+    """Return where results go by default; None for nowhere."""
     if named := os.environ.get(VARIABLE):
         return path_of(named)
     data = Path(os.environ.get("XDG_DATA_HOME", ""))
@@ -142,8 +142,10 @@ def explained(path: Path) -> Iterator[None]:
         ) from error
 
 
-def open_file(path: Path, *, create: bool = False) -> sqlite3.Connection:
+def open_file(path: Path, *, create: bool = False, busy_s: float = BUSY_S) -> sqlite3.Connection:
     """Return a connection to a results file, brought up to date.
+
+    busy_s: another program may hold the file for this long.
 
     Raises:
         ResultsError: there is none, or it is locked, damaged, newer or not ours.
@@ -156,7 +158,7 @@ def open_file(path: Path, *, create: bool = False) -> sqlite3.Connection:
                 f"results file {path} does not exist; race first, or name another with --results"
             )
         connection = sqlite3.connect(
-            path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
+            path, timeout=busy_s, isolation_level=None, check_same_thread=False
         )
         try:
             connection.row_factory = sqlite3.Row

@@ -12,7 +12,8 @@ import numpy as np
 
 from race_server.core.messages import Standing
 from race_server.core.state import Float32s
-from race_server.storage.results.schema import explained, open_file, transaction
+from race_server.session.lap_log import Lap
+from race_server.storage.results.schema import BUSY_S, explained, open_file, transaction
 
 FINISHED, STOPPED = "finished", "stopped"
 
@@ -45,17 +46,6 @@ class Race:
     is_taken_up: bool = False  # a server that was killed has begun it
 
 
-@dataclass(frozen=True)
-class Lap:
-    """A lap that was driven."""
-
-    seat: int
-    number: int
-    time_us: int
-    sectors: tuple[int, ...]
-    is_clean: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Trace:
     """Where a kart was in a lap; comes after that lap."""
@@ -84,15 +74,17 @@ TRACE_TYPE = np.dtype("<f4")
 class Store:
     """An open results file that a live race writes to. Laps belong to the race last begun."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, busy_s: float = BUSY_S) -> None:
         """Open or make the file, and see that it can be written.
+
+        busy_s: another program may hold the file for this long.
 
         Raises:
             ResultsError: it is locked, damaged, newer, or cannot be written.
         """
         self.path = path
         self._race = 0
-        self._connection = open_file(path, create=True)
+        self._connection = open_file(path, create=True, busy_s=busy_s)
         try:
             with explained(path), transaction(self._connection):
                 pass
@@ -195,7 +187,7 @@ class Store:
         )
 
     def _tidy(self) -> None:
-        """Copy the log back into the file; if somebody reads just now, the next race will."""
+        """Copy the log back into the file, or leave it to the next race while others read."""
         try:
             self._connection.execute("pragma wal_checkpoint(passive)").fetchall()
         except sqlite3.Error:

@@ -7,20 +7,17 @@ same file held it for 3.2 ms, without any bound. That is more than a tick can sp
 A race waits for it only with the announcement of a lap.
 """
 
-import queue
-import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Self
 
 from race_server.errors import ResultsError
+from race_server.storage.queue import Ticket, TicketQueue
 from race_server.storage.results.schema import path_of
 from race_server.storage.results.store import Change, Race, Store
 
 # Changes that wait for a file that cannot be written; later ones are dropped.
 MOST_WAITING = 4096
-# A close waits for the last changes for so long.
-CLOSE_S = 10.0
 
 
 class Writer:
@@ -30,21 +27,22 @@ class Writer:
     kept and tried again with the next change and at the end.
     """
 
-    def __init__(self, store: Store, log: Callable[[str], None]) -> None:
-        """Start the thread; `store` is its own from now on."""
+    def __init__(
+        self, store: Store, log: Callable[[str], None], *, most_waiting: int = MOST_WAITING
+    ) -> None:
+        """Start the thread; `store` is its own from now on.
+
+        most_waiting: changes that wait at most for a file that cannot be written.
+        """
         self._store = store
         self._log = log
-        self._queue: queue.SimpleQueue[Change | None] = queue.SimpleQueue()
-        self._waiting: list[Change] = []  # came in, not yet in the file
-        self._taken = 0  # changes handed over
-        self._collected = 0  # of these, seen by the thread
-        self._settled = 0  # of these, committed or given up for now
-        self._is_failing = False
+        self._most_waiting = most_waiting
+        self._waiting: list[Change] = []  # taken by the thread, not yet in the file
+        self._kept = 0  # of these, settled: the file could not be written
         self._has_complained = False
         self._skips = False  # the rest of a race, once one of its changes was dropped
-        self._turn = threading.Condition()
-        self._thread = threading.Thread(target=self._work, name="results", daemon=True)
-        self._thread.start()
+        self._queue: TicketQueue[Change] = TicketQueue("results", self._work)
+        self._queue.start()
 
     def __enter__(self) -> Self:
         return self
@@ -52,52 +50,54 @@ class Writer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def submit(self, change: Change) -> int:
-        """Hand a change over and return its ticket, 0 if it was dropped; never waits."""
+    def submit(self, change: Change) -> Ticket:
+        """Hand a change over, or drop it where too many wait; never waits.
+
+        Its ticket is settled once the change is in the file, dropped, or the file cannot be
+        written now.
+        """
         if isinstance(change, Race):
             self._has_complained = self._skips = False
-        if self._taken - self._collected + len(self._waiting) >= MOST_WAITING:
+        if self._queue.backlog + self._kept >= self._most_waiting:
             self._skips = True
             self._complain(f"results file {self._store.path} takes no more")
         if self._skips:
-            return 0
-        self._taken += 1
-        self._queue.put(change)
-        return self._taken
+            return self._queue.nothing
+        return self._queue.put(change)
 
-    def is_settled(self, ticket: int) -> bool:
-        """Return whether a change is in the file, or the file cannot be written now."""
-        return self._settled >= ticket or self._is_failing
-
-    def wait(self, ticket: int, timeout_s: float) -> bool:
-        """Wait until a change is settled; False if it is not by the timeout."""
-        with self._turn:
-            return self._turn.wait_for(lambda: self.is_settled(ticket), timeout_s)
+    @property
+    def nothing(self) -> Ticket:
+        """A ticket that is settled from the start."""
+        return self._queue.nothing
 
     def close(self) -> None:
         """Write what is left and close the file."""
-        self._queue.put(None)
-        self._thread.join(CLOSE_S)
+        self._queue.close()
+
+    # The thread
 
     def _work(self) -> None:
         with self._store:
             goes_on = True
             while goes_on:
-                goes_on = self._collect()
-                self._commit()
+                count, goes_on = self._collect()
+                is_failing = self._commit()
+                self._kept = len(self._waiting)
+                self._queue.settle(count, is_failing=is_failing)
 
-    def _collect(self) -> bool:
-        """Take all changes that are there, at least one; False after the last."""
-        change = self._queue.get()
+    def _collect(self) -> tuple[int, bool]:
+        """Take all changes that are there, at least one; return how many, and False at the end."""
+        count, change = 0, self._queue.get()
         while change is not None:
             self._waiting.append(change)
-            self._collected += 1
-            if self._queue.empty():
-                return True
+            count += 1
+            if self._queue.is_empty():
+                return count, True
             change = self._queue.get()
-        return False
+        return count, False
 
-    def _commit(self) -> None:
+    def _commit(self) -> bool:
+        """Write all changes that wait; return whether the file cannot be written now."""
         is_failing = False
         try:
             if self._waiting:
@@ -111,10 +111,7 @@ class Writer:
             self._waiting.clear()
             self._skips = True
             self._complain(f"results file {self._store.path}: {type(error).__name__}: {error}")
-        with self._turn:
-            self._is_failing = is_failing
-            self._settled = self._collected
-            self._turn.notify_all()
+        return is_failing
 
     def _complain(self, what: str) -> None:
         """Say once a race that laps are missing from the file."""
@@ -126,7 +123,7 @@ class Writer:
 def writer_for(results: str, say: Callable[[str], None]) -> AbstractContextManager[Writer | None]:
     """Return the writer of a results file, None for nowhere; close it after the last race.
 
-    results: where it lies, see `path_of`. say: is told once if the file fails.
+    results: where it lies, see `path_of`. say: called once if the file fails.
 
     Raises:
         ResultsError: it is locked, damaged or newer than this program.

@@ -86,7 +86,7 @@ class PeerServer:
 
         session, counters = self.session, self.counters
         session.start()
-        session.look()
+        session.observe()
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -117,13 +117,13 @@ class PeerServer:
             skipped = int(late / TICK_S) if late > TICK_S else 0
             deadline += (1 + skipped) * TICK_S
             counters.ticks += 1
-            counters.note_tick(duration, late, counters.missed + skipped)
+            counters.record_tick(duration, late, counters.missed + skipped)
 
     def _tell_drivers(self) -> None:
         from race_server.live.server.publisher import hud_of
 
         session = self.session
-        session.look()
+        session.observe()
         for number, connection in self.drivers.items():
             seat = session.seats[number]
             seen = {
@@ -143,7 +143,9 @@ class PeerServer:
             control = Control(
                 sent["steering"], sent["throttle"], sent["brake"], Button(sent["buttons"])
             )
-            self.session.take_control(seat, sent["epoch"], sent["sequence"], sent["tick"], control)
+            self.session.receive_control(
+                seat, sent["epoch"], sent["sequence"], sent["tick"], control
+            )
         self.inbox.clear()
 
     def mark(self) -> None:

@@ -85,7 +85,7 @@ def latency(karts: int, seconds: float) -> dict[str, Any]:
     session = Session("bench", scenario)
     session.join("nobody", "track")
     session.start()
-    session.look()
+    session.observe()
     session.advance(1)
     session = Session("bench", replace(scenario))
     address = f"tcp/127.0.0.1:{17000 + os.getpid() % 20000}"

@@ -28,7 +28,7 @@ def drill_deny() -> dict[str, Any]:
         with scene_of(log) as scene:
             for part in (*_PARTS, logins.try_too_many):
                 part(scene)
-            refused = dict(scene.served.server.refused)
+            refused = dict(scene.served.server.counters.refused)
         findings += scene.findings
     findings.append(_told_once(said.getvalue()))
     with served_session(1, 1, "tcp") as served:

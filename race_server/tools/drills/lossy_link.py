@@ -83,14 +83,15 @@ class LossyLink:
             due = self._on_way[0][0] - time.monotonic() if self._on_way else 0.05
             ready, _, _ = select.select(self.devices, [], [], min(max(due, 0.0), 0.05))
             for device in ready:
-                self._take(device)
+                self.receive(device)
             self._deliver(time.monotonic())
 
     def cut(self) -> None:
         """Stop carrying packets."""
         self._ended.set()
 
-    def _take(self, device: int) -> None:
+    def receive(self, device: int) -> None:
+        """Receive a packet of a device: lose it, or send it on when it is due."""
         packet = os.read(device, MOST_BYTES)
         if self.chance.random() < self.weather.loss:
             self.lost += 1

@@ -78,7 +78,7 @@ def drill_mixed(setting: MixedRaceSetting, console: Console) -> dict[str, Any]:
     vehicle = vehicle_named(setting.vehicle)
     is_busy = document["missed_ticks"] > MOST_MISSED
     is_busy |= any(part["kart"].get("pauses") for part in figures.values())
-    why = [*_judge_both(figures, is_busy=is_busy), *_judge_walker(figures["pedestrian"], vehicle)]
+    why = [*judge_both(figures, is_busy=is_busy), *_judge_walker(figures["pedestrian"], vehicle)]
     why += [*_judge_cut(figures["cut"], vehicle), *again["why"]]
     return document_of(
         why,
@@ -154,7 +154,8 @@ def _figures_of(document: dict[str, Any], seat: int, report: dict[str, Any]) -> 
     }
 
 
-def _judge_both(figures: dict[str, Any], *, is_busy: bool) -> list[str]:
+def judge_both(figures: dict[str, Any], *, is_busy: bool) -> list[str]:
+    """Return what is wrong with the karts of a race. is_busy: the machine was too slow at times."""
     why = []
     for name, part in figures.items():
         seat, kart = part["seat"], part["kart"]

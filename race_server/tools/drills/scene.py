@@ -46,7 +46,7 @@ def scene_of(log: Log) -> Iterator[Scene]:
     """Start a race of honest drivers with an honest spectator."""
     with served_session(SEATS, SPECTATORS, log=log) as served, contextlib.ExitStack() as stack:
         arrived, told = Ears(), Ears()
-        served.server.link.overhear(arrived.hear_at)
+        served.server.link.receive_everything(arrived.hear_at)
         links = [stack.enter_context(served.link(f"seat-{seat}")) for seat in range(SEATS)]
         drivers = [
             take_seat(link, Join(f"honest {seat}", "track", seat))

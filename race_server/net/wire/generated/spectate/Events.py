@@ -55,8 +55,35 @@ class Events(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(6))
         return o == 0
 
+    # Events
+    def Details(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(8))
+        if o != 0:
+            a = self._tab.Vector(o)
+            return self._tab.Get(flatbuffers.number_types.Uint8Flags, a + flatbuffers.number_types.UOffsetTFlags.py_type(j * 1))
+        return 0
+
+    # Events
+    def DetailsAsNumpy(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(8))
+        if o != 0:
+            return self._tab.GetVectorAsNumpy(flatbuffers.number_types.Uint8Flags, o)
+        return 0
+
+    # Events
+    def DetailsLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(8))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Events
+    def DetailsIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(8))
+        return o == 0
+
 def EventsStart(builder):
-    builder.StartObject(2)
+    builder.StartObject(3)
 
 def Start(builder):
     EventsStart(builder)
@@ -78,6 +105,18 @@ def EventsStartEventsVector(builder, numElems):
 
 def StartEventsVector(builder, numElems):
     return EventsStartEventsVector(builder, numElems)
+
+def EventsAddDetails(builder, details):
+    builder.PrependUOffsetTRelativeSlot(2, flatbuffers.number_types.UOffsetTFlags.py_type(details), 0)
+
+def AddDetails(builder, details):
+    EventsAddDetails(builder, details)
+
+def EventsStartDetailsVector(builder, numElems):
+    return builder.StartVector(1, numElems, 1)
+
+def StartDetailsVector(builder, numElems):
+    return EventsStartDetailsVector(builder, numElems)
 
 def EventsEnd(builder):
     return builder.EndObject()

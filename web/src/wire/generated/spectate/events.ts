@@ -40,8 +40,23 @@ eventsLength():number {
   return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
 }
 
+details(index: number):number|null {
+  const offset = this.bb!.__offset(this.bb_pos, 8);
+  return offset ? this.bb!.readUint8(this.bb!.__vector(this.bb_pos + offset) + index) : 0;
+}
+
+detailsLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 8);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
+detailsArray():Uint8Array|null {
+  const offset = this.bb!.__offset(this.bb_pos, 8);
+  return offset ? new Uint8Array(this.bb!.bytes().buffer, this.bb!.bytes().byteOffset + this.bb!.__vector(this.bb_pos + offset), this.bb!.__vector_len(this.bb_pos + offset)) : null;
+}
+
 static startEvents(builder:flatbuffers.Builder) {
-  builder.startObject(2);
+  builder.startObject(3);
 }
 
 static addEpoch(builder:flatbuffers.Builder, epoch:number) {
@@ -56,16 +71,33 @@ static startEventsVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(24, numElems, 8);
 }
 
+static addDetails(builder:flatbuffers.Builder, detailsOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(2, detailsOffset, 0);
+}
+
+static createDetailsVector(builder:flatbuffers.Builder, data:number[]|Uint8Array):flatbuffers.Offset {
+  builder.startVector(1, data.length, 1);
+  for (let i = data.length - 1; i >= 0; i--) {
+    builder.addInt8(data[i]!);
+  }
+  return builder.endVector();
+}
+
+static startDetailsVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(1, numElems, 1);
+}
+
 static endEvents(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 6) // events
   return offset;
 }
 
-static createEvents(builder:flatbuffers.Builder, epoch:number, eventsOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createEvents(builder:flatbuffers.Builder, epoch:number, eventsOffset:flatbuffers.Offset, detailsOffset:flatbuffers.Offset):flatbuffers.Offset {
   Events.startEvents(builder);
   Events.addEpoch(builder, epoch);
   Events.addEvents(builder, eventsOffset);
+  Events.addDetails(builder, detailsOffset);
   return Events.endEvents(builder);
 }
 }

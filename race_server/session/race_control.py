@@ -1,0 +1,92 @@
+"""Race control: what stewards and the session itself do to a race from outside."""
+
+from collections.abc import Callable
+
+from race_server.core.messages import Event, Flag
+from race_server.core.stages.standings import rank
+from race_server.core.state import World
+from race_server.session.event_log import EventLog
+from race_server.session.interventions import Intervention, InterventionKind, carry_out
+from race_server.session.journal_entries import JournalEntries
+from race_server.session.seats import Seats
+
+
+class RaceControl:
+    """Flags, penalties, closed seats and the clock of one session."""
+
+    def __init__(
+        self,
+        world: World,
+        seats: Seats,
+        event_log: EventLog,
+        journal: JournalEntries,
+        leave: Callable[[int], None],
+    ) -> None:
+        """Act on a session; every intervention is put into its `journal`.
+
+        leave: takes the driver of a seat out of the session.
+        """
+        self._world, self._seats = world, seats
+        self._event_log, self._journal, self._leave = event_log, journal, leave
+        self.is_paused = False  # the clock stands
+
+    def show_flag(self, flag: Flag) -> None:
+        """Show a flag to all karts."""
+        self.intervene(InterventionKind.FLAG, value=float(flag))
+
+    def penalise(self, number: int, seconds: float) -> None:
+        """Add a penalty to the race time of a seat.
+
+        Raises:
+            SeatError: the seat is not taken.
+        """
+        self.intervene(InterventionKind.PENALTY, self._seats.taken_one(number).number, seconds)
+
+    def penalise_late(self, number: int, seconds: float) -> list[Event]:
+        """Add a penalty to a race that is over, rank its karts again, return what happened.
+
+        The recording of the race is closed, so this intervention is in none.
+        """
+        act = Intervention(self._tick, InterventionKind.PENALTY, number, seconds)
+        carry_out(self._world, act)
+        rank(self._world, 0)
+        return self._event_log.collect(self._world)
+
+    def close_seat(self, number: int) -> None:
+        """Let no driver take a seat; one that has it keeps it."""
+        self._seats.check(number)
+        self.intervene(InterventionKind.CLOSE, number, 0.0)
+
+    def open_seat(self, number: int) -> None:
+        """Let a seat be taken again."""
+        self._seats.check(number)
+        self.intervene(InterventionKind.OPEN, number)
+
+    def exclude(self, number: int) -> None:
+        """Take a seat from its driver, which may not come back."""
+        self.intervene(InterventionKind.CLOSE, self._seats.taken_one(number).number, 1.0)
+        self._leave(number)
+
+    def pause(self, *, is_paused: bool = True) -> None:
+        """Stop the clock of the race, or let it run again; the server's loop obeys."""
+        self.intervene(InterventionKind.CLOCK, value=float(is_paused))
+
+    def intervene(self, kind: InterventionKind, kart: int = -1, value: float = 0.0) -> None:
+        """Do something to the race from outside, and put it into the journal."""
+        act = Intervention(self._tick, kind, kart, value)
+        self._journal.add(act)
+        self.repeat(act)
+
+    def repeat(self, act: Intervention) -> None:
+        """Carry out an intervention that is in a journal already."""
+        carry_out(self._world, act)
+        if act.kind is InterventionKind.CLOSE:
+            self._seats.close(act.kart, sent_away=bool(act.value))
+        elif act.kind is InterventionKind.OPEN:
+            self._seats.unclose(act.kart)
+        elif act.kind is InterventionKind.CLOCK:
+            self.is_paused = bool(act.value)
+
+    @property
+    def _tick(self) -> int:
+        return int(self._world.races[0].tick)
