@@ -1,6 +1,6 @@
 """`race start`: a whole race in one command."""
 
-from dataclasses import asdict
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -19,30 +19,31 @@ if TYPE_CHECKING:
 DRIVERS = ("raceline", "idm", "follow_gap", "tentacles", "pure_pursuit", "avoider")
 
 
-@expand_options
-def start(
-    race: RaceOptions,
+@dataclass(frozen=True)
+class StartOptions(RaceOptions):
+    """All options of `race start`."""
+
     drivers: Annotated[
         str,
         typer.Option(help="Comma-separated drivers, repeated until every seat is filled."),
-    ] = ",".join(DRIVERS),
+    ] = ",".join(DRIVERS)
     one_process: Annotated[
         bool,
         typer.Option("--one-process", help="Run the drivers inside the server process."),
-    ] = False,
+    ] = False
     mixed: Annotated[
         int,
         typer.Option(
             help="Number of karts that are played as real ones, by `race plant` processes."
         ),
-    ] = 0,
+    ] = 0
     listen: Annotated[
         str, typer.Option(help="Address to listen on. Default: a free port of 127.0.0.1.")
-    ] = "",
-    session: Annotated[str, typer.Option(help="Name of the session.")] = "race",
+    ] = ""
+    session: Annotated[str, typer.Option(help="Name of the session.")] = "race"
     races: Annotated[
         int, typer.Option(min=1, help="Number of races in a row; after several, show ratings.")
-    ] = 1,
+    ] = 1
     page: Annotated[
         bool | None,
         typer.Option(
@@ -50,42 +51,66 @@ def start(
             envvar="RACE_SERVER_PAGE",
             help="Let browsers on this machine watch. Default: if the page is built.",
         ),
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Run a whole race: a server, one process for each driver, and the live leaderboard."""
-    from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, run_race, spread
-    from race_server.core.driver import driver_names
+    ] = None
+    as_json: AsJson = False
 
-    names = known_drivers(drivers)
-    if not names:
-        raise ScenarioError(f"--drivers is empty; choose from {', '.join(driver_names())}")
-    if not 0 <= mixed <= race.karts or (mixed and (race.pace != "real" or one_process)):
-        raise ScenarioError(
-            f"--mixed {mixed}: choose at most {race.karts} karts, with --pace real and without "
-            "--one-process"
-        )
-    _check_results(race.results)
-    console = Console(stderr=as_json)
-    _prepare_line(race.track, race.vehicle, names, console)
-    spec = RaceSpec(
-        serve=tuple(argv_of(ServeOptions(**asdict(race), fresh=True))),
-        drivers=tuple(names[seat % len(names)] for seat in range(race.karts)),
-        address=listen or free_address(),
-        session=session,
-        in_process=one_process,
-        real=tuple(TrackedSeat(seat) for seat in spread(mixed, race.karts)),
-        page=_shows_page(page, console),
-        record=race.record,
-    )
-    if races > 1:
-        _run_series(spec, races, race.seed, console, as_json=as_json)
+
+@expand_options
+def start(options: StartOptions) -> None:
+    """Run a whole race: a server, one process for each driver, and the live leaderboard."""
+    from race_server.competition.launch import run_race
+
+    names = _drivers(options)
+    _check_results(options.results)
+    console = Console(stderr=options.as_json)
+    _prepare_line(options.track, options.vehicle, names, console)
+    spec = _spec(options, names, page=_shows_page(options.page, console))
+    if options.races > 1:
+        _run_series(spec, options, console)
         return
     document = run_race(spec, console)
-    if as_json:
+    if options.as_json:
         print_document(document)
     else:
-        show_result(document, race.track, race.laps, session)
+        show_result(document, options.track, options.laps, options.session)
+
+
+def _drivers(options: StartOptions) -> tuple[str, ...]:
+    """Return the drivers, which fill the seats in turn.
+
+    Raises:
+        ScenarioError: there are none, one is unknown, or there are more real karts than seats.
+    """
+    from race_server.core.driver import driver_names
+
+    names = known_drivers(options.drivers)
+    if not names:
+        raise ScenarioError(f"--drivers is empty; choose from {', '.join(driver_names())}")
+    mixed = options.mixed
+    fits = 0 <= mixed <= options.karts
+    if not fits or (mixed and (options.pace != "real" or options.one_process)):
+        raise ScenarioError(
+            f"--mixed {mixed}: choose at most {options.karts} karts, with --pace real and without "
+            "--one-process"
+        )
+    return names
+
+
+def _spec(options: StartOptions, names: tuple[str, ...], *, page: bool) -> "RaceSpec":
+    """Return the race to run; its server gets the options that the two commands share."""
+    from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, spread
+
+    race = {field.name: getattr(options, field.name) for field in fields(RaceOptions)}
+    return RaceSpec(
+        serve=tuple(argv_of(ServeOptions(**race, fresh=True))),
+        drivers=tuple(names[seat % len(names)] for seat in range(options.karts)),
+        address=options.listen or free_address(),
+        session=options.session,
+        in_process=options.one_process,
+        real=tuple(TrackedSeat(seat) for seat in spread(options.mixed, options.karts)),
+        page=page,
+        record=options.record,
+    )
 
 
 def _shows_page(wanted: bool | None, console: Console) -> bool:
@@ -97,12 +122,12 @@ def _shows_page(wanted: bool | None, console: Console) -> bool:
     return is_built() if wanted is None else wanted
 
 
-def _run_series(
-    spec: "RaceSpec", races: int, seed: int, console: Console, *, as_json: bool
-) -> None:
+def _run_series(spec: "RaceSpec", options: StartOptions, console: Console) -> None:
     """Run several races and show the ratings of the drivers."""
     from race_server.competition.launch import run_race
     from race_server.competition.series import rating_table, run_series
+
+    races, seed = options.races, options.seed
 
     def run(one: "RaceSpec", number: int) -> dict[str, Any]:
         document = run_race(one, console)
@@ -112,7 +137,7 @@ def _run_series(
         return document
 
     found = run_series(spec, races, seed, run)
-    if as_json:
+    if options.as_json:
         print_document(found)
     else:
         console.print(rating_table(found["ratings"], races))

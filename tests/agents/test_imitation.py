@@ -1,84 +1,24 @@
 """Imitation: a teacher's answers are learned, demonstrations are kept, checked and learned from."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from stable_baselines3 import PPO
-from typer.testing import CliRunner
 
 from race_agents.planning.latency import LATENCY
 from race_agents.training.budget import Budget
-from race_agents.training.demonstrations import (
-    Demonstrations,
-    pairs_for,
-    read_demonstrations,
-    write_demonstrations,
-)
-from race_agents.training.demonstrator import demonstrate
-from race_agents.training.imitation import Imitation, School
+from race_agents.training.imitation import School
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.run import train
 from race_agents.training.schedule import Schedule
-from race_agents.training.settings import Settings
-from race_agents.training.settings_toml import read_settings
 from race_agents.training.supervised import Memory, SupervisedSteps, loss_of
 from race_agents.training.teacher import actions_of, controls_of
-from race_server.cli.main import app
 from race_server.core.kernel_driver import SHIFT
 from race_server.envs.actions import CONTINUOUS, CONTROL
-from race_server.errors import RaceError, RecordingError, ScenarioError
+from race_server.errors import RaceError, ScenarioError
 from support.trainings import untrained
-
-QUICK = (
-    "minutes=none",
-    "steps=12000",
-    "worlds=16",
-    "threads=1",
-    "tracks={names = ['oval']}",
-    "lidar.rays=21",
-    "network={layers = [32], activation = 'relu'}",
-    "evaluation={tracks = {names = ['oval']}, seeds = 2, times = 1, seconds = 3.0}",
-    "evaluation.final={names = ['oval']}",
-    "algorithm.options={n_steps = 50, batch_size = 200, n_epochs = 1}",
-    "warm_start.teacher=raceline",
-    "warm_start.batch_size=256",
-    "warm_start.lessons=24",
-    "warm_start.learning_rate=3e-3",
-    "warm_start.memory=10000",
-    "warm_start.share=1.0",
-    "warm_start.margin=none",
-)
-
-
-def settings(*changes: str) -> Settings:
-    return read_settings("time-trial", [*QUICK, *changes])
-
-
-def imitate(wanted: Settings) -> tuple[PPO, list[str]]:
-    """Return a learner after its warm start, and what was said."""
-    said: list[str] = []
-    budget, world, learner = untrained(wanted)
-    imitation = Imitation(wanted, learner, world, said.append)
-
-    def passed(decisions: int) -> bool:
-        budget.done += decisions
-        return True
-
-    imitation.go(budget, passed)
-    imitation.close()
-    world.close()
-    return learner, said
-
-
-@pytest.fixture(scope="module")
-def shown() -> Demonstrations:
-    return demonstrate("raceline", ["oval"], "tt02", laps=1, seed=1, noise=0.1)[0]
-
-
-# A teacher
+from support.warm_starts import imitate, settings
 
 
 def test_a_teacher_looks_at_what_the_learner_does_not_see() -> None:
@@ -306,87 +246,3 @@ def test_a_careful_learner_takes_the_lower_of_answers_that_fit_alike() -> None:
     assert drive == pytest.approx(-0.4, abs=0.1)
     assert steering == pytest.approx(0.0, abs=0.1)
     world.close()
-
-
-# Demonstrations
-
-
-def test_demonstrations_come_back_as_they_were(shown: Demonstrations, tmp_path: Path) -> None:
-    write_demonstrations(tmp_path / "laps.npz", shown)
-    again = read_demonstrations(tmp_path / "laps.npz")
-    assert again.about == shown.about
-    assert np.array_equal(again.observations, shown.observations)
-    assert np.array_equal(again.controls, shown.controls)
-
-
-def test_a_learner_takes_what_it_sees_out_of_demonstrations(
-    shown: Demonstrations, tmp_path: Path
-) -> None:
-    write_demonstrations(tmp_path / "laps.npz", shown)
-    seen, actions = pairs_for(settings(), tmp_path / "laps.npz")
-    assert np.array_equal(seen[:, :21], shown.observations[:, 0:201:10])
-    assert np.array_equal(actions[:, 1], shown.controls[:, 0])
-
-
-def test_foreign_and_damaged_files_are_refused_in_one_sentence(
-    shown: Demonstrations, tmp_path: Path
-) -> None:
-    path = tmp_path / "laps.npz"
-    write_demonstrations(path, shown)
-    with np.load(path) as tables:
-        good = dict(tables)
-    words = json.loads(str(good["about"]))
-
-    def refused(message: str, **changes: object) -> None:
-        with path.open("wb") as file:
-            np.savez(file, **{**good, **changes})
-        with pytest.raises(RecordingError, match=message):
-            read_demonstrations(path)
-
-    refused("version 9, this program reads", about=np.array(json.dumps({**words, "version": 9})))
-    refused("parts", about=np.array(json.dumps({**words, "parts": ["sonar"]})))
-    refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
-    refused("damaged", about=np.array("{"))
-    refused("damaged", observations=np.array([{"an": "object"}], object))
-    refused("n above zero", controls=good["controls"][:-1])
-    refused("no numbers", controls=np.full_like(good["controls"], np.nan))
-    write_demonstrations(path, shown)
-    packed = bytearray(path.read_bytes())
-    packed[200:400] = bytes(200)
-    path.write_bytes(packed)
-    with pytest.raises(RecordingError, match="damaged"):
-        read_demonstrations(path)
-    with path.open("wb") as file:
-        np.save(file, np.zeros(3))  # one array, and no table of them
-    with pytest.raises(RecordingError, match="damaged"):
-        read_demonstrations(path)
-    path.write_bytes(b"PK\x03\x04 nonsense")
-    with pytest.raises(RecordingError, match="damaged"):
-        read_demonstrations(path)
-    with pytest.raises(RecordingError, match="no such file"):
-        read_demonstrations(tmp_path / "none.npz")
-
-
-def test_demonstrations_of_another_vehicle_are_refused(
-    shown: Demonstrations, tmp_path: Path
-) -> None:
-    write_demonstrations(tmp_path / "laps.npz", shown)
-    with pytest.raises(ScenarioError, match="vehicle = 'tt02', the training's is 'kart-60'"):
-        pairs_for(settings("vehicle=kart-60"), tmp_path / "laps.npz")
-
-
-def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> None:
-    path = tmp_path / "laps.npz"
-    words = ["demonstrate", "raceline", "--track", "oval", "--laps", "1", "--noise", "0.2"]
-    done = CliRunner().invoke(app, [*words, "--out", str(path), "--json"])
-    assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout)["decisions"] > 50
-    wanted = settings(
-        "warm_start.teacher=",
-        f"warm_start.demonstrations={path}",
-        "steps=2048",
-        "warm_start.lessons=50",
-    )
-    _, said = imitate(wanted)
-    errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
-    assert errors[1] < 0.1

@@ -1,4 +1,4 @@
-"""Time trials: what a run is, what its laps say, what goes wrong, and what is kept of it."""
+"""Time trials: a run, reality gaps, runs in parallel, and the command."""
 
 import io
 import json
@@ -19,22 +19,15 @@ from race_server.cli.trial import trial
 from race_server.competition.time_trial.figures import (
     LimitTime,
     TrialSummary,
-    intervals,
-    losses_of,
     rows_of,
 )
-from race_server.competition.time_trial.gaps import GAPS, NONE, Gap, custom_gap, gaps_named
-from race_server.competition.time_trial.ghost import delta, ghost_of, save_lap, sector_deltas
+from race_server.competition.time_trial.gaps import GAPS, NONE, custom_gap, gaps_named
 from race_server.competition.time_trial.lap import (
     PROGRESS,
     SPEED,
     TIME,
-    Mark,
-    TrialLap,
-    laps_of,
-    time_at,
 )
-from race_server.competition.time_trial.limits import limits_of, trace_of_line
+from race_server.competition.time_trial.limits import limits_of
 from race_server.competition.time_trial.plan import TrialPlan, prepare
 from race_server.competition.time_trial.pool import run_all
 from race_server.competition.time_trial.run import Attempt, Run, Tell, drive_run, numbers_of
@@ -45,9 +38,7 @@ from race_server.competition.time_trial.run_spec import (
     run_specs_of,
     scenario_of,
 )
-from race_server.competition.time_trial.save import RunLog, changes_of
 from race_server.competition.time_trial.table import beside_report_b, lap_rows, write_csv
-from race_server.core.clock import MICROSECONDS
 from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
@@ -56,17 +47,7 @@ from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ResultsError, ScenarioError
 from race_server.scenario.track.load import load_course
 from race_server.session import Session
-from race_server.storage.results.queries import all_laps, best_laps, laps_on, races, trace_of
-from race_server.storage.results.store import Store, Trace
-
-OVAL = RunSpec("follow_gap", "oval", laps=1)
-PLACE = ("oval", "tt02")
-
-
-@pytest.fixture(scope="module")
-def driven() -> Run:
-    """Return one run of two laps on the oval."""
-    return drive_run(replace(OVAL, laps=2))
+from support.trials import OVAL, PLACE, keep
 
 
 class Faulty:
@@ -203,95 +184,7 @@ def test_a_control_that_is_no_number_counts_as_zero() -> None:
     assert numbers_of(wild).tolist() == [0.0, 1.0, 0.0, 0.0]
 
 
-# Laps out of notes
-
-
-def test_laps_are_cut_at_the_line_and_interpolated() -> None:
-    # 10 m a lap at 2 m/s, a note every 0.5 s from 1 m before the line.
-    notes = [(0.5 * n, (9.0 + n) % 10.0, 9.0 + n, 0.0, 2.0, 0.0, 0.0) for n in range(14)]
-    marks = [mark(0.5), mark(5.5)]
-    (lap,) = laps_of(notes, marks, 10.0, flying=True)
-    assert lap.time_s == 5.0
-    assert time_at(lap.trace, np.array([0.0, 5.0, 10.0])) == pytest.approx([0.0, 2.5, 5.0])
-
-
-def mark(end_s: float, time_s: float = 5.0) -> Mark:
-    return Mark(round(end_s * MICROSECONDS), round(time_s * MICROSECONDS), (), True, 0, 0)
-
-
-def test_a_slower_lap_falls_behind_where_it_is_slower() -> None:
-    even = np.array([(0.0, 5.0, 10.0), (0.0, 5.0, 10.0)])
-    late = np.array([(0.0, 5.0, 12.0), (0.0, 5.0, 10.0)])
-    assert delta(late, even, np.array([5.0, 7.5, 10.0])) == pytest.approx([0.0, 1.0, 2.0])
-
-
-def test_the_limit_as_a_lap_takes_its_time() -> None:
-    line = limits_of([PLACE]).lines[PLACE]
-    trace = trace_of_line(line, load_course("oval").length)
-    assert trace[TIME, -1] == pytest.approx(line.time_s)
-    assert (np.diff(trace[PROGRESS]) > 0.0).all()
-
-
-# Figures
-
-
-def a_lap(time_s: float, number: int = 1, *, clean: bool = True) -> TrialLap:
-    time_us = round(time_s * MICROSECONDS)
-    return TrialLap(number, time_us, (), True, clean, 0, 0, 0.0, 1.0, 1.0, np.zeros((6, 2)))
-
-
-def a_run(*times: float, gap: Gap = NONE, seed: int = 1, **more: Any) -> Run:
-    spec = RunSpec("ann", "oval", gap=gap, seed=seed, laps=4)
-    laps = tuple(a_lap(time_s, number) for number, time_s in enumerate(times, 1))
-    return Run(spec, laps=laps, **more)
-
-
-def test_the_ratio_is_the_median_lap_to_the_limit() -> None:
-    row = rows_of([a_run(12.0, 11.0, 10.0), a_run(13.0, seed=2)], {PLACE: LimitTime(10.0)})[0]
-    assert row.median_lap_s == 11.5
-    assert row.best_lap_s == 10.0
-    assert (row.ratio, row.best_ratio) == (1.15, 1.0)
-
-
-def test_laps_that_were_not_driven_are_not_clean() -> None:
-    row = rows_of([a_run(10.0, 10.0, 10.0)], {PLACE: LimitTime(10.0)})[0]
-    assert (row.laps, row.laps_wanted, row.clean_lap_rate) == (3, 4, 0.75)
-
-
-def test_without_a_limit_the_ratio_is_empty_and_says_why() -> None:
-    row = rows_of([a_run(10.0)], {PLACE: LimitTime(None, "no line fits")})[0]
-    assert row.ratio is None
-    assert row.limit_reason == "no line fits"
-
-
-def test_a_driver_without_a_lap_has_a_row_with_its_remark() -> None:
-    row = rows_of([a_run(remark="raised ValueError", failed=True)], {PLACE: LimitTime(10.0)})[0]
-    assert (row.median_lap_s, row.ratio, row.laps) == (None, None, 0)
-    assert (row.failed, row.remark) == (1, "raised ValueError")
-
-
-def test_the_bootstrap_interval_covers_the_median_and_repeats() -> None:
-    laps = [[10.0, 10.2, 10.4], [10.1, 10.3, 10.5]]
-    (low, high), _ = intervals(laps)
-    assert low is not None
-    assert high is not None
-    assert 10.0 <= low < 10.25 < high <= 10.5
-    assert intervals(laps) == intervals(laps)
-
-
-def test_one_lap_has_no_interval() -> None:
-    assert intervals([[10.0]]) == ((None, None), (None, None))
-
-
-def test_a_loss_is_told_against_the_nominal_car() -> None:
-    runs = [a_run(10.0, 10.0), a_run(12.0, gap=GAPS["noise"], crashes=3)]
-    (loss,) = losses_of(rows_of(runs, {PLACE: LimitTime(None)}))
-    assert loss.median_ratio == 1.2
-    assert loss.clean_lap_rate_change == -0.25
-    assert loss.crashes_change == 3
-
-
-# Gaps and cells
+# Gaps and runs
 
 
 def test_single_figures_make_a_gap_of_their_own() -> None:
@@ -347,96 +240,6 @@ def test_a_process_that_dies_or_is_stuck_takes_no_other_run_with_it(
     assert remarks[0] == "its process died (exit status 3)"
     assert remarks[2] == "stuck in machine code, its process was ended"
     assert (remarks[1], remarks[3]) == ("drove", "drove")
-
-
-# What is kept
-
-
-def keep(path: Path, *runs: Run) -> None:
-    with RunLog(path) as ledger:
-        for run in runs:
-            ledger.add(run)
-        assert ledger.finish() is None
-
-
-def test_laps_of_a_trial_are_in_the_results_file_with_their_traces(
-    driven: Run, tmp_path: Path
-) -> None:
-    path = tmp_path / "results.sqlite"
-    keep(path, driven)
-    (race,) = races(path)
-    assert (race["pace"], race["track"], race["laps_driven"]) == ("trial", "oval", 2)
-    assert [lap["time_us"] for lap in all_laps(path)] == [lap.time_us for lap in driven.laps]
-    assert best_laps(path)[0]["driver"] == "follow_gap"
-    columns = trace_of(path, race["id"], 0, 1)
-    assert columns["speed"] == pytest.approx(driven.laps[0].trace[SPEED], abs=1e-5)
-
-
-def test_a_car_with_a_gap_is_another_car_in_the_results_file(driven: Run, tmp_path: Path) -> None:
-    path = tmp_path / "results.sqlite"
-    spec = replace(driven.spec, gap=GAPS["battery"])
-    keep(path, driven, replace(driven, spec=spec))
-    assert {row["vehicle"] for row in best_laps(path)} == {"tt02", "tt02 (battery)"}
-
-
-def test_a_file_that_is_locked_in_the_middle_loses_no_lap(driven: Run, tmp_path: Path) -> None:
-    path = tmp_path / "results.sqlite"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("race_server.storage.results.schema.BUSY_S", 0.05)
-        with RunLog(path) as ledger, closing(sqlite3.connect(path)) as other:
-            other.execute("begin immediate")
-            ledger.add(driven)
-            beside = ledger.finish()
-            assert "is locked by another program" in ledger.problem
-    assert beside is not None
-    assert len(all_laps(beside)) == 2
-    assert all_laps(path) == []
-
-
-def test_the_best_kept_lap_is_a_ghost_and_is_no_second_ahead_of_itself(
-    driven: Run, tmp_path: Path
-) -> None:
-    path, course = tmp_path / "results.sqlite", load_course("oval")
-    keep(path, driven)
-    fastest = min(driven.laps, key=lambda lap: lap.time_us)
-    ghost = ghost_of("best", course, "tt02", path)
-    assert ghost.time_s == fastest.time_s
-    assert sector_deltas(fastest.trace, ghost.trace, course) == pytest.approx((0, 0, 0), abs=1e-4)
-    assert ghost_of("1/2", course, "tt02", path).time_s == driven.laps[1].time_s
-    assert len(laps_on(path, track="oval", digest=course.digest)) == 2
-
-
-def test_a_lap_of_a_live_race_is_a_ghost_by_its_sectors(driven: Run, tmp_path: Path) -> None:
-    path, course, lap = tmp_path / "results.sqlite", load_course("oval"), driven.laps[0]
-    with Store(path) as store:
-        store.write([change for change in changes_of(driven) if not isinstance(change, Trace)])
-    ghost = ghost_of("1/1", course, "tt02", path)
-    assert ghost.name.endswith("by its sectors")
-    assert sector_deltas(lap.trace, ghost.trace, course) == pytest.approx((0, 0, 0), abs=0.005)
-
-
-def test_an_unknown_ghost_is_answered_with_those_that_there_are(
-    driven: Run, tmp_path: Path
-) -> None:
-    path = tmp_path / "results.sqlite"
-    keep(path, driven)
-    with pytest.raises(ResultsError, match=r"no ghost '9/9' on oval .* 1/[12] \(follow_gap, tt02"):
-        ghost_of("9/9", load_course("oval"), "tt02", path)
-
-
-def test_a_lap_that_was_saved_is_a_ghost(driven: Run, tmp_path: Path) -> None:
-    lap, course = driven.laps[0], load_course("oval")
-    save_lap(lap.trace, tmp_path / "lap.csv")
-    ghost = ghost_of(str(tmp_path / "lap.csv"), course, "tt02", None)
-    assert ghost.time_s == pytest.approx(lap.time_s, abs=1e-5)
-    with pytest.raises(ResultsError, match="no lap of hangar-400"):
-        ghost_of(str(tmp_path / "lap.csv"), load_course("hangar-400"), "tt02", None)
-
-
-def test_a_table_that_is_no_lap_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(ResultsError, match="a lap has the columns time_s, progress"):
-        ghost_of(str(tmp_path / "other.csv"), load_course("oval"), "tt02", None)
 
 
 # The command

@@ -1,0 +1,105 @@
+"""Demonstrations: kept in files, read safely, and learned from."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from race_agents.training.demonstrations import (
+    Demonstrations,
+    pairs_for,
+    read_demonstrations,
+    write_demonstrations,
+)
+from race_agents.training.demonstrator import demonstrate
+from race_server.cli.main import app
+from race_server.errors import RecordingError, ScenarioError
+from support.warm_starts import imitate, settings
+
+
+@pytest.fixture(scope="module")
+def shown() -> Demonstrations:
+    return demonstrate("raceline", ["oval"], "tt02", laps=1, seed=1, noise=0.1)[0]
+
+
+def test_demonstrations_come_back_as_they_were(shown: Demonstrations, tmp_path: Path) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    again = read_demonstrations(tmp_path / "laps.npz")
+    assert again.about == shown.about
+    assert np.array_equal(again.observations, shown.observations)
+    assert np.array_equal(again.controls, shown.controls)
+
+
+def test_a_learner_takes_what_it_sees_out_of_demonstrations(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    seen, actions = pairs_for(settings(), tmp_path / "laps.npz")
+    assert np.array_equal(seen[:, :21], shown.observations[:, 0:201:10])
+    assert np.array_equal(actions[:, 1], shown.controls[:, 0])
+
+
+def test_foreign_and_damaged_files_are_refused_in_one_sentence(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    path = tmp_path / "laps.npz"
+    write_demonstrations(path, shown)
+    with np.load(path) as tables:
+        good = dict(tables)
+    words = json.loads(str(good["about"]))
+
+    def refused(message: str, **changes: object) -> None:
+        with path.open("wb") as file:
+            np.savez(file, **{**good, **changes})
+        with pytest.raises(RecordingError, match=message):
+            read_demonstrations(path)
+
+    refused("version 9, this program reads", about=np.array(json.dumps({**words, "version": 9})))
+    refused("parts", about=np.array(json.dumps({**words, "parts": ["sonar"]})))
+    refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
+    refused("damaged", about=np.array("{"))
+    refused("damaged", observations=np.array([{"an": "object"}], object))
+    refused("n above zero", controls=good["controls"][:-1])
+    refused("no numbers", controls=np.full_like(good["controls"], np.nan))
+    write_demonstrations(path, shown)
+    packed = bytearray(path.read_bytes())
+    packed[200:400] = bytes(200)
+    path.write_bytes(packed)
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))  # one array, and no table of them
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    path.write_bytes(b"PK\x03\x04 nonsense")
+    with pytest.raises(RecordingError, match="damaged"):
+        read_demonstrations(path)
+    with pytest.raises(RecordingError, match="no such file"):
+        read_demonstrations(tmp_path / "none.npz")
+
+
+def test_demonstrations_of_another_vehicle_are_refused(
+    shown: Demonstrations, tmp_path: Path
+) -> None:
+    write_demonstrations(tmp_path / "laps.npz", shown)
+    with pytest.raises(ScenarioError, match="vehicle = 'tt02', the training's is 'kart-60'"):
+        pairs_for(settings("vehicle=kart-60"), tmp_path / "laps.npz")
+
+
+def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> None:
+    path = tmp_path / "laps.npz"
+    words = ["demonstrate", "raceline", "--track", "oval", "--laps", "1", "--noise", "0.2"]
+    done = CliRunner().invoke(app, [*words, "--out", str(path), "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["decisions"] > 50
+    wanted = settings(
+        "warm_start.teacher=",
+        f"warm_start.demonstrations={path}",
+        "steps=2048",
+        "warm_start.lessons=50",
+    )
+    _, said = imitate(wanted)
+    errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
+    assert errors[1] < 0.1

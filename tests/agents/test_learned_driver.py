@@ -1,0 +1,190 @@
+"""The driver of a learned policy: what it answers, refuses and needs."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+
+from race_agents.drivers.learned import Learned
+from race_agents.policies.metadata import KEY
+from race_agents.policies.registry import SHIPPED
+from race_agents.policies.session import Policy
+from race_agents.training.settings_toml import read_settings
+from race_agents.training.tasks import training_task
+from race_server.competition.time_trial.run import numbers_of
+from race_server.core.driver import Briefing, driver_named
+from race_server.core.observation import Observation
+from race_server.core.vehicles import KART_60, TT02, Vehicle
+from race_server.envs.batch import Batch
+from race_server.envs.presets import LEARNING_RULES, task_on
+from race_server.envs.reality_gap import RealityGap
+from race_server.errors import DriverError
+from support.trainings import QUICK, side_by_side
+
+GEAR = np.array([np.radians(200.0), 8.0, 0.05])
+
+
+def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
+    return Briefing(0, vehicle, 3, "lidar", decision_s, lidar_field=np.radians(200.0))
+
+
+def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() -> None:
+    path = SHIPPED / "time-trial.onnx"
+    assert path.stat().st_size < 1_000_000
+    metadata = Policy(path).metadata
+    assert metadata.parts == ("lidar", "lidar_before", "speed", "steering")
+    assert metadata.vehicle == "tt02"
+
+
+def test_the_driver_is_found_by_the_path_of_its_policy(policy_file: Path) -> None:
+    driver = driver_named(f"learned:{policy_file}")
+    assert driver.preset == "lidar"
+
+
+def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> None:
+    policy, driver = Policy(policy_file), Learned(str(policy_file))
+    task = replace(training_task(read_settings("time-trial-ppo", QUICK)), gap=RealityGap())
+    trained = Batch(task, seed=3)
+    wide = task_on(task.scenarios, observation="lidar", action="control", random_start=True)
+    raced = Batch(wide, seed=3)
+    driver.reset(briefing())
+    places = list(side_by_side(trained, raced, policy, driver, 60))
+    assert len(places) > 5
+    for there, here in places:
+        assert here == pytest.approx(there, abs=1e-6)
+
+
+def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Path) -> None:
+    name = f"learned:{policy_file}"
+    scenario = replace(
+        training_task(read_settings("time-trial-ppo", QUICK)).scenarios[0],
+        karts=3,
+        rules=LEARNING_RULES,
+    )
+    task = task_on((scenario,), learners=1, opponents=(name,), action="control")
+    batch, driver = Batch(task, worlds=2, seed=5), driver_named(name)
+    layout, view = batch.opponents[0].layout, batch.buffers.views[1, 2]
+    driver.reset(briefing())
+    for step in range(30):
+        seen = Observation(step, layout, view[: layout.size].astype(np.float32))
+        own = numbers_of(driver.act(seen))
+        batch.step(np.zeros((2, 1, 4)))
+        assert batch.buffers.controls[1, 2] == pytest.approx(own, abs=1e-6)
+    assert batch.world.bodies[1, 2].speed > 0.1
+
+
+def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:
+    from race_agents.drivers.learned import places_in
+    from race_server.core.observation import layout_of
+
+    metadata = Policy(policy_file).metadata
+    places = places_in(layout_of("lidar", 201), metadata, GEAR, "it")
+    assert places[:3].tolist() == [0, 10, 20]
+    assert len(places) == metadata.size
+    with pytest.raises(DriverError, match="learned with 21 numbers of 'lidar', the race shows 200"):
+        places_in(layout_of("lidar", 200), metadata, GEAR, "it")
+
+
+def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
+    driver = Learned(str(policy_file))
+    with pytest.raises(DriverError, match="learned to drive 'tt02', not 'kart-60'"):
+        driver.reset(briefing(KART_60))
+    with pytest.raises(DriverError, match=r"every 0.05 s, not every 0.1 s"):
+        driver.reset(briefing(decision_s=0.1))
+
+
+def test_damaged_and_foreign_files_are_refused_in_one_sentence(
+    policy_file: Path, tmp_path: Path
+) -> None:
+    bad = tmp_path / "bad.onnx"
+    bad.write_bytes(policy_file.read_bytes()[:500])
+    with pytest.raises(DriverError, match="damaged or no ONNX file"):
+        Learned(str(bad))
+    model = onnx.load(policy_file)
+    words = json.loads(model.metadata_props[0].value)
+    for change, message in (
+        ({"version": 99}, "version 99, this program drives version 1"),
+        ({"parts": ["sonar"]}, "does not know"),
+        ({"action": "telepathy"}, "answers with actions 'telepathy'"),
+        ({"sizes": [1, 1, 1, 1]}, "takes 44 numbers and gives 3; its metadata speak of 4"),
+        ({"vehicle": 3}, "vehicle = 3"),
+        ({"parts": [["speed"]]}, "parts = .* is not valid"),
+        ({"tracks": [3]}, "tracks = .* is not valid"),
+        ({"decision_s": float("nan")}, "decision_s = nan in its metadata"),
+        ({"lidar_reach": 10**400}, "lidar_reach = inf in its metadata"),
+        ({"decision_s": 0}, "decides every 0 s"),
+        ({"action": "residual", "base": f"learned:{bad}"}, "takes no advice"),
+    ):
+        onnx.helper.set_model_props(model, {KEY: json.dumps({**words, **change})})
+        onnx.save(model, bad)
+        with pytest.raises(DriverError, match=message):
+            Learned(str(bad))
+    onnx.helper.set_model_props(model, {"author": "somebody"})
+    onnx.save(model, bad)
+    with pytest.raises(DriverError, match="is no policy of this program"):
+        Learned(str(bad))
+
+
+@pytest.mark.parametrize(
+    ("operator", "inputs", "message"),
+    [
+        ("Div", ["nothing", "nothing"], "not all finite"),  # 0 / 0
+        ("Concat", ["some", "some"], r"\(2, 3\) numbers"),
+        ("Reshape", ["some", "shape"], "cannot answer"),
+    ],
+)
+def test_a_network_that_answers_with_no_numbers_drives_nobody(
+    operator: str, inputs: list[str], message: str, tmp_path: Path
+) -> None:
+    shipped, bad = onnx.load(SHIPPED / "time-trial.onnx"), tmp_path / "bad.onnx"
+    attributes = {"axis": 0} if operator == "Concat" else {}
+    nodes = [
+        onnx.helper.make_node("Gather", ["observation", "columns"], ["some"], axis=1),
+        onnx.helper.make_node("Sub", ["some", "some"], ["nothing"]),
+        onnx.helper.make_node(operator, inputs, ["action"], **attributes),
+    ]
+    numbers = {"columns": np.arange(3), "shape": np.array([7, 3])}
+    constants = [onnx.numpy_helper.from_array(value, name) for name, value in numbers.items()]
+    body = shipped.graph
+    graph = onnx.helper.make_graph(nodes, "foreign", body.input, body.output, constants)
+    model = onnx.helper.make_model(
+        graph, ir_version=shipped.ir_version, opset_imports=shipped.opset_import
+    )
+    model.metadata_props.extend(shipped.metadata_props)
+    onnx.save(model, bad)
+    policy = Policy(bad)
+    with pytest.raises(DriverError, match=message):
+        policy.decide(np.ones((1, policy.metadata.size), np.float32))
+
+
+def test_an_unknown_policy_is_named_with_the_known_ones() -> None:
+    with pytest.raises(DriverError, match="policy 'none-such' is unknown; known are"):
+        driver_named("learned:none-such")
+
+
+def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> None:
+    code = (
+        "import sys; from race_server.core.driver import driver_named; "
+        f"driver_named('learned:{policy_file}'); "
+        "print({'torch', 'numba', 'onnx', 'pydantic_core'} & set(sys.modules))"
+    )
+    command = [sys.executable, "-c", code]
+    environment = {"RACE_SERVER_INTERPRET": "1", "PATH": "", "HOME": str(policy_file.parent)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.net
+def test_laps_of_a_policy_are_recorded(policy_file: Path, tmp_path: Path) -> None:
+    from race_agents.training.record_laps import record_laps
+    from race_server.storage.recording.reader import read_recording
+
+    made = record_laps(tmp_path, policy_file.absolute(), "oval", "tt02", seed=1)
+    assert made is not None
+    assert [path.name for path in tmp_path.iterdir()] == ["laps.mcap"]
+    assert read_recording(made).is_complete
