@@ -7,14 +7,13 @@ replay all call it. It is one compiled call for any number of worlds and ticks.
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.stages.contacts import (
-    find_contact_pairs,
-    move_karts,
-    touch_karts,
-    touch_walls,
-)
-from race_server.core.stages.controls import apply_effects, take_controls, use_items
+from race_server.core.stages.allowances import set_allowances
+from race_server.core.stages.contacts import find_contact_pairs
+from race_server.core.stages.controls import take_controls
 from race_server.core.stages.events import report, retire
+from race_server.core.stages.items import end_effects, use_items
+from race_server.core.stages.judging import touch_karts, touch_walls
+from race_server.core.stages.motion import move_bodies
 from race_server.core.stages.pick_ups import pick_up_items
 from race_server.core.stages.placement import place
 from race_server.core.stages.progress import follow_course
@@ -34,7 +33,7 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
     controls: (W, K, 4) steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons.
     """
     for w in range(world.bodies.shape[0]):
-        take_controls(world, w, controls[w])
+        take_controls(world.bodies[w], controls[w])
         for _ in range(ticks):
             step(world, w)
 
@@ -42,14 +41,15 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
 @large_kernel
 def step(world: World, w: int) -> None:
     """Move one world on by one tick."""
-    race = world.races[w]
+    race, bodies, vehicles = world.races[w], world.bodies[w], world.vehicles[w]
     if race.tick == race.start_tick:
         report(world, w, codes.EVENT_GREEN, -1, -1, 0)
-    apply_effects(world, w)
+    end_effects(world, w)
+    set_allowances(world, w)
     use_items(world, w)
-    find_contact_pairs(world, w)
+    find_contact_pairs(bodies, vehicles)
     for _ in range(SUBSTEPS):
-        move_karts(world, w)
+        move_bodies(bodies, vehicles)
         touch_karts(world, w)
         touch_walls(world, w)
     follow_course(world, w)

@@ -19,7 +19,7 @@ def decide(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
         world.event_counts[w] = 0
         command_learners(world, buffers, w)
         snapshot_counters(world, buffers, w)
-        take_controls(world, w, buffers.controls[w])
+        take_controls(world.bodies[w], buffers.controls[w])
         for _ in range(buffers.settings[0].decision_ticks):
             step(world, w)
         buffers.rounds[w].steps += 1
