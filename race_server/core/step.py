@@ -1,7 +1,8 @@
 """One tick of the world, in order.
 
-`advance` is the only way time passes: the environment, the live server, the time trial and the
-replay all call it. It is one compiled call for any number of worlds and ticks.
+`advance_world` is the only way time passes. The live server, the time trial and the replay call
+it through `advance`, one compiled call for any number of worlds and ticks; the training world's
+compiled decision calls it for each world, between reading actions and working out rewards.
 """
 
 from race_server.core import codes
@@ -22,7 +23,7 @@ from race_server.core.stages.standings import close_race, rank
 from race_server.core.stages.stewarding import steward
 from race_server.core.state import Floats, World
 
-# After a red flag the karts are held for so long before they race on.
+# After a red flag the karts are held for this time before they race on.
 RESTART_TICKS = 180
 
 
@@ -33,9 +34,15 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
     controls: (W, K, 4) steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons.
     """
     for w in range(world.bodies.shape[0]):
-        take_controls(world.bodies[w], controls[w])
-        for _ in range(ticks):
-            step(world, w)
+        advance_world(world, w, controls[w], ticks)
+
+
+@kernel
+def advance_world(world: World, w: int, controls: Floats, ticks: int) -> None:
+    """Move one world on by `ticks` ticks under the same controls, shape (K, 4)."""
+    take_controls(world.bodies[w], controls)
+    for _ in range(ticks):
+        step(world, w)
 
 
 @large_kernel
@@ -75,7 +82,7 @@ def show_flag(world: World, w: int, flag: int) -> None:
 
 @kernel
 def withdraw(world: World, w: int, kart: int) -> None:
-    """Take a kart out of its race because nobody drives it any more."""
+    """Take a kart out of its race because it lost its driver."""
     retire(world, w, kart, codes.WITHDREW)
 
 

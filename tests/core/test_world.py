@@ -1,5 +1,6 @@
 """The three invariants, and the rules as they act in a whole world."""
 
+import ast
 import math
 import os
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from race_server import core
 from race_server.core.messages import EventKind, Flag, Retirement, Status
 from race_server.core.rules.items import items
 from race_server.core.state import HASHED, World, digest, field_of, part_of
@@ -65,7 +67,7 @@ def wild(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 
 
 def wild_digest(count: int, index: int, *, threads: int = 1) -> str:
-    """Return the digest of world `index` of a batch after 300 ticks of its own wild inputs."""
+    """Return the digest of world `index` of a batch after 300 ticks of wild inputs drawn for it."""
     seeds = range(count) if count > 1 else (index,)
     world = make_world(scenario(karts=6), seeds=seeds)
     inputs = [np.random.default_rng(seed) for seed in seeds]
@@ -347,3 +349,17 @@ def test_two_karts_at_the_same_place_are_ranked_by_the_grid() -> None:
     world = make_world(scenario(karts=3))
     advance(world, np.zeros((1, 3, 4)), 1)
     assert list(world.racers["rank"][0]) == [1, 2, 3]
+
+
+def names_from_step(path: Path) -> set[str]:
+    """Return what a file imports from `race_server.core.step`."""
+    found = [node for node in ast.walk(ast.parse(path.read_text())) if type(node) is ast.ImportFrom]
+    modules = [node for node in found if node.module == "race_server.core.step"]
+    return {name.name for node in modules for name in node.names}
+
+
+def test_time_passes_through_one_function_only() -> None:
+    package = Path(core.__file__).parents[1]
+    taken = set().union(*(names_from_step(path) for path in package.rglob("*.py")))
+    assert {"advance", "advance_world"} <= taken  # by the live server, by training
+    assert "step" not in taken

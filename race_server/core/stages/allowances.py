@@ -6,7 +6,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.rules.effects import sum_effects, surface_grip
 from race_server.core.state import Record, World
 
-# A yellow flag around a kart begins so many lengths before it and ends so many behind.
+# A yellow flag around a kart begins this number of lengths before it and ends this number behind.
 YELLOW_BEFORE, YELLOW_BEHIND = 12.0, 3.0
 
 
@@ -56,4 +56,5 @@ def show_yellow(world: World, w: int) -> None:
 
 @kernel
 def _is_in_trouble(body: Record) -> bool:
+    """Return whether a kart that races is not where it is believed to be."""
     return bool(body.trust >= codes.DOUBTFUL and body.status == codes.RACING)

@@ -65,15 +65,15 @@ def find_contact_pairs(bodies: Records, vehicles: Records) -> None:
     """
     for k in range(len(bodies)):
         body, reach = bodies[k], reach_of(vehicles[k])
-        company = 0
+        pairs = 0
         for other in range(k + 1, len(bodies)):
             dx, dy = bodies[other].x - body.x, bodies[other].y - body.y
             # Bodies further apart than the sum of their reaches cannot touch; twice that leaves
             # room for what both drive in a tick: no kart drives its own length in 1/60 s.
             near = 2.0 * (reach + reach_of(vehicles[other]))
             if dx * dx + dy * dy < near * near:
-                company |= 1 << (other - k - 1)
-        body.company = company
+                pairs |= 1 << (other - k - 1)
+        body.contact_pairs = pairs
 
 
 @kernel
@@ -89,12 +89,12 @@ def next_body_blow(
     first, second = cursor // count, cursor % count
     while first < count:
         # Second 0 stands for the begin of a row: no pair has it.
-        if second == 0 and (bodies[first].company == 0 or not is_solid(bodies[first], tick)):
+        if second == 0 and (bodies[first].contact_pairs == 0 or not is_solid(bodies[first], tick)):
             first += 1
             continue
         second = max(second, first + 1)
         while second < count:
-            is_pair = bodies[first].company >> (second - first - 1) & 1
+            is_pair = bodies[first].contact_pairs >> (second - first - 1) & 1
             if is_pair and is_solid(bodies[second], tick):
                 blow = _meet_body(bodies, vehicles, first, second, material)
                 if is_blow(blow):

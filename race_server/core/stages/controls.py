@@ -27,6 +27,7 @@ def take_controls(bodies: Records, controls: Floats) -> None:
 
 @kernel
 def _share(value: float, low: float) -> float:
+    """Return a share within [low, 1], rounded to single precision."""
     if math.isnan(value):
         return 0.0
     return float(np.float32(min(max(value, low), 1.0)))

@@ -24,6 +24,7 @@ def end_effects(world: World, w: int) -> None:
 
 @kernel
 def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
+    """Take an effect off a kart, which is immune for a while where the item says so."""
     item = world.items[effect.source]
     if item.immunity_ticks > 0:
         player = world.players[w, k]
@@ -34,7 +35,7 @@ def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
 
 @kernel
 def use_items(world: World, w: int) -> None:
-    """Let every kart that presses the button anew use the item it holds."""
+    """Let every kart that presses the button again use the item it holds."""
     race = world.races[w]
     for k in range(world.bodies.shape[1]):
         body, player = world.bodies[w, k], world.players[w, k]
@@ -48,12 +49,13 @@ def use_items(world: World, w: int) -> None:
 
 @kernel
 def _use(world: World, w: int, k: int) -> None:
+    """Let a kart use the item it holds, if there is something to act on."""
     tick = world.races[w].tick
     racer, player = world.racers[w, k], world.players[w, k]
     number = player.held
     item = world.items[number]
     if item.use == codes.ON_KART_AHEAD and racer.rank <= 1:
-        return  # nobody to act on: the item is kept
+        return  # there is no kart to act on: the item is kept
     player.held = 0
     player.items_used += 1
     report(world, w, codes.EVENT_USE, k, number, 0)

@@ -23,6 +23,7 @@ def move_bodies(bodies: Records, vehicles: Records) -> None:
 
 @kernel
 def _move_body(body: Record, vehicle: Record) -> None:
+    """Move one body by a substep."""
     throttle, brake = body.throttle, body.brake
     if body.status != codes.RACING:
         throttle, brake = 0.0, 1.0

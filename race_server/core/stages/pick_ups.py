@@ -46,6 +46,7 @@ def _covers(body: Record, vehicle: Record, x: float, y: float, radius: float) ->
 
 @kernel
 def _pick_up(world: World, w: int, k: int) -> None:
+    """Give a kart the item of the first box that it touches."""
     body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
     race, rules = world.races[w], world.rules[w]
     for index in range(world.boxes.shape[1]):
@@ -64,6 +65,7 @@ def _pick_up(world: World, w: int, k: int) -> None:
 
 @kernel
 def _racing(world: World, w: int) -> int:
+    """Return how many karts are not absent."""
     count = 0
     for k in range(world.bodies.shape[1]):
         if world.bodies[w, k].status != codes.ABSENT:
@@ -73,6 +75,7 @@ def _racing(world: World, w: int) -> int:
 
 @kernel
 def _suffer(world: World, w: int, k: int) -> None:
+    """Let the hazards that a kart touches act on it."""
     tick, body = world.races[w].tick, world.bodies[w, k]
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]
