@@ -44,7 +44,7 @@ from race_agents.planning.traffic import (
 )
 from race_server.core.kernel_driver import DECISION
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.kernels.motion import move
+from race_server.core.kernels.motion import Allowance, Command, Motion, move
 from race_server.core.observation import AHEAD, NEARBY, THINGS
 from race_server.core.state import Floats, Ints, Record
 
@@ -98,26 +98,26 @@ def roll_on(
     # The newest command was given one decision ago.
     step_s = gear[DECISION] / (THIRDS * FINE)
     speed, sliding = seen[at[SPEED]], seen[at[LATERAL_SPEED]]
-    turning, steering = seen[at[YAW_RATE]], seen[at[STEERING]]
+    motion = Motion(0.0, 0.0, 0.0, speed, sliding, seen[at[YAW_RATE]], seen[at[STEERING]])
+    caps, scales = seen[at[SPEED_CAP]], seen[at[THRUST_SCALE]]
+    allowance = Allowance(caps, scales, seen[at[GRIP_SCALE]], 0.0)
     offset, bearing = seen[at[OFFSET]], seen[at[HEADING]]
-    x, y, heading, along = 0.0, 0.0, 0.0, 0.0
+    along = 0.0
     for step in range(delay * FINE):
-        command = COMMANDS + COMMAND * age_at(THIRDS + step // FINE, delay)
-        x, y, heading, speed, sliding, turning, steering = move(
-            vehicle, x, y, heading, speed, sliding, turning, steering,
-            memory[command], memory[command + 1], memory[command + 2],
-            seen[at[SPEED_CAP]], seen[at[THRUST_SCALE]], seen[at[GRIP_SCALE]], 0.0, step_s,
-        )  # fmt: skip
+        place = COMMANDS + COMMAND * age_at(THIRDS + step // FINE, delay)
+        command = Command(memory[place], memory[place + 1], memory[place + 2])
+        motion = move(vehicle, motion, command, allowance, step_s)
+        speed, sliding = motion.speed, motion.lateral_speed
         bend = at_distance(seen, at[CURVATURE], along / max(seen[at[STEP]], 0.01))
         cos, sin = math.cos(bearing), math.sin(bearing)
         forward = (speed * cos - sliding * sin) / max(1.0 - offset * bend, 0.3)
         offset += step_s * (speed * sin + sliding * cos)
-        bearing += step_s * (turning - bend * forward)
+        bearing += step_s * (motion.yaw_rate - bend * forward)
         along += step_s * forward
     seen[at[SPEED]], seen[at[LATERAL_SPEED]] = speed, sliding
-    seen[at[YAW_RATE]], seen[at[STEERING]] = turning, steering
+    seen[at[YAW_RATE]], seen[at[STEERING]] = motion.yaw_rate, motion.steering
     seen[at[OFFSET]], seen[at[HEADING]] = offset, bearing
-    return x, y, heading, along
+    return motion.x, motion.y, motion.heading, along
 
 
 @large_kernel

@@ -51,9 +51,9 @@ BODY = _record(
         "steering_command throttle brake "
         # What flags, effects and surface leave of speed [m/s], motor force and grip.
         "speed_cap thrust_scale grip_scale",
-        # `company`: bits of the bodies that it may meet; `sensors`: bits of Sensor; `trust`: how
-        # far the pose of a real kart is believed, see Trust.
-        "status buttons surface company ghost_until sensors trust",
+        # `contact_pairs`: bits of the bodies after it that it may meet; `sensors`: bits of Sensor;
+        # `trust`: how far the pose of a real kart is believed, see Trust.
+        "status buttons surface contact_pairs ghost_until sensors trust",
     )
 )
 
@@ -91,7 +91,7 @@ HASHED = (
     "status buttons buttons_before line_index zone next_gate started cutting laps "
     "lap_start_us sector_start_us last_lap_us best_lap_us finish_us rank grid_place surface "
     "wrong_way off_track still_ticks stopped_ticks rescue_offered lap_clean false_started "
-    "company contact_kart_tick contact_wall_tick contacts wall_contacts warnings hits "
+    "contact_pairs contact_kart_tick contact_wall_tick contacts wall_contacts warnings hits "
     "held items_used immune_until shield_until ghost_until penalties penalty_us retired_for "
     "sensors trust yellow effects"
 )
@@ -154,7 +154,7 @@ COURSE = _record(
     )
 )
 LINE = _record(_fields("x y heading cos sin curvature left right", ""))
-# A line to drive along, at equal steps of its own, with as many samples as the centre line;
+# A line to drive along, sampled at equal steps along itself, as many as of the centre line;
 # `beside` is its sample abreast of the centre line's. Without one `reference_spacing` is zero.
 REFERENCE = _record(_fields("x y heading cos sin curvature speed left right", "beside"))
 GATE = _record(_fields("progress", "sector"))
@@ -306,7 +306,7 @@ def field_of(world: World, name: str) -> Records:
 
 
 def digest(world: World, index: int = 0) -> str:
-    """Return a digest of one world: equal for equal seeds and inputs, wherever it ran."""
+    """Return a digest of one world: equal for equal seeds and inputs on every machine."""
     result = hashlib.blake2b(digest_size=16)
     result.update(np.ascontiguousarray(world.races[index]).tobytes())
     result.update(hashed_karts(world, index).tobytes())

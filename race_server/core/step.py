@@ -1,20 +1,20 @@
 """One tick of the world, in order.
 
-`advance` is the only way time passes: the environment, the live server, the time trial and the
-replay all call it. It is one compiled call for any number of worlds and ticks.
+`advance_world` is the only way time passes. The live server, the time trial and the replay call
+it through `advance`, one compiled call for any number of worlds and ticks; the training world's
+compiled decision calls it for each world, between reading actions and working out rewards.
 """
 
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.stages.contacts import (
-    find_contact_pairs,
-    move_karts,
-    touch_karts,
-    touch_walls,
-)
-from race_server.core.stages.controls import apply_effects, take_controls, use_items
+from race_server.core.stages.allowances import set_allowances
+from race_server.core.stages.contacts import find_contact_pairs
+from race_server.core.stages.controls import take_controls
 from race_server.core.stages.events import report, retire
+from race_server.core.stages.items import end_effects, use_items
+from race_server.core.stages.judging import touch_karts, touch_walls
+from race_server.core.stages.motion import move_bodies
 from race_server.core.stages.pick_ups import pick_up_items
 from race_server.core.stages.placement import place
 from race_server.core.stages.progress import follow_course
@@ -23,7 +23,7 @@ from race_server.core.stages.standings import close_race, rank
 from race_server.core.stages.stewarding import steward
 from race_server.core.state import Floats, World
 
-# After a red flag the karts are held for so long before they race on.
+# After a red flag the karts are held for this time before they race on.
 RESTART_TICKS = 180
 
 
@@ -34,22 +34,29 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
     controls: (W, K, 4) steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons.
     """
     for w in range(world.bodies.shape[0]):
-        take_controls(world, w, controls[w])
-        for _ in range(ticks):
-            step(world, w)
+        advance_world(world, w, controls[w], ticks)
+
+
+@kernel
+def advance_world(world: World, w: int, controls: Floats, ticks: int) -> None:
+    """Move one world on by `ticks` ticks under the same controls, shape (K, 4)."""
+    take_controls(world.bodies[w], controls)
+    for _ in range(ticks):
+        step(world, w)
 
 
 @large_kernel
 def step(world: World, w: int) -> None:
     """Move one world on by one tick."""
-    race = world.races[w]
+    race, bodies, vehicles = world.races[w], world.bodies[w], world.vehicles[w]
     if race.tick == race.start_tick:
         report(world, w, codes.EVENT_GREEN, -1, -1, 0)
-    apply_effects(world, w)
+    end_effects(world, w)
+    set_allowances(world, w)
     use_items(world, w)
-    find_contact_pairs(world, w)
+    find_contact_pairs(bodies, vehicles)
     for _ in range(SUBSTEPS):
-        move_karts(world, w)
+        move_bodies(bodies, vehicles)
         touch_karts(world, w)
         touch_walls(world, w)
     follow_course(world, w)
@@ -75,7 +82,7 @@ def show_flag(world: World, w: int, flag: int) -> None:
 
 @kernel
 def withdraw(world: World, w: int, kart: int) -> None:
-    """Take a kart out of its race because nobody drives it any more."""
+    """Take a kart out of its race because it lost its driver."""
     retire(world, w, kart, codes.WITHDREW)
 
 

@@ -19,7 +19,7 @@ from race_server.scenario.track.route import pack_route
 from race_server.scenario.track.walls import fence_of, pack_walls
 
 MOST_KARTS = 64
-# In place of the sensors of a kart: nobody drives it.
+# In place of the sensors of a kart: no driver has it.
 ABSENT = -1
 # A tick that never comes.
 NEVER = 2**62
@@ -46,7 +46,7 @@ class Rules:
     wrong_way_lengths: float = 4.5  # kart lengths driven backwards before it is called so
     wrong_way_removal: float = 0.0  # [m] driven backwards after which a kart is removed
     ram_speed: float = 0.0  # [m/s] a harder blow from behind brings a warning
-    ram_warnings: int = 3  # so many, and the kart is removed
+    ram_warnings: int = 3  # the kart is removed at this number
     false_start_penalty_s: float = 5.0
     short_cut_penalty_s: float = 5.0
     rescue_penalty_s: float = 5.0

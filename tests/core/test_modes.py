@@ -14,7 +14,7 @@ from race_server.core.kernels.jit import kernel_sources
 RACE = """
 import numpy as np
 from race_server.scenario.race import Rules, Scenario, make_world
-from race_server.core.state import digest
+from race_server.core.state import digest, field_of
 from race_server.core.step import advance
 from race_server.scenario.track.load import load_course
 
@@ -24,8 +24,8 @@ for tick in range(40):
     controls[0, :, 0] = np.sin(0.3 * tick + np.arange(3))
     controls[0, :, 1] = (0.4, 0.7, 1.0)
     advance(world, controls, 3)
-rows = world.karts[0]
-print(*(f"{value:.9f}" for name in ("x", "y", "heading", "distance") for value in rows[name]))
+for name in ("x", "y", "heading", "distance"):
+    print(*(f"{value:.9f}" for value in field_of(world, name)[0]))
 print(*(f"{value:.4f}" for value in world.sight.lidar[0].ravel()[::50]))
 print(int(world.event_counts[0]))
 """

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from race_server.core.kernels.motion import move, tyre_stiffness
+from race_server.core.kernels.motion import Allowance, Command, Motion, move, tyre_stiffness
 from race_server.core.vehicles import (
     GRAVITY,
     KART_60,
@@ -20,7 +20,7 @@ from race_server.core.vehicles import (
 from race_server.errors import VehicleError
 
 DT = 1.0 / 120.0
-REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+REST = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 X, Y, HEADING, SPEED, LATERAL, YAW_RATE, STEERING = range(7)
 
 
@@ -31,14 +31,15 @@ def drive(
     steering: float = 0.0,
     throttle: float = 0.0,
     brake: float = 0.0,
-    state: tuple[float, ...] = REST,
+    state: Motion = REST,
     cap: float | None = None,
     grip: float = 1.0,
-) -> tuple[float, ...]:
+) -> Motion:
     record = vehicle_record(vehicle)[0]
     limit = vehicle.top_speed if cap is None else cap
+    command, allowance = Command(steering, throttle, brake), Allowance(limit, 1.0, grip, 0.0)
     for _ in range(round(seconds / DT)):
-        state = move(record, *state, steering, throttle, brake, limit, 1.0, grip, 0.0, DT)
+        state = move(record, state, command, allowance, DT)
     return state
 
 
@@ -84,7 +85,7 @@ def test_the_drift_kit_lets_the_car_turn_more_tightly() -> None:
 
 
 def test_grip_bounds_the_lateral_acceleration() -> None:
-    state = (0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0)
+    state = Motion(0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0)
     most = 0.0
     for _ in range(240):
         state = drive(TT02, DT, steering=1.0, throttle=1.0, state=state)
@@ -130,7 +131,7 @@ def test_no_control_makes_the_motion_blow_up(
     name: str, inputs: list[tuple[float, float, float]], grip: float
 ) -> None:
     vehicle = VEHICLES[name]
-    state: tuple[float, ...] = (0.0, 0.0, 0.0, vehicle.top_speed, 0.0, 0.0, 0.0)
+    state = Motion(0.0, 0.0, 0.0, vehicle.top_speed, 0.0, 0.0, 0.0)
     for steering, throttle, brake in inputs:
         state = drive(
             vehicle, 0.25, steering=steering, throttle=throttle, brake=brake, state=state, grip=grip

@@ -1,7 +1,9 @@
 """Contacts of oriented boxes with walls and with each other, and the impulses that follow."""
 
 import math
+from typing import NamedTuple
 
+from race_server.core.kernels.boxes import Box
 from race_server.core.kernels.geometry import clip
 from race_server.core.kernels.jit import kernel
 
@@ -12,23 +14,16 @@ SIDE_BLEND = 12.0
 
 @kernel
 def box_on_segment(
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    half_length: float,
-    half_width: float,
-    x0: float,
-    y0: float,
-    x1: float,
-    y1: float,
+    box: Box, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float]:
     """Return depth [m] and unit normal (towards the box) of a box on a segment.
 
-    The box is centred on (x, y) and points along (cos, sin). Depth is 0 where they do not
-    touch. Separating axes: the segment's normal and the two axes of the box; the one with the
+    (x0, y0), (x1, y1): ends of the segment [m]. Depth is 0 where they do not touch. Separating
+    axes: the segment's normal and the two axes of the box; the one with the
     least overlap is the way out.
     """
+    x, y, cos, sin = box.x, box.y, box.cos, box.sin
+    half_length, half_width = box.half_length, box.half_width
     # Ends of the segment in the frame of the box.
     ax, ay = (x0 - x) * cos + (y0 - y) * sin, (y0 - y) * cos - (x0 - x) * sin
     bx, by = (x1 - x) * cos + (y1 - y) * sin, (y1 - y) * cos - (x1 - x) * sin
@@ -62,72 +57,59 @@ def box_on_segment(
 
 
 @kernel
-def box_on_box(
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    half_length: float,
-    half_width: float,
-    other_x: float,
-    other_y: float,
-    other_cos: float,
-    other_sin: float,
-    other_half_length: float,
-    other_half_width: float,
-) -> tuple[float, float, float]:
+def box_on_box(box: Box, other: Box) -> tuple[float, float, float]:
     """Return depth [m] and unit normal (towards the first box) of two boxes; depth 0 if apart."""
-    dx, dy = x - other_x, y - other_y
-    c, s = cos * other_cos + sin * other_sin, sin * other_cos - cos * other_sin
-    ac, as_ = abs(c), abs(s)
+    dx, dy = box.x - other.x, box.y - other.y
+    ac = abs(box.cos * other.cos + box.sin * other.sin)
+    as_ = abs(box.sin * other.cos - box.cos * other.sin)
     # Overlaps along the axes of the first and of the second box.
-    u, v = dx * cos + dy * sin, dy * cos - dx * sin
-    depth = half_length + other_half_length * ac + other_half_width * as_ - abs(u)
+    u, v = dx * box.cos + dy * box.sin, dy * box.cos - dx * box.sin
+    depth = box.half_length + other.half_length * ac + other.half_width * as_ - abs(u)
     if depth <= 0.0:
         return 0.0, 0.0, 0.0
     way = 1.0 if u >= 0.0 else -1.0
-    nx, ny = way * cos, way * sin
-    overlap = half_width + other_half_length * as_ + other_half_width * ac - abs(v)
+    nx, ny = way * box.cos, way * box.sin
+    overlap = box.half_width + other.half_length * as_ + other.half_width * ac - abs(v)
     if overlap <= 0.0:
         return 0.0, 0.0, 0.0
     if overlap < depth:
         way = 1.0 if v >= 0.0 else -1.0
-        depth, nx, ny = overlap, -way * sin, way * cos
-    u, v = dx * other_cos + dy * other_sin, dy * other_cos - dx * other_sin
-    overlap = other_half_length + half_length * ac + half_width * as_ - abs(u)
+        depth, nx, ny = overlap, -way * box.sin, way * box.cos
+    u, v = dx * other.cos + dy * other.sin, dy * other.cos - dx * other.sin
+    overlap = other.half_length + box.half_length * ac + box.half_width * as_ - abs(u)
     if overlap <= 0.0:
         return 0.0, 0.0, 0.0
     if overlap < depth:
         way = 1.0 if u >= 0.0 else -1.0
-        depth, nx, ny = overlap, way * other_cos, way * other_sin
-    overlap = other_half_width + half_length * as_ + half_width * ac - abs(v)
+        depth, nx, ny = overlap, way * other.cos, way * other.sin
+    overlap = other.half_width + box.half_length * as_ + box.half_width * ac - abs(v)
     if overlap <= 0.0:
         return 0.0, 0.0, 0.0
     if overlap < depth:
         way = 1.0 if v >= 0.0 else -1.0
-        depth, nx, ny = overlap, -way * other_sin, way * other_cos
+        depth, nx, ny = overlap, -way * other.sin, way * other.cos
     return depth, nx, ny
 
 
 @kernel
-def touching_point(
-    cos: float, sin: float, half_length: float, half_width: float, nx: float, ny: float
-) -> tuple[float, float]:
-    """Return the point of a box, from its middle [m], that lies deepest against the normal."""
-    along, across = nx * cos + ny * sin, ny * cos - nx * sin
-    u = -half_length * clip(SIDE_BLEND * along, -1.0, 1.0)
-    v = -half_width * clip(SIDE_BLEND * across, -1.0, 1.0)
-    return u * cos - v * sin, u * sin + v * cos
+def touching_point(box: Box, nx: float, ny: float) -> tuple[float, float]:
+    """Return the point of a box, from its middle [m], that lies deepest against a unit normal."""
+    along, across = nx * box.cos + ny * box.sin, ny * box.cos - nx * box.sin
+    u = -box.half_length * clip(SIDE_BLEND * along, -1.0, 1.0)
+    v = -box.half_width * clip(SIDE_BLEND * across, -1.0, 1.0)
+    return u * box.cos - v * box.sin, u * box.sin + v * box.cos
+
+
+class Material(NamedTuple):
+    """How bodies and walls give back a blow."""
+
+    restitution: float  # share of the approaching speed with which they part
+    friction: float  # of Coulomb's law
 
 
 @kernel
 def impulse(
-    closing: float,
-    sliding: float,
-    normal_mass: float,
-    tangent_mass: float,
-    restitution: float,
-    friction: float,
+    closing: float, sliding: float, normal_mass: float, tangent_mass: float, material: Material
 ) -> tuple[float, float]:
     """Return impulses [N s] along normal and tangent of a blow.
 
@@ -136,6 +118,6 @@ def impulse(
     """
     if closing >= 0.0:
         return 0.0, 0.0
-    normal = -(1.0 + restitution) * closing * normal_mass
-    tangent = clip(-sliding * tangent_mass, -friction * normal, friction * normal)
+    normal = -(1.0 + material.restitution) * closing * normal_mass
+    tangent = clip(-sliding * tangent_mass, -material.friction * normal, material.friction * normal)
     return normal, tangent

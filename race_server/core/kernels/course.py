@@ -34,6 +34,7 @@ def nearest_sample_anywhere(route: Route, course: Record, x: float, y: float) ->
 
 @kernel
 def _square(route: Route, sample: int, x: float, y: float) -> float:
+    """Return the square of the distance [m²] to a sample of the centre line."""
     dx, dy = route.line[sample].x - x, route.line[sample].y - y
     return dx * dx + dy * dy
 
@@ -63,6 +64,7 @@ def place_on_reference(route: Route, course: Record, x: float, y: float, start: 
 
 @kernel
 def _square_to_reference(route: Route, sample: int, x: float, y: float) -> float:
+    """Return the square of the distance [m²] to a sample of the reference line."""
     dx, dy = route.reference[sample].x - x, route.reference[sample].y - y
     return dx * dx + dy * dy
 

@@ -58,7 +58,7 @@ def kernel_cache() -> Path:
     folder = cache_root() / "kernels" / source_digest()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        # An old cache folder is wanted again when somebody goes back to an older version.
+        # An old cache folder is wanted again once an older version runs again.
         os.utime(folder)
     except OSError:
         return Path(tempfile.mkdtemp(prefix="race-server-kernels-"))
@@ -87,7 +87,7 @@ def kernel(function: Function) -> Function:
 
 
 def large_kernel(function: Function) -> Function:
-    """Compile `function` as `kernel` does, but as a routine of its own that others call.
+    """Compile `function` as `kernel` does, but as a routine that others call.
 
     For what is called from several places, and rarely enough that a call costs nothing: inlined
     everywhere it would make compiling slow.

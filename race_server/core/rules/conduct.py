@@ -7,7 +7,7 @@ from race_server.core.kernels.jit import kernel
 # A blow is taken by the front if its direction and the heading differ by less than 45°.
 FRONT = math.sqrt(0.5)
 # Two bodies that lean against each other touch again and again: that is one contact until they
-# have been apart for so many ticks.
+# have been apart for this number of ticks.
 TOUCH_TICKS = 30
 
 
@@ -52,7 +52,7 @@ def is_ramming(
 
 @kernel
 def is_new_touch(tick: int, last_tick: int, contacts: int) -> bool:
-    """Return whether a touch is a contact of its own; the first one of a race always is.
+    """Return whether a touch begins a new contact; the first one of a race always does.
 
     last_tick: of the contact counted last; contacts: counted so far.
     """

@@ -1,12 +1,13 @@
 """Item boxes and hazards that karts drive into."""
 
 from race_server.core import codes
+from race_server.core.kernels.boxes import box_count, hull_of, reach_of
 from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.rng import ITEM_STREAM, uniform
 from race_server.core.rules.draw import draw_item
-from race_server.core.stages.controls import hit
 from race_server.core.stages.events import report
+from race_server.core.stages.items import hit
 from race_server.core.state import HAZARDS, Record, World
 
 
@@ -26,20 +27,26 @@ def pick_up_items(world: World, w: int) -> None:
 
 @kernel
 def _covers(body: Record, vehicle: Record, x: float, y: float, radius: float) -> bool:
-    """Return whether a circle touches the body of a kart."""
+    """Return whether a circle of a radius [m] around (x, y) [m] touches a body."""
     dx, dy = x - body.x, y - body.y
-    near = vehicle.length + radius
+    near = reach_of(vehicle) + radius
     if dx * dx + dy * dy > near * near:
         return False
-    cos, sin = cos_sin(body.heading)
-    along = abs(dx * cos + dy * sin - vehicle.box_offset) - 0.5 * vehicle.length
-    across = abs(dy * cos - dx * sin) - 0.5 * vehicle.width
-    along, across = max(along, 0.0), max(across, 0.0)
-    return bool(along * along + across * across <= radius * radius)
+    for number in range(box_count(vehicle)):
+        hull = hull_of(vehicle, body, number)
+        dx, dy = x - hull.x, y - hull.y
+        cos, sin = cos_sin(hull.heading)
+        along = abs(dx * cos + dy * sin - hull.offset) - hull.half_length
+        across = abs(dy * cos - dx * sin) - hull.half_width
+        along, across = max(along, 0.0), max(across, 0.0)
+        if along * along + across * across <= radius * radius:
+            return True
+    return False
 
 
 @kernel
 def _pick_up(world: World, w: int, k: int) -> None:
+    """Give a kart the item of the first box that it touches."""
     body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
     race, rules = world.races[w], world.rules[w]
     for index in range(world.boxes.shape[1]):
@@ -58,6 +65,7 @@ def _pick_up(world: World, w: int, k: int) -> None:
 
 @kernel
 def _racing(world: World, w: int) -> int:
+    """Return how many karts are not absent."""
     count = 0
     for k in range(world.bodies.shape[1]):
         if world.bodies[w, k].status != codes.ABSENT:
@@ -67,6 +75,7 @@ def _racing(world: World, w: int) -> int:
 
 @kernel
 def _suffer(world: World, w: int, k: int) -> None:
+    """Let the hazards that a kart touches act on it."""
     tick, body = world.races[w].tick, world.bodies[w, k]
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]

@@ -24,6 +24,7 @@ def place(world: World, w: int, placement: Floats) -> None:
 
 @kernel
 def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
+    """Report how far a pose is believed now, with the flags and retirement that follow."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     was_yellow, is_yellow = _calls_for_yellow(body.trust), _calls_for_yellow(trust)
     body.trust = trust
@@ -33,7 +34,7 @@ def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
     if trust == codes.OUT:
         retire(world, w, k, codes.LOST)
     if trust == codes.TRUSTED:
-        # Wherever it went unseen: gates there do not count, and it is not fined for them.
+        # Where it went unseen: gates there do not count, and it is not fined for them.
         course = world.route.courses[world.rules[w].course]
         racer.line_index = nearest_sample_anywhere(world.route, course, body.x, body.y)
         if was_yellow:
@@ -43,4 +44,5 @@ def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
 
 @kernel
 def _calls_for_yellow(trust: int) -> bool:
+    """Return whether a real kart of this trust is in the way of others."""
     return trust == codes.DOUBTFUL or trust == codes.SUSPENDED

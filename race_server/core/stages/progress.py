@@ -41,8 +41,8 @@ def follow_course(world: World, w: int) -> None:
 def _cross_gates(world: World, w: int, k: int, course: Record, gained: float) -> None:
     """Find the zone that the kart is in now and count the gate it crossed on the way.
 
-    No kart drives past two gates in one tick: whoever does has jumped, and the gates in between
-    do not count.
+    No kart drives past two gates in one tick: one that does has jumped, and the gates in
+    between do not count.
     """
     racer = world.racers[w, k]
     gates = course.gate_count
@@ -74,6 +74,10 @@ def _past(world: World, course: Record, progress: float, gate: int) -> float:
 def _cross(
     world: World, w: int, k: int, course: Record, gate: int, past: float, gained: float
 ) -> None:
+    """Count a gate that a kart crossed forwards.
+
+    past: how far behind the kart it lies now [m]; gained: progress of this tick [m].
+    """
     body, racer = world.bodies[w, k], world.racers[w, k]
     race, rules = world.races[w], world.rules[w]
     gates = course.gate_count
@@ -111,6 +115,7 @@ def _cross(
 
 @kernel
 def _complete_lap(world: World, w: int, k: int, now_us: int) -> None:
+    """Count a lap that ended at `now_us` [µs] after the start, and finish after the last."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     race, rules = world.races[w], world.rules[w]
     lap_us = now_us - racer.lap_start_us

@@ -1,6 +1,7 @@
 """After the tick: what the sensors of each kart give, at their own rates."""
 
 from race_server.core import codes
+from race_server.core.kernels.boxes import box_count, hull_of
 from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
@@ -112,42 +113,43 @@ def _scan(
         if other == k or rival.status != codes.RACING or rival.trust >= codes.SUSPENDED:
             continue
         vehicle = world.vehicles[w, other]
-        half_length, half_width = 0.5 * vehicle.length, 0.5 * vehicle.width
-        if len(rays) > FEW_RAYS and len(kinds) == 0:
-            scan_body(
+        for number in range(box_count(vehicle)):
+            hull = hull_of(vehicle, rival, number)
+            if len(rays) > FEW_RAYS and len(kinds) == 0:
+                scan_body(
+                    x,
+                    y,
+                    cos,
+                    sin,
+                    rays,
+                    field,
+                    reach,
+                    hull.x,
+                    hull.y,
+                    hull.heading,
+                    hull.offset,
+                    hull.half_length,
+                    hull.half_width,
+                    ranges,
+                )
+                continue
+            see_body(
                 x,
                 y,
                 cos,
                 sin,
                 rays,
-                field,
                 reach,
-                rival.x,
-                rival.y,
-                rival.heading,
-                vehicle.box_offset,
-                half_length,
-                half_width,
+                hull.x,
+                hull.y,
+                hull.heading,
+                hull.offset,
+                hull.half_length,
+                hull.half_width,
+                codes.KART_HIT,
                 ranges,
+                kinds,
             )
-            continue
-        see_body(
-            x,
-            y,
-            cos,
-            sin,
-            rays,
-            reach,
-            rival.x,
-            rival.y,
-            rival.heading,
-            vehicle.box_offset,
-            half_length,
-            half_width,
-            codes.KART_HIT,
-            ranges,
-            kinds,
-        )
     tick = world.races[w].tick
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]

@@ -48,7 +48,7 @@ def ranked_distance(world: World, w: int, k: int) -> float:
 
 @kernel
 def close_race(world: World, w: int) -> None:
-    """End the race once nobody is racing or the time is up."""
+    """End the race once no kart is racing or the time is up."""
     race, rules = world.races[w], world.rules[w]
     if race.over != 0:
         return

@@ -14,7 +14,7 @@ from race_server.core.state import World
 FALSE_START_SHARE = 0.25
 # … and a real kart, whose place is known less well, further than this.
 REAL_START_SHARE = 1.0
-# After a rescue other karts drive through for so long.
+# After a rescue other karts drive through it for this time.
 GHOST_TICKS = 120
 # Places looked at for a rescue, each one length and a half further back.
 RESCUE_TRIES = 16
@@ -39,6 +39,7 @@ def steward(world: World, w: int) -> None:
 
 @kernel
 def _watch_start(world: World, w: int, k: int) -> None:
+    """Fine a kart that moved before the lights, once."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     dx, dy = body.x - racer.start_x, body.y - racer.start_y
     share = FALSE_START_SHARE if body.trust == codes.SIMULATED else REAL_START_SHARE
@@ -51,6 +52,7 @@ def _watch_start(world: World, w: int, k: int) -> None:
 
 @kernel
 def _watch_direction(world: World, w: int, k: int) -> None:
+    """Report a kart that begins or ends driving the wrong way; remove it in the end."""
     racer = world.racers[w, k]
     wrong = 1 if racer.backward > world.rules[w].wrong_way_limit else 0
     if wrong != racer.wrong_way:
@@ -62,6 +64,7 @@ def _watch_direction(world: World, w: int, k: int) -> None:
 
 @kernel
 def _watch_limits(world: World, w: int, k: int) -> None:
+    """Report a kart that leaves the asphalt or comes back."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     off = 1 if body.surface == codes.GRASS else 0
     if off != racer.off_track:
@@ -72,10 +75,11 @@ def _watch_limits(world: World, w: int, k: int) -> None:
 
 @kernel
 def _watch_standstill(world: World, w: int, k: int) -> None:
+    """Offer a kart that is stuck a rescue, and rescue it once it accepts."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     race, rules = world.races[w], world.rules[w]
     if body.trust != codes.SIMULATED:
-        return  # nobody puts a real kart back on the line
+        return  # a real kart is not put back on the line
     held = race.flag == codes.RED or race.tick < race.hold_until
     if held or abs(body.speed) > rules.stuck_speed:
         # A kart that only rocks on the spot stays stuck; real progress takes the offer back.

@@ -2,9 +2,8 @@
 
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel
-from race_server.core.stages.controls import take_controls
 from race_server.core.state import World
-from race_server.core.step import step
+from race_server.core.step import advance_world
 from race_server.envs.buffers import REENTER, RESET_WORLD, Buffers
 from race_server.envs.decision import all_are_idle, clear_outcome, command_learners
 from race_server.envs.observations import write_observations, write_terminal
@@ -19,9 +18,7 @@ def decide(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
         world.event_counts[w] = 0
         command_learners(world, buffers, w)
         snapshot_counters(world, buffers, w)
-        take_controls(world, w, buffers.controls[w])
-        for _ in range(buffers.settings[0].decision_ticks):
-            step(world, w)
+        advance_world(world, w, buffers.controls[w], buffers.settings[0].decision_ticks)
         buffers.rounds[w].steps += 1
         for k in range(buffers.rewards.shape[1]):
             if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):

@@ -16,7 +16,7 @@ import numpy as np
 
 from race_server.core.clock import TICK_S
 from race_server.core.kernels.jit import INTERPRET
-from race_server.core.kernels.motion import move
+from race_server.core.kernels.motion import Allowance, Command, Motion, move
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.state import Floats
@@ -29,7 +29,6 @@ STEP_S = 1.0 / 30.0
 # A control is small and queues behind nothing: share of an observation's latency that it takes.
 WAY_SHARE = 0.3
 # x, y, heading, speed, lateral speed, yaw rate, steering
-State = tuple[float, float, float, float, float, float, float]
 _POINTS = (("path_ahead_x", "path_ahead_y"), ("karts_x", "karts_y"), ("hazards_x", "hazards_y"))
 
 
@@ -62,16 +61,16 @@ class Predictor:
         state = self._predict(seen, now_s - age_s - way, horizon)
         return _moved(seen, state, self.field_angle)
 
-    def _predict(self, seen: Observation, begin_s: float, horizon_s: float) -> State:
+    def _predict(self, seen: Observation, begin_s: float, horizon_s: float) -> Motion:
         """Return the kart's state after the horizon, from where it was seen."""
         speed, lateral = seen.scalar("speed"), seen.scalar("lateral_speed")
         yaw_rate, steering = seen.scalar("yaw_rate"), seen.scalar("steering")
-        state: State = (0.0, 0.0, 0.0, speed, lateral, yaw_rate, steering)
-        cap = seen.scalar("speed_cap")
+        state = Motion(0.0, 0.0, 0.0, speed, lateral, yaw_rate, steering)
+        allowance = Allowance(seen.scalar("speed_cap"), 1.0, 1.0, 0.0)
         for step in range(round(horizon_s / STEP_S)):
             acting = self._acting(begin_s + step * STEP_S)
-            pedals = (acting.throttle, acting.brake, cap, 1.0, 1.0, 0.0, STEP_S)
-            state = move(self._figures, *state, acting.steering, *pedals)
+            command = Command(acting.steering, acting.throttle, acting.brake)
+            state = move(self._figures, state, command, allowance, STEP_S)
         return state
 
     def _acting(self, at_s: float) -> Control:
@@ -84,7 +83,7 @@ class Predictor:
         return Control()
 
 
-def _moved(seen: Observation, state: State, field_angle: float) -> Observation:
+def _moved(seen: Observation, state: Motion, field_angle: float) -> Observation:
     """Return an observation as it is from another place; state: relative to the old one."""
     x, y, heading = state[:3]
     values = seen.values.astype(np.float64)

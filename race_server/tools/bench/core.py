@@ -11,14 +11,12 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS, TICK_S
 from race_server.core.kernels.jit import kernel
-from race_server.core.stages.contacts import (
-    find_contact_pairs,
-    move_karts,
-    touch_karts,
-    touch_walls,
-)
-from race_server.core.stages.controls import apply_effects, use_items
+from race_server.core.stages.allowances import set_allowances
+from race_server.core.stages.contacts import find_contact_pairs
 from race_server.core.stages.grid import line_up
+from race_server.core.stages.items import end_effects, use_items
+from race_server.core.stages.judging import touch_karts, touch_walls
+from race_server.core.stages.motion import move_bodies
 from race_server.core.stages.pick_ups import pick_up_items
 from race_server.core.stages.progress import follow_course
 from race_server.core.stages.sensing import scan_lidar, scan_radar
@@ -115,7 +113,7 @@ def measure(setting: BenchSetting, *, seconds: float = 2.0) -> dict[str, float]:
 def _move(world: World, rounds: int) -> None:
     for _ in range(rounds):
         for w in range(world.bodies.shape[0]):
-            move_karts(world, w)
+            move_bodies(world.bodies[w], world.vehicles[w])
 
 
 @kernel
@@ -129,7 +127,7 @@ def _walls(world: World, rounds: int) -> None:
 def _karts(world: World, rounds: int) -> None:
     for _ in range(rounds):
         for w in range(world.bodies.shape[0]):
-            find_contact_pairs(world, w)
+            find_contact_pairs(world.bodies[w], world.vehicles[w])
             for _ in range(SUBSTEPS):
                 touch_karts(world, w)
 
@@ -145,7 +143,8 @@ def _course(world: World, rounds: int) -> None:
 def _rules(world: World, rounds: int) -> None:
     for _ in range(rounds):
         for w in range(world.bodies.shape[0]):
-            apply_effects(world, w)
+            end_effects(world, w)
+            set_allowances(world, w)
             use_items(world, w)
             steward(world, w)
             pick_up_items(world, w)
