@@ -1,6 +1,7 @@
 """Angles, boxes and segments."""
 
 import math
+from typing import NamedTuple
 
 from race_server.core.kernels.jit import kernel
 
@@ -10,6 +11,17 @@ TURN = 2.0 * math.pi
 QUARTER_HIGH, QUARTER_LOW = 1.57079632673412561417e00, 6.07710050650619224932e-11
 # `rough_angle` is off by less than this [rad].
 ROUGHNESS = 0.004
+
+
+class Outline(NamedTuple):
+    """The body of a kart seen from above: an oriented box ahead of its centre of gravity."""
+
+    x: float  # of the centre of gravity [m]
+    y: float
+    heading: float  # [rad]
+    offset: float  # of the middle of the box along `heading` [m]
+    half_length: float  # [m]
+    half_width: float  # [m]
 
 
 @kernel
