@@ -8,10 +8,18 @@ import math
 
 from race_agents.planning.scan import fill_dropouts, nearest, ray_angle
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import FIELD, KEPT, REACH, KernelDriver
+from race_server.core.kernel_driver import (
+    FIELD,
+    KEPT,
+    REACH,
+    Cockpit,
+    Cockpits,
+    KernelDriver,
+    cockpit_at,
+)
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.state import Floats
 
 LIDAR = PART_NUMBERS["lidar"]
 PACE_SHARE = 0.2  # of the top speed
@@ -19,25 +27,20 @@ INNER, OUTER = math.radians(15.0), math.radians(75.0)
 
 
 @kernel
-def avoid(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-) -> None:
+def avoid(cockpit: Cockpit) -> None:
     """Steer by the balance of free space on the left and on the right."""
-    rays, field, length = at[-1], gear[FIELD], vehicle.length
-    fill_dropouts(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup = cockpit.vehicle, cockpit.setup
+    memory, control = cockpit.memory, cockpit.control
+    rays, field, length = offsets[-1], setup[FIELD], vehicle.length
+    fill_dropouts(observation, offsets[LIDAR], rays, setup[REACH], memory, KEPT)
     left = _room(memory, rays, field, 1.0, 6.0 * length)
     right = _room(memory, rays, field, -1.0, 6.0 * length)
     control[0] = min(max(2.5 * (left - right) / (left + right), -1.0), 1.0)
-    ahead = nearest(memory, KEPT, rays, field, -INNER, INNER, gear[REACH])
+    ahead = nearest(memory, KEPT, rays, field, -INNER, INNER, setup[REACH])
     pace = PACE_SHARE * vehicle.top_speed * min(max(ahead / (3.0 * length), 0.35), 1.0)
-    press_pedals(seen[at[SPEED]], pace, 2.0, control)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    press_pedals(observation[offsets[SPEED]], pace, 2.0, control)
+    finish_decision(cockpit)
 
 
 @kernel
@@ -52,20 +55,10 @@ def _room(ranges: Floats, rays: int, field: float, side: float, far: float) -> f
 
 
 @kernel
-def avoid_all(
-    seats: Ints,
-    seen: Floats,
-    at: Ints,
-    vehicles: Records,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    controls: Floats,
-) -> None:
-    """Decide for many karts: row n of `seats` is a world and a kart in it."""
-    for row in range(len(seats)):
-        w, k = seats[row, 0], seats[row, 1]
-        avoid(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+def avoid_all(cockpits: Cockpits) -> None:
+    """Decide for many karts in one call."""
+    for row in range(len(cockpits.seats)):
+        avoid(cockpit_at(cockpits, row))
 
 
 class Avoider(KernelDriver):

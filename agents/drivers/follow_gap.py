@@ -9,16 +9,25 @@ which nothing is known, say how fast. Nothing is kept from one scan to the next.
 
 import math
 
-from race_agents.planning.corridor import find_gates, largest_edge
+from race_agents.planning.corridor import Walls, find_gates, largest_edge
 from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, remember_command
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_agents.planning.tracking import rear_limit
-from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, KernelDriver
+from race_server.core.kernel_driver import (
+    DECISION,
+    FIELD,
+    KEPT,
+    REACH,
+    Cockpit,
+    Cockpits,
+    KernelDriver,
+    cockpit_at,
+)
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
@@ -28,8 +37,8 @@ SPEED_CAP = PART_NUMBERS["speed_cap"]
 GRIP_SCALE = PART_NUMBERS["grip_scale"]
 # Directions further off than this [rad] are behind the shoulder.
 SHOULDER = math.radians(80.0)
-# Without an edge: directions that reach this share of the deepest one. An edge then hides
-# half-widths of so many body widths; it is a rise of so many body lengths, here and elsewhere.
+# Without an edge: directions that reach this share of the deepest one. An edge then hides what lies
+# HALF_WIDTHS body widths beside it; it is a rise of EDGE_LENGTHS body lengths, here and elsewhere.
 DEEP_SHARE, HALF_WIDTHS, EDGE_LENGTHS = 0.96, 0.7, 0.45
 # Of the scan [m ahead of the middle], and how much later [s] a decision has half of its effect.
 MOUNT, LEAD_S = 0.07, 0.05
@@ -47,45 +56,32 @@ GAIN = 3.0  # of the pedals [s/m]
 
 
 @kernel
-def follow(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-) -> None:
+def follow(cockpit: Cockpit) -> None:
     """Take the path through the gap, as fast as its bends and what is seen of it allow."""
-    rays, field, speed = at[-1], gear[FIELD], max(seen[at[SPEED]], 0.0)
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup = cockpit.vehicle, cockpit.setup
+    memory, control = cockpit.memory, cockpit.control
+    rays, field, speed = offsets[-1], setup[FIELD], max(observation[offsets[SPEED]], 0.0)
     path = KEPT + 4 * rays
-    fill_dropouts(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    fill_dropouts(observation, offsets[LIDAR], rays, setup[REACH], memory, KEPT)
     split, hides = find_gap(memory, rays, field, vehicle)
-    estimate_latency(seen, at, vehicle, gear, memory)
-    later = LEAD_S + memory[LATENCY] * gear[DECISION] / THIRDS
-    later += age_of_scan(seen, at[LIDAR], rays, gear[DECISION], memory)
-    gap = ray_angle(split, rays, field) - later * seen[at[YAW_RATE]]
-    look_ahead(seen, at, memory, rays, field, later)
+    estimate_latency(cockpit)
+    later = LEAD_S + memory[LATENCY] * setup[DECISION] / THIRDS
+    later += age_of_scan(observation, offsets[LIDAR], rays, setup[DECISION], memory)
+    gap = ray_angle(split, rays, field) - later * observation[offsets[YAW_RATE]]
+    look_ahead(cockpit, rays, field, later)
     wheelbase, width = vehicle.front_axle + vehicle.rear_axle, vehicle.width
     tightest = wheelbase / math.tan(vehicle.steering_limit)
-    gates, closed = find_gates(
-        memory,
-        path,
-        rays,
-        split,
-        hides,
-        HIDDEN_RADIUS * tightest,
-        SPACING * width,
-        NARROW * width,
-        0.5 * vehicle.length,
-    )
+    walls = Walls(memory, rays, split, hides, HIDDEN_RADIUS * tightest)
+    begin = 0.5 * vehicle.length
+    gates, closed = find_gates(walls, path, SPACING * width, NARROW * width, begin)
     look = LOOK_LENGTHS * vehicle.length + LOOK_S * speed
-    grip = vehicle.grip * GRAVITY * seen[at[GRIP_SCALE]]
+    grip = vehicle.grip * GRAVITY * observation[offsets[GRIP_SCALE]]
     slow = math.sqrt(grip * tightest)
     if gates < 2:
         bend, target = 2.0 * math.sin(gap) / look, BLIND_SHARE * slow
     else:
-        drift = math.atan2(seen[at[LATERAL_SPEED]], max(speed, 1.0))
+        drift = math.atan2(observation[offsets[LATERAL_SPEED]], max(speed, 1.0))
         smooth_path(memory, path, gates, drift, width, MARGIN * width, MOST_MOVE * width)
         x, y = point_along(memory, path, gates, look)
         bend = bend_to(x, y, drift)
@@ -95,9 +91,9 @@ def follow(
     steered = min(max(abs(bend), 1e-3), 1.0 / tightest)
     target = min(target, math.sqrt(STEER_SHARE * grip / steered), vehicle.top_speed)
     control[0] = min(max(math.atan(bend * wheelbase) / vehicle.steering_limit, -1.0), 1.0)
-    press_pedals(speed, min(target, seen[at[SPEED_CAP]]), GAIN, control)
-    spare_rear(vehicle, grip, abs(speed * seen[at[YAW_RATE]]) / max(grip, 0.1), control)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    press_pedals(speed, min(target, observation[offsets[SPEED_CAP]]), GAIN, control)
+    spare_rear(vehicle, grip, abs(speed * observation[offsets[YAW_RATE]]) / max(grip, 0.1), control)
+    finish_decision(cockpit)
     remember_command(memory, control)
 
 
@@ -133,12 +129,14 @@ def find_gap(memory: Floats, rays: int, field: float, vehicle: Record) -> tuple[
 
 
 @kernel
-def look_ahead(
-    seen: Floats, at: Ints, memory: Floats, rays: int, field: float, later: float
-) -> None:
+def look_ahead(cockpit: Cockpit, rays: int, field: float, later: float) -> None:
     """Write the scan's points as seen from where the kart will be `later` [s]."""
-    turn = later * seen[at[YAW_RATE]]
-    ahead, aside = later * max(seen[at[SPEED]], 0.0), later * seen[at[LATERAL_SPEED]]
+    observation, offsets, memory = cockpit.observation, cockpit.offsets, cockpit.memory
+    turn = later * observation[offsets[YAW_RATE]]
+    ahead, aside = (
+        later * max(observation[offsets[SPEED]], 0.0),
+        later * observation[offsets[LATERAL_SPEED]],
+    )
     cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
     dx, dy = ahead * cos - aside * sin - MOUNT, ahead * sin + aside * cos
     move_scan(memory, rays, field, dx, dy, turn)
@@ -185,20 +183,10 @@ def middle_of_gap(free: Floats, base: int, rays: int, field: float, deep: float)
 
 
 @kernel
-def follow_all(
-    seats: Ints,
-    seen: Floats,
-    at: Ints,
-    vehicles: Records,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    controls: Floats,
-) -> None:
-    """Decide for many karts: row n of `seats` is a world and a kart in it."""
-    for row in range(len(seats)):
-        w, k = seats[row, 0], seats[row, 1]
-        follow(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+def follow_all(cockpits: Cockpits) -> None:
+    """Decide for many karts in one call."""
+    for row in range(len(cockpits.seats)):
+        follow(cockpit_at(cockpits, row))
 
 
 class FollowGap(KernelDriver):

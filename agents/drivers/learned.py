@@ -15,15 +15,16 @@ from race_server.core.kernel_driver import (
     FETCH,
     FIELD,
     REACH,
+    Cockpits,
     KernelDriver,
-    item_kinds,
-    starts_of,
+    cockpit_at,
+    item_uses_of,
 )
 from race_server.core.kernels.jit import bind, kernel
 from race_server.core.messages import Button, Control
-from race_server.core.observation import PRESETS, Layout, Observation
+from race_server.core.observation import PART_NUMBERS, PRESETS, Layout, Observation, offsets_of
 from race_server.core.rules.items import items
-from race_server.core.state import Float32s, Floats, Ints, Records
+from race_server.core.state import Float32s, Floats, Ints
 from race_server.core.vehicles import vehicle_record
 from race_server.envs.actions import (
     MEMORY,
@@ -37,9 +38,11 @@ from race_server.errors import DriverError
 
 # Lidars that differ by less, in rad or m, are the same.
 TOLERANCE = 1e-3
-# What a driver is told besides what its policy sees; every observation of a live race has it.
-TOLD = ("speed", "lights", "finished", "rescue_offered")
-SPEED, LIGHTS, FINISHED, RESCUE_OFFERED = range(4)
+# Read besides what the policy sees; every observation of a live race has them.
+SPEED = PART_NUMBERS["speed"]
+LIGHTS = PART_NUMBERS["lights"]
+FINISHED = PART_NUMBERS["finished"]
+RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
 
 
 class Learned:
@@ -91,8 +94,8 @@ class Learned:
         """Return what the driver does that the policy advises."""
         told, nature = self._briefing, self.policy.metadata
         if self._places is None:
-            gear = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
-            self._places = places_in(observation.layout, nature, gear, self.policy.name)
+            setup = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
+            self._places = places_in(observation.layout, nature, setup, self.policy.name)
         action = self.policy.decide(observation.values[None, self._places])[0]
         base.take_advice(observation, advice_of(action, told.vehicle.width).tolist())
         return base.act(observation)
@@ -102,39 +105,34 @@ class Learned:
         told = self._briefing
         self._view = np.zeros((1, 1, layout.size))
         self._controls = np.zeros((1, 1, 4))
-        vehicles = vehicle_record(told.vehicle).reshape(1, 1)
-        gear = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
-        memory, seats = np.zeros((1, 1, MEMORY + 1)), np.zeros((1, 2), np.int64)
-        self._drive = self.driving(
-            seats, self._view, layout, vehicles, gear, memory, self._controls
+        cockpits = Cockpits(
+            np.zeros((1, 2), np.int64),
+            self._view,
+            offsets_of(layout),
+            vehicle_record(told.vehicle).reshape(1, 1),
+            np.array([told.lidar_field, told.lidar_reach, told.decision_s]),
+            item_uses_of(told.items),
+            np.zeros((1, 1, MEMORY + 1)),
+            self._controls,
         )
+        self._drive = self.driving(cockpits, layout)
 
-    def driving(
-        self,
-        seats: Ints,
-        views: Floats,
-        layout: Layout,
-        vehicles: Records,
-        gear: Floats,
-        memory: Floats,
-        controls: Floats,
-    ) -> Callable[[], None]:
+    def driving(self, cockpits: Cockpits, layout: Layout) -> Callable[[], None]:
         """Return what drives many karts, with one pass of the network for all of them.
 
-        seats: (n, 2) world and kart; views: (W, K, size); gear: lidar field [rad], lidar reach
-        [m], time between decisions [s]; memory: (W, K, M); controls: (W, K, 4), to be filled.
+        layout: of the observations.
 
         Raises:
             DriverError: the karts have another lidar than the policy learned with.
         """
-        places = places_in(layout, self.policy.metadata, gear, self.policy.name)
-        worlds, numbers = seats[:, 0], seats[:, 1]
+        places = places_in(layout, self.policy.metadata, cockpits.setup, self.policy.name)
+        worlds, numbers = cockpits.seats[:, 0], cockpits.seats[:, 1]
+        views, memory = cockpits.observations, cockpits.memory
         if self._base is not None:
             base: Any = type(self._base)
-            kinds = item_kinds(tuple(item.name for item in items()))
-            seen_by_base = (seats, views, starts_of(layout), vehicles, gear, kinds)
-            follow = bind(base.decide_all, *seen_by_base, memory, controls)
-            width = float(vehicles[0, 0].width)
+            uses = item_uses_of(tuple(item.name for item in items()))
+            follow = bind(base.decide_all, cockpits._replace(item_uses=uses))
+            width = float(cockpits.vehicles[0, 0].width)
 
             def advise() -> None:
                 actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
@@ -142,47 +140,36 @@ class Learned:
                 follow()
 
             return advise
-        at = np.array([layout.slices[part].start for part in TOLD], np.int64)
 
         def drive() -> None:
-            seen = views[worlds, numbers]
-            actions = self.policy.decide(seen[:, places].astype(np.float32))
-            told = (seats, seen, at, actions, self._table, vehicles)
-            command_all(self._kind, *told, memory, controls)
+            actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
+            command_all(self._kind, cockpits, actions, self._table)
 
         return drive
 
 
 @kernel
-def command_all(
-    kind: int,
-    seats: Ints,
-    seen: Floats,
-    at: Ints,
-    actions: Float32s,
-    table: Floats,
-    vehicles: Records,
-    memory: Floats,
-    controls: Floats,
-) -> None:
-    """Turn the actions (n, A) of the karts at `seats` (n, 2) into controls, as training does.
+def command_all(kind: int, cockpits: Cockpits, actions: Float32s, table: Floats) -> None:
+    """Turn the actions (n, A) of many karts into controls, as training does.
 
-    Before the lights go out and after the finish, which training does not know, a kart stands.
+    kind: of the actions; table: (N, 3) discrete actions. Before the lights go out and after
+    the finish, which training does not know, a kart stands.
     """
-    for row in range(len(seats)):
-        w, k = seats[row, 0], seats[row, 1]
-        control, kept = controls[w, k], memory[w, k]
-        if seen[row, at[LIGHTS]] > 0.0 or seen[row, at[FINISHED]] > 0.0:
+    for row in range(len(cockpits.seats)):
+        cockpit = cockpit_at(cockpits, row)
+        observation, offsets = cockpit.observation, cockpit.offsets
+        control, kept = cockpit.control, cockpit.memory
+        if observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0:
             control[0], control[1], control[2], control[3] = 0.0, 0.0, 1.0, 0.0
             kept[MEMORY] = 0.0
             continue
-        kart = Driven(seen[row, at[SPEED]], int(kept[MEMORY]), 0)
-        read_action(kind, actions[row], table, kart, vehicles[w, k], kept, control)
+        kart = Driven(observation[offsets[SPEED]], int(kept[MEMORY]), 0)
+        read_action(kind, actions[row], table, kart, cockpit.vehicle, kept, control)
         control[0] = min(max(control[0], -1.0), 1.0)
         control[1] = min(max(control[1], -1.0), 1.0)
         control[2] = min(max(control[2], 0.0), 1.0)
         kept[MEMORY] = control[3]
-        if seen[row, at[RESCUE_OFFERED]] > 0.0:
+        if observation[offsets[RESCUE_OFFERED]] > 0.0:
             control[3] = float(int(control[3]) | codes.ACCEPT_RESCUE)
 
 
@@ -199,8 +186,8 @@ def _check_briefing(nature: PolicyMetadata, briefing: Briefing, name: str) -> No
         )
 
 
-def _check_lidar(nature: PolicyMetadata, gear: Floats, name: str) -> None:
-    field, reach = float(gear[FIELD]), float(gear[REACH])
+def _check_lidar(nature: PolicyMetadata, setup: Floats, name: str) -> None:
+    field, reach = float(setup[FIELD]), float(setup[REACH])
     if abs(field - nature.lidar_field) > TOLERANCE or abs(reach - nature.lidar_reach) > TOLERANCE:
         raise DriverError(
             f"{name} learned with a lidar of {np.degrees(nature.lidar_field):.0f}° and "
@@ -209,10 +196,10 @@ def _check_lidar(nature: PolicyMetadata, gear: Floats, name: str) -> None:
         )
 
 
-def places_in(layout: Layout, nature: PolicyMetadata, gear: Floats, name: str) -> Ints:
+def places_in(layout: Layout, nature: PolicyMetadata, setup: Floats, name: str) -> Ints:
     """Return where each number that a policy sees lies in a larger observation, shape (size,).
 
-    A policy that learned with fewer lidar rays in the same field takes every so many of them.
+    A policy that learned with fewer lidar rays in the same field takes every n-th of them.
 
     Raises:
         DriverError: a part is missing, or has another size.
@@ -225,7 +212,7 @@ def places_in(layout: Layout, nature: PolicyMetadata, gear: Floats, name: str) -
         offered = there.stop - there.start
         step = 1
         if part in {"lidar", "lidar_before"}:
-            _check_lidar(nature, gear, name)
+            _check_lidar(nature, setup, name)
             step = max((offered - 1) // max(size - 1, 1), 1)
         if offered != (size - 1) * step + 1:
             raise DriverError(

@@ -6,10 +6,10 @@ Geometry: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1
 import math
 
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import SHIFT, KernelDriver
+from race_server.core.kernel_driver import SHIFT, Cockpit, Cockpits, KernelDriver, cockpit_at
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS, THINGS
-from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.state import Floats
 from race_server.core.vehicles import GRAVITY
 
 CURVATURE = PART_NUMBERS["curvature_ahead"]
@@ -34,57 +34,55 @@ LOOK_S = 0.35  # looks so far ahead in time
 
 
 @kernel
-def pursue(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-) -> None:
+def pursue(cockpit: Cockpit) -> None:
     """Follow the centre line and drive around slower karts where there is room."""
-    speed, step = seen[at[SPEED]], seen[at[LOOK_AHEAD]]
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, memory, control = cockpit.vehicle, cockpit.memory, cockpit.control
+    speed, step = observation[offsets[SPEED]], observation[offsets[LOOK_AHEAD]]
     wheelbase = vehicle.front_axle + vehicle.rear_axle
     look = max(1.2 * wheelbase + LOOK_S * speed, 1.5 * step)
     place = min(max(look / step - 1.0, 0.0), AHEAD - 1.0)
-    x, y = between(seen, at[PATH_X], place), between(seen, at[PATH_Y], place)
+    x, y = (
+        between(observation, offsets[PATH_X], place),
+        between(observation, offsets[PATH_Y], place),
+    )
     index = int(place + 0.5)
-    left, right = seen[at[LEFT] + index], seen[at[RIGHT] + index]
-    wanted = way_around(seen, at, vehicle, left, right)
+    left, right = observation[offsets[LEFT] + index], observation[offsets[RIGHT] + index]
+    wanted = way_around(cockpit, left, right)
     memory[SHIFT] += 0.25 * (wanted - memory[SHIFT])
     control[0] = steering_to(x, y, memory[SHIFT], wheelbase) / vehicle.steering_limit
     control[0] = min(max(control[0], -1.0), 1.0)
-    press_pedals(speed, speed_limit(seen, at, vehicle), 2.0, control)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    press_pedals(speed, speed_limit(cockpit), 2.0, control)
+    finish_decision(cockpit)
 
 
 @kernel
-def between(seen: Floats, start: int, place: float) -> float:
+def between(observation: Floats, start: int, place: float) -> float:
     """Return the value at a place between two samples of a part that begins at `start`."""
     index = min(int(place), AHEAD - 2)
     share = place - index
-    return seen[start + index] * (1.0 - share) + seen[start + index + 1] * share
+    return observation[start + index] * (1.0 - share) + observation[start + index + 1] * share
 
 
 @kernel
-def way_around(seen: Floats, at: Ints, vehicle: Record, left: float, right: float) -> float:
+def way_around(cockpit: Cockpit, left: float, right: float) -> float:
     """Return the sideways shift [m] that passes whatever blocks the way ahead."""
-    width, length, speed = vehicle.width, vehicle.length, seen[at[SPEED]]
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    width, length, speed = vehicle.width, vehicle.length, observation[offsets[SPEED]]
     nearest, across = math.inf, 0.0
     for index in range(NEARBY):
-        x, y = seen[at[KARTS_X] + index], seen[at[KARTS_Y] + index]
-        slower = seen[at[KARTS_SPEED_X] + index] < speed + 0.3
+        x, y = observation[offsets[KARTS_X] + index], observation[offsets[KARTS_Y] + index]
+        slower = observation[offsets[KARTS_SPEED_X] + index] < speed + 0.3
         if slower and 0.0 < x < 2.5 * length + speed and abs(y) < 1.3 * width and x < nearest:
             nearest, across = x, y
     for index in range(THINGS):
-        x, y = seen[at[HAZARDS_X] + index], seen[at[HAZARDS_Y] + index]
+        x, y = observation[offsets[HAZARDS_X] + index], observation[offsets[HAZARDS_Y] + index]
         if 0.0 < x < 2.0 * length + speed and abs(y) < width and x < nearest:
             nearest, across = x, y
     if nearest == math.inf:
         return 0.0
     # Pass on the side that leaves more room between the other and the edge.
-    other = seen[at[OFFSET]] + across
+    other = observation[offsets[OFFSET]] + across
     side = 1.0 if left - other > right + other else -1.0
     margin = 0.6 * width
     return min(max(other + side * 1.4 * width, -(right - margin)), left - margin)
@@ -101,34 +99,25 @@ def steering_to(x: float, y: float, shift: float, wheelbase: float) -> float:
 
 
 @kernel
-def speed_limit(seen: Floats, at: Ints, vehicle: Record) -> float:
+def speed_limit(cockpit: Cockpit) -> float:
     """Return the speed [m/s] from which every bend ahead can still be taken."""
-    grip = vehicle.grip * GRAVITY * seen[at[GRIP_SCALE]]
-    step, speed = seen[at[LOOK_AHEAD]], seen[at[SPEED]]
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    grip = vehicle.grip * GRAVITY * observation[offsets[GRIP_SCALE]]
+    step, speed = observation[offsets[LOOK_AHEAD]], observation[offsets[SPEED]]
     braking = BRAKE_SHARE * min(grip, vehicle.brake_force / vehicle.mass)
-    limit = seen[at[SPEED_CAP]]
+    limit = observation[offsets[SPEED_CAP]]
     for index in range(AHEAD):
-        bend = max(abs(seen[at[CURVATURE] + index]), 1e-6)
+        bend = max(abs(observation[offsets[CURVATURE] + index]), 1e-6)
         distance = max(step * index - 0.15 * speed, 0.0)
         limit = min(limit, math.sqrt(BEND_SHARE * grip / bend + 2.0 * braking * distance))
     return limit
 
 
 @kernel
-def pursue_all(
-    seats: Ints,
-    seen: Floats,
-    at: Ints,
-    vehicles: Records,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    controls: Floats,
-) -> None:
-    """Decide for many karts: row n of `seats` is a world and a kart in it."""
-    for row in range(len(seats)):
-        w, k = seats[row, 0], seats[row, 1]
-        pursue(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+def pursue_all(cockpits: Cockpits) -> None:
+    """Decide for many karts in one call."""
+    for row in range(len(cockpits.seats)):
+        pursue(cockpit_at(cockpits, row))
 
 
 class PurePursuit(KernelDriver):

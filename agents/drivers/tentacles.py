@@ -22,10 +22,19 @@ import math
 from race_agents.drivers.follow_gap import middle_of_gap, nearest_deepest
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_server.core.kernel_driver import DECISION, FIELD, KEPT, REACH, KernelDriver
+from race_server.core.kernel_driver import (
+    DECISION,
+    FIELD,
+    KEPT,
+    REACH,
+    Cockpit,
+    Cockpits,
+    KernelDriver,
+    cockpit_at,
+)
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
@@ -51,7 +60,7 @@ SAFE_GAP = 0.8  # body lengths to keep when stopping in front of something
 SAFE_BRAKING = 3.0  # [m/s²]
 HALF_CLEAR = 10.0  # body lengths of free way at which the clearance is half of the worst
 CLEARANCE, FLATNESS, TRAJECTORY, CHANGE = 1.0, 0.6, 0.2, 0.08
-# The wanted direction: edges hide what a body of so many half-widths [widths] cannot reach.
+# The wanted direction: edges hide what a body of half-width GAP_HALF [widths] cannot reach.
 GAP_HALF, GAP_JUMP, GAP_DEEP = 0.4, 0.5, 0.9
 
 # What is decided now has its effect so much later. In truth 0.1 s; counting less brakes and turns
@@ -227,34 +236,33 @@ def choose_arc(
 
 
 @kernel
-def feel(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-) -> None:
+def feel(cockpit: Cockpit) -> None:
     """Take the best arc, as fast as the free way along it and its bend allow."""
-    rays, field, speed = at[-1], gear[FIELD], max(seen[at[SPEED]], 0.0)
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup = cockpit.vehicle, cockpit.setup
+    memory, control = cockpit.memory, cockpit.control
+    rays, field, speed = offsets[-1], setup[FIELD], max(observation[offsets[SPEED]], 0.0)
     step, widened = field / (rays - 1), KEPT + rays
     wheelbase = vehicle.front_axle + vehicle.rear_axle
-    fill_dropouts(seen, at[LIDAR], rays, gear[REACH], memory, KEPT)
+    fill_dropouts(observation, offsets[LIDAR], rays, setup[REACH], memory, KEPT)
     half, jump = GAP_HALF * vehicle.width, GAP_JUMP * vehicle.length
     widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
     depth = nearest_deepest(memory, widened, rays, field)
     goal = middle_of_gap(memory, widened, rays, field, GAP_DEEP * depth)
-    later = LEAD_S + age_of_scan(seen, at[LIDAR], rays, gear[DECISION], memory)
-    turn = later * seen[at[YAW_RATE]]
+    later = LEAD_S + age_of_scan(observation, offsets[LIDAR], rays, setup[DECISION], memory)
+    turn = later * observation[offsets[YAW_RATE]]
     place_points(memory, rays, field, later * speed, turn)
-    now = math.tan(seen[at[STEERING]]) / wheelbase
+    now = math.tan(observation[offsets[STEERING]]) / wheelbase
     drivable = choose_arc(memory, rays, step, speed, now, goal - turn, vehicle)
     control[0] = math.atan(memory[KEPT + 4 * rays + CURVATURE] * wheelbase) / vehicle.steering_limit
-    target = _speed(memory, KEPT + 4 * rays, vehicle, seen[at[GRIP_SCALE]], depth, drivable)
-    press_pedals(seen[at[SPEED]], min(target, seen[at[SPEED_CAP]]), 2.7, control)
+    target = _speed(
+        memory, KEPT + 4 * rays, vehicle, observation[offsets[GRIP_SCALE]], depth, drivable
+    )
+    press_pedals(
+        observation[offsets[SPEED]], min(target, observation[offsets[SPEED_CAP]]), 2.7, control
+    )
     control[2] = min(1.2 * control[2], 1.0)  # the brake is what saves a bend taken too fast
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    finish_decision(cockpit)
 
 
 @kernel
@@ -278,20 +286,10 @@ def _speed(
 
 
 @kernel
-def feel_all(
-    seats: Ints,
-    seen: Floats,
-    at: Ints,
-    vehicles: Records,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    controls: Floats,
-) -> None:
-    """Decide for many karts: row n of `seats` is a world and a kart in it."""
-    for row in range(len(seats)):
-        w, k = seats[row, 0], seats[row, 1]
-        feel(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+def feel_all(cockpits: Cockpits) -> None:
+    """Decide for many karts in one call."""
+    for row in range(len(cockpits.seats)):
+        feel(cockpit_at(cockpits, row))
 
 
 class Tentacles(KernelDriver):

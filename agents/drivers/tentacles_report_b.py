@@ -31,11 +31,14 @@ from race_server.core.kernel_driver import (
     REACH,
     REVERSING,
     SHIFT,
+    Cockpit,
+    Cockpits,
     KernelDriver,
+    cockpit_at,
 )
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.state import Floats
 
 LIDAR = PART_NUMBERS["lidar"]
 LIDAR_BEFORE = PART_NUMBERS["lidar_before"]
@@ -151,21 +154,16 @@ def move_off(lengths: Floats, base: int, arc: int, shorter: float) -> int:
 
 
 @kernel
-def choose(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-) -> None:
+def choose(cockpit: Cockpit) -> None:
     """Drive along the longest arc; faster while the front opens, slower while it closes."""
-    rays, field, reach = at[-1], gear[FIELD], gear[REACH]
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup = cockpit.vehicle, cockpit.setup
+    memory, control = cockpit.memory, cockpit.control
+    rays, field, reach = offsets[-1], setup[FIELD], setup[REACH]
     lengths = KEPT + 4 * rays
-    fill_dropouts(seen, at[LIDAR_BEFORE], rays, reach, memory, KEPT)
+    fill_dropouts(observation, offsets[LIDAR_BEFORE], rays, reach, memory, KEPT)
     front_before = nearest(memory, KEPT, rays, field, -FRONT, FRONT, reach)
-    fill_dropouts(seen, at[LIDAR], rays, reach, memory, KEPT)
+    fill_dropouts(observation, offsets[LIDAR], rays, reach, memory, KEPT)
     front = nearest(memory, KEPT, rays, field, -FRONT, FRONT, reach)
 
     scale = vehicle.length / REPORT_LENGTH
@@ -182,18 +180,18 @@ def choose(
 
     change = OPENING if front > front_before or front >= 0.98 * reach else -CLOSING
     memory[SHIFT] = min(max(memory[SHIFT] + change, SLOWEST), FASTEST)
-    press_pedals(seen[at[SPEED]], memory[SHIFT] * vehicle.length, 2.0, control)
-    _back_out(seen, at, vehicle, front, curvature, memory)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    press_pedals(observation[offsets[SPEED]], memory[SHIFT] * vehicle.length, 2.0, control)
+    _back_out(cockpit, front, curvature)
+    finish_decision(cockpit)
 
 
 @kernel
-def _back_out(
-    seen: Floats, at: Ints, vehicle: Record, front: float, curvature: float, memory: Floats
-) -> None:
+def _back_out(cockpit: Cockpit, front: float, curvature: float) -> None:
     """Begin to reverse where the front is blocked, wheels turned away from the arc wanted."""
-    crawls = abs(seen[at[SPEED]]) < 2.0 * vehicle.length
-    if front > BLOCKED * vehicle.length or not crawls or seen[at[LIGHTS]] > 0.0:
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, memory = cockpit.vehicle, cockpit.memory
+    crawls = abs(observation[offsets[SPEED]]) < 2.0 * vehicle.length
+    if front > BLOCKED * vehicle.length or not crawls or observation[offsets[LIGHTS]] > 0.0:
         return
     if memory[REVERSING] <= 0.0:
         memory[REVERSING] = REVERSE_S
@@ -201,20 +199,10 @@ def _back_out(
 
 
 @kernel
-def choose_all(
-    seats: Ints,
-    seen: Floats,
-    at: Ints,
-    vehicles: Records,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    controls: Floats,
-) -> None:
-    """Decide for many karts: row n of `seats` is a world and a kart in it."""
-    for row in range(len(seats)):
-        w, k = seats[row, 0], seats[row, 1]
-        choose(seen[w, k], at, vehicles[w, k], gear, kinds, memory[w, k], controls[w, k])
+def choose_all(cockpits: Cockpits) -> None:
+    """Decide for many karts in one call."""
+    for row in range(len(cockpits.seats)):
+        choose(cockpit_at(cockpits, row))
 
 
 class TentaclesReportB(KernelDriver):

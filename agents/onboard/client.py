@@ -27,7 +27,7 @@ from race_server.net.wire.lobby import CourseSheet, Join, decode_course
 from race_server.net.wire.pose import PoseFrame, encode_pose
 
 PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
-# After the link broke the kart asks for its seat as often as this, and gives up after so long.
+# After the link broke the kart asks for its seat as often as this, and gives up after this time.
 RETRY_S, GIVE_UP_S = 1.0, 10.0
 
 Clock = Callable[[], float]

@@ -35,7 +35,7 @@ from race_server.net.wire.drive import HudFrame
 MICROSECONDS = 1_000_000
 # Standard deviations of the readings, where a sensor does not give its own.
 WHEEL_DEVIATION, WHEEL_SHARE, GYRO_DEVIATION = 0.05, 0.02, 0.02  # [m/s], of the speed, [rad/s]
-# Without a position fix for so long the place is dead reckoning.
+# Without a position fix for longer than this [s] the place is dead reckoning.
 FIX_S = 0.5
 # [rad] by which rear tyres that hold run aside, and [m/s] at a crawl, as standard deviations.
 SLIP, CRAWL_SLIP = 0.1, 0.05
@@ -45,7 +45,7 @@ BLOW = 1.3
 
 STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
-# Somebody who was seen so long ago may still be there: beside a front corner no beam reaches.
+# A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
 
 
@@ -115,7 +115,7 @@ class ControlUnit:
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
-    _met_s: float = -math.inf  # when somebody was last seen in the way, or near
+    _met_s: float = -math.inf  # when a person was last seen in the way, or near
 
     @classmethod
     def of(cls, vehicle: Vehicle, fence: Fence) -> "ControlUnit":
@@ -173,7 +173,7 @@ class ControlUnit:
         return blow if blow > BLOW * self.vehicle.grip * GRAVITY else 0.0
 
     def _begin(self, fix: Fix | None) -> None:
-        """Begin at the first fix, facing along the course: nobody stands on a grid otherwise."""
+        """Begin at the first fix, facing along the course, as every kart does on a grid."""
         if fix is not None:
             heading = self.fence.heading_at(fix.x, fix.y)
             lever = self.vehicle.rear_axle
@@ -242,7 +242,7 @@ class ControlUnit:
         return held if held.brake > 0.0 else near
 
     def _hold(self, held: Verdict) -> Verdict:
-        """Hold a kart for a while longer than it sees somebody in front."""
+        """Hold a kart for a while after the last person in front was seen."""
         if held.brake > 0.0:
             self._met_s = self._time_s
         return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()

@@ -22,11 +22,11 @@ STRAIGHT = 1e-4  # [rad/s] turns slower than this are driven as straight lines
 GATE_ONE, GATE_TWO = 10.83, 13.82
 # 95 % of all slides of tyres that hold pass this square; the others are slides.
 PLAIN = 3.84
-# So many readings of a sensor refused in a row: the filter is wrong, not they.
+# After this many readings of a sensor refused in a row: the filter is wrong, not they.
 MOST_REFUSED = 5
-# Fixes come seldom: so many are the third of a second in which a kart is carried metres away.
+# Fixes come seldom: this many are the third of a second in which a kart is carried metres away.
 MOST_FIXES_REFUSED = 3
-# A kart that slides keeps its direction for about so long.
+# A kart that slides keeps its direction for about this time [s].
 SLIDE_S = 0.1
 # Variances of a heading that is known to about 20 degrees [rad²], and of a slide [m²/s²] that was
 # not noticed.
@@ -215,7 +215,7 @@ class KartFilter:
         """Count a refusal; after too many in a row doubt the state by as much as it misses.
 
         But not the gyro's bias, which drifts and never jumps. Who lost the place has lost the
-        heading too, by nobody knows how much: it must not be made to explain the place.
+        heading too, by an unknown amount: it must not be made to explain the place.
         """
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > (MOST_FIXES_REFUSED if sensor == "position" else MOST_REFUSED):

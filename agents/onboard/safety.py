@@ -18,7 +18,7 @@ from race_server.core.messages import Control
 from race_server.core.vehicles import GRAVITY, Vehicle
 
 Floats = NDArray[np.float64]
-# Brakes where there is time: nobody behind is surprised.
+# Brakes where there is time: a kart behind is not surprised.
 GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
@@ -45,8 +45,8 @@ class Limits:
     braking: float  # [m/s²] that the kart reaches for certain
     reaction_s: float  # until the brakes bite
     half_width: float  # [m] of the corridor that the body needs
-    berth: float  # [m] beside it that people get: an echo is one point of somebody who is wider
-    swerve: float  # [m/s²] across by which a driver may turn towards somebody at any time
+    berth: float  # [m] beside it that people get: an echo is one point of a wider person
+    swerve: float  # [m/s²] across by which a driver may turn towards a person at any time
     nose: float  # [m] from the rear axle to the front bumper
     stand_off: float  # [m] that must be left
     restart: float  # [m] that must be free before a kart that braked for something drives on
@@ -200,7 +200,7 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 
 
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
-    """Hold a kart that stands right before somebody from driving on. room: [m] to be free."""
+    """Hold a kart that stands right before a person from driving on. room: [m] to be free."""
     along, aside = way_along(echoes.x, echoes.y, wanted)
     beside = np.where(echoes.kinds == codes.OBSTACLE, limits.berth, 0.0)
     close = is_on_way(along, aside, beside, wanted, limits)
@@ -209,7 +209,7 @@ def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -
 
 
 def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
-    """Hold a kart that stood for somebody until nobody is in front, wherever it would steer.
+    """Hold a kart that stood for a person until the way is clear, wherever it would steer.
 
     Steering around what is that near takes it out of the radar's sight and under a front wheel.
     """

@@ -2,7 +2,7 @@
 
 The rays right of the split belong to the right wall, the others to the left one. Both walls are
 walked forward at once, always by the step that keeps the rung between them shorter, as a strip of
-triangles is made of two lines. Every so often a rung becomes a gate.
+triangles is made of two lines. At equal distances a rung becomes a gate.
 
 Where the scan jumps, a near edge hides what lies behind it: there the way goes on, out of sight.
 The hidden wall is taken to bend away from the edge about as tightly as the car can turn at all;
@@ -10,6 +10,7 @@ what bends tighter would not matter to it.
 """
 
 import math
+from typing import NamedTuple
 
 from race_agents.planning.scan import ray_angle
 from race_server.core.kernel_driver import KEPT
@@ -23,7 +24,7 @@ RIGHT_X, RIGHT_Y, ACROSS_X, ACROSS_Y, WIDTH = range(0, 5 * GATES, GATES)
 
 # An edge is no further to the side than this [rad]: of what lies behind the axles no way goes on.
 SIDE = math.radians(92.0)
-# An edge rises by so many times more than its neighbours do: a wall seen at a flat angle, whose
+# An edge rises by this factor more than its neighbours do: a wall seen at a flat angle, whose
 # ranges rise from ray to ray too, is none.
 SHARPER = 2.0
 # Points of a hidden wall, and the angle between two of them: a right angle and a little more.
@@ -46,29 +47,45 @@ def largest_edge(ranges: Floats, base: int, rays: int, field: float, jump: float
     return found
 
 
-@large_kernel
-def wall_point(
-    memory: Floats, rays: int, split: int, side: float, place: int, hides: float, radius: float
-) -> tuple[float, float]:
-    """Return point number `place` of a wall, counted from the rear.
+class Walls(NamedTuple):
+    """Both walls as one scan shows them, their points in the memory of a driver."""
 
-    split: the last ray of the right wall; side: 1 for the left wall, -1 for the right one;
-    hides: the side of the edge behind which the way goes on, 0 for none; radius: of the hidden
-    wall [m], which leaves the line of sight past the edge as a tangent.
+    memory: Floats
+    rays: int
+    split: int  # the last ray of the right wall
+    hides: float  # side of the edge behind which the way goes on: 1 left, -1 right, 0 none
+    radius: float  # of the hidden wall [m], which leaves the line of sight as a tangent
+
+
+class Rung(NamedTuple):
+    """A line between both walls: its left and its right end [m]."""
+
+    lx: float
+    ly: float
+    rx: float
+    ry: float
+
+
+@large_kernel
+def wall_point(walls: Walls, side: float, place: int) -> tuple[float, float]:
+    """Return point number `place` of a wall [m], counted from the rear.
+
+    side: 1 for the left wall, -1 for the right one.
     """
+    memory, rays, split = walls.memory, walls.rays, walls.split
     xs, ys = KEPT + 2 * rays, KEPT + 3 * rays
-    seen = rays - 1 - split if side > 0.0 else split + 1
-    if place < seen:
+    visible = rays - 1 - split if side > 0.0 else split + 1
+    if place < visible:
         ray = rays - 1 - place if side > 0.0 else place
         return memory[xs + ray], memory[ys + ray]
     ray = split + 1 if side > 0.0 else split
     x, y = memory[xs + ray], memory[ys + ray]
-    if hides != side:
+    if walls.hides != side:
         return x, y
     distance = max(math.sqrt(x * x + y * y), 1e-3)
     cos, sin = x / distance, y / distance
-    angle = HIDDEN_STEP * (place - seen + 1)
-    along, aside = radius * math.sin(angle), side * radius * (1.0 - math.cos(angle))
+    angle = HIDDEN_STEP * (place - visible + 1)
+    along, aside = walls.radius * math.sin(angle), side * walls.radius * (1.0 - math.cos(angle))
     return x + along * cos - aside * sin, y + along * sin + aside * cos
 
 
@@ -93,61 +110,81 @@ def write_gate(
 
 
 @kernel
-def cut_rung(
-    lx: float, ly: float, rx: float, ry: float, share: float, hides: float
-) -> tuple[float, float, float, float]:
-    """Return the ends of a share of a rung, at the edge that hides or else at the nearer end."""
+def cut_rung(rung: Rung, share: float, hides: float) -> Rung:
+    """Return a share of a rung, from the edge that hides or else from the nearer end."""
+    lx, ly, rx, ry = rung
     if hides > 0.0 or (hides == 0.0 and lx * lx + ly * ly < rx * rx + ry * ry):
-        return lx, ly, lx + share * (rx - lx), ly + share * (ry - ly)
-    return rx + share * (lx - rx), ry + share * (ly - ry), rx, ry
+        return Rung(lx, ly, lx + share * (rx - lx), ly + share * (ry - ly))
+    return Rung(rx + share * (lx - rx), ry + share * (ly - ry), rx, ry)
+
+
+@large_kernel
+def next_rung(walls: Walls, left: int, right: int) -> tuple[int, int]:
+    """Return the points of the left and of the right wall that the next rung connects.
+
+    One step on along the wall where the rung stays shorter; (-1, -1) where both walls end.
+    left, right: points of the present rung.
+    """
+    lefts, rights = walls.rays - 1 - walls.split, walls.split + 1
+    lefts_all = lefts + (HIDDEN if walls.hides > 0.0 else 0)
+    rights_all = rights + (HIDDEN if walls.hides < 0.0 else 0)
+    if left + 1 >= lefts_all and right + 1 >= rights_all:
+        return -1, -1
+    # A hidden wall has no end, so the way is known to the end of the one that is seen.
+    if (walls.hides > 0.0 and right + 1 >= rights) or (walls.hides < 0.0 and left + 1 >= lefts):
+        return -1, -1
+    by_left = by_right = math.inf
+    if left + 1 < lefts_all:
+        x, y = wall_point(walls, 1.0, left + 1)
+        rx, ry = wall_point(walls, -1.0, right)
+        by_left = (x - rx) * (x - rx) + (y - ry) * (y - ry)
+    if right + 1 < rights_all:
+        x, y = wall_point(walls, -1.0, right + 1)
+        lx, ly = wall_point(walls, 1.0, left)
+        by_right = (x - lx) * (x - lx) + (y - ly) * (y - ly)
+    return (left + 1, right) if by_left <= by_right else (left, right + 1)
+
+
+@kernel
+def write_gates(memory: Floats, out: int, gates: int, last: Rung, rung: Rung, more: int) -> int:
+    """Write `more` gates at equal distances after the rung `last`, up to `rung`; return the count.
+
+    out: place of the gates in `memory`; gates: gates written before.
+    """
+    for number in range(min(more, GATES - gates)):
+        part = (number + 1) / more
+        write_gate(
+            memory,
+            out,
+            gates + number,
+            last.rx + part * (rung.rx - last.rx),
+            last.ry + part * (rung.ry - last.ry),
+            last.lx + part * (rung.lx - last.lx),
+            last.ly + part * (rung.ly - last.ly),
+        )
+    return gates + min(more, GATES - gates)
 
 
 @large_kernel
 def find_gates(
-    memory: Floats,
-    out: int,
-    rays: int,
-    split: int,
-    hides: float,
-    radius: float,
-    spacing: float,
-    narrow: float,
-    begin: float,
+    walls: Walls, out: int, spacing: float, narrow: float, begin: float
 ) -> tuple[int, bool]:
     """Write the gates ahead; return how many, and whether the way is closed behind the last one.
 
-    Their middles are `spacing` [m] apart, the first one lies ahead of `begin` [m]; where the walls
-    come nearer to each other than `narrow` [m] there is no way. For the others see `wall_point`.
+    out: place of the gates in the memory. Their middles are `spacing` [m] apart, the first one lies
+    ahead of `begin` [m]; where the walls are nearer to each other than `narrow` [m] is no way.
     """
-    lefts, rights = rays - 1 - split, split + 1
-    lefts_all = lefts + (HIDDEN if hides > 0.0 else 0)
-    rights_all = rights + (HIDDEN if hides < 0.0 else 0)
     left = right = gates = 0
-    lx, ly = wall_point(memory, rays, split, 1.0, 0, hides, radius)
-    rx, ry = wall_point(memory, rays, split, -1.0, 0, hides, radius)
-    next_lx, next_ly = wall_point(memory, rays, split, 1.0, 1, hides, radius)
-    next_rx, next_ry = wall_point(memory, rays, split, -1.0, 1, hides, radius)
+    lx, ly = wall_point(walls, 1.0, 0)
+    rx, ry = wall_point(walls, -1.0, 0)
+    last = Rung(lx, ly, rx, ry)
     middle_x, middle_y, narrowest = begin, 0.0, math.inf
-    last_lx, last_ly, last_rx, last_ry = lx, ly, rx, ry
     while gates < GATES:
-        if left + 1 >= lefts_all and right + 1 >= rights_all:
+        left, right = next_rung(walls, left, right)
+        if left < 0:
             break
-        # A hidden wall goes on for ever, so the way is known to the end of the one that is seen.
-        if (hides > 0.0 and right + 1 >= rights) or (hides < 0.0 and left + 1 >= lefts):
-            break
-        by_left = by_right = math.inf
-        if left + 1 < lefts_all:
-            by_left = (next_lx - rx) * (next_lx - rx) + (next_ly - ry) * (next_ly - ry)
-        if right + 1 < rights_all:
-            by_right = (next_rx - lx) * (next_rx - lx) + (next_ry - ly) * (next_ry - ly)
-        if by_left <= by_right:
-            left += 1
-            lx, ly = next_lx, next_ly
-            next_lx, next_ly = wall_point(memory, rays, split, 1.0, left + 1, hides, radius)
-        else:
-            right += 1
-            rx, ry = next_rx, next_ry
-            next_rx, next_ry = wall_point(memory, rays, split, -1.0, right + 1, hides, radius)
+        lx, ly = wall_point(walls, 1.0, left)
+        rx, ry = wall_point(walls, -1.0, right)
         if gates == 0 and 0.5 * (lx + rx) <= begin:
             continue
         width = math.sqrt((lx - rx) * (lx - rx) + (ly - ry) * (ly - ry))
@@ -157,25 +194,14 @@ def find_gates(
             continue
         narrowest = min(narrowest, width)
         share = min(max(WIDER * narrowest, 2.0 * narrow) / width, 1.0)
-        gate_lx, gate_ly, gate_rx, gate_ry = cut_rung(lx, ly, rx, ry, share, hides)
-        dx, dy = 0.5 * (gate_lx + gate_rx) - middle_x, 0.5 * (gate_ly + gate_ry) - middle_y
+        rung = cut_rung(Rung(lx, ly, rx, ry), share, walls.hides)
+        dx, dy = 0.5 * (rung.lx + rung.rx) - middle_x, 0.5 * (rung.ly + rung.ry) - middle_y
         moved = math.sqrt(dx * dx + dy * dy)
         if moved < spacing:
             continue
         # Far away the rays are far apart, so between two rungs there may be several gates.
         more = int(moved / spacing) if gates > 0 else 1
-        for number in range(min(more, GATES - gates)):
-            part = (number + 1) / more
-            write_gate(
-                memory,
-                out,
-                gates,
-                last_rx + part * (gate_rx - last_rx),
-                last_ry + part * (gate_ry - last_ry),
-                last_lx + part * (gate_lx - last_lx),
-                last_ly + part * (gate_ly - last_ly),
-            )
-            gates += 1
+        gates = write_gates(walls.memory, out, gates, last, rung, more)
         middle_x, middle_y = middle_x + dx, middle_y + dy
-        last_lx, last_ly, last_rx, last_ry = gate_lx, gate_ly, gate_rx, gate_ry
+        last = rung
     return gates, False

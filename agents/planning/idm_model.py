@@ -5,8 +5,8 @@ import math
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.tracking import OFFSET
 from race_agents.planning.traffic import leader
+from race_server.core.kernel_driver import Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.state import Floats, Ints, Record
 
 # The model's figures, for a race instead of a road: time gap [s], gap when standing in lengths,
 # shares of motor and brakes that are comfortable.
@@ -40,16 +40,17 @@ def follow_acceleration(
 
 
 @large_kernel
-def behind_leader(seen: Floats, at: Ints, vehicle: Record, closer: float) -> float:
+def behind_leader(cockpit: Cockpit, closer: float) -> float:
     """Return the model's acceleration [m/s²] behind the kart ahead, infinite if there is none.
 
     closer: share of the distance that is given up; at 1 nothing holds the kart back.
     """
-    gap, pace, _ = leader(seen, at, vehicle, seen[at[OFFSET]], 0.5 * vehicle.length)
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    gap, pace, _ = leader(cockpit, observation[offsets[OFFSET]], 0.5 * vehicle.length)
     if gap == math.inf or closer >= 1.0:
         return math.inf
     gap /= 1.0 - closer
-    speed = max(seen[at[SPEED]], 0.0)
+    speed = max(observation[offsets[SPEED]], 0.0)
     most = COMFORT * vehicle.motor_force / vehicle.mass
     comfort = COMFORT * vehicle.brake_force / vehicle.mass
     wanted = 1.2 * vehicle.top_speed

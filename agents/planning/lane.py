@@ -14,36 +14,29 @@ from race_server.core.kernel_driver import (
     FETCH,
     SHIFT,
     URGENT,
+    Cockpit,
 )
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Floats, Ints, Record
 
 
 @kernel
-def drive_in_lane(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-    wanted: float,
-) -> None:
+def drive_in_lane(cockpit: Cockpit, wanted: float) -> None:
     """Go over to a lane `wanted` [m] left of the line, round hazards and behind who is there.
 
     Advice shifts the lane, fetches boxes, scales the speed and says how closely to follow.
     """
+    observation, offsets = cockpit.observation, cockpit.offsets
+    setup, memory, control = cockpit.setup, cockpit.memory, cockpit.control
     wanted += memory[ASIDE]
-    if memory[FETCH] > URGENT and seen[at[ITEM]] < 0.5:
-        wanted = lane_over_box(seen, at, vehicle, wanted)
-    wanted = lane_past_hazards(seen, at, vehicle, wanted)
-    lane = move_over(seen, at, vehicle, memory[SHIFT], wanted, gear[DECISION])
+    if memory[FETCH] > URGENT and observation[offsets[ITEM]] < 0.5:
+        wanted = lane_over_box(cockpit, wanted)
+    wanted = lane_past_hazards(cockpit, wanted)
+    lane = move_over(cockpit, memory[SHIFT], wanted, setup[DECISION])
     memory[SHIFT] = lane
-    acceleration = acceleration_on_line(seen, at, vehicle, gear, lane, memory[FASTER], memory[DASH])
-    acceleration = min(acceleration, behind_leader(seen, at, vehicle, memory[CLOSE]))
-    force = press_for(seen, at, vehicle, acceleration, control)
-    control[0] = steering_on_line(seen, at, vehicle, lane, force)
-    wait_in_line(seen, at, vehicle, gear, memory)
-    finish_decision(seen, at, vehicle, gear, kinds, memory, control)
+    acceleration = acceleration_on_line(cockpit, lane, memory[FASTER], memory[DASH])
+    acceleration = min(acceleration, behind_leader(cockpit, memory[CLOSE]))
+    force = press_for(cockpit, acceleration)
+    control[0] = steering_on_line(cockpit, lane, force)
+    wait_in_line(cockpit)
+    finish_decision(cockpit)
     remember_command(memory, control)

@@ -5,16 +5,16 @@ under which the last commands explain how the wheels turned. That holds for an a
 back, for a slow link and, roughly, for an actuator that lags behind.
 """
 
-from race_server.core.kernel_driver import DECISION, LATELY
+from race_server.core.kernel_driver import DECISION, LATELY, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record
+from race_server.core.state import Floats
 
 STEERING = PART_NUMBERS["steering"]
 
 # Delays are counted in thirds of a decision: a tick, where a driver decides every third one.
 THIRDS = 3
-# The longest delay [decisions] that is thought of.
+# The longest delay considered [decisions].
 LONGEST = 4
 DELAYS = LONGEST * THIRDS + 1
 # Share of what spoke against a delay that still does so one decision later.
@@ -34,7 +34,7 @@ AGAINST = COMMANDS + (LONGEST + 1) * COMMAND
 
 @kernel
 def age_at(third: int, delay: int) -> int:
-    """Return which command acts so many thirds after the newest one was given, 0 for the newest.
+    """Return which command acts `third` thirds after the newest one was given, 0 for the newest.
 
     delay: [thirds] from giving a command to its effect.
     """
@@ -52,10 +52,12 @@ def remember_command(memory: Floats, control: Floats) -> None:
 
 
 @large_kernel
-def estimate_latency(seen: Floats, at: Ints, vehicle: Record, gear: Floats, memory: Floats) -> None:
+def estimate_latency(cockpit: Cockpit) -> None:
     """Compare how the wheels turned since the last decision with what each delay would explain."""
-    turn = vehicle.steering_rate * gear[DECISION] / THIRDS
-    now, best = seen[at[STEERING]], 0
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
+    turn = vehicle.steering_rate * setup[DECISION] / THIRDS
+    now, best = observation[offsets[STEERING]], 0
     for delay in range(DELAYS):
         angle = memory[WHEELS]
         for third in range(THIRDS):

@@ -15,7 +15,7 @@ def ray_angle(ray: float, rays: int, field: float) -> float:
 
 @kernel
 def fill_dropouts(
-    seen: Floats, start: int, rays: int, reach: float, out: Floats, base: int
+    observation: Floats, start: int, rays: int, reach: float, out: Floats, base: int
 ) -> None:
     """Copy a scan; drop-outs (zeros) take the value between their neighbours.
 
@@ -23,7 +23,7 @@ def fill_dropouts(
     """
     last = -1
     for ray in range(rays):
-        value = seen[start + ray]
+        value = observation[start + ray]
         if value <= 0.0:
             continue
         out[base + ray] = value
@@ -82,11 +82,13 @@ def nearest(
 
 
 @kernel
-def age_of_scan(seen: Floats, start: int, rays: int, decision_s: float, memory: Floats) -> float:
+def age_of_scan(
+    observation: Floats, start: int, rays: int, decision_s: float, memory: Floats
+) -> float:
     """Return how long [s] the same scan has been seen, at most 0.1 s."""
     total = 0.0
     for ray in range(rays):
-        total += seen[start + ray]
+        total += observation[start + ray]
     memory[SCAN_AGE] = min(memory[SCAN_AGE] + decision_s, 0.1) if total == memory[SCAN_SUM] else 0.0
     memory[SCAN_SUM] = total
     return memory[SCAN_AGE]

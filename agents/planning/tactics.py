@@ -10,10 +10,11 @@ from race_server.core.kernel_driver import (
     STANDING,
     URGE,
     URGENT,
+    Cockpit,
 )
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import NEARBY, PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record
+from race_server.core.state import Floats
 
 SPEED = PART_NUMBERS["speed"]
 KARTS_X = PART_NUMBERS["karts_x"]
@@ -31,31 +32,25 @@ PATIENCE_S = 0.6
 
 
 @kernel
-def finish_decision(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    kinds: Ints,
-    memory: Floats,
-    control: Floats,
-) -> None:
+def finish_decision(cockpit: Cockpit) -> None:
     """Add buttons to what a driver wants to do, or replace it by the way out of a jam."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    memory, control = cockpit.memory, cockpit.control
     control[3] = 0.0
-    if seen[at[LIGHTS]] > 0.0 or seen[at[FINISHED]] > 0.0:
+    if observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0:
         _stand(control)
         return
     # A button acts when it goes down, so it is let go after each press.
-    pressed = memory[PRESSED] == 0.0 and _is_used(seen, at, vehicle, kinds, memory, control)
+    pressed = memory[PRESSED] == 0.0 and _is_used(cockpit)
     memory[PRESSED] = 1.0 if pressed else 0.0
     buttons = codes.USE_ITEM if pressed else 0
-    if seen[at[RESCUE_OFFERED]] > 0.0:
+    if observation[offsets[RESCUE_OFFERED]] > 0.0:
         buttons |= codes.ACCEPT_RESCUE
-    if seen[at[WRONG_WAY]] > 0.0:
+    if observation[offsets[WRONG_WAY]] > 0.0:
         # Turned round in a crowd: to stand still is the way to be put back on the line.
         _stand(control)
     else:
-        _escape(seen, at, gear, memory, control)
+        _escape(cockpit)
     control[3] = buttons
 
 
@@ -67,54 +62,58 @@ def _stand(control: Floats) -> None:
 
 
 @kernel
-def _is_used(
-    seen: Floats, at: Ints, vehicle: Record, kinds: Ints, memory: Floats, control: Floats
-) -> bool:
+def _is_used(cockpit: Cockpit) -> bool:
     """Return whether to use the item held: as advised, or else as the driver sees it."""
+    observation, offsets, memory = cockpit.observation, cockpit.offsets, cockpit.memory
     if abs(memory[URGE]) > URGENT:
-        return bool(memory[URGE] > 0.0 and seen[at[ITEM]] > 0.5)
-    return wants_item(seen, at, vehicle, kinds, control)
+        return bool(memory[URGE] > 0.0 and observation[offsets[ITEM]] > 0.5)
+    return wants_item(cockpit)
 
 
 @kernel
-def wants_item(seen: Floats, at: Ints, vehicle: Record, kinds: Ints, control: Floats) -> bool:
+def wants_item(cockpit: Cockpit) -> bool:
     """Return whether now is the time to use the item held."""
-    number = int(seen[at[ITEM]] + 0.5)
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    item_uses, control = cockpit.item_uses, cockpit.control
+    number = int(observation[offsets[ITEM]] + 0.5)
     if number <= 0:
         return False
-    kind = kinds[number] if number < len(kinds) else 0
+    kind = item_uses[number] if number < len(item_uses) else 0
     if kind == codes.ON_SELF:
         return abs(control[0]) < 0.35 and control[1] > 0.5
     if kind == codes.ON_KART_AHEAD:
-        return seen[at[RANK]] > 1.5
+        return observation[offsets[RANK]] > 1.5
     if kind == codes.PLACED:
-        return seen[at[SPEED]] > 1.0 and _is_followed(seen, at, 8.0 * vehicle.length)
+        return observation[offsets[SPEED]] > 1.0 and _is_followed(cockpit, 8.0 * vehicle.length)
     return True
 
 
 @kernel
-def _is_followed(seen: Floats, at: Ints, near: float) -> bool:
+def _is_followed(cockpit: Cockpit, near: float) -> bool:
     """Return whether a kart is close behind; who cannot know drops what it has."""
-    start = at[KARTS_X]
+    observation, offsets = cockpit.observation, cockpit.offsets
+    start = offsets[KARTS_X]
     if start < 0:
         return True
     for index in range(NEARBY):
-        if -near < seen[start + index] < 0.0:
+        if -near < observation[start + index] < 0.0:
             return True
     return False
 
 
 @kernel
-def _escape(seen: Floats, at: Ints, gear: Floats, memory: Floats, control: Floats) -> None:
+def _escape(cockpit: Cockpit) -> None:
     """Back out of a jam with the wheels turned the other way; longer each time it did not help."""
-    step, speed = gear[DECISION], seen[at[SPEED]]
+    observation, offsets = cockpit.observation, cockpit.offsets
+    setup, memory, control = cockpit.setup, cockpit.memory, cockpit.control
+    step, speed = setup[DECISION], observation[offsets[SPEED]]
     if memory[REVERSING] > 0.0:
         memory[REVERSING] -= step
         control[0] = memory[ESCAPE]
         control[1] = -1.0
         control[2] = 0.0
         return
-    held = seen[at[FLAG]] > 1.5
+    held = observation[offsets[FLAG]] > 1.5
     if abs(speed) > STANDSTILL or held:
         memory[STANDING] = 0.0
         if speed > 1.0:

@@ -9,10 +9,10 @@ limits of handling, 2015). Slip follows from force by the inverse of Fiala's bru
 import math
 
 from race_agents.planning.tactics import SPEED
-from race_server.core.kernel_driver import DECISION
+from race_server.core.kernel_driver import DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, PART_NUMBERS
-from race_server.core.state import Floats, Ints, Record
+from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
 
 LATERAL_SPEED = PART_NUMBERS["lateral_speed"]
@@ -43,7 +43,7 @@ DASH_BRAKE_SHARE = 0.55
 REAR_SHARE = 0.95
 # The wheels follow the line so far ahead [s], and as much more as the body takes to turn.
 LEAD_S = 0.04
-# Errors are taken so long from now [s]: half a decision, and this share of the time to turn.
+# Errors are predicted this far ahead [s]: half a decision, and this share of the time to turn.
 DELAY_S, DELAY_SHARE = 0.05, 0.1
 # Feedback: natural frequency [rad/s] and damping ratio of the offset; damping of the yaw rate.
 FREQUENCY, DAMPING, YAW_DAMPING = 6.5, 0.9, 0.6
@@ -58,12 +58,12 @@ SPEED_GAIN = 20.0
 
 
 @kernel
-def at_distance(seen: Floats, start: int, place: float) -> float:
+def at_distance(observation: Floats, start: int, place: float) -> float:
     """Return a part that begins at `start`, at a place in steps of the line ahead."""
     place = min(max(place, 0.0), AHEAD - 1.001)
     index = int(place)
     share = place - index
-    return seen[start + index] * (1.0 - share) + seen[start + index + 1] * share
+    return observation[start + index] * (1.0 - share) + observation[start + index + 1] * share
 
 
 @kernel
@@ -76,37 +76,37 @@ def tyre_slip(used: float, slide: float) -> float:
 
 
 @kernel
-def grip_of(seen: Floats, at: Ints, vehicle: Record) -> float:
+def grip_of(cockpit: Cockpit) -> float:
     """Return the most acceleration [m/s²] that the tyres give here."""
-    return vehicle.grip * GRAVITY * max(seen[at[GRIP_SCALE]], 0.05)
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    return vehicle.grip * GRAVITY * max(observation[offsets[GRIP_SCALE]], 0.05)
 
 
 @large_kernel
-def speed_on_line(
-    seen: Floats, at: Ints, vehicle: Record, shift: float, distance: float, dash: float
-) -> float:
+def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) -> float:
     """Return the speed [m/s] to have a distance [m] ahead, `shift` [m] to the left of the line.
 
     Less grip means that all accelerations of the line, and so the squares of its speeds, shrink.
     dash: share by which its speed is exceeded where no bend needs the grip, and the brakes can undo
     it before the next one.
     """
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
     grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
     if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
         bend_share = STIFF_BEND_SHARE
-    place = distance / max(seen[at[STEP]], 0.01)
+    place = distance / max(observation[offsets[STEP]], 0.01)
     square = math.inf
     brakes = 0.0
     if dash > 0.0:
-        brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * seen[at[STEP]]
+        brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * observation[offsets[STEP]]
     unused = 0.0
     for back in range(AHEAD):
         index = AHEAD - 1 - back
-        speed = seen[at[LINE_SPEED] + index]
-        bend = seen[at[CURVATURE] + index]
+        speed = observation[offsets[LINE_SPEED] + index]
+        bend = observation[offsets[CURVATURE] + index]
         following = square
         if back > 0:
-            later = seen[at[LINE_SPEED] + index + 1]
+            later = observation[offsets[LINE_SPEED] + index + 1]
             square += BRAKE_SHARE * max(speed * speed - later * later, brakes * unused)
         used = min(speed * speed * abs(bend) / grip, 1.0)
         unused = 1.0 - used
@@ -118,51 +118,50 @@ def speed_on_line(
             if back > 0:
                 square += (place - index) * (following - square)
             break
-    return min(math.sqrt(square * min(seen[at[GRIP_SCALE]], 1.0)), seen[at[SPEED_CAP]])
+    return min(
+        math.sqrt(square * min(observation[offsets[GRIP_SCALE]], 1.0)),
+        observation[offsets[SPEED_CAP]],
+    )
 
 
 @kernel
-def acceleration_on_line(
-    seen: Floats,
-    at: Ints,
-    vehicle: Record,
-    gear: Floats,
-    shift: float,
-    faster: float,
-    dash: float,
-) -> float:
+def acceleration_on_line(cockpit: Cockpit, shift: float, faster: float, dash: float) -> float:
     """Return the acceleration [m/s²] that brings the kart to the line's speeds.
 
     faster: share by which they are exceeded, within what flags and effects allow; dash: the same
     where no bend forbids it.
     """
-    speed, step = max(seen[at[SPEED]], SLOWEST), gear[DECISION]
-    now = speed_on_line(seen, at, vehicle, shift, 0.0, dash)
-    soon = speed_on_line(seen, at, vehicle, shift, speed * step, dash)
-    now = min((1.0 + faster) * now, seen[at[SPEED_CAP]])
-    soon = min((1.0 + faster) * soon, seen[at[SPEED_CAP]])
-    # Whoever is off the line or across it has less room than the line thinks.
-    off = abs(seen[at[OFFSET]] - shift) / vehicle.width
-    across = abs(seen[at[HEADING]])
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup = cockpit.vehicle, cockpit.setup
+    speed, step = max(observation[offsets[SPEED]], SLOWEST), setup[DECISION]
+    now = speed_on_line(cockpit, shift, 0.0, dash)
+    soon = speed_on_line(cockpit, shift, speed * step, dash)
+    now = min((1.0 + faster) * now, observation[offsets[SPEED_CAP]])
+    soon = min((1.0 + faster) * soon, observation[offsets[SPEED_CAP]])
+    # A kart off the line or across it has less room than the line assumes.
+    off = abs(observation[offsets[OFFSET]] - shift) / vehicle.width
+    across = abs(observation[offsets[HEADING]])
     doubt = 1.0 - 0.25 * min(max(off - 0.6, 0.0), 1.0) - 0.5 * min(max(across - 0.5, 0.0), 1.0)
-    return (soon - now) / step + SPEED_GAIN * (doubt * now - seen[at[SPEED]])
+    return (soon - now) / step + SPEED_GAIN * (doubt * now - observation[offsets[SPEED]])
 
 
 @large_kernel
-def press_for(
-    seen: Floats, at: Ints, vehicle: Record, acceleration: float, control: Floats
-) -> float:
+def press_for(cockpit: Cockpit, acceleration: float) -> float:
     """Set throttle and brake for an acceleration [m/s²]; return the force [N] they give."""
-    speed = max(seen[at[SPEED]], SLOWEST)
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, control = cockpit.vehicle, cockpit.control
+    speed = max(observation[offsets[SPEED]], SLOWEST)
     wanted = acceleration + GRAVITY * vehicle.rolling + vehicle.drag * speed * speed / vehicle.mass
     if speed > vehicle.dynamic_above:
-        grip = grip_of(seen, at, vehicle)
-        bend = max(abs(seen[at[CURVATURE]]), abs(seen[at[CURVATURE] + 1]))
+        grip = grip_of(cockpit)
+        bend = max(abs(observation[offsets[CURVATURE]]), abs(observation[offsets[CURVATURE] + 1]))
         planned = speed * speed * bend / grip
-        turning = max(planned, abs(speed * seen[at[YAW_RATE]]) / grip)
+        turning = max(planned, abs(speed * observation[offsets[YAW_RATE]]) / grip)
         wanted = min(wanted, rear_limit(vehicle, vehicle.front_drive, turning) * grip)
         wanted = max(wanted, -rear_limit(vehicle, vehicle.front_brake, planned) * grip)
-    most = min(vehicle.motor_force, vehicle.motor_power / speed) * max(seen[at[THRUST_SCALE]], 0.05)
+    most = min(vehicle.motor_force, vehicle.motor_power / speed) * max(
+        observation[offsets[THRUST_SCALE]], 0.05
+    )
     force = min(max(vehicle.mass * wanted, -vehicle.brake_force), most)
     control[1] = max(force / most, 0.0)
     control[2] = max(-force / vehicle.brake_force, 0.0)
@@ -184,23 +183,24 @@ def rear_limit(vehicle: Record, front_force: float, turning: float) -> float:
 
 
 @large_kernel
-def steering_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, force: float) -> float:
+def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     """Return the steering, a share of full, that holds the kart `shift` [m] left of the line.
 
     force: [N] of motor or brakes, which takes its part of the grip first.
     """
-    speed = max(seen[at[SPEED]], SLOWEST)
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    speed = max(observation[offsets[SPEED]], SLOWEST)
     front_axle, rear_axle = vehicle.front_axle, vehicle.rear_axle
     wheelbase = front_axle + rear_axle
-    step = max(seen[at[STEP]], 0.01)
+    step = max(observation[offsets[STEP]], 0.01)
     turn_s = turning_time(vehicle, speed)
     delay = DELAY_S + DELAY_SHARE * turn_s
     lead = speed * (LEAD_S + turn_s) / step
-    bend = at_distance(seen, at[CURVATURE], lead)
+    bend = at_distance(observation, offsets[CURVATURE], lead)
     bend /= max(1.0 - shift * bend, 0.3)
 
     # Slip of both axles in that bend.
-    grip = grip_of(seen, at, vehicle)
+    grip = grip_of(cockpit)
     along = abs(force) / (vehicle.mass * grip)
     front_share = vehicle.front_drive if force > 0.0 else vehicle.front_brake
     front_left = axle_left(along * front_share * wheelbase / rear_axle)
@@ -213,10 +213,12 @@ def steering_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, forc
     rear_slip = side * tyre_slip(used / rear_left, slide * rear_left)
 
     # Errors once this decision acts. In a bend the body points inside by the rear axle's slip.
-    turning = seen[at[YAW_RATE]] - speed * at_distance(seen, at[CURVATURE], speed * delay / step)
-    heading = seen[at[HEADING]]
-    drift = math.sin(heading + math.atan2(seen[at[LATERAL_SPEED]], speed))
-    offset = seen[at[OFFSET]] - shift + speed * delay * drift
+    turning = observation[offsets[YAW_RATE]] - speed * at_distance(
+        observation, offsets[CURVATURE], speed * delay / step
+    )
+    heading = observation[offsets[HEADING]]
+    drift = math.sin(heading + math.atan2(observation[offsets[LATERAL_SPEED]], speed))
+    offset = observation[offsets[OFFSET]] - shift + speed * delay * drift
     heading += delay * turning + rear_axle * bend - rear_slip
     look = 2.0 * DAMPING * speed / FREQUENCY
     gain = FREQUENCY * FREQUENCY * wheelbase / max(speed * speed, 4.0)
@@ -227,7 +229,9 @@ def steering_on_line(seen: Floats, at: Ints, vehicle: Record, shift: float, forc
     if speed > vehicle.dynamic_above:
         # Turned further than it slips at most, a front wheel only brakes. Stiff tyres hardly slip,
         # but the kart follows them at once.
-        way = math.atan2(seen[at[LATERAL_SPEED]] + front_axle * seen[at[YAW_RATE]], speed)
+        way = math.atan2(
+            observation[offsets[LATERAL_SPEED]] + front_axle * observation[offsets[YAW_RATE]], speed
+        )
         most = max(SLIP_SHARE * slide, vehicle.steering_rate * DELAY_S)
         angle = min(max(angle, way - most), way + most)
     return min(max(angle / vehicle.steering_limit, -1.0), 1.0)

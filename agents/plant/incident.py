@@ -1,4 +1,4 @@
-"""What goes wrong on purpose while the plant races: somebody steps in front, the radio goes off.
+"""What goes wrong on purpose while the plant races: a person steps in front, the radio goes off.
 
 Each is watched and measured, so that a drill can show what the reflex did.
 """
@@ -17,49 +17,49 @@ from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, gap_to
 
 STANDS = 0.03  # [m/s] slower than this is standing
-# Somebody steps out where this share of the way that the kart needs to stop is left.
+# The person steps out where this share of the way that the kart needs to stop is left.
 ROOM = 1.3
-STAY_S = 2.0  # so long a person stays once the kart stands
-WATCH_S = 3.0  # so long a kart that was cut off is watched once it stands
+STAY_S = 2.0  # a person stays this long once the kart stands
+WATCH_S = 3.0  # a kart without radio is watched this long once it stands
 # What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].
 BRAKES_AT = 2.0
 # [rad] that the way to the person may turn, and by which the course may turn otherwise there.
 MOST_BEND, MOST_STRAY = 0.3, 0.12
-# A turn that takes so long shows that the machine had no time for the kart's program.
+# A turn that takes longer [s] shows that the machine had no time for the kart's program.
 PAUSE_S = 0.3
 VIEW_WIDTHS = 2.0  # kart widths beside the way in which no other kart may be
-RETRY_S = 3.0  # after a kart drove past somebody who was not on its way
+RETRY_S = 3.0  # after a kart drove past a person who was not on its way
 # It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
 # the fastest that it has been.
 FAST, NEARLY_FASTEST = 0.45, 0.75
 
 
 @dataclass
-class Pace:
+class FastestSpeed:
     """Whether a kart is fast, as far as this course allows."""
 
     fastest: float = 0.0  # [m/s] so far
 
     def is_fast(self, body: Body) -> bool:
-        """Take note of a speed and return whether it is high."""
+        """Record the body's speed and return whether it is high."""
         self.fastest = max(self.fastest, body.speed)
         return body.speed > min(FAST * body.vehicle.top_speed, NEARLY_FASTEST * self.fastest)
 
 
 @dataclass
-class Passage:
+class PersonIncident:
     """A person on the track, and how the kart met it."""
 
     after_s: float  # of racing
     person: Person | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     is_over: bool = False
-    _pace: Pace = field(default_factory=Pace)
+    _fastest: FastestSpeed = field(default_factory=FastestSpeed)
     _stood_s: float = math.inf
 
     def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
         """Step out, be met, walk away."""
-        is_fast = self._pace.is_fast(plant.body)
+        is_fast = self._fastest.is_fast(plant.body)
         if self.is_over or raced_s < self.after_s:
             return
         if self.person is None:
@@ -119,9 +119,9 @@ class Passage:
 
 
 def is_view_clear(person: Person, body: Body, others: Floats) -> bool:
-    """Return whether no other kart is, or soon comes, between a kart and somebody on its way.
+    """Return whether no other kart is, or soon comes, between a kart and a person on its way.
 
-    Whoever steps out behind a kart is seen once that kart has gone, which no reflex can help.
+    A person who steps out behind a kart is seen once that kart has gone, which no reflex can help.
     others: (N, 5) x, y [m] and more of each.
     """
     cos, sin = math.cos(body.heading), math.sin(body.heading)
@@ -133,7 +133,7 @@ def is_view_clear(person: Person, body: Body, others: Floats) -> bool:
 
 
 def _is_past(person: Person, plant: Plant) -> bool:
-    """Return whether a kart has driven past somebody without touching."""
+    """Return whether a kart has driven past a person without touching."""
     body = plant.body
     dx, dy = person.x - body.x, person.y - body.y
     ahead = dx * math.cos(body.heading) + dy * math.sin(body.heading)
@@ -141,13 +141,13 @@ def _is_past(person: Person, plant: Plant) -> bool:
 
 
 @dataclass
-class Cut:
+class RadioLoss:
     """The radio goes off and stays off."""
 
     after_s: float  # of racing
     figures: dict[str, Any] = field(default_factory=dict)
     is_over: bool = False
-    _pace: Pace = field(default_factory=Pace)
+    _fastest: FastestSpeed = field(default_factory=FastestSpeed)
     _from: tuple[float, float] = (0.0, 0.0)
     _stood_s: float = math.inf
 
@@ -155,7 +155,7 @@ class Cut:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
         if not onboard.is_cut:
-            if not self._pace.is_fast(body) or raced_s < self.after_s:
+            if not self._fastest.is_fast(body) or raced_s < self.after_s:
                 return
             onboard.is_cut = True
             plant.throttle = 1.0
@@ -179,8 +179,8 @@ class IncidentLog:
     """Runs the incidents and keeps the figures of one race."""
 
     plant: Plant
-    passage: Passage | None = None
-    cut: Cut | None = None
+    person: PersonIncident | None = None
+    radio_loss: RadioLoss | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
@@ -202,12 +202,12 @@ class IncidentLog:
         raced_s = now_s - self._green_s
         self._note_place(unit)
         self._note_orders(unit, now_s)
-        if self.passage is not None and raced_s > 0.0:
-            self.passage.turn(self.plant, unit, raced_s)
-        if self.cut is not None and raced_s > 0.0:
-            self.cut.turn(self.plant, unit, onboard, raced_s)
+        if self.person is not None and raced_s > 0.0:
+            self.person.turn(self.plant, unit, raced_s)
+        if self.radio_loss is not None and raced_s > 0.0:
+            self.radio_loss.turn(self.plant, unit, onboard, raced_s)
             if onboard.is_cut:
-                return not self.cut.is_over
+                return not self.radio_loss.is_over
         return raced_s < 1.0 or not is_home(unit)
 
     def _note_place(self, unit: ControlUnit) -> None:
@@ -240,7 +240,7 @@ class IncidentLog:
             ),
             "scrapes": self.plant.scrapes,
             "pauses": self._pauses,
-            "pedestrian": self.passage.figures if self.passage else None,
-            "cut": self.cut.figures if self.cut else None,
+            "pedestrian": self.person.figures if self.person else None,
+            "cut": self.radio_loss.figures if self.radio_loss else None,
             **self.figures,
         }

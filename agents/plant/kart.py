@@ -14,7 +14,7 @@ from race_agents.plant.radar import Floats, Surroundings, scan
 from race_server.core.messages import Control, Source
 from race_server.core.vehicles import Vehicle
 
-# The body meets borders at least so often, and stands still beyond so long a pause.
+# Longest time [s] between two checks for borders, and longest pause that the body moves through.
 PART_S, MOST_S = 0.05, 2.0
 
 

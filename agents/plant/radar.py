@@ -22,7 +22,7 @@ REACH_LENGTHS = 20.0  # kart lengths
 
 @dataclass
 class Person:
-    """Somebody, or something, that stands on the track."""
+    """A person or a thing that stands on the track."""
 
     x: float
     y: float

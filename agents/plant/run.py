@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from race_agents.onboard.client import take_part
-from race_agents.plant.incident import Cut, IncidentLog, Passage
+from race_agents.plant.incident import IncidentLog, PersonIncident, RadioLoss
 from race_agents.plant.kart import Plant, Sensors
 from race_agents.plant.radar import Floats, Surroundings
 from race_server.core.driver import driver_named
@@ -21,6 +21,8 @@ from race_server.net.transport import ClientLink, Mailbox
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet
 from race_server.net.wire.spectate import decode_snapshot
+
+PARKED = 64  # bit of a kart's flags in a snapshot: no sensor sees it
 
 
 @dataclass(frozen=True)
@@ -73,13 +75,13 @@ def run_plant(setting: PlantSetting) -> None:
     """Drive one race with a plant and write its report."""
     chance = random.Random(setting.seed)
     offset_s = chance.uniform(1e3, 1e6)  # no kart's clock shows the server's time
-    diaries: list[IncidentLog] = []
+    logs: list[IncidentLog] = []
 
     def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant:
         plant = _plant_for(setting, seat, sheet, link)
-        passage = Passage(setting.pedestrian_s) if setting.pedestrian_s is not None else None
-        cut = Cut(setting.cut_s) if setting.cut_s is not None else None
-        diaries.append(IncidentLog(plant, passage, cut))
+        person = PersonIncident(setting.pedestrian_s) if setting.pedestrian_s is not None else None
+        radio_loss = RadioLoss(setting.cut_s) if setting.cut_s is not None else None
+        logs.append(IncidentLog(plant, person, radio_loss))
         return plant
 
     try:
@@ -95,11 +97,11 @@ def run_plant(setting: PlantSetting) -> None:
             delay_s=setting.delay_s,
             caution=setting.caution,
             clock=lambda: time.monotonic() + offset_s,
-            each_turn=lambda *turn: diaries[0].turn(*turn),
+            each_turn=lambda *turn: logs[0].turn(*turn),
         )
     finally:
-        if setting.report is not None and diaries:
-            setting.report.write_text(json.dumps(diaries[0].summary()))
+        if setting.report is not None and logs:
+            setting.report.write_text(json.dumps(logs[0].summary()))
 
 
 def _plant_for(

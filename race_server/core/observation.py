@@ -1,10 +1,12 @@
-"""What a driver sees: named parts, put together to presets.
+"""What a driver sees: named parts, combined into presets.
 
 An observation is one float32 vector in SI units. The same kernel (`core/stages/observe.py`)
 fills it for training and for the live server. "Ahead" is along the centre line; the kart frame
 has x ahead and y to the left.
 """
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -13,13 +15,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.state import RADAR_RAYS
 from race_server.errors import ScenarioError
 
 AHEAD = 16  # samples of the course ahead
-NEARBY = 4  # karts that are told of
-THINGS = 4  # item boxes and hazards that are told of
-USES = 4  # of items
-RADAR_RAYS = 9
+NEARBY = 4  # karts reported
+THINGS = 4  # item boxes and hazards reported
+USES = 4  # kinds of item use
 
 
 @dataclass(frozen=True)
@@ -35,263 +37,136 @@ class Part:
     meaning: str
 
 
-def _scalar(
-    name: str, unit: str, low: float, high: float, meaning: str, frame: str = "kart"
-) -> Part:
-    return Part(name, 1, unit, low, high, frame, meaning)
+_SIZES = {
+    "1": 1,
+    "rays": 0,
+    "radar": RADAR_RAYS,
+    "ahead": AHEAD,
+    "karts": NEARBY,
+    "things": THINGS,
+    "uses": USES,
+}
+_ANGLES = {"pi": math.pi, "-pi": -math.pi}
+
+# The place of a row is the part's number in compiled code and its place in the preset "full", which
+# policies and recordings rely on: add new parts at the end. A row: name, size, unit, least and
+# greatest value, frame, meaning; an indented line continues the meaning.
+_TABLE = """\
+lidar                rays   m     0     100    kart   range of each ray, right to left, 0 where
+                                                      nothing came back
+lidar_before         rays   m     0     100    kart   the scan before the newest
+radar                radar  m     0     80     kart   range of each ray, right to left
+radar_kind           radar  Hit   0     4      kart   what each ray hit: 0 nothing, 1 border, 2
+                                                      obstacle, 3 hazard, 4 kart
+speed                1      m/s   -5    40     kart   forward speed
+lateral_speed        1      m/s   -20   20     kart   speed to the left
+yaw_rate             1      rad/s -20   20     kart   turning rate, left positive
+steering             1      rad   -1    1      kart   angle of the road wheels, left positive
+progress             1      m     0     100000 course distance along the centre line from the timing
+                                                      line
+lateral_offset       1      m     -100  100    course distance from the centre line, left positive
+heading_error        1      rad   -pi   pi     course heading against the centre line
+curvature_ahead      ahead  1/m   -10   10     course curvature of the centre line at the look-ahead
+                                                      distances
+path_ahead_x         ahead  m     -1000 1000   kart   points of the centre line at the look-ahead
+                                                      distances
+path_ahead_y         ahead  m     -1000 1000   kart   points of the centre line at the look-ahead
+                                                      distances
+left_ahead           ahead  m     0     100    course asphalt left of the centre line at the
+                                                      look-ahead distances
+right_ahead          ahead  m     0     100    course asphalt right of the centre line at the
+                                                      look-ahead distances
+look_ahead           1      m     0     100    kart   distance between two look-ahead samples; the
+                                                      first lies one step ahead
+karts_x              karts  m     -1000 1000   kart   nearest karts, nearest first; 1000 where there
+                                                      is none
+karts_y              karts  m     -1000 1000   kart   nearest karts
+karts_speed_x        karts  m/s   -80   80     kart   their velocity against the ground, in this
+                                                      kart's frame
+karts_speed_y        karts  m/s   -80   80     kart   their velocity against the ground, in this
+                                                      kart's frame
+boxes_x              things m     -1000 1000   kart   item boxes ready to be taken, nearest ahead
+                                                      first; 1000 where there is none
+boxes_y              things m     -1000 1000   kart   item boxes ready to be taken
+hazards_x            things m     -1000 1000   kart   placed hazards, nearest ahead first; 1000
+                                                      where there is none
+hazards_y            things m     -1000 1000   kart   placed hazards
+item                 1      item  0     255    race   number of the item held, 0 for none
+speed_cap            1      m/s   0     40     race   speed allowed by flags and effects
+thrust_scale         1      -     0     4      race   share of the motor's force that effects leave
+grip_scale           1      -     0     1      race   share of the grip that effects and surface
+                                                      leave
+lights               1      s     0     60     race   time until the start, 0 once the race runs
+flag                 1      Flag  0     2      race   0 green, 1 yellow, 2 red
+lap                  1      laps  0     10000  race   laps completed
+rank                 1      -     1     64     race   place in the race
+gap_ahead            1      m     0     100000 race   distance to the kart one place ahead, 0 for
+                                                      the leader
+gap_behind           1      m     0     100000 race   distance to the kart one place behind, 0 for
+                                                      the last
+wrong_way            1      -     0     1      race   1 while driving the wrong way
+rescue_offered       1      -     0     1      race   1 while the kart counts as stuck
+finished             1      -     0     1      race   1 once the race is over for this kart
+line_offset          1      m     -100  100    line   distance from the reference line, left
+                                                      positive; all parts of a line are 0 where the
+                                                      race has none
+line_heading         1      rad   -pi   pi     line   heading against the reference line
+line_step            1      m     0     100    line   distance between two samples of the reference
+                                                      line; the first lies abreast of the kart
+line_ahead_x         ahead  m     -1000 1000   kart   points of the reference line
+line_ahead_y         ahead  m     -1000 1000   kart   points of the reference line
+line_curvature_ahead ahead  1/m   -10   10     line   its curvature at those points
+line_speed_ahead     ahead  m/s   0     100    line   its speed at those points
+line_left_ahead      ahead  m     0     100    line   asphalt to its left at those points, as far as
+                                                      a fixed obstacle that the line passes
+line_right_ahead     ahead  m     0     100    line   the same to its right
+karts_along          karts  m     -1000 1000   line   way to the nearest karts along the reference
+                                                      line, the shorter way round; 1000 where there
+                                                      is none
+karts_across         karts  m     -1000 1000   line   their offsets from it, left positive
+item_use             uses   -     0     1      race   1 for what the item held does: acts on the
+                                                      kart itself, is left behind, guards, acts on
+                                                      the kart ahead
+"""
 
 
-# The order is the part's number in the compiled code: add at the end, see `core/stages/observe`.
-PARTS = (
-    Part(
-        "lidar",
-        0,
-        "m",
-        0,
-        100,
-        "kart",
-        "range of each ray, right to left, 0 where nothing came back",
-    ),
-    Part("lidar_before", 0, "m", 0, 100, "kart", "the scan before the newest"),
-    Part("radar", RADAR_RAYS, "m", 0, 80, "kart", "range of each ray, right to left"),
-    Part(
-        "radar_kind",
-        RADAR_RAYS,
-        "Hit",
-        0,
-        4,
-        "kart",
-        "what each ray hit: 0 nothing, 1 border, 2 obstacle, 3 hazard, 4 kart",
-    ),
-    _scalar("speed", "m/s", -5, 40, "forward speed"),
-    _scalar("lateral_speed", "m/s", -20, 20, "speed to the left"),
-    _scalar("yaw_rate", "rad/s", -20, 20, "turning rate, left positive"),
-    _scalar("steering", "rad", -1, 1, "angle of the road wheels, left positive"),
-    _scalar(
-        "progress", "m", 0, 1e5, "distance along the centre line from the timing line", "course"
-    ),
-    _scalar(
-        "lateral_offset", "m", -100, 100, "distance from the centre line, left positive", "course"
-    ),
-    _scalar("heading_error", "rad", -np.pi, np.pi, "heading against the centre line", "course"),
-    Part(
-        "curvature_ahead",
-        AHEAD,
-        "1/m",
-        -10,
-        10,
-        "course",
-        "curvature of the centre line at the look-ahead distances",
-    ),
-    Part(
-        "path_ahead_x",
-        AHEAD,
-        "m",
-        -1e3,
-        1e3,
-        "kart",
-        "points of the centre line at the look-ahead distances",
-    ),
-    Part(
-        "path_ahead_y",
-        AHEAD,
-        "m",
-        -1e3,
-        1e3,
-        "kart",
-        "points of the centre line at the look-ahead distances",
-    ),
-    Part(
-        "left_ahead",
-        AHEAD,
-        "m",
-        0,
-        100,
-        "course",
-        "asphalt left of the centre line at the look-ahead distances",
-    ),
-    Part(
-        "right_ahead",
-        AHEAD,
-        "m",
-        0,
-        100,
-        "course",
-        "asphalt right of the centre line at the look-ahead distances",
-    ),
-    _scalar(
-        "look_ahead",
-        "m",
-        0,
-        100,
-        "distance between two look-ahead samples; the first lies one step ahead",
-    ),
-    Part(
-        "karts_x",
-        NEARBY,
-        "m",
-        -1e3,
-        1e3,
-        "kart",
-        "nearest karts, nearest first; 1000 where there is none",
-    ),
-    Part("karts_y", NEARBY, "m", -1e3, 1e3, "kart", "nearest karts"),
-    Part(
-        "karts_speed_x",
-        NEARBY,
-        "m/s",
-        -80,
-        80,
-        "kart",
-        "their velocity against the ground, in this kart's frame",
-    ),
-    Part(
-        "karts_speed_y",
-        NEARBY,
-        "m/s",
-        -80,
-        80,
-        "kart",
-        "their velocity against the ground, in this kart's frame",
-    ),
-    Part(
-        "boxes_x",
-        THINGS,
-        "m",
-        -1e3,
-        1e3,
-        "kart",
-        "item boxes ready to be taken, nearest ahead first; 1000 where there is none",
-    ),
-    Part("boxes_y", THINGS, "m", -1e3, 1e3, "kart", "item boxes ready to be taken"),
-    Part(
-        "hazards_x",
-        THINGS,
-        "m",
-        -1e3,
-        1e3,
-        "kart",
-        "placed hazards, nearest ahead first; 1000 where there is none",
-    ),
-    Part("hazards_y", THINGS, "m", -1e3, 1e3, "kart", "placed hazards"),
-    _scalar("item", "item", 0, 255, "number of the item held, 0 for none", "race"),
-    _scalar("speed_cap", "m/s", 0, 40, "speed allowed by flags and effects", "race"),
-    _scalar("thrust_scale", "-", 0, 4, "share of the motor's force that effects leave", "race"),
-    _scalar("grip_scale", "-", 0, 1, "share of the grip that effects and surface leave", "race"),
-    _scalar("lights", "s", 0, 60, "time until the start, 0 once the race runs", "race"),
-    _scalar("flag", "Flag", 0, 2, "0 green, 1 yellow, 2 red", "race"),
-    _scalar("lap", "laps", 0, 1e4, "laps completed", "race"),
-    _scalar("rank", "-", 1, 64, "place in the race", "race"),
-    _scalar(
-        "gap_ahead", "m", 0, 1e5, "distance to the kart one place ahead, 0 for the leader", "race"
-    ),
-    _scalar(
-        "gap_behind", "m", 0, 1e5, "distance to the kart one place behind, 0 for the last", "race"
-    ),
-    _scalar("wrong_way", "-", 0, 1, "1 while driving the wrong way", "race"),
-    _scalar("rescue_offered", "-", 0, 1, "1 while the kart counts as stuck", "race"),
-    _scalar("finished", "-", 0, 1, "1 once the race is over for this kart", "race"),
-    _scalar(
-        "line_offset",
-        "m",
-        -100,
-        100,
-        "distance from the reference line, left positive; all parts of a line are 0 where the "
-        "race has none",
-        "line",
-    ),
-    _scalar("line_heading", "rad", -np.pi, np.pi, "heading against the reference line", "line"),
-    _scalar(
-        "line_step",
-        "m",
-        0,
-        100,
-        "distance between two samples of the reference line; the first lies abreast of the kart",
-        "line",
-    ),
-    Part("line_ahead_x", AHEAD, "m", -1e3, 1e3, "kart", "points of the reference line"),
-    Part("line_ahead_y", AHEAD, "m", -1e3, 1e3, "kart", "points of the reference line"),
-    Part("line_curvature_ahead", AHEAD, "1/m", -10, 10, "line", "its curvature at those points"),
-    Part("line_speed_ahead", AHEAD, "m/s", 0, 100, "line", "its speed at those points"),
-    Part(
-        "line_left_ahead",
-        AHEAD,
-        "m",
-        0,
-        100,
-        "line",
-        "asphalt to its left at those points, as far as a fixed obstacle that the line passes",
-    ),
-    Part("line_right_ahead", AHEAD, "m", 0, 100, "line", "the same to its right"),
-    Part(
-        "karts_along",
-        NEARBY,
-        "m",
-        -1e3,
-        1e3,
-        "line",
-        "way to the nearest karts along the reference line, the shorter way round; 1000 where "
-        "there is none",
-    ),
-    Part("karts_across", NEARBY, "m", -1e3, 1e3, "line", "their offsets from it, left positive"),
-    Part(
-        "item_use",
-        USES,
-        "-",
-        0,
-        1,
-        "race",
-        "1 for what the item held does: acts on the kart itself, is left behind, guards, acts on "
-        "the kart ahead",
-    ),
-)
+def _parts_in(table: str) -> tuple[Part, ...]:
+    parts = []
+    for row in re.sub(r"\n +", " ", table).splitlines():
+        name, size, unit, low, high, frame, meaning = row.split(maxsplit=6)
+        parts.append(Part(name, _SIZES[size], unit, _bound(low), _bound(high), frame, meaning))
+    return tuple(parts)
 
+
+def _bound(text: str) -> float:
+    return _ANGLES[text] if text in _ANGLES else float(text)
+
+
+PARTS = _parts_in(_TABLE)
 PART_NUMBERS = {part.name: number for number, part in enumerate(PARTS)}
 
+
+def numbers_of(names: str) -> tuple[int, ...]:
+    """Return the numbers of parts, whose names are separated by spaces."""
+    return tuple(PART_NUMBERS[name] for name in names.split())
+
+
 _GAME = (
-    "item",
-    "speed_cap",
-    "thrust_scale",
-    "grip_scale",
-    "lights",
-    "flag",
-    "lap",
-    "rank",
-    "wrong_way",
-    "rescue_offered",
-    "finished",
+    *("item", "speed_cap", "thrust_scale", "grip_scale", "lights", "flag", "lap", "rank"),
+    *("wrong_way", "rescue_offered", "finished"),
 )
+_GAPS = ("gap_ahead", "gap_behind")
 _TRACK = (
-    "progress",
-    "lateral_offset",
-    "heading_error",
-    "curvature_ahead",
-    "path_ahead_x",
-    "path_ahead_y",
-    "left_ahead",
-    "right_ahead",
-    "look_ahead",
+    *("progress", "lateral_offset", "heading_error", "curvature_ahead"),
+    *("path_ahead_x", "path_ahead_y", "left_ahead", "right_ahead", "look_ahead"),
 )
 _LINE = (
-    "line_offset",
-    "line_heading",
-    "line_step",
-    "line_ahead_x",
-    "line_ahead_y",
-    "line_curvature_ahead",
-    "line_speed_ahead",
-    "line_left_ahead",
-    "line_right_ahead",
+    *("line_offset", "line_heading", "line_step", "line_ahead_x", "line_ahead_y"),
+    *("line_curvature_ahead", "line_speed_ahead", "line_left_ahead", "line_right_ahead"),
 )
 _WORLD = (
-    "karts_x",
-    "karts_y",
-    "karts_speed_x",
-    "karts_speed_y",
-    "boxes_x",
-    "boxes_y",
-    "hazards_x",
-    "hazards_y",
+    *("karts_x", "karts_y", "karts_speed_x", "karts_speed_y"),
+    *("boxes_x", "boxes_y", "hazards_x", "hazards_y"),
 )
 _RIVALS = ("karts_along", "karts_across")
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
@@ -302,21 +177,17 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "lidar": ("lidar", "lidar_before", *_MOTION, *_GAME),
         "radar": ("radar", "radar_kind", *_MOTION, *_GAME),
         # For drivers that may know the course.
-        "track": (*_MOTION, *_TRACK, *_WORLD, *_GAME, "gap_ahead", "gap_behind"),
+        "track": (*_MOTION, *_TRACK, *_WORLD, *_GAME, *_GAPS),
         # For drivers that may know the fastest line as well; see `scenario/raceline/attach.py`.
-        "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, "gap_ahead", "gap_behind"),
-        # The line, and where others are beside it: for policies that race.
-        "rivals": (
-            *(*_MOTION, *_TRACK, *_LINE, *_WORLD, *_RIVALS, *_GAME, "item_use"),
-            *("gap_ahead", "gap_behind"),
-        ),
+        "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, *_GAPS),
+        # The line, and where other karts are beside it: for policies that race.
+        "rivals": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_RIVALS, *_GAME, "item_use", *_GAPS),
         "full": tuple(part.name for part in PARTS),
     }
 )
 
-
-# Observations that leave out what a live race tells every driver (lights, flags, the end); a
-# policy trained on one of them gets its numbers out of a larger preset.
+# Observations without what a live race tells every driver (lights, flags, the end); a policy
+# trained on one of them picks its numbers out of a larger preset.
 LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         # Report of the 1/10 race, 2024: the scan now and before, speed and steering.
@@ -368,8 +239,21 @@ def layout_of(preset: str | tuple[str, ...], lidar_rays: int) -> Layout:
     return Layout(title, MappingProxyType(slices), start, numbers)
 
 
+def offsets_of(layout: Layout) -> NDArray[np.int64]:
+    """Return where each part begins in a vector, shape (parts + 1,), by part number.
+
+    Parts that the layout lacks have -1. The last number is the count of lidar rays, 0 without.
+    """
+    offsets = np.full(len(PARTS) + 1, -1, np.int64)
+    for name, place in layout.slices.items():
+        offsets[PART_NUMBERS[name]] = place.start
+    lidar = layout.slices.get("lidar", slice(0, 0))
+    offsets[-1] = lidar.stop - lidar.start
+    return offsets
+
+
 def wants_line(observation: str | tuple[str, ...]) -> bool:
-    """Return whether a preset, or parts by name, tell of the reference line."""
+    """Return whether a preset, or parts by name, include the reference line."""
     return not {*_LINE, *_RIVALS}.isdisjoint(_parts_of(observation))
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from race_server.core.clock import TICK_S
 from race_server.core.kernels.jit import bind
-from race_server.core.observation import layout_of
+from race_server.core.observation import layout_of, offsets_of
 from race_server.core.rules.items import items
 from race_server.core.state import Bytes, Float32s, Floats, World, digest, part_of
 from race_server.envs.actions import RESIDUAL, action_kind
@@ -129,7 +129,7 @@ class Batch:
             ),
             discipline.figures,
             settings,
-            self.layout.numbers,
+            offsets_of(self.layout),
             opposition_of(self.opponents, self.karts),
             weights_of(task.reward, discipline.terms, discipline.rewards),
             task.gap.ranges(),

@@ -5,7 +5,7 @@ terms, A numbers of an action, D delay. Three records have fields of the discipl
 own: `settings`, `before` and `episodes` (with `ended`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -51,8 +51,8 @@ class Buffers(NamedTuple):
     """All that a decision of a batch reads and writes besides the world."""
 
     settings: Records  # (1,) SETTINGS and the discipline's
-    parts: Ints  # (n,) parts of the learners' observation
-    opponent_parts: Ints  # (K, n) parts of each opponent's, filled up with -1
+    offsets: Ints  # (parts + 1,) of the learners' observation, see `observation.offsets_of`
+    opponent_offsets: Ints  # (K, parts + 1) of each opponent's, all -1 for a kart without a driver
     weights: Floats  # (T,) of the reward terms
     odds: Floats  # (S,) of the scenarios, summed up; the last is 1
     gap: Floats  # (G, 2) ranges of the reality gap
@@ -80,7 +80,7 @@ class Buffers(NamedTuple):
 
 
 # Fields without a leading world axis.
-_SHARED = {"settings", "parts", "opponent_parts", "weights", "odds", "gap", "table"}
+_SHARED = {"settings", "offsets", "opponent_offsets", "weights", "odds", "gap", "table"}
 _BY_WORLD = tuple(name for name in Buffers._fields if name not in _SHARED)
 
 
@@ -100,14 +100,14 @@ class Opposition(NamedTuple):
     """What the opponents of a batch see, as sizes and part numbers."""
 
     widest: int  # numbers of the longest observation
-    parts: Ints  # (K, n) filled up with -1
+    offsets: Ints  # (K, parts + 1) of each kart's, all -1 for a kart without a driver
 
 
 def make_buffers(
     sizes: Sizes,
     figures: Figures,
     settings: Mapping[str, float],
-    parts: Sequence[int],
+    offsets: Ints,
     opposition: Opposition,
     weights: Floats,
     gap: Floats,
@@ -124,8 +124,8 @@ def make_buffers(
     rings = [int(row[1]) + 1 if row[1] > 0 else 0 for row in gap[:2]]
     return Buffers(
         settings=_settings(settings),
-        parts=np.array(parts, np.int64),
-        opponent_parts=opposition.parts,
+        offsets=offsets,
+        opponent_offsets=opposition.offsets,
         weights=weights,
         odds=np.cumsum(np.full(sizes.scenarios, 1.0 / sizes.scenarios)),
         gap=gap,

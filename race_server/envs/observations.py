@@ -21,16 +21,16 @@ def write_observations(world: World, buffers: Buffers, w: int) -> None:
     for k in range(buffers.rewards.shape[1]):
         if buffers.idle[w, k] == 0:
             write_observation(world, buffers, w, k)
-    for k in range(buffers.opponent_parts.shape[0]):
+    for k in range(buffers.opponent_offsets.shape[0]):
         # A learning kart has a scripted driver, too, where actions are advice to one.
-        if buffers.opponent_parts[k, 0] >= 0:
+        if buffers.opponent_offsets[k, -1] >= 0:
             _write_view(world, buffers, w, k)
 
 
 @large_kernel
 def write_observation(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Fill `buffers.observations[w, k]`, (size,), with what a learning kart is to see now."""
-    observe(world, w, k, buffers.parts, buffers.observations[w, k])
+    observe(world, w, k, buffers.offsets, buffers.observations[w, k])
     delay_observation(buffers, w, k)
 
 
@@ -63,6 +63,6 @@ def delay_observation(buffers: Buffers, w: int, k: int) -> None:
 @large_kernel
 def _write_view(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Fill `buffers.views[w, k]`, (S,), with what an opponent sees."""
-    observe(world, w, k, buffers.opponent_parts[k], buffers.row[w])
+    observe(world, w, k, buffers.opponent_offsets[k], buffers.row[w])
     for index in range(buffers.row.shape[1]):
         buffers.views[w, k, index] = float(buffers.row[w, index])

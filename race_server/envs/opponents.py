@@ -1,8 +1,8 @@
 """Karts that do not learn among those that do: their drivers, each called once a decision.
 
 A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
-instead: from seats, views, layout, vehicles, gear, memory and controls it makes a call that fills
-the controls. What it remembers is in `memory`, which is zero when a round begins.
+instead: from the cockpits and the layout of the observations it makes a call that fills the
+controls. What it remembers is in `memory`, which is zero when a round begins.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from race_server.core.driver import driver_named
-from race_server.core.kernel_driver import ASIDE, FETCH, item_kinds, starts_of
+from race_server.core.kernel_driver import ASIDE, FETCH, Cockpits, item_uses_of
 from race_server.core.kernels.jit import bind
-from race_server.core.observation import Layout, layout_of
+from race_server.core.observation import PARTS, Layout, layout_of, offsets_of
 from race_server.core.state import Floats, Ints, Records
 from race_server.envs.actions import advice_of
 from race_server.envs.buffers import Buffers, Opposition
@@ -29,9 +29,8 @@ class Opponents:
     karts: tuple[int, ...]
     layout: Layout
     driver: Any
-    at: Ints
-    gear: Floats
-    kinds: Ints
+    setup: Floats
+    item_uses: Ints
 
     def seats(self, worlds: int) -> Ints:
         """Return world and kart of each kart, shape (n, 2)."""
@@ -45,14 +44,21 @@ class Opponents:
 
         views: (W, K, S); vehicles: (W, K); memory: (W, K, M); controls: (W, K, 4).
         """
-        seats, driver = self.seats(worlds), self.driver
+        driver = self.driver
+        cockpits = Cockpits(
+            self.seats(worlds),
+            views,
+            offsets_of(self.layout),
+            vehicles,
+            self.setup,
+            self.item_uses,
+            memory,
+            controls,
+        )
         if hasattr(driver, "driving"):
-            drive: Callable[[], None] = driver.driving(
-                seats, views, self.layout, vehicles, self.gear, memory, controls
-            )
+            drive: Callable[[], None] = driver.driving(cockpits, self.layout)
             return drive
-        figures = (self.at, vehicles, self.gear, self.kinds)
-        return bind(type(driver).decide_all, seats, views, *figures, memory, controls)
+        return bind(type(driver).decide_all, cockpits)
 
 
 def opponents_of(
@@ -60,12 +66,12 @@ def opponents_of(
     first: int,
     karts: int,
     rays: int,
-    gear: Floats,
+    setup: Floats,
     item_names: tuple[str, ...],
 ) -> list[Opponents]:
     """Return the drivers of karts `first` to `karts`, whose names are repeated in turn.
 
-    gear: lidar field [rad], lidar reach [m], time between decisions [s].
+    setup: lidar field [rad], lidar reach [m], time between decisions [s].
 
     Raises:
         DriverError: a driver is unknown.
@@ -83,15 +89,13 @@ def opponents_of(
                 "race_server/core/kernel_driver.py; let it join a live server instead"
             )
         layout = layout_of(driver.preset, rays)
-        kinds = item_kinds(item_names)
-        found.append(
-            Opponents(name, tuple(numbers), layout, driver, starts_of(layout), gear, kinds)
-        )
+        item_uses = item_uses_of(item_names)
+        found.append(Opponents(name, tuple(numbers), layout, driver, setup, item_uses))
     return found
 
 
 def takes_advice(driver: object) -> bool:
-    """Return whether a driver does what is written into its memory, see `Autopilot`."""
+    """Return whether a driver does what is written into its memory, see `KernelDriver`."""
     return bool(getattr(driver, "takes_advice", False))
 
 
@@ -123,10 +127,8 @@ def advise(buffers: Buffers, width: float) -> None:
 
 
 def opposition_of(groups: Sequence[Opponents], karts: int) -> Opposition:
-    """Return the size of the longest observation, and the parts of each kart's."""
-    most = max((len(group.layout.numbers) for group in groups), default=1)
-    parts = np.full((karts, most), -1, np.int64)
+    """Return the size of the longest observation, and the offsets of each kart's."""
+    offsets = np.full((karts, len(PARTS) + 1), -1, np.int64)
     for group in groups:
-        for kart in group.karts:
-            parts[kart, : len(group.layout.numbers)] = group.layout.numbers
-    return Opposition(max((group.layout.size for group in groups), default=1), parts)
+        offsets[list(group.karts)] = offsets_of(group.layout)
+    return Opposition(max((group.layout.size for group in groups), default=1), offsets)

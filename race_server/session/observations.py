@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from race_server.core.observation import PRESETS, Layout, layout_of
+from race_server.core.observation import PRESETS, Layout, layout_of, offsets_of
 from race_server.core.stages.observe import observe_karts
 from race_server.core.state import Float32s, World
 from race_server.scenario.race import ABSENT
@@ -19,10 +19,7 @@ class Observations:
         """Lay out the observations of all presets. rays: of the lidar."""
         names = list(PRESETS)
         self._layouts: list[Layout] = [layout_of(name, rays) for name in names]
-        longest = max(len(layout.numbers) for layout in self._layouts)
-        self._parts = np.full((len(names), longest), -1, np.int64)
-        for row, layout in zip(self._parts, self._layouts, strict=True):
-            row[: len(layout.numbers)] = layout.numbers
+        self._offsets = np.stack([offsets_of(layout) for layout in self._layouts])
         self._presets = np.full(seats, NO_PRESET, np.int64)  # their places in PRESETS
         size = max(layout.size for layout in self._layouts)
         self._values: Float32s = np.zeros((1, seats, size), np.float32)
@@ -35,7 +32,7 @@ class Observations:
 
     def compute(self, world: World) -> None:
         """Compute the observations of all seats now."""
-        observe_karts(world, self._parts, self._presets, self._values)
+        observe_karts(world, self._offsets, self._presets, self._values)
 
     def of(self, seat: int) -> Float32s:
         """Return the observation vector of a seat as of the last `compute`."""

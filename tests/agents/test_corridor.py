@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from race_agents.drivers.follow_gap import bend_to
-from race_agents.planning.corridor import WIDTH, find_gates, largest_edge, write_gate
+from race_agents.planning.corridor import WIDTH, Walls, find_gates, largest_edge, write_gate
 from race_agents.planning.path_smoothing import (
     BEND,
     CHANGE,
@@ -64,7 +64,7 @@ def test_between_straight_walls_gates_lie_across() -> None:
     places = np.arange(0.0, 5.1, 0.1)
     memory = scan_of([(x, 0.5) for x in places], [(x, -0.5) for x in places])
     rays, out = 2 * len(places), KEPT + 8 * len(places)
-    gates, closed = find_gates(memory, out, rays, len(places) - 1, 0.0, 1.0, 0.5, 0.3, 0.2)
+    gates, closed = find_gates(Walls(memory, rays, len(places) - 1, 0.0, 1.0), out, 0.5, 0.3, 0.2)
     assert not closed
     assert gates == 9  # every half metre or a little more, as the rungs fall
     assert memory[out + WIDTH : out + WIDTH + gates] == pytest.approx(1.0, abs=0.01)
@@ -75,7 +75,7 @@ def test_where_the_walls_meet_the_way_is_closed() -> None:
     left = [(x, 0.5 - 0.25 * x) for x in places]
     memory = scan_of(left, [(x, -y) for x, y in left])
     rays, out = 2 * len(places), KEPT + 8 * len(places)
-    gates, closed = find_gates(memory, out, rays, len(places) - 1, 0.0, 1.0, 0.3, 0.4, 0.1)
+    gates, closed = find_gates(Walls(memory, rays, len(places) - 1, 0.0, 1.0), out, 0.3, 0.4, 0.1)
     assert closed
     assert 3 <= gates <= 4  # to 1.2 m, where the walls are 0.4 m apart
 

@@ -14,7 +14,7 @@ from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.competition.time_trial.gaps import Gap
 from race_server.competition.time_trial.run import drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
-from race_server.core.kernel_driver import memory_size
+from race_server.core.kernel_driver import Cockpit, memory_size
 from race_server.core.messages import Status
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.vehicles import GRAVITY, TT02, vehicle_record
@@ -102,13 +102,14 @@ def test_a_car_on_tyres_that_hardly_slip_touches_nothing_either() -> None:
 def test_how_the_wheels_turn_tells_how_late_commands_act(delay: int) -> None:
     # Thirds of a decision; the wheels are asked for another angle at every third one.
     at, seen, control = np.zeros(len(PART_NUMBERS), np.int64), np.zeros(1), np.zeros(4)
-    memory, gear = np.zeros(memory_size(0)), np.array([0.0, 0.0, 0.05])
+    memory, setup = np.zeros(memory_size(0)), np.array([0.0, 0.0, 0.05])
     vehicle = vehicle_record(TT02)[0]
+    cockpit = Cockpit(seen, at, vehicle, setup, np.zeros(1, np.int64), memory, control)
     turn = TT02.steering_rate * 0.05 / 3.0
     asked = [0.0]
     for step in range(3 * 30):
         if step % 3 == 0:
-            estimate_latency(seen, at, vehicle, gear, memory)
+            estimate_latency(cockpit)
             control[0] = 0.8 * math.sin(1.7 * (step // 9))
             remember_command(memory, control)
         asked.append(control[0] * TT02.steering_limit)

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from race_server.core.messages import Phase
-from race_server.core.observation import PARTS, PRESETS, Observation, layout_of
-from race_server.core.stages import observe
+from race_server.core.observation import (
+    PARTS,
+    PRESETS,
+    Observation,
+    Part,
+    layout_of,
+    offsets_of,
+)
+from race_server.core.stages import observed_parts
+from race_server.core.stages.observe import observe_karts
 from race_server.core.state import field_of
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
@@ -42,10 +50,27 @@ def test_an_unknown_preset_is_named_with_the_known_ones() -> None:
 
 
 def test_the_table_and_the_kernel_count_alike() -> None:
-    from race_server.core import observation
+    filled = [number for group in observed_parts.GROUPS for number in group]
+    assert sorted(filled) == list(range(len(PARTS)))
 
-    for name in ("AHEAD", "NEARBY", "THINGS", "USES"):
-        assert getattr(observe, name) == getattr(observation, name)
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)
+def test_a_part_alone_is_what_it_is_among_all_others(part: Part) -> None:
+    session, full = seen()
+    alone = layout_of((part.name,), 201)
+    values = np.full((1, 3, alone.size + 1), 7.0, np.float32)
+    observe_karts(session.world, offsets_of(alone)[None], np.array([-1, 0, -1]), values)
+    assert list(values[0, 1, :-1]) == list(full[part.name])
+    assert values[0, 1, -1] == 7.0  # nothing is written behind the part
+    assert (values[0, [0, 2]] == 7.0).all()  # nor for a kart without a preset
+
+
+def test_parts_that_a_layout_lacks_have_no_offset() -> None:
+    offsets = offsets_of(layout_of(("speed", "radar", "lap"), 201))
+    shown = {PARTS[number].name: start for number, start in enumerate(offsets[:-1]) if start >= 0}
+    assert shown == {"speed": 0, "radar": 1, "lap": 10}
+    assert offsets[-1] == 0  # lidar rays
+    assert offsets_of(layout_of("lidar", 201))[-1] == 201
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.name)

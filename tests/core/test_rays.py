@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from race_server.core import codes
+from race_server.core.kernels.boxes import Hull
 from race_server.core.kernels.geometry import (
     ROUGHNESS,
     cos_sin,
@@ -15,7 +16,7 @@ from race_server.core.kernels.geometry import (
     rough_angle,
     wrap_angle,
 )
-from race_server.core.kernels.rays import cast_ray
+from race_server.core.kernels.rays import Fan, cast_ray
 from race_server.core.kernels.rng import bits, normal_of, uniform
 from race_server.core.kernels.sensors import see_body
 from race_server.core.kernels.wall_scan import scan_body, scan_walls
@@ -89,7 +90,7 @@ def test_a_fan_laid_over_the_walls_sees_what_each_ray_sees(
     field = math.radians(shape[1])
     rays = fan(shape[0], field)
     ranges = np.zeros(shape[0], np.float32)
-    scan_walls(WALLS, SITE, x, y, cos, sin, rays, field, 8.0, ranges)
+    scan_walls(WALLS, SITE, Fan(x, y, cos, sin, rays, field, 8.0), ranges)
     for (c, s), found in zip(rays, ranges, strict=True):
         alone, _ = cast_ray(WALLS, SITE, x, y, cos * c - sin * s, sin * c + cos * s, 8.0)
         assert found == pytest.approx(alone, abs=1e-5)
@@ -137,8 +138,9 @@ def test_a_fan_sees_a_body_exactly_where_its_rays_meet_the_box(
     rays = fan(shape[0], field)
     ranges, kinds = np.full(shape[0], 5.0, np.float32), np.zeros(shape[0], np.uint8)
     cos, sin = math.cos(angle), math.sin(angle)
-    body = (x, y, heading, 0.1, 0.25, 0.1)  # its box stands 0.1 m ahead, 0.5 m by 0.2 m
-    see_body(0.0, 0.0, cos, sin, rays, 5.0, *body, codes.KART_HIT, ranges, kinds)
+    looks = Fan(0.0, 0.0, cos, sin, rays, field, 5.0)
+    body = Hull(x, y, heading, 0.1, 0.25, 0.1, 0)  # its box stands 0.1 m ahead, 0.5 m by 0.2 m
+    see_body(looks, body, codes.KART_HIT, ranges, kinds)
     bc, bs = math.cos(heading), math.sin(heading)
     u, v = -(x * bc + y * bs) - 0.1, x * bs - y * bc
     for (c, s), found, kind in zip(rays, ranges, kinds, strict=True):
@@ -147,7 +149,7 @@ def test_a_fan_sees_a_body_exactly_where_its_rays_meet_the_box(
         assert found == pytest.approx(min(alone, 5.0), abs=1e-5)
         assert kind == (codes.KART_HIT if alone < 5.0 else codes.NOTHING)
     laid = np.full(shape[0], 5.0, np.float32)
-    scan_body(0.0, 0.0, cos, sin, rays, field, 5.0, *body, laid)
+    scan_body(looks, body, laid)
     assert laid == pytest.approx(ranges, abs=1e-5)
 
 

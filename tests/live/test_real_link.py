@@ -12,7 +12,7 @@ from race_agents.onboard.client import KartProgram, fence_of, take_part
 from race_agents.onboard.control_unit import ControlUnit
 from race_agents.onboard.safety import Command
 from race_agents.plant.body import Body
-from race_agents.plant.incident import Pace, is_view_clear
+from race_agents.plant.incident import FastestSpeed, is_view_clear
 from race_agents.plant.kart import Plant, Sensors
 from race_agents.plant.radar import Person, Surroundings
 from race_server.competition.launch import free_address
@@ -134,7 +134,7 @@ def test_only_a_busy_machine_excuses_a_doubt_and_only_a_late_pose(
 
 
 def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None:
-    pace, body = Pace(), Body(TT02, 0.0, 0.0, 0.0)
+    pace, body = FastestSpeed(), Body(TT02, 0.0, 0.0, 0.0)
     for speed, is_fast in ((2.0, True), (1.0, False), (1.8, True), (4.6, True), (3.0, False)):
         body.speed = speed
         assert pace.is_fast(body) is is_fast

@@ -1,13 +1,26 @@
-"""Exact range of a ray to borders and obstacles, walking a uniform grid."""
+"""Fans of rays, and the exact range of one ray to borders and obstacles on a uniform grid."""
 
 import math
+from typing import NamedTuple
 
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Record, Walls
+from race_server.core.state import Floats, Record, Walls
 
 # Moves a ray just across the edge of a cell. The grid lists a wall in every cell that comes
 # within ten times this distance of it.
 NUDGE = 1e-7
+
+
+class Fan(NamedTuple):
+    """The rays of one sensor of one kart, evenly spaced, ray 0 the rightmost."""
+
+    x: float  # of the sensor [m]
+    y: float
+    cos: float  # of the direction in which the sensor looks
+    sin: float
+    rays: Floats  # (R, 2) cosine and sine of each ray in the frame of the sensor
+    field: float  # angle between the outermost rays [rad]
+    reach: float  # [m]
 
 
 @kernel
@@ -16,8 +29,8 @@ def cast_ray(
 ) -> tuple[float, int]:
     """Return distance [m] and number of the first wall from (x, y) towards (cos, sin).
 
-    The number is -1 and the distance `reach` where nothing stands nearer. Cells that hold walls
-    are visited in order; over empty ones the ray skips a whole free box ahead.
+    reach: [m]. The number is -1 and the distance `reach` where no wall is nearer. Cells that hold
+    walls are visited in order; over empty ones the ray skips a whole free box ahead.
     """
     size = site.cell
     columns, rows = site.columns, site.rows

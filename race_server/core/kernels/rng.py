@@ -1,6 +1,6 @@
-"""Chance without a state: a number follows from seed, stream and counters alone.
+"""Random numbers without a state: each follows from seed, stream and counters alone.
 
-So the order in which karts or worlds are stepped, the size of a batch and the number of threads
+The order in which karts or worlds are stepped, the size of a batch and the number of threads
 make no difference. Mixing: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
 """
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from race_server.core.kernels.jit import kernel
 
-# Streams: one per use, so that no two uses ever read the same number.
+# Streams: one per use, so that no two uses read the same number.
 ITEM_STREAM = 1
 LIDAR_STREAM = 2
 RADAR_STREAM = 3

@@ -1,7 +1,4 @@
-"""What one seat sees, as the vector that `race_server.core.observation` describes.
-
-The numbers of the parts are their places in `observe.PARTS`; a test holds the two together.
-"""
+"""What one seat sees, as the vector that `race_server.core.observation` describes."""
 
 import math
 
@@ -10,39 +7,53 @@ from race_server.core.clock import TICK_S
 from race_server.core.kernels.course import place_on_reference
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import HAZARDS, RADAR_RAYS, Float32s, Ints, Record, World
+from race_server.core.observation import AHEAD, USES
+from race_server.core.stages import observed_parts as part
+from race_server.core.stages.observe_around import fill_karts, fill_things, offset_from
+from race_server.core.stages.observed_parts import KartFrame, put, shows, to_frame
+from race_server.core.state import RADAR_RAYS, Float32s, Ints, Record, World
 
-AHEAD = 16
-NEARBY = 4
-THINGS = 4
-USES = 4
-FAR = 1000.0  # stands for "there is none"
-
-# Distance between two look-ahead samples: a time at top speed, but never less than a length.
+# Least time at top speed [s] between two look-ahead samples; they are a body length apart at least.
 LOOK_AHEAD_S = 0.1
 
 
 @kernel
-def observe(world: World, w: int, k: int, parts: Ints, out: Float32s) -> None:
-    """Fill `out` with the parts of the given numbers, one behind the other."""
-    place = 0
-    for index in range(len(parts)):
-        if parts[index] < 0:
-            return
-        place = _fill(world, w, k, parts[index], out, place)
+def observe(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
+    """Fill `out` (size,) with what kart k of world w sees.
+
+    offsets: (parts + 1,) where each part begins in `out`, see `observation.offsets_of`.
+    """
+    body = world.bodies[w, k]
+    frame = KartFrame(body.x, body.y, math.cos(body.heading), math.sin(body.heading))
+    _fill_scans(world, w, k, offsets, out)
+    _fill_motion(body, offsets, out)
+    _fill_game(world, w, k, offsets, out)
+    _fill_race(world, w, k, offsets, out)
+    _fill_place(world, w, k, offsets, out)
+    if shows(offsets, part.COURSE):
+        _fill_course(world, w, k, frame, offsets, out)
+    here = _place_on_line(world, w, k, offsets)
+    if shows(offsets, part.LINE):
+        _fill_line(world, w, k, here, frame, offsets, out)
+    if shows(offsets, part.KARTS):
+        fill_karts(world, w, k, here, frame, offsets, out)
+    if shows(offsets, part.BOXES):
+        fill_things(world, w, frame, True, offsets, out)
+    if shows(offsets, part.HAZARDS_AHEAD):
+        fill_things(world, w, frame, False, offsets, out)
 
 
 @kernel
-def observe_karts(world: World, parts: Ints, presets: Ints, out: Float32s) -> None:
+def observe_karts(world: World, offsets: Ints, presets: Ints, out: Float32s) -> None:
     """Fill `out`, shape (W, K, size), for every kart of every world in one call.
 
-    parts: (P, n) part numbers of each preset, filled up with -1; presets: (K,) the row of
-    `parts` that each kart gets, -1 for none.
+    offsets: (P, parts + 1) of each preset; presets: (K,) the row of `offsets` that each kart
+    gets, -1 for none.
     """
     for w in range(world.bodies.shape[0]):
         for k in range(world.bodies.shape[1]):
             if presets[k] >= 0:
-                observe(world, w, k, parts[presets[k]], out[w, k])
+                observe(world, w, k, offsets[presets[k]], out[w, k])
 
 
 @kernel
@@ -52,276 +63,163 @@ def look_ahead_of(vehicle: Record) -> float:
 
 
 @kernel
-def _fill(world: World, w: int, k: int, number: int, out: Float32s, place: int) -> int:
-    sight = world.sight
-    if number <= 1:
-        rays = sight.lidar.shape[3]
-        for ray in range(rays):
-            out[place + ray] = sight.lidar[w, k, number, ray]
-        return place + rays
-    if number == 2:
-        for ray in range(RADAR_RAYS):
-            out[place + ray] = sight.radar[w, k, ray]
-        return place + RADAR_RAYS
-    if number == 3:
-        for ray in range(RADAR_RAYS):
-            out[place + ray] = sight.radar_kinds[w, k, ray]
-        return place + RADAR_RAYS
-    if 11 <= number <= 15:
-        _course_ahead(world, w, k, number - 11, out, place)
-        return place + AHEAD
-    if 17 <= number <= 20:
-        _karts_near(world, w, k, number - 17, out, place)
-        return place + NEARBY
-    if 21 <= number <= 24:
-        _things_ahead(world, w, k, number - 21, out, place)
-        return place + THINGS
-    if 38 <= number <= 40:
-        out[place] = _place_on_line(world, w, k, number - 38)
-        return place + 1
-    if 41 <= number <= 46:
-        _line_ahead(world, w, k, number - 41, out, place)
-        return place + AHEAD
-    if 47 <= number <= 48:
-        _karts_near(world, w, k, number - 43, out, place)
-        return place + NEARBY
-    if number == 49:
-        use = world.items[world.players[w, k].held].use
-        for index in range(USES):
-            out[place + index] = 1.0 if use == index + 1 else 0.0
-        return place + USES
-    out[place] = _scalar(world, w, k, number)
-    return place + 1
-
-
-@kernel
-def _scalar(world: World, w: int, k: int, number: int) -> float:
-    body, racer, player = world.bodies[w, k], world.racers[w, k], world.players[w, k]
-    race = world.races[w]
-    if number == 4:
-        return body.speed
-    if number == 5:
-        return body.lateral_speed
-    if number == 6:
-        return body.yaw_rate
-    if number == 7:
-        return body.steering
-    if number == 8:
-        return racer.progress
-    if number == 9:
-        return racer.lateral_offset
-    if number == 10:
-        return racer.heading_error
-    if number == 16:
-        return look_ahead_of(world.vehicles[w, k])
-    if number == 25:
-        return float(player.held)
-    if number == 26:
-        return body.speed_cap
-    if number == 27:
-        return body.thrust_scale
-    if number == 28:
-        return body.grip_scale
-    if number == 29:
-        return max(max(race.start_tick, race.hold_until) - race.tick, 0) * TICK_S
-    if number == 30:
-        return float(max(race.flag, racer.yellow))
-    if number == 31:
-        return float(racer.laps)
-    if number == 32:
-        return float(racer.rank)
-    if number == 33 or number == 34:
-        return _gap(world, w, k, -1 if number == 33 else 1)
-    if number == 35:
-        return float(racer.wrong_way)
-    if number == 36:
-        return float(racer.rescue_offered)
-    return 1.0 if body.status != codes.RACING else 0.0
-
-
-@kernel
-def _gap(world: World, w: int, k: int, places: int) -> float:
-    racer = world.racers[w, k]
-    for other in range(world.bodies.shape[1]):
-        rival_body, rival_racer = world.bodies[w, other], world.racers[w, other]
-        if rival_body.status != codes.ABSENT and rival_racer.rank == racer.rank + places:
-            return abs(rival_racer.ranked - racer.ranked)
-    return 0.0
-
-
-@kernel
-def _course_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
-    body, racer = world.bodies[w, k], world.racers[w, k]
-    course = world.route.courses[world.rules[w].course]
-    cos, sin = math.cos(body.heading), math.sin(body.heading)
-    step = look_ahead_of(world.vehicles[w, k]) / course.spacing
-    here = racer.progress / course.spacing
-    for index in range(AHEAD):
-        sample = int(here + (index + 1) * step + 0.5) % course.line_count
-        line = world.route.line[course.line_start + sample]
-        if what == 0:
-            out[place + index] = line.curvature
-        elif what == 1:
-            out[place + index] = (line.x - body.x) * cos + (line.y - body.y) * sin
-        elif what == 2:
-            out[place + index] = (line.y - body.y) * cos - (line.x - body.x) * sin
-        elif what == 3:
-            out[place + index] = line.left
-        else:
-            out[place + index] = line.right
-
-
-@kernel
 def line_step_of(vehicle: Record) -> float:
     """Return the distance [m] between two samples of the reference line ahead."""
     return 0.5 * vehicle.length
 
 
 @kernel
-def _place_on_line(world: World, w: int, k: int, what: int) -> float:
-    """Return offset (what 0) or heading error (1) against the reference line, or its step (2)."""
-    body, racer = world.bodies[w, k], world.racers[w, k]
+def _fill_scans(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
+    sight = world.sight
+    for ray in range(sight.lidar.shape[3]):
+        put(out, offsets[part.LIDAR], ray, sight.lidar[w, k, 0, ray])
+        put(out, offsets[part.LIDAR_BEFORE], ray, sight.lidar[w, k, 1, ray])
+    for ray in range(RADAR_RAYS):
+        put(out, offsets[part.RADAR], ray, sight.radar[w, k, ray])
+        put(out, offsets[part.RADAR_KIND], ray, sight.radar_kinds[w, k, ray])
+
+
+@kernel
+def _fill_motion(body: Record, offsets: Ints, out: Float32s) -> None:
+    put(out, offsets[part.SPEED], 0, body.speed)
+    put(out, offsets[part.LATERAL_SPEED], 0, body.lateral_speed)
+    put(out, offsets[part.YAW_RATE], 0, body.yaw_rate)
+    put(out, offsets[part.STEERING], 0, body.steering)
+
+
+@kernel
+def _fill_game(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
+    """Fill the item held, and what flags, effects and the surface leave of speed and force."""
+    body, player = world.bodies[w, k], world.players[w, k]
+    put(out, offsets[part.ITEM], 0, float(player.held))
+    use = world.items[player.held].use
+    for index in range(USES):
+        put(out, offsets[part.ITEM_USE], index, 1.0 if use == index + 1 else 0.0)
+    put(out, offsets[part.SPEED_CAP], 0, body.speed_cap)
+    put(out, offsets[part.THRUST_SCALE], 0, body.thrust_scale)
+    put(out, offsets[part.GRIP_SCALE], 0, body.grip_scale)
+
+
+@kernel
+def _fill_race(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
+    """Fill what race control shows and how the race stands."""
+    body, racer, race = world.bodies[w, k], world.racers[w, k], world.races[w]
+    until_start = max(max(race.start_tick, race.hold_until) - race.tick, 0)
+    put(out, offsets[part.LIGHTS], 0, until_start * TICK_S)
+    put(out, offsets[part.FLAG], 0, float(max(race.flag, racer.yellow)))
+    put(out, offsets[part.LAP], 0, float(racer.laps))
+    put(out, offsets[part.RANK], 0, float(racer.rank))
+    if offsets[part.GAP_AHEAD] >= 0:
+        out[offsets[part.GAP_AHEAD]] = _gap(world, w, k, -1)
+    if offsets[part.GAP_BEHIND] >= 0:
+        out[offsets[part.GAP_BEHIND]] = _gap(world, w, k, 1)
+    put(out, offsets[part.WRONG_WAY], 0, float(racer.wrong_way))
+    put(out, offsets[part.RESCUE_OFFERED], 0, float(racer.rescue_offered))
+    put(out, offsets[part.FINISHED], 0, 1.0 if body.status != codes.RACING else 0.0)
+
+
+@kernel
+def _gap(world: World, w: int, k: int, places: int) -> float:
+    """Return the distance [m] to the kart that many places behind, 0 where there is none."""
+    racer = world.racers[w, k]
+    for other in range(world.bodies.shape[1]):
+        rival = world.racers[w, other]
+        if world.bodies[w, other].status != codes.ABSENT and rival.rank == racer.rank + places:
+            return abs(rival.ranked - racer.ranked)
+    return 0.0
+
+
+@kernel
+def _fill_place(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
+    """Fill where the kart is on the course."""
+    racer = world.racers[w, k]
+    put(out, offsets[part.PROGRESS], 0, racer.progress)
+    put(out, offsets[part.LATERAL_OFFSET], 0, racer.lateral_offset)
+    put(out, offsets[part.HEADING_ERROR], 0, racer.heading_error)
+    put(out, offsets[part.LOOK_AHEAD], 0, look_ahead_of(world.vehicles[w, k]))
+
+
+@kernel
+def _fill_course(
+    world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out: Float32s
+) -> None:
+    """Fill the centre line at the look-ahead distances, and the asphalt on both sides of it."""
     course = world.route.courses[world.rules[w].course]
-    if course.reference_spacing <= 0.0:
-        return 0.0
-    if what == 2:
-        return line_step_of(world.vehicles[w, k])
-    place = place_on_reference(world.route, course, body.x, body.y, racer.line_index)
-    sample = int(place + 0.5) % course.line_count
-    if what == 0:
-        return _offset_from(world, course, sample, body)
-    point = world.route.reference[course.line_start + sample]
-    along = (body.x - point.x) * point.cos + (body.y - point.y) * point.sin
-    return wrap_angle(body.heading - point.heading - along * point.curvature)
-
-
-@kernel
-def _offset_from(world: World, course: Record, sample: int, body: Record) -> float:
-    """Return how far [m] a kart is left of the reference line, abreast of a sample of it."""
-    point = world.route.reference[course.line_start + sample]
-    dx, dy = body.x - point.x, body.y - point.y
-    along = dx * point.cos + dy * point.sin
-    return dy * point.cos - dx * point.sin - 0.5 * point.curvature * along * along
-
-
-@kernel
-def _rival_on_line(world: World, w: int, k: int, other: int, what: int) -> float:
-    """Return the way [m] to a rival along the reference line (what 0), or its offset (1)."""
-    body, racer = world.bodies[w, k], world.racers[w, k]
-    rival_body, rival_racer = world.bodies[w, other], world.racers[w, other]
-    route = world.route
-    course = route.courses[world.rules[w].course]
-    if course.reference_spacing <= 0.0:
-        return 0.0
-    there = place_on_reference(route, course, rival_body.x, rival_body.y, rival_racer.line_index)
-    if what == 1:
-        return _offset_from(world, course, int(there + 0.5) % course.line_count, rival_body)
-    here = place_on_reference(route, course, body.x, body.y, racer.line_index)
-    way, half = there - here, 0.5 * course.line_count
-    if way >= half:
-        way -= course.line_count
-    elif way < -half:
-        way += course.line_count
-    return way * course.reference_spacing
-
-
-@kernel
-def _line_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
-    """Tell of the reference line from abreast of the kart on, at equal steps along it."""
-    body, racer, route = world.bodies[w, k], world.racers[w, k], world.route
-    course = route.courses[world.rules[w].course]
-    if course.reference_spacing <= 0.0:
-        for index in range(AHEAD):
-            out[place + index] = 0.0
-        return
-    cos, sin = math.cos(body.heading), math.sin(body.heading)
-    step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
-    here = place_on_reference(route, course, body.x, body.y, racer.line_index)
+    step = look_ahead_of(world.vehicles[w, k]) / course.spacing
+    here = world.racers[w, k].progress / course.spacing
     for index in range(AHEAD):
-        at = here + index * step
-        sample = int(at)
-        share = at - sample
-        sample %= course.line_count
-        following = sample + 1 if sample + 1 < course.line_count else 0
-        one = route.reference[course.line_start + sample]
-        two = route.reference[course.line_start + following]
-        if what <= 1:
-            dx = one.x + share * (two.x - one.x) - body.x
-            dy = one.y + share * (two.y - one.y) - body.y
-            out[place + index] = dx * cos + dy * sin if what == 0 else dy * cos - dx * sin
-        elif what == 2:
-            out[place + index] = one.curvature + share * (two.curvature - one.curvature)
-        elif what == 3:
-            out[place + index] = one.speed + share * (two.speed - one.speed)
-        elif what == 4:
-            out[place + index] = one.left + share * (two.left - one.left)
-        else:
-            out[place + index] = one.right + share * (two.right - one.right)
+        sample = int(here + (index + 1) * step + 0.5) % course.line_count
+        line = world.route.line[course.line_start + sample]
+        ahead, left = to_frame(frame, line.x, line.y)
+        put(out, offsets[part.CURVATURE], index, line.curvature)
+        put(out, offsets[part.PATH_X], index, ahead)
+        put(out, offsets[part.PATH_Y], index, left)
+        put(out, offsets[part.LEFT], index, line.left)
+        put(out, offsets[part.RIGHT], index, line.right)
 
 
 @kernel
-def _karts_near(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
-    """Tell of the nearest karts: x, y, velocity x, y in the kart frame, along, across the line."""
-    body = world.bodies[w, k]
-    cos, sin = math.cos(body.heading), math.sin(body.heading)
-    last = -1.0
-    chosen = -1
-    for index in range(NEARBY):
-        best, following = math.inf, -1
-        for other in range(world.bodies.shape[1]):
-            rival = world.bodies[w, other]
-            if other == k or rival.status != codes.RACING or rival.trust >= codes.SUSPENDED:
-                continue
-            dx, dy = rival.x - body.x, rival.y - body.y
-            square = dx * dx + dy * dy
-            # Next further away than the last one told of; equals in order of their numbers.
-            later = square > last or (square == last and other > chosen)
-            if later and square < best:
-                best, following = square, other
-        if following < 0:
-            out[place + index] = FAR if what <= 1 or what == 4 else 0.0
-            continue
-        last, chosen = best, following
-        if what >= 4:
-            out[place + index] = _rival_on_line(world, w, k, following, what - 4)
-            continue
-        rival = world.bodies[w, following]
-        dx, dy = rival.x - body.x, rival.y - body.y
-        if what >= 2:
-            c, s = math.cos(rival.heading), math.sin(rival.heading)
-            dx = rival.speed * c - rival.lateral_speed * s
-            dy = rival.speed * s + rival.lateral_speed * c
-        out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin
+def _place_on_line(world: World, w: int, k: int, offsets: Ints) -> float:
+    """Return where the kart is abreast of the reference line, as a fractional sample of it.
+
+    -1 where the race has no line, or the layout shows nothing that needs the place.
+    """
+    course = world.route.courses[world.rules[w].course]
+    if course.reference_spacing <= 0.0 or not (
+        shows(offsets, part.LINE) or shows(offsets, part.KARTS_ON_LINE)
+    ):
+        return -1.0
+    body, racer = world.bodies[w, k], world.racers[w, k]
+    return place_on_reference(world.route, course, body.x, body.y, racer.line_index)
 
 
 @kernel
-def _things_ahead(world: World, w: int, k: int, what: int, out: Float32s, place: int) -> None:
-    """Tell of boxes (what 0, 1) or hazards (2, 3): x or y in the kart frame, nearest first."""
-    body, tick = world.bodies[w, k], world.races[w].tick
-    cos, sin = math.cos(body.heading), math.sin(body.heading)
-    boxes = what <= 1
-    count = world.boxes.shape[1] if boxes else HAZARDS
-    last = -1.0
-    chosen = -1
-    for index in range(THINGS):
-        best, following = math.inf, -1
-        for thing in range(count):
-            if boxes:
-                seen = tick >= world.boxes[w, thing].ready_tick
-                dx, dy = world.boxes[w, thing].x - body.x, world.boxes[w, thing].y - body.y
-            else:
-                seen = tick < world.hazards[w, thing].until_tick
-                dx, dy = world.hazards[w, thing].x - body.x, world.hazards[w, thing].y - body.y
-            square = dx * dx + dy * dy
-            later = square > last or (square == last and thing > chosen)
-            if seen and later and square < best and dx * cos + dy * sin > 0.0:
-                best, following = square, thing
-        if following < 0:
-            out[place + index] = FAR
-            continue
-        last, chosen = best, following
-        if boxes:
-            dx, dy = world.boxes[w, following].x - body.x, world.boxes[w, following].y - body.y
-        else:
-            dx, dy = world.hazards[w, following].x - body.x, world.hazards[w, following].y - body.y
-        out[place + index] = dx * cos + dy * sin if what % 2 == 0 else dy * cos - dx * sin
+def _fill_line(
+    world: World, w: int, k: int, here: float, frame: KartFrame, offsets: Ints, out: Float32s
+) -> None:
+    """Fill where the kart is beside the reference line, and the line from there on.
+
+    here: fractional sample abreast of the kart, negative where the race has no line.
+    """
+    if here < 0.0:
+        put(out, offsets[part.LINE_OFFSET], 0, 0.0)
+        put(out, offsets[part.LINE_HEADING], 0, 0.0)
+        put(out, offsets[part.LINE_STEP], 0, 0.0)
+        for number in part.LINE_AHEAD:
+            for index in range(AHEAD):
+                put(out, offsets[number], index, 0.0)
+        return
+    body, route = world.bodies[w, k], world.route
+    course = route.courses[world.rules[w].course]
+    sample = int(here + 0.5) % course.line_count
+    point = route.reference[course.line_start + sample]
+    along = (body.x - point.x) * point.cos + (body.y - point.y) * point.sin
+    heading = wrap_angle(body.heading - point.heading - along * point.curvature)
+    put(out, offsets[part.LINE_OFFSET], 0, offset_from(point, body))
+    put(out, offsets[part.LINE_HEADING], 0, heading)
+    put(out, offsets[part.LINE_STEP], 0, line_step_of(world.vehicles[w, k]))
+    step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
+    for index in range(AHEAD):
+        _fill_line_sample(world, w, here + index * step, index, frame, offsets, out)
+
+
+@kernel
+def _fill_line_sample(
+    world: World, w: int, place: float, index: int, frame: KartFrame, offsets: Ints, out: Float32s
+) -> None:
+    """Fill element `index` of the parts ahead with the reference line at a fractional sample."""
+    course = world.route.courses[world.rules[w].course]
+    sample = int(place)
+    share = place - sample
+    sample %= course.line_count
+    following = sample + 1 if sample + 1 < course.line_count else 0
+    one = world.route.reference[course.line_start + sample]
+    two = world.route.reference[course.line_start + following]
+    ahead, left = to_frame(frame, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y))
+    curvature = one.curvature + share * (two.curvature - one.curvature)
+    put(out, offsets[part.LINE_X], index, ahead)
+    put(out, offsets[part.LINE_Y], index, left)
+    put(out, offsets[part.LINE_CURVATURE], index, curvature)
+    put(out, offsets[part.LINE_SPEED], index, one.speed + share * (two.speed - one.speed))
+    put(out, offsets[part.LINE_LEFT], index, one.left + share * (two.left - one.left))
+    put(out, offsets[part.LINE_RIGHT], index, one.right + share * (two.right - one.right))
