@@ -10,8 +10,8 @@ import pytest
 
 from race_server.core.clock import SUBSTEPS
 from race_server.core.kernels.jit import kernel
-from race_server.core.stages.contacts import move_karts
 from race_server.core.stages.controls import take_controls
+from race_server.core.stages.motion import move_bodies
 from race_server.core.state import Records, World
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD, STAY, Buffers, Figures
@@ -84,9 +84,9 @@ def decide(world: World, buffers: Buffers, starts: Starts) -> None:
         command_learners(world, buffers, w)
         for k in range(buffers.rewards.shape[1]):
             buffers.before[w, k].distance = distance_of(world, buffers, w, k)
-        take_controls(world, w, buffers.controls[w])
+        take_controls(world.bodies[w], buffers.controls[w])
         for _ in range(settings.decision_ticks * SUBSTEPS):
-            move_karts(world, w)
+            move_bodies(world.bodies[w], world.vehicles[w])
         for k in range(buffers.rewards.shape[1]):
             if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):
                 write_terminal(world, buffers, w, k)
