@@ -56,7 +56,6 @@ NOT_SWEPT: tuple[str, ...] = (
     "ARCHITECTURE.md",
     "CHANGELOG.md",
     "README.md",
-    "agents/drivers/",
     "agents/onboard/",
     "agents/planning/",
     "agents/plant/",
@@ -78,9 +77,7 @@ NOT_SWEPT: tuple[str, ...] = (
     "race_server/live/gateway/",
     "race_server/live/server/",
     "race_server/logs.py",
-    "race_server/scenario/race.py",
     "race_server/session/",
-    "race_server/storage/",
     "tests/agents/test_onboard.py",
     "tests/agents/test_unstuck.py",
     "tests/conftest.py",
@@ -89,7 +86,6 @@ NOT_SWEPT: tuple[str, ...] = (
     "tests/net/",
     "tests/scenario/",
     "tests/session/",
-    "tests/support/",
     "tracks/",
 )
 
