@@ -39,3 +39,5 @@ html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {"top_of_page_buttons": []}
 pygments_style = "friendly"
+html_search_language = "en"
+html_search_scorer = str(Path(__file__).parent / "_static" / "scorer.js")

@@ -55,9 +55,9 @@ def _chapters(tree: dict[Words, Any]) -> Iterator[str]:
                 for each in arguments
             )
         if options:
-            yield "| option | default | |\n|---|---|---|"
+            yield "| option | | default |\n|---|---|---|"
             yield "".join(
-                f"| {_spelling(each)} | {_default(each)} | {_plain(each.help)} |\n"
+                f"| {_spelling(each)} | {_plain(each.help)} | {_default(each)} |\n"
                 for each in options
             )
 

@@ -143,10 +143,10 @@ def messages_page(root: Path = ROOT) -> str:
             head = ("field", "type")
             if message.sort == "enum":
                 head = ("value", "bit" if "bit_flags" in message.note else "number")
-            parts.append(f"| {head[0]} | {head[1]} | meaning |\n|---|---|---|")
+            parts.append(f"| {head[0]} | meaning | {head[1]} |\n|---|---|---|")
             parts.append(
                 "".join(
-                    f"| `{each.name}` | `{each.kind}` | {_cell(each.note)} |\n"
+                    f"| `{each.name}` | {_cell(each.note)} | `{each.kind}` |\n"
                     for each in message.members
                 )
             )

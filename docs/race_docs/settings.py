@@ -26,7 +26,7 @@ def settings_page(root: Path = ROOT) -> str:
         node = classes[name]
         parts.append(f"## {heading}\n")
         parts.append(f"{_cell(ast.get_docstring(node) or '')}\n")
-        parts.append("| key | default | type | meaning |\n|---|---|---|---|")
+        parts.append("| key | meaning | default | type |\n|---|---|---|---|")
         parts.append("".join(_row(field, comments) for field in _fields(node)))
     return "\n".join(parts)
 
@@ -57,7 +57,7 @@ def _row(field: ast.AnnAssign, comments: dict[int, tuple[bool, str]]) -> str:
     kind = ast.unparse(field.annotation).replace("|", "\\|")
     meaning = _cell("; ".join(each for each in (note, bounds) if each))
     shown = f"`{default}`" if default else "needed"
-    return f"| `{ast.unparse(field.target)}` | {shown} | `{kind}` | {meaning} |\n"
+    return f"| `{ast.unparse(field.target)}` | {meaning} | {shown} | `{kind}` |\n"
 
 
 def _default(value: ast.expr | None) -> tuple[str, str]:
