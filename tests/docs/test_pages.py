@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("sybil", reason="sybil is not installed: pip install -e '.[docs]'")
 
 from race_agents.policies import metadata
-from race_agents.reproductions import cell
+from race_agents.reproductions import training
 from race_agents.training import demonstrations
 from race_docs.blocks import counts, run_page, runnable
 from race_docs.checks import Facts, check
@@ -163,7 +163,7 @@ def test_the_changelog_tells_the_versions_of_all_formats() -> None:
     assert rows["results file"] == str(len(MIGRATIONS))
     assert rows["policies"] == str(metadata.VERSION)
     assert rows["demonstrations"] == str(demonstrations.VERSION)
-    assert rows["runs of reproductions"] == str(cell.FORMAT)
+    assert rows["runs of reproductions"] == str(training.FORMAT)
 
 
 def test_the_readme_and_the_architecture_are_short() -> None:
