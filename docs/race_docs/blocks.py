@@ -1,4 +1,4 @@
-"""Runs the blocks of code in a page, in order, in a folder of their own.
+"""Runs the blocks of code in a page, in order, in one folder.
 
 Sybil finds and runs them. Python blocks of a page share their names. Of a console block each line
 that begins with `$ ` is a command, and must end with 0; the lines below it, if there are any, are

@@ -39,7 +39,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 def _write_pages(app: Sphinx) -> None:
-    """Write all generated pages anew."""
+    """Write all generated pages again."""
     facts = Facts()
     folder = Path(app.srcdir) / GENERATED
     packages = [importlib.import_module(name) for name in PACKAGES]
