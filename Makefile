@@ -9,7 +9,7 @@ PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page check-page test check lint setup schemas limits clean
+.PHONY: race page check-page test check lint docs hooks setup schemas limits clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -38,6 +38,15 @@ lint: $(VENV)/.installed-test
 
 check: lint check-page test
 
+# Warnings are errors. Nothing is read again from an earlier build: what pages name may have changed.
+docs: $(VENV)/.installed-test
+	$(BIN)/python -m sphinx --fresh-env --nitpicky --fail-on-warning --keep-going --quiet -b html docs docs/_build
+	@PYTHONPATH=docs RACE_SERVER_INTERPRET=1 $(BIN)/python -m race_docs.blocks
+	@echo 'The site is docs/_build/index.html.'
+
+hooks:
+	git config core.hooksPath .ci/hooks
+
 setup: $(VENV)/.installed-test
 
 schemas: $(VENV)/.installed-test
@@ -54,11 +63,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(VENV)/bin/python
 	# torch first and by itself: as a dependency it may come with gigabytes for graphics cards.
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,lint]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,lint,docs]"
 	@touch $@ $(VENV)/.installed
 
 limits: $(VENV)/.installed-test
 	$(BIN)/python -m race_server.scenario.raceline.export
 
 clean:
-	rm -rf $(VENV) web/node_modules race_server/live/gateway/page .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) web/node_modules race_server/live/gateway/page docs/_build docs/generated .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,1 @@
+"""The documentation site: pages that are generated at build time, and checks of what pages name."""

@@ -1,0 +1,50 @@
+"""What a wheel installs: one owner for each import name, and all that races need."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("hatchling", reason="hatchling builds the wheel")
+
+from race_server.live.gateway.page import is_built
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """The names of all files in a wheel of this repository."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        return set(archive.namelist())
+
+
+def test_a_wheel_owns_two_import_names_and_neither_is_agents(names: set[str]) -> None:
+    tops = {name.split("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"race_server", "race_agents"}
+
+
+def test_a_wheel_holds_tracks_schemas_policies_and_presets(names: set[str]) -> None:
+    for folder, inside, pattern in (
+        ("tracks", "race_server/tracks", "*.toml"),
+        ("tracks/limits", "race_server/tracks/limits", "*.npz"),
+        ("schemas", "race_server/schemas", "*.fbs"),
+        ("race_server/net/wire/generated", "race_server/net/wire/generated", "*.bfbs"),
+        ("agents/policies", "race_agents/policies", "*.onnx"),
+        ("agents/training/presets", "race_agents/training/presets", "*.toml"),
+    ):
+        files = [path.name for path in (ROOT / folder).glob(pattern)]
+        assert files
+        assert {f"{inside}/{name}" for name in files} <= names
+
+
+@pytest.mark.skipif(not is_built(), reason="the page is not built: make page")
+def test_a_wheel_holds_the_page(names: set[str]) -> None:
+    assert "race_server/live/gateway/page/index.html" in names
+    assert any(name.startswith("race_server/live/gateway/page/assets/") for name in names)
