@@ -119,30 +119,31 @@ def cut_rung(rung: Rung, share: float, hides: float) -> Rung:
 
 
 @large_kernel
-def next_rung(walls: Walls, left: int, right: int) -> tuple[int, int]:
-    """Return the points of the left and of the right wall that the next rung connects.
+def next_rung(walls: Walls, left: int, right: int, rung: Rung) -> tuple[int, int, Rung]:
+    """Return the next rung, and the numbers of the points that it connects.
 
-    One step on along the wall where the rung stays shorter; (-1, -1) where both walls end.
-    left, right: points of the present rung.
+    One step on along the wall where the rung stays shorter; -1 where both walls end. left, right:
+    points that the present rung connects.
     """
     lefts, rights = walls.rays - 1 - walls.split, walls.split + 1
     lefts_all = lefts + (HIDDEN if walls.hides > 0.0 else 0)
     rights_all = rights + (HIDDEN if walls.hides < 0.0 else 0)
     if left + 1 >= lefts_all and right + 1 >= rights_all:
-        return -1, -1
+        return -1, -1, rung
     # A hidden wall has no end, so the way is known to the end of the one that is seen.
     if (walls.hides > 0.0 and right + 1 >= rights) or (walls.hides < 0.0 and left + 1 >= lefts):
-        return -1, -1
+        return -1, -1, rung
     by_left = by_right = math.inf
+    lx = ly = rx = ry = 0.0
     if left + 1 < lefts_all:
-        x, y = wall_point(walls, 1.0, left + 1)
-        rx, ry = wall_point(walls, -1.0, right)
-        by_left = (x - rx) * (x - rx) + (y - ry) * (y - ry)
+        lx, ly = wall_point(walls, 1.0, left + 1)
+        by_left = (lx - rung.rx) * (lx - rung.rx) + (ly - rung.ry) * (ly - rung.ry)
     if right + 1 < rights_all:
-        x, y = wall_point(walls, -1.0, right + 1)
-        lx, ly = wall_point(walls, 1.0, left)
-        by_right = (x - lx) * (x - lx) + (y - ly) * (y - ly)
-    return (left + 1, right) if by_left <= by_right else (left, right + 1)
+        rx, ry = wall_point(walls, -1.0, right + 1)
+        by_right = (rx - rung.lx) * (rx - rung.lx) + (ry - rung.ly) * (ry - rung.ly)
+    if by_left <= by_right:
+        return left + 1, right, Rung(lx, ly, rung.rx, rung.ry)
+    return left, right + 1, Rung(rung.lx, rung.ly, rx, ry)
 
 
 @kernel
@@ -177,14 +178,13 @@ def find_gates(
     left = right = gates = 0
     lx, ly = wall_point(walls, 1.0, 0)
     rx, ry = wall_point(walls, -1.0, 0)
-    last = Rung(lx, ly, rx, ry)
+    last = whole = Rung(lx, ly, rx, ry)
     middle_x, middle_y, narrowest = begin, 0.0, math.inf
     while gates < GATES:
-        left, right = next_rung(walls, left, right)
+        left, right, whole = next_rung(walls, left, right, whole)
         if left < 0:
             break
-        lx, ly = wall_point(walls, 1.0, left)
-        rx, ry = wall_point(walls, -1.0, right)
+        lx, ly, rx, ry = whole
         if gates == 0 and 0.5 * (lx + rx) <= begin:
             continue
         width = math.sqrt((lx - rx) * (lx - rx) + (ly - ry) * (ly - ry))
@@ -194,7 +194,7 @@ def find_gates(
             continue
         narrowest = min(narrowest, width)
         share = min(max(WIDER * narrowest, 2.0 * narrow) / width, 1.0)
-        rung = cut_rung(Rung(lx, ly, rx, ry), share, walls.hides)
+        rung = cut_rung(whole, share, walls.hides)
         dx, dy = 0.5 * (rung.lx + rung.rx) - middle_x, 0.5 * (rung.ly + rung.ry) - middle_y
         moved = math.sqrt(dx * dx + dy * dy)
         if moved < spacing:
