@@ -142,7 +142,7 @@ class KartVecEnv(VecEnv):
         return [method(*method_args, **method_kwargs) for _ in self._numbers(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return False for each: nothing is wrapped; episodes are monitored all the same."""
+        """Return False for each: nothing is wrapped, though episodes are monitored."""
         return [False] * len(self._numbers(indices))
 
     def _numbers(self, indices: Any) -> Sequence[int]:
