@@ -7,11 +7,13 @@ its output, where `...` stands for anything. A TOML block must be settings of a 
 
 import os
 import re
+import socket
 import subprocess
 import sys
+import time
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sybil import Document, Example
@@ -116,9 +118,20 @@ def _beside(block: Block, address: str) -> Iterator[None]:
         stderr=subprocess.DEVNULL,
     ) as process:
         try:
+            _wait_for(address, process)
             yield
         finally:
             process.terminate()
+
+
+def _wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
+    """Wait until something listens at an address; a server compiles before it does."""
+    host, _, port = address.rpartition(":")
+    deadline = time.monotonic() + COMMAND_LIMIT_S
+    while process.poll() is None and time.monotonic() < deadline:
+        with suppress(OSError), socket.create_connection((host, int(port)), timeout=1.0):
+            return
+        time.sleep(0.2)
 
 
 @contextmanager
