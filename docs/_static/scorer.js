@@ -5,9 +5,9 @@ var Scorer = {
     if (/^(design|results)\/|^generated\/(changelog|web|driver-|policy-|rllib)/.test(name)) return score - 3;
     return name.startsWith("generated/") ? score : score + 3;
   },
-  objNameMatch: 11,
-  objPartialMatch: 6,
-  objPrio: { 0: 15, 1: 5, 2: -5 },
+  objNameMatch: 8,
+  objPartialMatch: 3,
+  objPrio: { 0: 0, 1: 0, 2: -5 },
   objPrioDefault: 0,
   title: 15,
   partialTitle: 7,

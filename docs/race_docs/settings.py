@@ -55,7 +55,7 @@ def _row(field: ast.AnnAssign, comments: dict[int, tuple[bool, str]]) -> str:
     default, bounds = _default(field.value)
     note = _note(field, comments)
     kind = ast.unparse(field.annotation).replace("|", "\\|")
-    meaning = _cell("; ".join(each for each in (note, bounds) if each))
+    meaning = _cell("; ".join(each for each in (note.rstrip("."), bounds) if each))
     shown = f"`{default}`" if default else "needed"
     return f"| `{ast.unparse(field.target)}` | {meaning} | {shown} | `{kind}` |\n"
 

@@ -144,7 +144,7 @@ def test_settings_are_listed_with_default_bounds_and_meaning() -> None:
     assert "## [warm_start]" in page
     assert "## [[curriculum]]" in page
     (horizon,) = [line for line in page.splitlines() if line.startswith("| `horizon` |")]
-    assert "cut to this before it is normalised" in horizon
+    assert "normalised" in horizon
     assert "| `None` | `float \\| None` |" in horizon
     (rays,) = [line for line in page.splitlines() if line.startswith("| `rays` |")]
     assert rays.endswith("| `201` | `int` |")
