@@ -20,31 +20,25 @@ from pettingzoo.test import (
 )
 
 from race_server.core import codes
-from race_server.core.driver import Briefing, driver_named
+from race_server.core.driver import driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
-from race_server.core.rules.items import items
 from race_server.envs.actions import discrete_table
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD, STAY
 from race_server.envs.parallel import KartRace, env, parallel_env
-from race_server.envs.presets import LEARNING_RULES, race_task, task_on, time_trial_task
+from race_server.envs.presets import race_task, task_on, time_trial_task
 from race_server.envs.racing.reward_terms import REWARDS, TERMS, reward_weights
 from race_server.envs.reality_gap import RealityGap
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
-from race_server.scenario.race import Rules, Scenario
+from race_server.live.local_drivers import briefing_for
+from race_server.scenario.race import Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.reverse import reversed_course
 from race_server.session import Session
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
-FREE = replace(LEARNING_RULES, laps=0, items=False, stopped_limit_s=0.0, limit_s=0.0)
-
-
-def ring_task(karts: int = 2, rules: Rules = FREE, **options: Any) -> Task:
-    return task_on((Scenario(COURSE, karts=karts, rules=rules),), **options)
+from support.courses import SMALL_RING
+from support.tasks import FREE, ring_task
 
 
 def wandering(batch: Batch, steps: int, seed: int = 3) -> list[np.ndarray]:
@@ -82,7 +76,7 @@ def test_threads_do_not_change_what_happens() -> None:
 
 def test_the_batch_runs_the_very_race_that_a_live_session_runs() -> None:
     names = ("follow_gap", "pure_pursuit", "avoider")
-    scenario = Scenario(COURSE, karts=4, rules=replace(FREE, items=True))
+    scenario = Scenario(SMALL_RING, karts=4, rules=replace(FREE, items=True))
     task = task_on((scenario,), opponents=names, learners=1, observation="lidar")
     batch = Batch(task, after=STAY)
     seed = int(batch.world.races["seed"][0])
@@ -91,19 +85,9 @@ def test_the_batch_runs_the_very_race_that_a_live_session_runs() -> None:
     session.join("learner", "lidar", wanted=0).is_ready = True
     for seat, name in enumerate(names, start=1):
         driver = driver_named(name)
-        session.join(name, driver.preset, wanted=seat).is_ready = True
-        driver.reset(
-            Briefing(
-                seat,
-                scenario.vehicle_of(seat),
-                0,
-                driver.preset,
-                0.05,
-                tuple(item.name for item in items()),
-                scenario.lidar.field,
-                scenario.lidar.reach,
-            )
-        )
+        taken = session.join(name, driver.preset, wanted=seat)
+        taken.is_ready = True
+        driver.reset(briefing_for(session, taken))
         drivers[seat] = driver
     session.start()
     for decision in range(200):
@@ -295,15 +279,15 @@ def test_all_karts_of_a_race_start_in_the_same_of_two_directions() -> None:
 
 
 def test_a_course_driven_the_other_way_round_twice_is_the_course() -> None:
-    twice = reversed_course(reversed_course(COURSE))
-    assert np.allclose(twice.line[:, [0, 1, 3]], COURSE.line[:, [0, 1, 3]])
-    assert np.allclose(twice.gates, COURSE.gates)
-    assert np.allclose(twice.grid[:, :2], COURSE.grid[:, :2], atol=0.02)
-    assert twice.sectors == COURSE.sectors
+    twice = reversed_course(reversed_course(SMALL_RING))
+    assert np.allclose(twice.line[:, [0, 1, 3]], SMALL_RING.line[:, [0, 1, 3]])
+    assert np.allclose(twice.gates, SMALL_RING.gates)
+    assert np.allclose(twice.grid[:, :2], SMALL_RING.grid[:, :2], atol=0.02)
+    assert twice.sectors == SMALL_RING.sectors
 
 
 def test_a_curriculum_decides_which_scenario_a_reset_draws() -> None:
-    short, long = (Scenario(COURSE, karts=2, rules=replace(FREE, laps=n)) for n in (1, 9))
+    short, long = (Scenario(SMALL_RING, karts=2, rules=replace(FREE, laps=n)) for n in (1, 9))
     batch = Batch(task_on((short, long)), worlds=30)
     assert set(batch.world.rules["laps"]) == {1, 9}
     batch.set_odds([0.0, 1.0])

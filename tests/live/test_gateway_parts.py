@@ -59,7 +59,7 @@ from race_server.storage.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
 from race_server.storage.recording.reader import read_lines
 from race_server.storage.recording.seekable import SeekableRecording
 from support.browsers import Browser
-from support.courses import ring
+from support.courses import SMALL_RING
 from support.served_race import ServedRace, gated, record_race
 
 # Who drives
@@ -404,7 +404,7 @@ def test_a_gateway_that_fails_does_not_fail_the_race() -> None:
 
 def test_rays_are_those_that_the_sensors_of_the_race_give() -> None:
     obstacle = Obstacle(x=6.2, y=1.0, heading=0.4, length=0.5, width=0.3)
-    course = replace(ring(radius=6.0, half_width=0.7), obstacles=(obstacle,))
+    course = replace(SMALL_RING, obstacles=(obstacle,))
     lidar, radar = Lidar(noise=0.0), Radar()
     session = Session("race", Scenario(course, karts=3, seed=3, lidar=lidar, radar=radar))
     for seat in range(3):

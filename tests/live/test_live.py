@@ -26,11 +26,10 @@ from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from support.courses import ring
+from support.courses import SMALL_RING
 
 pytestmark = pytest.mark.net
 
-COURSE = ring(radius=6.0, half_width=0.7)
 NAMES = ["pure_pursuit", "follow_gap"]
 
 
@@ -51,7 +50,7 @@ def _one(result: RaceResult | None) -> list[RaceResult]:
 def served(karts: int = 2, *, pace: str = LOCKSTEP, drivers: int = 0) -> Iterator[Live]:
     """Serve one race; it ends with the block."""
     rules = Rules(laps=1, countdown_s=0.5, finish_limit_s=60.0, limit_s=90.0)
-    session = Session("race", Scenario(COURSE, karts=karts, seed=7, rules=rules))
+    session = Session("race", Scenario(SMALL_RING, karts=karts, seed=7, rules=rules))
     address = free_address()
     with ServerLink(address, "race", karts) as link:
         live = Live(address, RaceServer(session, link, pace))
@@ -86,7 +85,7 @@ def test_a_race_over_the_network_is_the_race_in_one_process() -> None:
     with served() as apart:
         drive_all(apart.address, NAMES)
     rules = apart.server.session.scenario.rules
-    alone = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
+    alone = Session("race", Scenario(SMALL_RING, karts=2, seed=7, rules=rules))
     with ServerLink(free_address(), "race", 2) as link:
         together = RaceServer(alone, link, LOCKSTEP, tuple(NAMES)).run(0)
     assert together is not None
@@ -98,7 +97,7 @@ def test_a_race_over_the_network_is_the_race_in_one_process() -> None:
 
 def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None:
     rules = Rules(laps=1, countdown_s=0.5)
-    session = Session("race", Scenario(COURSE, karts=3, seed=7, rules=rules))
+    session = Session("race", Scenario(SMALL_RING, karts=3, seed=7, rules=rules))
     address = free_address()
     with ServerLink(address, "race", 3) as link:
         server = RaceServer(session, link, LOCKSTEP, ("avoider", "pure_pursuit"))
@@ -122,7 +121,7 @@ def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None
 
 def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> None:
     rules = Rules(laps=1, countdown_s=0.5)
-    session = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
+    session = Session("race", Scenario(SMALL_RING, karts=2, seed=7, rules=rules))
     address = free_address()
     with ServerLink(address, "race", 2) as link:
         server = RaceServer(session, link, LOCKSTEP)
@@ -145,7 +144,7 @@ def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> 
 
 
 def test_a_seat_whose_driver_never_shows_up_is_free_again() -> None:
-    session = Session("race", Scenario(COURSE, karts=2))
+    session = Session("race", Scenario(SMALL_RING, karts=2))
     address = free_address()
     with ServerLink(address, "race", 2) as link:
         server = RaceServer(session, link, LOCKSTEP, timing=ServerTiming(show_up_s=0.3))

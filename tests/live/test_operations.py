@@ -31,9 +31,7 @@ from race_server.tools.drills.damage import decode_all
 from race_server.tools.drills.lossy_link import LinkConditions, LossyLink
 from race_server.tools.drills.network import drill_network
 from race_server.tools.drills.server_process import quantile
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
+from support.courses import SMALL_RING
 
 
 def free_port() -> int:
@@ -54,7 +52,7 @@ def get(port: int, path: str) -> tuple[int, str]:
 @pytest.fixture
 def racing() -> Iterator[RaceServer]:
     """Return a server in the middle of a race of two, one of whom is silent."""
-    session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
+    session = Session("test", Scenario(SMALL_RING, karts=2, rules=Rules(countdown_s=0.1)))
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
         server = RaceServer(session, link)
         for number in range(2):
@@ -167,7 +165,7 @@ def test_a_json_line_is_turned_back_into_words() -> None:
 
 def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
     stream = io.StringIO()
-    session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
+    session = Session("test", Scenario(SMALL_RING, karts=2, rules=Rules(countdown_s=0.1)))
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
         timing = ServerTiming(log_s=0.0)
         server = RaceServer(session, link, log=Log(stream=stream), timing=timing)

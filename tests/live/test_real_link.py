@@ -29,11 +29,9 @@ from race_server.net.wire.sheets import course_sheet
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.tools.drills.mixed import judge_both, way_to_stop
-from support.courses import ring
+from support.courses import SMALL_RING
 
 pytestmark = pytest.mark.net
-
-COURSE = ring(radius=6.0, half_width=0.7)
 
 
 class Gentle:
@@ -57,7 +55,7 @@ def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant
 
 def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent() -> None:
     rules = Rules(laps=1, countdown_s=0.5, limit_s=60.0)
-    session = Session("race", Scenario(COURSE, karts=1, rules=rules))
+    session = Session("race", Scenario(SMALL_RING, karts=1, rules=rules))
     address, seen = free_address(), {}
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, REAL)
@@ -94,7 +92,7 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
 
 
 def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:
-    session = Session("race", Scenario(COURSE, karts=1))
+    session = Session("race", Scenario(SMALL_RING, karts=1))
     address = free_address()
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, LOCKSTEP)
@@ -141,9 +139,9 @@ def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None
 
 
 def test_the_fence_of_a_course_is_its_kerb() -> None:
-    session = Session("race", Scenario(COURSE, karts=1))
+    session = Session("race", Scenario(SMALL_RING, karts=1))
     fence = fence_of(course_sheet(session.scenario))
-    x, y = COURSE.line[0, :2]
+    x, y = SMALL_RING.line[0, :2]
     assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
 
 

@@ -24,7 +24,7 @@ from race_server.session import Session
 from race_server.session.failsafe import FRESH_TICKS, SLOW_TICKS, grace_of
 from race_server.tools.drills.lossy_link import LinkConditions
 from race_server.tools.drills.sites import drill_sites
-from support.courses import ring
+from support.courses import SMALL_RING
 
 FULL = Control(steering=0.3, throttle=1.0)
 FIELD = math.radians(200.0)
@@ -148,7 +148,7 @@ def test_halls_that_race_on_different_courses_are_told_so() -> None:
     links = []
     for name in ("north", "south"):
         address = free_address()
-        course = replace(ring(radius=6.0, half_width=0.7), digest=name)
+        course = replace(SMALL_RING, digest=name)
         session = Session(name, Scenario(course, karts=2))
         links.append(ServerLink(address, name, 2))
         servers.append(RaceServer(session, links[-1]))

@@ -61,9 +61,8 @@ from race_server.storage.results.queries import races
 from race_server.storage.results.store import Store
 from race_server.storage.results.writer import Writer
 from race_server.tools.drills.deny import drill_deny
-from support.courses import ring
+from support.courses import SMALL_RING
 
-COURSE = ring(radius=6.0, half_width=0.7)
 SEAT, OTHER, SPECTATOR, STEWARD = roles_of(2)
 
 
@@ -249,7 +248,7 @@ def test_the_token_of_a_closed_session_lies_there_while_it_is_served(
 
 
 def racing(karts: int = 2) -> Session:
-    session = Session("cup", Scenario(COURSE, karts=karts, rules=Rules(laps=1)))
+    session = Session("cup", Scenario(SMALL_RING, karts=karts, rules=Rules(laps=1)))
     for seat in range(karts):
         session.join(f"driver {seat}", "track", wanted=seat, secret=seat + 1)
     session.start()
@@ -297,7 +296,7 @@ def test_who_was_sent_away_comes_back_only_when_the_seat_is_opened() -> None:
 
 
 def test_a_closed_seat_is_not_given_away() -> None:
-    session = Session("cup", Scenario(COURSE, karts=2))
+    session = Session("cup", Scenario(SMALL_RING, karts=2))
     told(Steward(session, "token"), "close", 0)
     assert session.join("first", "track").number == 1
     with pytest.raises(SeatError, match="all 2 seats are taken or closed"):
@@ -305,7 +304,7 @@ def test_a_closed_seat_is_not_given_away() -> None:
 
 
 def test_what_makes_no_sense_is_said() -> None:
-    steward = Steward(Session("cup", Scenario(COURSE, karts=2)), "token")
+    steward = Steward(Session("cup", Scenario(SMALL_RING, karts=2)), "token")
     for act, message in (
         ("flag", "no race is on"),
         ("dance", "cannot 'dance'; choose one of flag"),
@@ -364,7 +363,7 @@ def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
 ) -> None:
     address, path = free_address(), tmp_path / "results.sqlite"
     rules = Rules(laps=1, countdown_s=0.1, items=False)
-    session = Session("cup", Scenario(COURSE, karts=2, rules=rules))
+    session = Session("cup", Scenario(SMALL_RING, karts=2, rules=rules))
     amended: list[RaceResult] = []
     heard: list[Event] = []
     with (
@@ -418,7 +417,7 @@ def test_once_the_next_race_begins_a_result_stands() -> None:
 def opened(keys: Path, seats: int = 2, protocol: str = "tls") -> Iterator[tuple[str, RaceServer]]:
     address = free_address().replace("tcp", protocol)
     held = read_server_keys(keys, "cup", seats) if protocol == "tls" else None
-    session = Session("cup", Scenario(COURSE, karts=seats, rules=Rules(laps=1)))
+    session = Session("cup", Scenario(SMALL_RING, karts=seats, rules=Rules(laps=1)))
     with ServerLink(address, "cup", seats, keys=held) as link:
         server = RaceServer(session, link, REAL, token="token")
         thread = threading.Thread(target=server.wait_in_lobby, args=(seats,))
@@ -481,7 +480,7 @@ def test_copies_forgeries_and_other_versions_are_refused_with_a_reason(keys: Pat
 
 @pytest.mark.net
 def test_the_steward_stops_the_clock_and_starts_the_race_anew() -> None:
-    session = Session("cup", Scenario(COURSE, karts=1, rules=Rules(laps=1, limit_s=30.0)))
+    session = Session("cup", Scenario(SMALL_RING, karts=1, rules=Rules(laps=1, limit_s=30.0)))
     address = free_address()
     with ServerLink(address, "cup", 1) as link:
         server = RaceServer(session, link, REAL, ("pure_pursuit",), token="token")

@@ -17,13 +17,13 @@ from race_server.session.failsafe import (
     control_under,
     failsafe_stage,
 )
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
+from support.courses import SMALL_RING
 
 
 def lobby(karts: int = 2, laps: int = 1) -> Session:
-    return Session("test", Scenario(COURSE, karts=karts, rules=Rules(laps=laps, countdown_s=0.5)))
+    return Session(
+        "test", Scenario(SMALL_RING, karts=karts, rules=Rules(laps=laps, countdown_s=0.5))
+    )
 
 
 def racing(karts: int = 2) -> Session:
@@ -272,4 +272,4 @@ def test_more_karts_than_places_on_the_grid_are_refused() -> None:
 
 def test_an_unknown_contact_policy_is_refused() -> None:
     with pytest.raises(ScenarioError, match="'explode' is unknown; choose one of bump"):
-        Session("t", Scenario(COURSE, rules=Rules(wall_contact="explode")))
+        Session("t", Scenario(SMALL_RING, rules=Rules(wall_contact="explode")))

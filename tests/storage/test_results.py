@@ -33,9 +33,7 @@ from race_server.storage.results.ratings import ratings
 from race_server.storage.results.schema import MIGRATIONS, default_path, open_file, version_of
 from race_server.storage.results.store import FINISHED, Change, Entry, Outcome, Race, Store
 from race_server.storage.results.writer import Writer
-from support.courses import ring
-
-COURSE = ring(radius=2.5, half_width=0.7)
+from support.courses import TINY_RING
 
 
 @pytest.fixture
@@ -212,7 +210,7 @@ def test_the_file_lies_where_the_variable_or_the_desktop_standard_says(
 def run_race(store: Store, pace: str, log: list[str], hear: Callable[[Event], None]) -> RaceResult:
     """Run a race of two on loopback; `hear` is called with each event as a spectator gets it."""
     rules = Rules(laps=2, countdown_s=0.5, items=False, limit_s=60.0)
-    session = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
+    session = Session("race", Scenario(TINY_RING, karts=2, seed=7, rules=rules))
     address = free_address()
 
     def receive(data: bytes) -> None:
