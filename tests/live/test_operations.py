@@ -25,13 +25,11 @@ from race_server.live.server.requests import reason_of
 from race_server.logs import Log, words_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire.drive import ControlFrame, encode_control
-from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.tools.drills.damage import decode_all
 from race_server.tools.drills.lossy_link import LinkConditions, LossyLink
 from race_server.tools.drills.network import drill_network
 from race_server.tools.drills.server_process import quantile
-from support.courses import SMALL_RING
+from support.sessions import session_on_ring
 
 
 def free_port() -> int:
@@ -52,7 +50,7 @@ def get(port: int, path: str) -> tuple[int, str]:
 @pytest.fixture
 def racing() -> Iterator[RaceServer]:
     """Return a server in the middle of a race of two, one of whom is silent."""
-    session = Session("test", Scenario(SMALL_RING, karts=2, rules=Rules(countdown_s=0.1)))
+    session = session_on_ring("test", karts=2, countdown_s=0.1)
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
         server = RaceServer(session, link)
         for number in range(2):
@@ -165,7 +163,7 @@ def test_a_json_line_is_turned_back_into_words() -> None:
 
 def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
     stream = io.StringIO()
-    session = Session("test", Scenario(SMALL_RING, karts=2, rules=Rules(countdown_s=0.1)))
+    session = session_on_ring("test", karts=2, countdown_s=0.1)
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
         timing = ServerTiming(log_s=0.0)
         server = RaceServer(session, link, log=Log(stream=stream), timing=timing)

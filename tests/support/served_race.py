@@ -23,6 +23,7 @@ from race_server.scenario.track.course import Course
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
 from support.courses import SMALL_RING
+from support.servers import running
 
 TOKENS = Tokens(drive=("drive one", "drive two"), steward="steward one")
 ORIGIN = "https://race.example"
@@ -65,13 +66,8 @@ def racing(
         ServerLink(address, "race", scenario.karts, real_time=True) as link,
     ):
         server = RaceServer(session, link, REAL, ("pure_pursuit",), token=token)
-        thread = threading.Thread(target=server.run, args=(drivers,))
-        thread.start()
-        try:
+        with running(server, drivers):
             yield server
-        finally:
-            server.stop()
-            thread.join(10.0)
 
 
 @contextmanager
