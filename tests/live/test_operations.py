@@ -66,6 +66,7 @@ def racing() -> Iterator[RaceServer]:
         yield server
 
 
+@pytest.mark.net
 def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
         status, text = get(port, "/metrics")
@@ -87,6 +88,7 @@ def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
     assert 'race_input_age_seconds{seat="1"}' not in text  # it was never heard
 
 
+@pytest.mark.net
 def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
     racing: RaceServer,
 ) -> None:
@@ -100,6 +102,7 @@ def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
         assert get(port, "/")[0] == 404
 
 
+@pytest.mark.net
 def test_a_port_for_metrics_that_is_in_use_is_named(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
         again = exposed(racing, port)
@@ -161,6 +164,7 @@ def test_a_json_line_is_turned_back_into_words() -> None:
     assert words_of("error: no such track") == "error: no such track"
 
 
+@pytest.mark.net
 def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
     stream = io.StringIO()
     session = session_on_ring("test", karts=2, countdown_s=0.1)
