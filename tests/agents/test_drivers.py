@@ -15,10 +15,9 @@ from race_server.core.messages import EventKind, Status
 from race_server.errors import DriverError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line
-from support.courses import ring
+from support.courses import SMALL_RING
 from support.races import run_race
 
-COURSE = ring(radius=6.0, half_width=0.7)
 DRIVERS = [
     "avoider",
     "follow_gap",
@@ -41,7 +40,7 @@ def test_an_unknown_driver_is_named_with_the_known_ones() -> None:
 
 @pytest.mark.parametrize("name", DRIVERS)
 def test_alone_each_driver_laps_without_touching_a_wall(name: str) -> None:
-    scenario = Scenario(COURSE, karts=1, rules=Rules(laps=2, items=False, limit_s=120.0))
+    scenario = Scenario(SMALL_RING, karts=1, rules=Rules(laps=2, items=False, limit_s=120.0))
     scenario = with_line(scenario)
     session, _ = run_race(scenario, [name])
     body, racer = session.world.bodies[0, 0], session.world.racers[0, 0]
@@ -51,7 +50,7 @@ def test_alone_each_driver_laps_without_touching_a_wall(name: str) -> None:
 
 def test_six_mixed_drivers_race_to_the_end_with_items() -> None:
     names = ["pure_pursuit", "follow_gap", "avoider"] * 2
-    scenario = Scenario(COURSE, karts=6, seed=7, rules=Rules(laps=2, limit_s=180.0))
+    scenario = Scenario(SMALL_RING, karts=6, seed=7, rules=Rules(laps=2, limit_s=180.0))
     session, events = run_race(scenario, names)
     assert {row.status for row in session.standings()} == {Status.FINISHED}
     assert EventKind.USE in [event.kind for event in events]
@@ -59,7 +58,7 @@ def test_six_mixed_drivers_race_to_the_end_with_items() -> None:
 
 def test_the_same_race_gives_the_same_digest_again() -> None:
     names = ["follow_gap", "pure_pursuit"]
-    scenario = Scenario(COURSE, karts=2, seed=3, rules=Rules(laps=1))
+    scenario = Scenario(SMALL_RING, karts=2, seed=3, rules=Rules(laps=1))
     assert run_race(scenario, names)[0].digest() == run_race(scenario, names)[0].digest()
 
 

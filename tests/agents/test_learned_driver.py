@@ -17,20 +17,18 @@ from race_agents.policies.session import Policy
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
-from race_server.core.driver import Briefing, driver_named
+from race_server.core.driver import driver_named
 from race_server.core.observation import Observation
-from race_server.core.vehicles import KART_60, TT02, Vehicle
+from race_server.core.vehicles import KART_60
 from race_server.envs.batch import Batch
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError
+from support.briefings import briefing
 from support.trainings import QUICK, side_by_side
 
 GEAR = np.array([np.radians(200.0), 8.0, 0.05])
-
-
-def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
-    return Briefing(0, vehicle, 3, "lidar", decision_s, lidar_field=np.radians(200.0))
+BRIEFING = briefing("lidar", lidar_field=np.radians(200.0))
 
 
 def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() -> None:
@@ -52,7 +50,7 @@ def test_a_driver_does_what_the_policy_did_in_training(policy_file: Path) -> Non
     trained = Batch(task, seed=3)
     wide = task_on(task.scenarios, observation="lidar", action="control", random_start=True)
     raced = Batch(wide, seed=3)
-    driver.reset(briefing())
+    driver.reset(BRIEFING)
     places = list(side_by_side(trained, raced, policy, driver, 60))
     assert len(places) > 5
     for there, here in places:
@@ -69,7 +67,7 @@ def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Pat
     task = task_on((scenario,), learners=1, opponents=(name,), action="control")
     batch, driver = Batch(task, worlds=2, seed=5), driver_named(name)
     layout, view = batch.opponents[0].layout, batch.buffers.views[1, 2]
-    driver.reset(briefing())
+    driver.reset(BRIEFING)
     for step in range(30):
         seen = Observation(step, layout, view[: layout.size].astype(np.float32))
         own = numbers_of(driver.act(seen))
@@ -93,9 +91,9 @@ def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None
 def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
     driver = Learned(str(policy_file))
     with pytest.raises(DriverError, match="learned to drive 'tt02', not 'kart-60'"):
-        driver.reset(briefing(KART_60))
+        driver.reset(replace(BRIEFING, vehicle=KART_60))
     with pytest.raises(DriverError, match=r"every 0.05 s, not every 0.1 s"):
-        driver.reset(briefing(decision_s=0.1))
+        driver.reset(replace(BRIEFING, decision_s=0.1))
 
 
 def test_damaged_and_foreign_files_are_refused_in_one_sentence(

@@ -24,7 +24,7 @@ from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.raceline.reference import reference_limit
 from race_server.scenario.track.load import load_course
 from race_server.session import Session
-from support.courses import ring
+from support.courses import SMALL_RING, ring
 from support.races import run_race
 
 SLOW = replace(TT02, name="slow", top_speed=1.5)
@@ -120,7 +120,7 @@ def test_how_the_wheels_turn_tells_how_late_commands_act(delay: int) -> None:
 
 def test_without_a_line_nobody_drives_by_one() -> None:
     rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=3.0)
-    session, _ = run_race(Scenario(ring(6.0, 0.7), karts=1, rules=rules), ["raceline"])
+    session, _ = run_race(Scenario(SMALL_RING, karts=1, rules=rules), ["raceline"])
     assert session.world.racers[0, 0].distance < 1.0
 
 

@@ -4,18 +4,18 @@ import json
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
 
 from race_server.competition.launch import free_address
 from race_server.core.messages import Status
-from race_server.live.server import REAL, RaceResult, RaceServer
+from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from support.courses import ring
+from support.servers import running
 from support.trainings import write_lapping_policy
 
 pytestmark = pytest.mark.net
@@ -51,22 +51,23 @@ def test_a_learned_driver_without_pytorch_laps_and_misses_no_decision(
     write_lapping_policy(policy)
     rules = Rules(laps=1, countdown_s=0.5, items=False, limit_s=30.0)
     session = Session("race", Scenario(ring(2.0, 0.7), karts=1, rules=rules))
-    address, results = free_address(), list[RaceResult | None]()
+    address = free_address()
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, REAL)
-        thread = threading.Thread(target=lambda: results.append(server.run(1)))
-        thread.start()
         words = ["drive", f"learned:{policy}", "--connect", address, "--json"]
         command = [sys.executable, "-m", "race_server", *words]
-        done = subprocess.run(
-            command, env=without_pytorch, capture_output=True, text=True, timeout=60, check=False
-        )
-        server.stop()
-        thread.join(10.0)
+        with running(server, drivers=1) as live:
+            done = subprocess.run(
+                command,
+                env=without_pytorch,
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=False,
+            )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    (result,) = results
-    assert result is not None
+    (result,) = live.results
     assert result.standings[0].status is Status.FINISHED
     assert (told["laps"], told["outcome"]) == (1, "finished")
     # It heard every observation, the server took every answer, and none was so late that the kart

@@ -20,7 +20,7 @@ from race_agents.training.settings import SelfPlaySettings
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
-from race_server.core.driver import Briefing, driver_named
+from race_server.core.driver import driver_named
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.core.vehicles import TT02
@@ -31,6 +31,7 @@ from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
+from support.briefings import briefing
 from support.trainings import SMALL, Train, side_by_side
 
 QUICK = (
@@ -53,7 +54,7 @@ def outcome(trained: Train) -> TrainingResult:
     return trained("race", QUICK)
 
 
-BRIEFING = Briefing(0, TT02, 3, "line", 0.05, items=tuple(item.name for item in items()))
+BRIEFING = briefing("line", items=tuple(item.name for item in items()))
 
 # The pool
 

@@ -16,16 +16,8 @@ from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
 from race_agents.training.run import TrainingResult, train, warn_of_lidar
 from race_agents.training.settings_toml import read_settings
-from race_server.core.driver import Briefing
-from race_server.core.vehicles import TT02, Vehicle
 from race_server.errors import ScenarioError, TrackError
 from support.trainings import QUICK, untrained
-
-GEAR = np.array([np.radians(200.0), 8.0, 0.05])
-
-
-def briefing(vehicle: Vehicle = TT02, decision_s: float = 0.05) -> Briefing:
-    return Briefing(0, vehicle, 3, "lidar", decision_s, lidar_field=np.radians(200.0))
 
 
 def test_a_run_leaves_a_complete_folder(outcome: TrainingResult) -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from race_server.core.driver import Briefing, driver_named
+from race_server.core.driver import driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation, layout_of
-from race_server.core.vehicles import TT02
 from race_server.errors import DriverError
+from support.briefings import briefing
 
 RAYS = 21
 LAYOUT = layout_of("lidar", RAYS)
@@ -39,7 +39,7 @@ def test_a_driver_without_a_lidar_cannot_be_wrapped() -> None:
 
 def answers(ranges: np.ndarray, speed: float, times: int = 1, **more: float) -> list[Control]:
     driver = driver_named("unstuck:avoider")
-    driver.reset(Briefing(0, TT02, 3, "lidar", 0.05, lidar_field=np.pi))
+    driver.reset(briefing("lidar", lidar_field=np.pi))
     values = np.zeros(LAYOUT.size, np.float32)
     values[LAYOUT.slices["lidar"]] = ranges
     values[LAYOUT.slices["speed"]] = speed

@@ -15,9 +15,8 @@ from race_server.competition.race_day.points import (
 )
 from race_server.competition.race_day.qualify import trial_result
 from race_server.competition.race_day.race import RaceRecord, Team, TeamResult
-from support.courses import ring
+from support.courses import TINY_RING
 
-COURSE = ring(radius=2.5, half_width=0.7)
 SECOND = 1_000_000
 F1 = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
 
@@ -104,7 +103,7 @@ def trial(**attempts: tuple[float, ...]) -> Ledger:
         for name, times in attempts.items()
     }
     ledger = Ledger(Format("x", "X", (stage,)), teams)
-    ledger.stages.append(trial_result(stage, COURSE, drives))
+    ledger.stages.append(trial_result(stage, TINY_RING, drives))
     return ledger
 
 
@@ -134,7 +133,7 @@ def heat(
     given_points = {row.team: place_points(row.place, points, 0) for row in drives}
     record = RaceRecord("", drives)
     label = Label("Race", 1, group)
-    entry = Heat(label, "A", COURSE, tuple(name for name, _ in places), record, given_points)
+    entry = Heat(label, "A", TINY_RING, tuple(name for name, _ in places), record, given_points)
     stage = Races("Race", "A", 5, points=points)
     before = ledger.heats()
     ledger.stages = [*ledger.trials(), RacesResult(stage, (*before, entry))]

@@ -31,9 +31,8 @@ from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, races
 from race_server.storage.results.store import Store
 from race_server.storage.results.writer import Writer
-from support.courses import ring
+from support.courses import TINY_RING, ring
 
-COURSE = ring(radius=2.5, half_width=0.7)
 TINY = Format(
     "tiny",
     "Tiny",
@@ -120,7 +119,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def plan_of(*drivers: str, form: Format = TINY, seed: int = 1) -> DayPlan:
-    return DayPlan(form, teams_of(drivers), {"A": COURSE}, TT02, seed)
+    return DayPlan(form, teams_of(drivers), {"A": TINY_RING}, TT02, seed)
 
 
 def run(plan: DayPlan) -> tuple[dict[str, object], list[str]]:
@@ -133,7 +132,7 @@ def run(plan: DayPlan) -> tuple[dict[str, object], list[str]]:
 def remarks(*drivers: str) -> list[str]:
     """Return the remark on each driver after one lap in one race; none for one that finished."""
     rules = Rules(laps=1, items=False, countdown_s=0.5, stuck_s=0.0, stopped_limit_s=5.0)
-    race = LocalRace("test", Scenario(COURSE, karts=len(drivers), rules=rules), None)
+    race = LocalRace("test", Scenario(TINY_RING, karts=len(drivers), rules=rules), None)
     teams = teams_of(drivers)
     by_team = {drive.team: drive for drive in race.run(teams, 1).drives}
     assert all((by_team[team.name].place > 0) == (team.driver == "circler") for team in teams)
@@ -177,7 +176,7 @@ def test_a_driver_that_stands_is_removed() -> None:
 
 def test_a_session_may_be_run_again_with_other_teams() -> None:
     rules = Rules(laps=1, items=False, countdown_s=0.5, stuck_s=0.0)
-    race = LocalRace("test", Scenario(COURSE, karts=1, rules=rules), None)
+    race = LocalRace("test", Scenario(TINY_RING, karts=1, rules=rules), None)
     first = race.run([Team("a", "circler")], 5)
     assert race.run([Team("b", "forgetful")], 5).drives[0].place == 0
     again = race.run([Team("a", "circler")], 5)

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -39,12 +38,12 @@ from race_server.competition.time_trial.run_spec import (
     scenario_of,
 )
 from race_server.competition.time_trial.table import beside_report_b, lap_rows, write_csv
-from race_server.core.driver import Briefing, Driver, driver_named
+from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
-from race_server.core.rules.items import items
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ResultsError, ScenarioError
+from race_server.live.local_drivers import briefing_for
 from race_server.scenario.track.load import load_course
 from race_server.session import Session
 from support.trials import OVAL, PLACE, keep
@@ -91,8 +90,9 @@ def test_a_trial_runs_the_very_race_that_a_live_session_runs() -> None:
     seed = int(attempt.batch.world.races["seed"][0])
     scenario = replace(scenario_of(spec, course), seed=seed)
     session, driver = Session("race", scenario), driver_named("follow_gap")
-    session.join("follow_gap", driver.preset, wanted=0).is_ready = True
-    driver.reset(briefing_of(scenario, driver, spec))
+    seat = session.join("follow_gap", driver.preset, wanted=0)
+    seat.is_ready = True
+    driver.reset(briefing_for(session, seat))
     session.start()
     attempt.drive(lambda _: None)
     for decision in range(len(attempt.notes) - 1):
@@ -107,19 +107,6 @@ def test_a_trial_runs_the_very_race_that_a_live_session_runs() -> None:
     # A session also numbers its own events; all else is the same to the bit.
     session.world.races["sequence"] = attempt.batch.world.races["sequence"]
     assert session.digest() == attempt.batch.digest()
-
-
-def briefing_of(scenario: Any, driver: Driver, spec: RunSpec) -> Briefing:
-    return Briefing(
-        0,
-        scenario.vehicle_of(0),
-        spec.laps_driven,
-        driver.preset,
-        0.05,
-        tuple(item.name for item in items()),
-        scenario.lidar.field,
-        scenario.lidar.reach,
-    )
 
 
 def test_the_same_cell_gives_the_same_run_and_another_seed_another(driven: Run) -> None:

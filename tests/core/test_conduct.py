@@ -12,9 +12,8 @@ from race_server.core.state import World
 from race_server.core.step import advance
 from race_server.core.vehicles import TT02
 from race_server.scenario.race import Rules, Scenario, make_world
-from support.courses import ring
+from support.courses import SMALL_RING
 
-COURSE = ring(radius=6.0, half_width=0.7)
 RULES = Rules(
     countdown_s=0.0,
     laps=3,
@@ -70,7 +69,7 @@ def test_anything_less_is_racing(but: dict[str, float]) -> None:
 
 def world_of(*places: tuple[float, float], rules: Rules = RULES) -> World:
     """Return a world with a kart at each place: degrees on the ring, turned by radians."""
-    world = make_world(Scenario(COURSE, karts=len(places), rules=rules))
+    world = make_world(Scenario(SMALL_RING, karts=len(places), rules=rules))
     for body, (degrees, turn) in zip(world.bodies[0], places, strict=True):
         angle = math.radians(degrees)
         body.x, body.y = 6.0 * math.cos(angle), 6.0 * math.sin(angle)
@@ -149,7 +148,7 @@ def test_the_last_warning_is_the_end_of_the_race() -> None:
 def test_a_kart_that_is_reversed_into_is_not_at_fault() -> None:
     quick = replace(TT02, reverse_speed=3.0)
     rules = replace(RULES, ram_speed=0.5)
-    world = make_world(Scenario(COURSE, karts=2, rules=rules, vehicles=(quick,)))
+    world = make_world(Scenario(SMALL_RING, karts=2, rules=rules, vehicles=(quick,)))
     kinds = bump(world, speed=-2.0, control=(0.14, -1.0, 0.0, 0.0))  # kart 1 is behind
     assert EventKind.CONTACT_KART in kinds
     assert EventKind.WARNING not in kinds

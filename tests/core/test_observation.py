@@ -18,15 +18,12 @@ from race_server.core.stages import observed_parts
 from race_server.core.stages.observe import observe_karts
 from race_server.core.state import field_of
 from race_server.errors import ScenarioError
-from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
+from support.sessions import session_on_ring
 
 
 def seen(preset: str = "full", karts: int = 3) -> tuple[Session, Observation]:
-    session = Session("t", Scenario(COURSE, karts=karts, rules=Rules(countdown_s=2.0)))
+    session = session_on_ring("test", karts, countdown_s=2.0)
     for number in range(karts):
         session.join("someone", preset)
         session.seats[number].is_ready = True

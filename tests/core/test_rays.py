@@ -22,11 +22,10 @@ from race_server.core.kernels.sensors import see_body
 from race_server.core.kernels.wall_scan import scan_body, scan_walls
 from race_server.scenario.sensors import fan
 from race_server.scenario.track.walls import fence_of, pack_walls
-from support.courses import ring
+from support.courses import SMALL_RING, ring
 
-COURSE = ring(radius=6.0, half_width=0.7)
 WALLS = pack_walls(
-    [fence_of(ring()), fence_of(COURSE)]
+    [fence_of(ring()), fence_of(SMALL_RING)]
 )  # the second of two: its walls do not begin at 0
 SITE = WALLS.sites[1]
 
@@ -52,7 +51,7 @@ def ray_to_segment(ray: tuple[float, float, float, float], wall: np.ndarray) -> 
 
 def slow_range(x: float, y: float, angle: float, reach: float) -> float:
     cos, sin = math.cos(angle), math.sin(angle)
-    return min(reach, *(ray_to_segment((x, y, cos, sin), wall) for wall in COURSE.borders))
+    return min(reach, *(ray_to_segment((x, y, cos, sin), wall) for wall in SMALL_RING.borders))
 
 
 @settings(max_examples=200, deadline=None)

@@ -19,15 +19,14 @@ from race_server.core.rules.items import items
 from race_server.core.state import HASHED, World, digest, field_of, part_of
 from race_server.core.step import advance, show_flag, withdraw
 from race_server.scenario.race import Rules, Scenario, make_world
-from support.courses import ring
+from support.courses import SMALL_RING
 
-COURSE = ring(radius=6.0, half_width=0.7)
 NUMBERS = {item.name: number for number, item in enumerate(items(), start=1)}
 QUICK = Rules(countdown_s=0.0, laps=3)
 
 
 def scenario(karts: int = 1, rules: Rules = QUICK, seed: int = 7) -> Scenario:
-    return Scenario(COURSE, karts=karts, rules=rules, seed=seed)
+    return Scenario(SMALL_RING, karts=karts, rules=rules, seed=seed)
 
 
 def follow(world: World, *, throttle: float = 0.5, button: int = 0) -> np.ndarray:

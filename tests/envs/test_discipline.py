@@ -29,7 +29,7 @@ from race_server.envs.task import Kernel, Task
 from race_server.envs.vector import KartVectorEnv
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario, make_worlds
-from support.courses import ring
+from support.courses import SMALL_RING
 
 
 class Starts(NamedTuple):
@@ -149,7 +149,7 @@ class StayNear:
 
 
 KARTS = 2
-SCENARIO = Scenario(ring(radius=6.0, half_width=0.7), karts=KARTS)
+SCENARIO = Scenario(SMALL_RING, karts=KARTS)
 
 
 def near_task(limit: float = 4.0, **options: Any) -> Task:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from race_server.envs.presets import LEARNING_RULES, task_on
+from race_server.envs.presets import task_on
 from race_server.envs.single import OneKart
-from race_server.envs.task import Task
-from race_server.scenario.race import Rules, Scenario
-from support.courses import ring
+from race_server.scenario.race import Scenario
+from support.courses import SMALL_RING
+from support.tasks import FREE, ring_task
 
 pytest.importorskip("stable_baselines3")
 
@@ -19,22 +19,15 @@ from stable_baselines3.common.env_checker import check_env
 
 from race_server.envs.sb3 import KartVecEnv
 
-COURSE = ring(radius=6.0, half_width=0.7)
-FREE = replace(
-    LEARNING_RULES, laps=0, items=False, stopped_limit_s=0.0, limit_s=0.0, wall_contact="retire"
-)
-
-
-def ring_task(karts: int = 2, rules: Rules = FREE, **options: Any) -> Task:
-    return task_on((Scenario(COURSE, karts=karts, rules=rules),), **options)
+CRASHING = replace(FREE, wall_contact="retire")
 
 
 def test_the_single_environment_keeps_to_sb3() -> None:
-    check_env(OneKart(ring_task(1, observation="radar")), warn=False)
+    check_env(OneKart(ring_task(1, CRASHING, observation="radar")), warn=False)
 
 
 def test_an_early_end_is_one_done_with_the_last_observation_and_its_episode() -> None:
-    karts = KartVecEnv(ring_task(3), worlds=2, seed=1)
+    karts = KartVecEnv(ring_task(3, CRASHING), worlds=2, seed=1)
     karts.reset()
     actions = np.zeros((6, 3), np.float32)
     actions[1, 0] = 1.0  # kart 1 of race 0 drives straight into the wall
@@ -55,7 +48,7 @@ def test_an_early_end_is_one_done_with_the_last_observation_and_its_episode() ->
 
 
 def test_time_that_runs_out_is_told_apart_from_an_end() -> None:
-    karts = KartVecEnv(ring_task(1, most_steps=3), worlds=2)
+    karts = KartVecEnv(ring_task(1, CRASHING, most_steps=3), worlds=2)
     karts.reset()
     for _ in range(3):
         _, _, dones, infos = karts.step(np.zeros((2, 3), np.float32))
@@ -70,8 +63,8 @@ def test_a_curriculum_is_asked_when_episodes_begin_and_end() -> None:
         asked.append((decisions, len(episodes)))
         return [0.0, 1.0] if episodes else None
 
-    rules = [replace(FREE, laps=laps) for laps in (1, 9)]
-    task = task_on(tuple(Scenario(COURSE, karts=1, rules=rule) for rule in rules), most_steps=4)
+    rules = [replace(CRASHING, laps=laps) for laps in (1, 9)]
+    task = task_on(tuple(Scenario(SMALL_RING, karts=1, rules=rule) for rule in rules), most_steps=4)
     karts = KartVecEnv(task, worlds=20, curriculum=harder)
     karts.reset()
     assert set(karts.batch.world.rules["laps"]) == {1, 9}

@@ -9,7 +9,6 @@ from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing
 from race_server.core.messages import Control, Event, EventKind
 from race_server.core.observation import Observation, layout_of
-from race_server.core.vehicles import TT02
 from race_server.errors import DriverError, LinkError
 from race_server.live.client.driver import KartClient
 from race_server.live.client.driver_loop import Answer, DriverLoop
@@ -17,12 +16,13 @@ from race_server.live.client.event_stream import EventStream
 from race_server.live.client.latency_limiter import FRESH_S
 from race_server.live.client.link_stats import LinkStats
 from race_server.net.wire.drive import ObservationFrame
+from support.briefings import briefing
 
 LAYOUT = layout_of("track", 0)
 DECISION_TICKS = 3
 
 
-BRIEFING = Briefing(0, TT02, laps=3, preset="track", decision_s=DECISION_TICKS * TICK_S)
+BRIEFING = briefing("track", decision_s=DECISION_TICKS * TICK_S)
 
 
 class Driver:

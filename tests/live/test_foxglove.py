@@ -2,7 +2,6 @@
 
 import json
 import struct
-import threading
 import time
 from functools import partial
 
@@ -19,6 +18,7 @@ from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.storage.recording.scene import course_scene
 from support.courses import ring
+from support.servers import running
 
 pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
@@ -32,17 +32,11 @@ def test_a_viewer_is_told_the_channels_and_sees_course_and_karts() -> None:
     address = free_address()
     with ServerLink(address, "cup", 1, real_time=True) as link:
         server = RaceServer(session, link, REAL, fillers=("pure_pursuit",))
-        race = threading.Thread(target=server.run, args=(0,))
-        race.start()
-        try:
-            with ClientLink(address, "cup") as client_link:
-                spectator = insist(partial(Spectator, client_link), time.monotonic() + 60.0)
-                with FoxgloveServer(client_link, spectator, "cup", 0) as view:
-                    assert view.address.startswith("ws://127.0.0.1:")
-                    entities, tick = _look(view.address)
-        finally:
-            server.stop()
-            race.join()
+        with running(server), ClientLink(address, "cup") as client_link:
+            spectator = insist(partial(Spectator, client_link), time.monotonic() + 60.0)
+            with FoxgloveServer(client_link, spectator, "cup", 0) as view:
+                assert view.address.startswith("ws://127.0.0.1:")
+                entities, tick = _look(view.address)
     assert entities >= {"course", "kart 0"}
     assert tick > 0
 

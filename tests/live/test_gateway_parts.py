@@ -59,7 +59,7 @@ from race_server.storage.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
 from race_server.storage.recording.reader import read_lines
 from race_server.storage.recording.seekable import SeekableRecording
 from support.browsers import Browser
-from support.courses import ring
+from support.courses import SMALL_RING
 from support.served_race import ServedRace, gated, record_race
 
 # Who drives
@@ -404,7 +404,7 @@ def test_a_gateway_that_fails_does_not_fail_the_race() -> None:
 
 def test_rays_are_those_that_the_sensors_of_the_race_give() -> None:
     obstacle = Obstacle(x=6.2, y=1.0, heading=0.4, length=0.5, width=0.3)
-    course = replace(ring(radius=6.0, half_width=0.7), obstacles=(obstacle,))
+    course = replace(SMALL_RING, obstacles=(obstacle,))
     lidar, radar = Lidar(noise=0.0), Radar()
     session = Session("race", Scenario(course, karts=3, seed=3, lidar=lidar, radar=radar))
     for seat in range(3):
@@ -442,6 +442,7 @@ def served(recording: Path) -> Iterator[ServedRace]:
         yield served
 
 
+@pytest.mark.net
 def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
     kinds = (SNAPSHOTS, EVENTS, STANDINGS)
     lines = [line for line in read_lines(recording) if line is not None and line.kind in kinds]
@@ -455,6 +456,7 @@ def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
         assert opened.newest(STANDINGS, -5) is None
 
 
+@pytest.mark.net
 def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
     recording: Path, tmp_path: Path
 ) -> None:
@@ -470,6 +472,7 @@ def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
             SeekableRecording(short)
 
 
+@pytest.mark.net
 def test_only_recordings_of_the_folder_are_listed_and_opened(
     recording: Path, tmp_path: Path
 ) -> None:
@@ -496,6 +499,7 @@ def test_only_recordings_of_the_folder_are_listed_and_opened(
     assert Library(tmp_path / "nowhere", GatewayLimits()).titles() == []
 
 
+@pytest.mark.net
 def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -509,6 +513,7 @@ def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
         library.open("gone")
 
 
+@pytest.mark.net
 def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording: Path) -> None:
     source = {"source": f"recording:{recording.stem}", "rate": 60}
     with Browser(served.base, source) as browser:
@@ -541,6 +546,7 @@ def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording:
         assert not end["playing"]
 
 
+@pytest.mark.net
 def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) -> None:
     with Browser(served.base, {"role": "spectate"}) as browser:
         browser.send({"type": "seek", "tick": 1})

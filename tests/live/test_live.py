@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 import pytest
 from rich.console import Console
@@ -20,64 +19,44 @@ from race_server.errors import DriverError, LinkError, SeatError
 from race_server.live.client.driver import run_driver
 from race_server.live.client.seat import take_seat
 from race_server.live.client.spectator import Spectator
-from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer, ServerTiming
+from race_server.live.server import LOCKSTEP, REAL, RaceServer, ServerTiming
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, encode_join
-from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
-from support.courses import ring
+from support.servers import LiveServer, running, waiting
+from support.sessions import session_on_ring
 
 pytestmark = pytest.mark.net
 
-COURSE = ring(radius=6.0, half_width=0.7)
 NAMES = ["pure_pursuit", "follow_gap"]
 
 
-@dataclass
-class Live:
-    """A server with its race in a thread of its own."""
-
-    address: str
-    server: RaceServer
-    results: list[RaceResult] = field(default_factory=list)
-
-
-def _one(result: RaceResult | None) -> list[RaceResult]:
-    return [result] if result else []
-
-
 @contextmanager
-def served(karts: int = 2, *, pace: str = LOCKSTEP, drivers: int = 0) -> Iterator[Live]:
-    """Serve one race; it ends with the block."""
-    rules = Rules(laps=1, countdown_s=0.5, finish_limit_s=60.0, limit_s=90.0)
-    session = Session("race", Scenario(COURSE, karts=karts, seed=7, rules=rules))
-    address = free_address()
-    with ServerLink(address, "race", karts) as link:
-        live = Live(address, RaceServer(session, link, pace))
-        thread = threading.Thread(
-            target=lambda: live.results.extend(_one(live.server.run(drivers or karts)))
-        )
-        thread.start()
-        try:
+def served(karts: int = 2, *, pace: str = LOCKSTEP, drivers: int = 0) -> Iterator[LiveServer]:
+    """Serve one race; the block ends with it."""
+    session = session_on_ring(
+        "race", karts, seed=7, laps=1, countdown_s=0.5, finish_limit_s=60.0, limit_s=90.0
+    )
+    with ServerLink(free_address(), "race", karts) as link:
+        server = RaceServer(session, link, pace)
+        with running(server, drivers or karts) as live:
             yield live
-            thread.join(100.0)
-        finally:
-            live.server.stop()
-            thread.join(10.0)
+            live.thread.join(100.0)
+
+
+def start_driver(driver: str, name: str, address: str, seat: int) -> threading.Thread:
+    thread = threading.Thread(
+        target=run_driver,
+        args=(driver_named(driver), name),
+        kwargs={"address": address, "wanted": seat},
+    )
+    thread.start()
+    return thread
 
 
 def drive_all(address: str, names: list[str]) -> None:
-    threads = [
-        threading.Thread(
-            target=run_driver,
-            args=(driver_named(name), name),
-            kwargs={"address": address, "wanted": seat},
-        )
-        for seat, name in enumerate(names)
-    ]
-    for thread in threads:
-        thread.start()
+    threads = [start_driver(name, name, address, seat) for seat, name in enumerate(names)]
     for thread in threads:
         thread.join(90.0)
 
@@ -85,8 +64,7 @@ def drive_all(address: str, names: list[str]) -> None:
 def test_a_race_over_the_network_is_the_race_in_one_process() -> None:
     with served() as apart:
         drive_all(apart.address, NAMES)
-    rules = apart.server.session.scenario.rules
-    alone = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
+    alone = Session("race", apart.server.session.scenario)
     with ServerLink(free_address(), "race", 2) as link:
         together = RaceServer(alone, link, LOCKSTEP, tuple(NAMES)).run(0)
     assert together is not None
@@ -97,18 +75,12 @@ def test_a_race_over_the_network_is_the_race_in_one_process() -> None:
 
 
 def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None:
-    rules = Rules(laps=1, countdown_s=0.5)
-    session = Session("race", Scenario(COURSE, karts=3, seed=7, rules=rules))
+    session = session_on_ring("race", karts=3, seed=7, laps=1, countdown_s=0.5)
     address = free_address()
     with ServerLink(address, "race", 3) as link:
         server = RaceServer(session, link, LOCKSTEP, ("avoider", "pure_pursuit"))
         for seat in (0, 2):
-            thread = threading.Thread(
-                target=run_driver,
-                args=(driver_named("follow_gap"), "guest"),
-                kwargs={"address": address, "wanted": seat},
-            )
-            thread.start()
+            thread = start_driver("follow_gap", "guest", address, seat)
             result = server.run(1)
             assert result is not None
             drivers = {row.seat: row.driver for row in result.standings}
@@ -121,21 +93,11 @@ def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None
 
 
 def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> None:
-    rules = Rules(laps=1, countdown_s=0.5)
-    session = Session("race", Scenario(COURSE, karts=2, seed=7, rules=rules))
+    session = session_on_ring("race", karts=2, seed=7, laps=1, countdown_s=0.5)
     address = free_address()
     with ServerLink(address, "race", 2) as link:
         server = RaceServer(session, link, LOCKSTEP)
-        threads = [
-            threading.Thread(
-                target=run_driver,
-                args=(driver_named(name), name),
-                kwargs={"address": address, "wanted": seat},
-            )
-            for seat, name in enumerate(NAMES)
-        ]
-        for thread in threads:
-            thread.start()
+        threads = [start_driver(name, name, address, seat) for seat, name in enumerate(NAMES)]
         time.sleep(4.0)  # a server that compiles listens but does not answer
         result = server.run(2)
         for thread in threads:
@@ -145,21 +107,17 @@ def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> 
 
 
 def test_a_seat_whose_driver_never_shows_up_is_free_again() -> None:
-    session = Session("race", Scenario(COURSE, karts=2))
+    session = session_on_ring("race", karts=2)
     address = free_address()
     with ServerLink(address, "race", 2) as link:
         server = RaceServer(session, link, LOCKSTEP, timing=ServerTiming(show_up_s=0.3))
-        thread = threading.Thread(target=server.wait_in_lobby, args=(2,))
-        thread.start()
-        with ClientLink(address, "race") as client:
+        with waiting(server, drivers=2), ClientLink(address, "race") as client:
             client.ask(topics.JOIN, encode_join(Join("ghost", "lidar", 1)))
             take_seat(client, Join("guest", "lidar", 0))
             assert session.seats[1].driver == "ghost"
             time.sleep(0.8)
             assert not session.seats[1].is_taken
             assert session.seats[0].driver == "guest"
-        server.stop()
-        thread.join(5.0)
 
 
 def test_a_race_in_real_time_takes_its_time_and_every_kart_finishes() -> None:
@@ -213,12 +171,7 @@ class Faulty:
 
 def test_a_driver_that_raises_is_out_and_the_race_goes_on() -> None:
     with served() as live:
-        other = threading.Thread(
-            target=run_driver,
-            args=(driver_named("pure_pursuit"), "good"),
-            kwargs={"address": live.address, "wanted": 0},
-        )
-        other.start()
+        other = start_driver("pure_pursuit", "good", live.address, 0)
         with pytest.raises(DriverError, match="'bad' failed in act: RuntimeError: my wheels came"):
             run_driver(Faulty(), "bad", address=live.address, wanted=1)
         other.join(90.0)
@@ -232,12 +185,7 @@ def test_rubbish_on_the_control_topic_is_counted_and_the_race_goes_on() -> None:
         rude = take_seat(link, Join("rude", "track", 1))
         stranger = link.sender(0, "no badge of that seat")
         rude.act(topics.READY)
-        other = threading.Thread(
-            target=run_driver,
-            args=(driver_named("pure_pursuit"), "good"),
-            kwargs={"address": live.address, "wanted": 0},
-        )
-        other.start()
+        other = start_driver("pure_pursuit", "good", live.address, 0)
         for _ in range(100):
             for size in (100, 300, 4000):
                 rude.send(os.urandom(size))

@@ -25,15 +25,11 @@ from race_server.live.server.requests import reason_of
 from race_server.logs import Log, words_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire.drive import ControlFrame, encode_control
-from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.tools.drills.damage import decode_all
 from race_server.tools.drills.lossy_link import LinkConditions, LossyLink
 from race_server.tools.drills.network import drill_network
 from race_server.tools.drills.server_process import quantile
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
+from support.sessions import session_on_ring
 
 
 def free_port() -> int:
@@ -54,7 +50,7 @@ def get(port: int, path: str) -> tuple[int, str]:
 @pytest.fixture
 def racing() -> Iterator[RaceServer]:
     """Return a server in the middle of a race of two, one of whom is silent."""
-    session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
+    session = session_on_ring("test", karts=2, countdown_s=0.1)
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
         server = RaceServer(session, link)
         for number in range(2):
@@ -70,6 +66,7 @@ def racing() -> Iterator[RaceServer]:
         yield server
 
 
+@pytest.mark.net
 def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
         status, text = get(port, "/metrics")
@@ -91,6 +88,7 @@ def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
     assert 'race_input_age_seconds{seat="1"}' not in text  # it was never heard
 
 
+@pytest.mark.net
 def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
     racing: RaceServer,
 ) -> None:
@@ -104,6 +102,7 @@ def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
         assert get(port, "/")[0] == 404
 
 
+@pytest.mark.net
 def test_a_port_for_metrics_that_is_in_use_is_named(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
         again = exposed(racing, port)
@@ -165,9 +164,10 @@ def test_a_json_line_is_turned_back_into_words() -> None:
     assert words_of("error: no such track") == "error: no such track"
 
 
+@pytest.mark.net
 def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
     stream = io.StringIO()
-    session = Session("test", Scenario(COURSE, karts=2, rules=Rules(countdown_s=0.1)))
+    session = session_on_ring("test", karts=2, countdown_s=0.1)
     with ServerLink(f"tcp/127.0.0.1:{free_port()}", "test", 2) as link:
         timing = ServerTiming(log_s=0.0)
         server = RaceServer(session, link, log=Log(stream=stream), timing=timing)

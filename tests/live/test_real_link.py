@@ -1,6 +1,5 @@
 """A real kart over zenoh on loopback: poses up, orders down, acknowledged."""
 
-import threading
 import time
 from dataclasses import replace
 from functools import partial
@@ -26,14 +25,12 @@ from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join
 from race_server.net.wire.sheets import course_sheet
-from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.tools.drills.mixed import judge_both, way_to_stop
-from support.courses import ring
+from support.courses import SMALL_RING
+from support.servers import running, waiting
+from support.sessions import session_on_ring
 
 pytestmark = pytest.mark.net
-
-COURSE = ring(radius=6.0, half_width=0.7)
 
 
 class Gentle:
@@ -56,13 +53,10 @@ def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant
 
 
 def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent() -> None:
-    rules = Rules(laps=1, countdown_s=0.5, limit_s=60.0)
-    session = Session("race", Scenario(COURSE, karts=1, rules=rules))
+    session = session_on_ring("race", karts=1, laps=1, countdown_s=0.5, limit_s=60.0)
     address, seen = free_address(), {}
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, REAL)
-        race = threading.Thread(target=server.run, args=(1,))
-        race.start()
 
         def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
             del now_s
@@ -74,17 +68,16 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
                 seen["command"] = unit.command
             return tracker.trust is not Trust.DOUBTFUL or "trusted" not in seen
 
-        take_part(
-            Gentle(),
-            hardware_of,
-            name="real",
-            address=address,
-            delay_s=0.05,
-            clock=lambda: time.monotonic() + 1234.5,
-            each_turn=turn,
-        )
-        server.stop()
-        race.join(5.0)
+        with running(server, drivers=1):
+            take_part(
+                Gentle(),
+                hardware_of,
+                name="real",
+                address=address,
+                delay_s=0.05,
+                clock=lambda: time.monotonic() + 1234.5,
+                each_turn=turn,
+            )
     poses, delay_us = seen["trusted"]
     assert poses > 20
     assert 45_000 < delay_us < 150_000
@@ -94,19 +87,15 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
 
 
 def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:
-    session = Session("race", Scenario(COURSE, karts=1))
+    session = session_on_ring("race", karts=1)
     address = free_address()
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, LOCKSTEP)
-        lobby = threading.Thread(target=server.wait_in_lobby, args=(1,))
-        lobby.start()
         join = Join("real", "track", tracked=True)
-        with ClientLink(address, "race") as client:
+        with waiting(server, drivers=1), ClientLink(address, "race") as client:
             with pytest.raises(SeatError, match="serve with --pace real"):
                 take_seat(client, join)
             take_seat(client, replace(join, tracked=False))
-        server.stop()
-        lobby.join(5.0)
 
 
 def test_a_kart_that_is_cut_off_has_as_far_to_stop_as_its_brakes_need() -> None:
@@ -141,9 +130,9 @@ def test_on_a_small_course_a_kart_is_fast_near_the_fastest_that_it_was() -> None
 
 
 def test_the_fence_of_a_course_is_its_kerb() -> None:
-    session = Session("race", Scenario(COURSE, karts=1))
+    session = session_on_ring("race", karts=1)
     fence = fence_of(course_sheet(session.scenario))
-    x, y = COURSE.line[0, :2]
+    x, y = SMALL_RING.line[0, :2]
     assert partial(fence.beyond, x)(y) == pytest.approx(-0.7)
 
 

@@ -1,6 +1,5 @@
 """A race on a live server as a PettingZoo environment: the same numbers, other karts elsewhere."""
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,11 +20,12 @@ from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_env import RemoteRace
 from race_server.live.client.remote_kart import RemoteKart
 from race_server.live.client.timing import ClientTiming
-from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
+from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from support.courses import ring
+from support.servers import LiveServer, running
 
 pytestmark = pytest.mark.net
 
@@ -72,40 +72,17 @@ def scenario(karts: int, rules: Rules = RULES) -> Scenario:
     return Scenario(COURSE, karts=karts, seed=7, rules=rules)
 
 
-class Live:
-    """A server that races in a thread of its own, again and again until it is ended."""
-
-    def __init__(self, link: ServerLink, server: RaceServer, drivers: int) -> None:
-        self.address, self.server, self.link = link.address, server, link
-        self.results: list[RaceResult] = []
-        self.drivers = drivers
-        self.thread = threading.Thread(target=self.run)
-
-    def run(self) -> None:
-        while (result := self.server.run(self.drivers)) is not None:
-            self.results.append(result)
-            self.server.reopen()
-
-    def end(self) -> None:
-        self.server.stop()
-        self.thread.join(20.0)
-        self.link.close()
-
-
 @contextmanager
-def served(race: Scenario, *, drivers: int, fillers: tuple[str, ...] = ()) -> Iterator[Live]:
+def served(race: Scenario, *, drivers: int, fillers: tuple[str, ...] = ()) -> Iterator[LiveServer]:
+    """Serve one race after the other."""
     with ServerLink(free_address(), "race", race.karts) as link:
-        session = Session("race", race)
-        live = Live(link, RaceServer(session, link, LOCKSTEP, fillers), drivers)
-        live.thread.start()
-        try:
+        server = RaceServer(Session("race", race), link, LOCKSTEP, fillers)
+        with running(server, drivers, repeatedly=True) as live:
             yield live
-        finally:
-            live.end()
 
 
 @contextmanager
-def joined(live: Live, **options: Any) -> Iterator[RemoteRace]:
+def joined(live: LiveServer, **options: Any) -> Iterator[RemoteRace]:
     race = RemoteRace(live.address, **options)
     try:
         yield race
@@ -266,7 +243,8 @@ def step_often(race: RemoteRace) -> None:
 def test_a_server_that_goes_away_ends_the_step_with_a_clear_error() -> None:
     with served(scenario(1), drivers=1) as live, joined(live, timeout_s=0.5) as race:
         race.reset()
-        live.end()
+        live.stop()
+        live.server.link.close()
         with pytest.raises(LinkError, match=r"no observation for 0\.5 s: the server at tcp"):
             step_often(race)
 

@@ -1,7 +1,7 @@
 """What a client does about a slow network, and a bridge between two sites."""
 
 import math
-import threading
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,8 @@ from race_server.session import Session
 from race_server.session.failsafe import FRESH_TICKS, SLOW_TICKS, grace_of
 from race_server.tools.drills.lossy_link import LinkConditions
 from race_server.tools.drills.sites import drill_sites
-from support.courses import ring
+from support.courses import SMALL_RING
+from support.servers import waiting
 
 FULL = Control(steering=0.3, throttle=1.0)
 FIELD = math.radians(200.0)
@@ -143,26 +144,16 @@ def test_a_guest_is_told_of_as_a_real_kart_that_acknowledges_what_it_heard() -> 
 
 @pytest.mark.net
 def test_halls_that_race_on_different_courses_are_told_so() -> None:
-    sites, servers = [], []
-    threads = []
-    links = []
-    for name in ("north", "south"):
-        address = free_address()
-        course = replace(ring(radius=6.0, half_width=0.7), digest=name)
-        session = Session(name, Scenario(course, karts=2))
-        links.append(ServerLink(address, name, 2))
-        servers.append(RaceServer(session, links[-1]))
-        sites.append(Site(address, name, ()))
-        threads.append(threading.Thread(target=servers[-1].wait_in_lobby, args=(2,)))
-        threads[-1].start()
-    try:
+    sites = []
+    with ExitStack() as life:
+        for name in ("north", "south"):
+            address = free_address()
+            session = Session(name, Scenario(replace(SMALL_RING, digest=name), karts=2))
+            link = life.enter_context(ServerLink(address, name, 2))
+            life.enter_context(waiting(RaceServer(session, link), drivers=2))
+            sites.append(Site(address, name, ()))
         with pytest.raises(RaceError, match="different courses"):
             relay(*sites, timeout_s=5.0)
-    finally:
-        for server, thread, link in zip(servers, threads, links, strict=True):
-            server.stop()
-            thread.join(5.0)
-            link.close()
 
 
 def test_without_root_the_drill_of_two_halls_is_skipped_with_a_word(

@@ -3,7 +3,6 @@
 import io
 import json
 import stat
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -53,7 +52,6 @@ from race_server.net.wire.lobby import (
     encode_seat_act,
 )
 from race_server.net.wire.spectate import decode_events
-from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.session.interventions import Intervention
 from race_server.storage.results.keeper import Keeper
@@ -61,9 +59,9 @@ from race_server.storage.results.queries import races
 from race_server.storage.results.store import Store
 from race_server.storage.results.writer import Writer
 from race_server.tools.drills.deny import drill_deny
-from support.courses import ring
+from support.servers import running, waiting
+from support.sessions import session_on_ring
 
-COURSE = ring(radius=6.0, half_width=0.7)
 SEAT, OTHER, SPECTATOR, STEWARD = roles_of(2)
 
 
@@ -249,7 +247,7 @@ def test_the_token_of_a_closed_session_lies_there_while_it_is_served(
 
 
 def racing(karts: int = 2) -> Session:
-    session = Session("cup", Scenario(COURSE, karts=karts, rules=Rules(laps=1)))
+    session = session_on_ring("cup", karts, laps=1)
     for seat in range(karts):
         session.join(f"driver {seat}", "track", wanted=seat, secret=seat + 1)
     session.start()
@@ -297,7 +295,7 @@ def test_who_was_sent_away_comes_back_only_when_the_seat_is_opened() -> None:
 
 
 def test_a_closed_seat_is_not_given_away() -> None:
-    session = Session("cup", Scenario(COURSE, karts=2))
+    session = session_on_ring("cup", karts=2)
     told(Steward(session, "token"), "close", 0)
     assert session.join("first", "track").number == 1
     with pytest.raises(SeatError, match="all 2 seats are taken or closed"):
@@ -305,7 +303,7 @@ def test_a_closed_seat_is_not_given_away() -> None:
 
 
 def test_what_makes_no_sense_is_said() -> None:
-    steward = Steward(Session("cup", Scenario(COURSE, karts=2)), "token")
+    steward = Steward(session_on_ring("cup", karts=2), "token")
     for act, message in (
         ("flag", "no race is on"),
         ("dance", "cannot 'dance'; choose one of flag"),
@@ -363,8 +361,7 @@ def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
     tmp_path: Path,
 ) -> None:
     address, path = free_address(), tmp_path / "results.sqlite"
-    rules = Rules(laps=1, countdown_s=0.1, items=False)
-    session = Session("cup", Scenario(COURSE, karts=2, rules=rules))
+    session = session_on_ring("cup", karts=2, laps=1, countdown_s=0.1, items=False)
     amended: list[RaceResult] = []
     heard: list[Event] = []
     with (
@@ -386,14 +383,9 @@ def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
         result = server.run(0)
         assert result is not None
         server.reopen()
-        thread = threading.Thread(target=server.wait_in_lobby, args=(2,))
-        thread.start()
-        try:
+        with waiting(server, drivers=2):
             winner, second = (row.seat for row in result.standings)
             line = StewardClient(steward, "token").decide("penalty", seat=winner, value=60.0)
-        finally:
-            server.stop()
-            thread.join(10.0)
     assert line.endswith(f"seat {winner}, {drivers[winner]}, after the race")
     (changed,) = amended
     assert [row.seat for row in changed.standings] == [second, winner]
@@ -418,16 +410,11 @@ def test_once_the_next_race_begins_a_result_stands() -> None:
 def opened(keys: Path, seats: int = 2, protocol: str = "tls") -> Iterator[tuple[str, RaceServer]]:
     address = free_address().replace("tcp", protocol)
     held = read_server_keys(keys, "cup", seats) if protocol == "tls" else None
-    session = Session("cup", Scenario(COURSE, karts=seats, rules=Rules(laps=1)))
+    session = session_on_ring("cup", seats, laps=1)
     with ServerLink(address, "cup", seats, keys=held) as link:
         server = RaceServer(session, link, REAL, token="token")
-        thread = threading.Thread(target=server.wait_in_lobby, args=(seats,))
-        thread.start()
-        try:
+        with waiting(server, seats):
             yield address, server
-        finally:
-            server.stop()
-            thread.join(10.0)
 
 
 @pytest.mark.net
@@ -481,28 +468,22 @@ def test_copies_forgeries_and_other_versions_are_refused_with_a_reason(keys: Pat
 
 @pytest.mark.net
 def test_the_steward_stops_the_clock_and_starts_the_race_anew() -> None:
-    session = Session("cup", Scenario(COURSE, karts=1, rules=Rules(laps=1, limit_s=30.0)))
+    session = session_on_ring("cup", karts=1, laps=1, limit_s=30.0)
     address = free_address()
     with ServerLink(address, "cup", 1) as link:
         server = RaceServer(session, link, REAL, ("pure_pursuit",), token="token")
-        thread = threading.Thread(target=server.run, args=(0,))
-        thread.start()
-        try:
-            with ClientLink(address, "cup") as client:
-                marshal = StewardClient(client, "token")
-                wait_until(lambda: session.tick > 5)
-                marshal.decide("pause")
-                tick = session.tick
-                time.sleep(0.2)
-                assert session.tick == tick
-                marshal.decide("resume")
-                wait_until(lambda: session.tick > tick)
-                marshal.decide("restart")
-                wait_until(lambda: session.epoch == 2)
-                assert session.seats[0].is_taken
-        finally:
-            server.stop()
-            thread.join(10.0)
+        with running(server), ClientLink(address, "cup") as client:
+            marshal = StewardClient(client, "token")
+            wait_until(lambda: session.tick > 5)
+            marshal.decide("pause")
+            tick = session.tick
+            time.sleep(0.2)
+            assert session.tick == tick
+            marshal.decide("resume")
+            wait_until(lambda: session.tick > tick)
+            marshal.decide("restart")
+            wait_until(lambda: session.epoch == 2)
+            assert session.seats[0].is_taken
 
 
 def wait_until(condition: Callable[[], bool]) -> None:

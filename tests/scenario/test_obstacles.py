@@ -18,7 +18,7 @@ from race_server.scenario.race import Rules, Scenario, make_world
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.polyline import is_inside, loops_of, nearest_on, segments_of
-from support.courses import ring
+from support.courses import SMALL_RING, ring
 
 PASSAGE = 2.4 * TT02.width
 TRACKS = ("covapsy-base", "covapsy-train-2023", "covapsy-test-2023")
@@ -137,22 +137,21 @@ def lap_quarter(course: Course) -> tuple[list[int], float, float]:
 
 
 def test_a_kart_that_drives_into_an_obstacle_touches_it_and_stays_there() -> None:
-    kinds, distance, nearest = lap_quarter(beside(ring(radius=6.0, half_width=0.7), 0.0))
+    kinds, distance, nearest = lap_quarter(beside(SMALL_RING, 0.0))
     assert EventKind.CONTACT_WALL in kinds
     assert distance < 6.0 * np.radians(20.0)
     assert 0.0 < nearest < 0.5
 
 
 def test_a_kart_that_drives_past_one_makes_its_way_like_on_an_empty_track() -> None:
-    empty = ring(radius=6.0, half_width=0.7)
-    kinds, distance, _ = lap_quarter(beside(empty, 0.5))
+    kinds, distance, _ = lap_quarter(beside(SMALL_RING, 0.5))
     assert EventKind.CONTACT_WALL not in kinds
-    assert distance == pytest.approx(lap_quarter(empty)[1])
+    assert distance == pytest.approx(lap_quarter(SMALL_RING)[1])
 
 
 def test_obstacles_need_no_other_machine_code() -> None:
     import numba
 
-    empty = ring(radius=6.0, half_width=0.7)
-    worlds = [make_world(Scenario(course, karts=1)) for course in (empty, beside(empty, 0.5))]
+    courses = (SMALL_RING, beside(SMALL_RING, 0.5))
+    worlds = [make_world(Scenario(course, karts=1)) for course in courses]
     assert len({numba.typeof(world) for world in worlds}) == 1

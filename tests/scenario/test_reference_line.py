@@ -19,9 +19,9 @@ from race_server.scenario.track.course import Obstacle
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.polyline import nearest_on
 from race_server.session import Session
-from support.courses import ring
+from support.courses import SMALL_RING
 
-RING = replace(ring(radius=6.0, half_width=0.7), digest="a ring of 6 m")
+RING = replace(SMALL_RING, digest="a ring of 6 m")
 
 
 def seen(scenario: Scenario, x: float, y: float, heading: float) -> Observation:

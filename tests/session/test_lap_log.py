@@ -6,12 +6,8 @@ import pytest
 from race_server.core.messages import Cleanness, Control, Event, EventKind
 from race_server.errors import WireError
 from race_server.net.wire.spectate import decode_events, encode_events
-from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.session.lap_log import Lap, LapLog
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
+from support.sessions import session_on_ring
 
 
 def lap_event(sequence: int, kart: int, number: int, detail: int) -> Event:
@@ -52,7 +48,7 @@ def test_a_race_that_begins_knows_no_laps_or_sectors_of_the_one_before() -> None
 
 
 def test_a_lap_with_a_wall_contact_is_unclean_and_the_next_one_clean_again() -> None:
-    session = Session("test", Scenario(COURSE, rules=Rules(laps=3, countdown_s=0.1)))
+    session = session_on_ring("test", karts=8, laps=3, countdown_s=0.1)
     session.join("driver", "track")
     session.start()
     racer, events = session.world.racers[0, 0], list[Event]()

@@ -4,7 +4,6 @@ import pytest
 
 from race_server.core.messages import Button, Control, EventKind, Phase, Status
 from race_server.errors import ScenarioError, SeatError, WireError
-from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.session.failsafe import (
     AWAY_TICKS,
@@ -17,13 +16,11 @@ from race_server.session.failsafe import (
     control_under,
     failsafe_stage,
 )
-from support.courses import ring
-
-COURSE = ring(radius=6.0, half_width=0.7)
+from support.sessions import session_on_ring
 
 
 def lobby(karts: int = 2, laps: int = 1) -> Session:
-    return Session("test", Scenario(COURSE, karts=karts, rules=Rules(laps=laps, countdown_s=0.5)))
+    return session_on_ring("test", karts, laps=laps, countdown_s=0.5)
 
 
 def racing(karts: int = 2) -> Session:
@@ -272,4 +269,4 @@ def test_more_karts_than_places_on_the_grid_are_refused() -> None:
 
 def test_an_unknown_contact_policy_is_refused() -> None:
     with pytest.raises(ScenarioError, match="'explode' is unknown; choose one of bump"):
-        Session("t", Scenario(COURSE, rules=Rules(wall_contact="explode")))
+        session_on_ring("test", wall_contact="explode")

@@ -33,16 +33,15 @@ from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, races
 from race_server.storage.results.store import Store
 from race_server.storage.results.writer import Writer
-from support.courses import ring
+from support.courses import SMALL_RING
 
 pytestmark = pytest.mark.net
 
-COURSE = ring(radius=6.0, half_width=0.7)
 DRIVERS = ("pure_pursuit", "avoider")
 
 
 def scenario() -> Scenario:
-    return Scenario(COURSE, karts=3, seed=5, rules=Rules(laps=2, countdown_s=0.5))
+    return Scenario(SMALL_RING, karts=3, seed=5, rules=Rules(laps=2, countdown_s=0.5))
 
 
 @contextmanager
@@ -163,8 +162,8 @@ def test_a_file_that_is_no_recording_says_so(tmp_path: Path) -> None:
 def test_a_setting_comes_back_whole() -> None:
     text, arrays = pack_scenario(scenario())
     back = unpack_scenario(text, arrays)
-    assert replace(back, course=COURSE) == scenario()
-    assert np.array_equal(back.course.line, COURSE.line)
+    assert replace(back, course=SMALL_RING) == scenario()
+    assert np.array_equal(back.course.line, SMALL_RING.line)
     with pytest.raises(RecordingError, match="cannot be read"):
         unpack_scenario(text, arrays[:-40])
 

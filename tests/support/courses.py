@@ -47,3 +47,7 @@ def ring(radius: float = 20.0, half_width: float = 2.0, gates: int = 8, places: 
         width_max=2.0 * half_width,
         digest="ring",
     )
+
+
+SMALL_RING = ring(radius=6.0, half_width=0.7)  # a lap of 37.7 m
+TINY_RING = ring(radius=2.5, half_width=0.7)  # a lap of 15.7 m

@@ -1,9 +1,9 @@
 """Whole races in one process, without a network."""
 
-from race_server.core.driver import Briefing, Driver, driver_named
+from race_server.core.driver import Driver, driver_named
 from race_server.core.messages import Event, Phase
 from race_server.core.observation import Observation
-from race_server.core.rules.items import items
+from race_server.live.local_drivers import briefing_for
 from race_server.scenario.race import Scenario
 from race_server.session import Session
 
@@ -16,17 +16,7 @@ def run_race(scenario: Scenario, names: list[str]) -> tuple[Session, list[Event]
         driver = driver_named(name)
         session.join(name, driver.preset, wanted=seat)
         session.seats[seat].is_ready = True
-        driver.reset(
-            Briefing(
-                seat=seat,
-                vehicle=scenario.vehicle_of(seat),
-                laps=scenario.rules.laps,
-                preset=driver.preset,
-                decision_s=0.05,
-                items=tuple(item.name for item in items()),
-                lidar_field=scenario.lidar.field,
-            )
-        )
+        driver.reset(briefing_for(session, session.seats[seat]))
         drivers.append(driver)
     session.start()
     events: list[Event] = []

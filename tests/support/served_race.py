@@ -22,9 +22,9 @@ from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
-from support.courses import ring
+from support.courses import SMALL_RING
+from support.servers import running
 
-COURSE = ring(radius=6.0, half_width=0.7)
 TOKENS = Tokens(drive=("drive one", "drive two"), steward="steward one")
 ORIGIN = "https://race.example"
 
@@ -54,7 +54,7 @@ def racing(
     karts: int = 2,
     drivers: int = 0,
     laps: int = 0,
-    course: Course = COURSE,
+    course: Course = SMALL_RING,
     scenario: Scenario | None = None,
 ) -> Iterator[RaceServer]:
     """Serve a race in real time; scripted drivers take the seats that stay free."""
@@ -66,13 +66,8 @@ def racing(
         ServerLink(address, "race", scenario.karts, real_time=True) as link,
     ):
         server = RaceServer(session, link, REAL, ("pure_pursuit",), token=token)
-        thread = threading.Thread(target=server.run, args=(drivers,))
-        thread.start()
-        try:
+        with running(server, drivers):
             yield server
-        finally:
-            server.stop()
-            thread.join(10.0)
 
 
 @contextmanager
@@ -106,7 +101,7 @@ def _knows_race(served: ServedRace) -> bool:
     return has_begun and served.state.live.is_there
 
 
-def record_race(folder: Path, course: Course = COURSE) -> Path:
+def record_race(folder: Path, course: Course = SMALL_RING) -> Path:
     """Return the recording of a short race of three scripted drivers."""
     said: list[str] = []
     rules = Rules(laps=1, countdown_s=0.5)
