@@ -35,7 +35,7 @@ def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
 
 @kernel
 def use_items(world: World, w: int) -> None:
-    """Let every kart that presses the button again use the item it holds."""
+    """Use the item of every kart that has pressed the button since the last tick."""
     race = world.races[w]
     for k in range(world.bodies.shape[1]):
         body, player = world.bodies[w, k], world.players[w, k]
@@ -49,7 +49,7 @@ def use_items(world: World, w: int) -> None:
 
 @kernel
 def _use(world: World, w: int, k: int) -> None:
-    """Let a kart use the item it holds, if there is something to act on."""
+    """Use the item that a kart holds, if there is something to act on."""
     tick = world.races[w].tick
     racer, player = world.racers[w, k], world.players[w, k]
     number = player.held
