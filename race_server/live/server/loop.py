@@ -258,7 +258,7 @@ class RaceServer:
         return not ends and self.session.is_on
 
     def _wait_while_paused(self) -> None:
-        """Let no time pass while the clock stands; repeated observations show that we are here."""
+        """Wait while the race is paused; repeat observations, so that drivers see a live server."""
         again = 0.0
         while self.session.race_control.is_paused and self._goes_on():
             self.poll()
@@ -269,7 +269,7 @@ class RaceServer:
             self.link.wait(self.timing.poll_s)
 
     def advance(self, ticks: int) -> None:
-        """Move the race on, write down what happened, and publish it."""
+        """Advance the race, record what happened, and publish it."""
         before = self.session.tick
         events = self.session.advance(ticks)
         self._count_silence(ticks)
