@@ -36,7 +36,7 @@ NAMES = ["pure_pursuit", "follow_gap"]
 
 @dataclass
 class Live:
-    """A server with its race in a thread of its own."""
+    """A server with its race in a separate thread."""
 
     address: str
     server: RaceServer
@@ -324,7 +324,7 @@ def test_a_race_that_is_over_before_anyone_can_look_has_its_result_all_the_same(
 ) -> None:
     def late(*_: object, **__: object) -> ClientLink:
         time.sleep(0.2)
-        raise LinkError("nobody answers")
+        raise LinkError("no answer")
 
     monkeypatch.setattr("race_server.competition.launch.ClientLink", late)
     serve = ["--track", "oval", "--karts", "1", "--laps", "1", "--pace", "lockstep", "--fresh"]

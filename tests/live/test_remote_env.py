@@ -73,7 +73,7 @@ def scenario(karts: int, rules: Rules = RULES) -> Scenario:
 
 
 class Live:
-    """A server that races in a thread of its own, again and again until it is ended."""
+    """A server that races in a separate thread, again and again until it is stopped."""
 
     def __init__(self, link: ServerLink, server: RaceServer, drivers: int) -> None:
         self.address, self.server, self.link = link.address, server, link
