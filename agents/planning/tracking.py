@@ -1,7 +1,7 @@
 """How to stay on the reference line and at its speeds; drivers decide where beside it.
 
 Steering: feed-forward from the line's curvature with the slip that both axles need for it, feedback
-on the offset and on the heading that the body ought to have in that bend (Kapania and Gerdes,
+on the offset and on the heading that the body should have in that bend (Kapania and Gerdes,
 Design of a feedback-feedforward steering controller for accurate path tracking and stability at the
 limits of handling, 2015). Slip follows from force by the inverse of Fiala's brush tyre.
 """

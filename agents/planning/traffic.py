@@ -47,8 +47,8 @@ NOWHERE = 1e3
 def on_line(cockpit: Cockpit, x: float, y: float) -> tuple[float, float, float, float]:
     """Return where a point of the kart frame is: along the line and left of it [m].
 
-    The last two numbers are the direction of the line there. Beyond what is seen of the line it
-    goes on straight.
+    The last two numbers are the direction of the line there. Beyond its last sample the line goes
+    on straight.
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     nearest, best = 0, math.inf

@@ -94,7 +94,10 @@ def _place(world: World, w: int, k: int, number: int) -> None:
 
 @kernel
 def hit(world: World, w: int, k: int, cause: int, number: int) -> None:
-    """Let an item's effect strike a kart, unless a shield or immunity takes it."""
+    """Apply an item's effect to a kart, unless a shield or immunity protects it.
+
+    cause: number of the kart that used the item; number: of the item.
+    """
     tick = world.races[w].tick
     player = world.players[w, k]
     if is_harmless(player, tick):

@@ -1,4 +1,4 @@
-"""The race server: receives from the seats, lets time pass, publishes. Read `run` first."""
+"""The race server: receives from the seats, advances the race, publishes. Read `run` first."""
 
 import time
 from collections.abc import Callable
@@ -49,7 +49,7 @@ class RaceServer:
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Make the parts that receive, answer, publish and write down."""
+        """Make the parts that receive, answer, publish and record."""
         session, timing = self.session, self.timing
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
