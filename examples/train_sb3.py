@@ -1,4 +1,4 @@
-"""Let a kart learn in a minute to lap a course alone: ``python examples/train_sb3.py``."""
+"""Train a kart for a minute to lap a course alone: ``python examples/train_sb3.py``."""
 
 import time
 

@@ -1,9 +1,9 @@
-"""How a driver's connection is known again.
+"""How the server recognises a driver's connection.
 
 A driver draws a secret and shows it when it asks for its seat. Beside its controls and in its
 liveliness token it shows the *badge*, which follows from the secret but does not give it away. The
-server keeps the *key*, which follows from the badge: it may be written down, and whoever reads it
-can neither take the seat nor drive.
+server keeps the *key*, which follows from the badge: it may be stored, because with the key alone
+a client can neither take the seat nor drive.
 """
 
 import hashlib

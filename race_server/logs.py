@@ -1,7 +1,7 @@
-"""What a server tells whoever runs it: what happens in its life, and nothing for each message.
+"""The log of a server for its operator: events of the server, and nothing for each message.
 
 A thread writes the lines, so that no tick waits for a terminal or a pipe. In a terminal they are
-made to be read, elsewhere each is one JSON object.
+formatted for people, elsewhere each is one JSON object.
 """
 
 import json
@@ -15,7 +15,7 @@ from typing import Any, Self, TextIO
 import structlog
 
 CLOSE_S = 2.0
-# Lines that wait for a pipe that nobody reads; later ones are dropped.
+# Lines that may wait for a pipe that is not read; later ones are dropped.
 MOST_WAITING = 1024
 
 Fact = str | int | float | bool
@@ -23,7 +23,7 @@ Line = tuple[str, str, dict[str, Fact]]  # level, event, facts
 
 
 class Log:
-    """Says events with their facts, in order.
+    """Logs events with their facts, in order.
 
     Without its thread, outside of a ``with`` block, each line is written at once.
     """
@@ -55,11 +55,11 @@ class Log:
             self._thread = None
 
     def say(self, event: str, **facts: Fact) -> None:
-        """Say what happens as it should."""
+        """Log an event of normal operation."""
         self._hand_over("info", event, facts)
 
     def warn(self, event: str, **facts: Fact) -> None:
-        """Say what somebody may have to look at."""
+        """Log an event that may need attention."""
         self._hand_over("warning", event, facts)
 
     def _hand_over(self, level: str, event: str, facts: dict[str, Fact]) -> None:
@@ -98,6 +98,6 @@ def words_of(text: str) -> str:
 
 
 def last_words(log: Path, lines: int = 1) -> str:
-    """Return what was said last in the file of a log, as a person reads it."""
+    """Return the last lines of a log file, as a person reads them."""
     said = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
     return " / ".join(words_of(line) for line in said[-lines:]) or "it said nothing"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-# No test writes to the results of whoever runs it.
+# No test writes to the results of the user that runs it.
 os.environ["RACE_SERVER_RESULTS"] = "none"
 os.environ["RACE_SERVER_RECORDINGS"] = "none"
 # Races of tests are not watched.
@@ -32,7 +32,7 @@ def compiled() -> None:
 
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> "Train":
-    """Trains by a preset with changes: each training once, in a folder of its own."""
+    """Trains by a preset with changes: each training once, in a separate folder."""
     from race_agents.training import folder
     from race_agents.training.run import train
     from race_agents.training.settings_toml import read_settings

@@ -1,7 +1,7 @@
-"""The program of a real kart: takes a seat, tells where the kart is, obeys, keeps it safe.
+"""The program of a real kart: takes a seat, reports poses, applies controls, keeps the kart safe.
 
-`KartProgram` is the kart's end of the link; `ControlUnit` is what it thinks with. Whatever plays
-the kart's body, a real one or the plant, is `Hardware`.
+`KartProgram` is the kart's end of the link; `ControlUnit` decides. The kart's body, a real one or
+the plant, is a `Hardware`.
 """
 
 import time
@@ -121,9 +121,9 @@ def take_part(
 ) -> None:
     """Drive one race with a real kart.
 
-    caution: share of the tyres' grip that the driver is told of; what the figures promise, a kart
-    that exists seldom has. each_turn: is called after each decision; the kart leaves once it
-    returns False.
+    caution: share of the tyres' grip that the driver's briefing states, because a real kart rarely
+    has the grip of its data sheet. each_turn: is called after each decision; the kart leaves once
+    it returns False.
 
     Raises:
         LinkError: no server.
@@ -157,7 +157,7 @@ def _until_home(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
 
 
 def is_home(unit: ControlUnit) -> bool:
-    """Return whether the kart was told to stop after the start, and stands."""
+    """Return whether the kart was ordered to stop after the start, and stands."""
     hud = unit.hud
     if hud is None or hud.trust is Trust.SUSPENDED or hud.flag is Flag.RED:
         return False

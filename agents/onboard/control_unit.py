@@ -1,8 +1,8 @@
-"""A real kart's control unit, without I/O: what it senses and hears, what it does, what it tells.
+"""A real kart's control unit, without I/O: sensors and messages in, actuators and reports out.
 
-Two sides that meet in one place only. One listens to the game: speed cap, share of the motor. The
-other keeps the kart safe with what the kart itself senses. `decide` takes the strictest of both,
-so a message can take speed away and never give any.
+It has two sides. One applies the game: speed cap, share of the motor. The other keeps the kart safe
+with the kart's sensors. `decide` takes the strictest of both, so a message can lower the speed but
+never raise it.
 """
 
 import math
@@ -214,8 +214,8 @@ class ControlUnit:
     def _watch_ahead(self, now: float, will: float, speed: float) -> Verdict:
         """Brake for what stands ahead until the kart stands, and then until the way is free.
 
-        Who lets the pedal go, or backs away, may try again. For another kart, which drives on,
-        the brakes are on only as long as it is in danger.
+        A driver that releases the pedal, or backs away, may try again. For another kart, which
+        drives on, the brakes are on only while it is in danger.
         """
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
@@ -248,7 +248,7 @@ class ControlUnit:
         return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
 
     def pose(self) -> Pose | None:
-        """Return where the kart's centre of gravity is, as it is told to the server."""
+        """Return the pose of the kart's centre of gravity, as it is sent to the server."""
         if self.fusion is None:
             return None
         state = [float(value) for value in self.fusion.state]

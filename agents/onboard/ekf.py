@@ -4,8 +4,8 @@ State: place of the rear axle's middle, heading, speed, yaw rate, the gyro's bia
 which the rear axle slides to the left. Between readings the kart drives on at constant speeds and
 turn rate, changed by what the accelerometer feels; what it may do instead is process noise. Tyres
 roll where the body points unless something else is plain (`see_grip`). The update is Joseph's
-form, which keeps the covariance positive whatever is rounded; readings that the filter finds hardly
-possible are dropped by a chi-square gate, but not for ever.
+form, which keeps the covariance positive in spite of rounding. A chi-square gate refuses improbable
+readings; after several refusals in a row the state itself is doubted.
 """
 
 import math
@@ -24,7 +24,7 @@ GATE_ONE, GATE_TWO = 10.83, 13.82
 PLAIN = 3.84
 # After this many readings of a sensor refused in a row: the filter is wrong, not they.
 MOST_REFUSED = 5
-# Fixes come seldom: this many are the third of a second in which a kart is carried metres away.
+# Fixes are rare: this many take a third of a second, in which a kart can be carried metres away.
 MOST_FIXES_REFUSED = 3
 # A kart that slides keeps its direction for about this time [s].
 SLIDE_S = 0.1
@@ -58,7 +58,10 @@ def drive_on(state: Floats, dt: float) -> Floats:
 
 
 def arc(rate: float, dt: float) -> tuple[float, float]:
-    """Return how far ahead and to the left [s] gets who drives off at 1 m/s and turns."""
+    """Return the ways ahead and to the left, per speed [s], of a body that turns.
+
+    rate: constant yaw rate [rad/s]; dt: duration [s].
+    """
     if abs(rate) > STRAIGHT:
         return math.sin(rate * dt) / rate, (1.0 - math.cos(rate * dt)) / rate
     return dt, 0.5 * rate * dt * dt
@@ -147,8 +150,8 @@ class KartFilter:
         """Drive on for `dt` seconds.
 
         push: accelerations [m/s²] of the speeds ahead and aside, as they were felt; blow: [m/s²]
-        that no tyre can have caused. Who is hit moves where the body does not point, at up to the
-        speed that it had.
+        that no tyre can have caused. A kart that is hit may move where its body does not point, at
+        up to the speed that it had.
         """
         if dt <= 0.0:
             return
@@ -182,7 +185,7 @@ class KartFilter:
         return self._see_one("yaw rate", rate - expected, (YAW_RATE, BIAS), deviation)
 
     def see_grip(self, deviation: float) -> None:
-        """Take it that the tyres hold, unless the kart plainly slides. deviation: [m/s] aside."""
+        """Assume that the tyres hold, unless the kart clearly slides. deviation: [m/s] aside."""
         square = float(self.covariance[SLIDE, SLIDE]) + deviation**2
         if self.state[SLIDE] ** 2 < PLAIN * square:
             self._see_one("grip", -float(self.state[SLIDE]), (SLIDE,), deviation)
@@ -214,8 +217,8 @@ class KartFilter:
     def _doubt(self, sensor: str, residual: Floats, slope: Floats) -> None:
         """Count a refusal; after too many in a row doubt the state by as much as it misses.
 
-        But not the gyro's bias, which drifts and never jumps. Who lost the place has lost the
-        heading too, by an unknown amount: it must not be made to explain the place.
+        But not the gyro's bias, which drifts and never jumps. A filter with a wrong position has a
+        wrong heading too, by an unknown amount: it must not be made to explain the position.
         """
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > (MOST_FIXES_REFUSED if sensor == "position" else MOST_REFUSED):

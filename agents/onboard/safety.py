@@ -160,8 +160,8 @@ def is_on_way(
 def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
     """Return which echoes will be hit along an arc unless the kart brakes fully now.
 
-    To borders a kart need not keep its distance: drivers use all of the track. People get a berth,
-    and the wider the longer it takes to get there: a bend opens, a driver turns.
+    A kart need not keep a distance from borders: drivers use all of the track. From people it keeps
+    a lateral distance, which grows with the braking time: a bend opens, a driver turns.
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)

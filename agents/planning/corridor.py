@@ -35,7 +35,11 @@ WIDER = 1.5
 
 @kernel
 def largest_edge(ranges: Floats, base: int, rays: int, field: float, jump: float) -> int:
-    """Return the ray right of the largest edge, a rise or fall beyond `jump` [m]; -1 for none."""
+    """Return the ray right of the largest edge, a rise or fall beyond `jump` [m]; -1 for none.
+
+    ranges: (n,) [m], the scan from `base` on; rays: of the scan; field: angle between the outermost
+    rays [rad].
+    """
     best, found = jump, -1
     for ray in range(base + 1, base + rays - 2):
         rise = abs(ranges[ray + 1] - ranges[ray])
@@ -99,7 +103,11 @@ def write_gate(
     left_x: float,
     left_y: float,
 ) -> None:
-    """Write one gate from its ends."""
+    """Write one gate from its ends.
+
+    memory: (M,) of the driver; out: place of the gates in it; gate: number of this one; right_x,
+    right_y, left_x, left_y: its ends in the frame of the kart [m].
+    """
     dx, dy = left_x - right_x, left_y - right_y
     width = max(math.sqrt(dx * dx + dy * dy), 1e-6)
     memory[out + RIGHT_X + gate] = right_x
@@ -111,7 +119,10 @@ def write_gate(
 
 @kernel
 def cut_rung(rung: Rung, share: float, hides: float) -> Rung:
-    """Return a share of a rung, from the edge that hides or else from the nearer end."""
+    """Return a share of a rung, from the edge that hides or else from the nearer end.
+
+    share: 0 to 1; hides: side of the edge, see `Walls`.
+    """
     lx, ly, rx, ry = rung
     if hides > 0.0 or (hides == 0.0 and lx * lx + ly * ly < rx * rx + ry * ry):
         return Rung(lx, ly, lx + share * (rx - lx), ly + share * (ry - ly))
@@ -122,8 +133,9 @@ def cut_rung(rung: Rung, share: float, hides: float) -> Rung:
 def next_rung(walls: Walls, left: int, right: int, rung: Rung) -> tuple[int, int, Rung]:
     """Return the next rung, and the numbers of the points that it connects.
 
-    One step on along the wall where the rung stays shorter; -1 where both walls end. left, right:
-    points that the present rung connects.
+    One step on along the wall where the rung stays shorter; -1 where both walls end. walls: of one
+    scan; left, right: numbers of the points that the present rung connects, counted from the rear;
+    rung: its ends [m].
     """
     lefts, rights = walls.rays - 1 - walls.split, walls.split + 1
     lefts_all = lefts + (HIDDEN if walls.hides > 0.0 else 0)
@@ -150,7 +162,8 @@ def next_rung(walls: Walls, left: int, right: int, rung: Rung) -> tuple[int, int
 def write_gates(memory: Floats, out: int, gates: int, last: Rung, rung: Rung, more: int) -> int:
     """Write `more` gates at equal distances after the rung `last`, up to `rung`; return the count.
 
-    out: place of the gates in `memory`; gates: gates written before.
+    memory: (M,) of the driver; out: place of the gates in it; gates: gates written before; last,
+    rung: their ends [m].
     """
     for number in range(min(more, GATES - gates)):
         part = (number + 1) / more
@@ -172,8 +185,9 @@ def find_gates(
 ) -> tuple[int, bool]:
     """Write the gates ahead; return how many, and whether the way is closed behind the last one.
 
-    out: place of the gates in the memory. Their middles are `spacing` [m] apart, the first one lies
-    ahead of `begin` [m]; where the walls are nearer to each other than `narrow` [m] is no way.
+    walls: of one scan; out: place of the gates in its memory. Their middles are `spacing` [m]
+    apart, the first one lies ahead of `begin` [m]; walls nearer to each other than `narrow` [m]
+    leave no way.
     """
     left = right = gates = 0
     lx, ly = wall_point(walls, 1.0, 0)

@@ -1,8 +1,8 @@
-"""What a kart will see when its next command acts, where commands act late.
+"""Predict the observation at the time when the next command acts, where commands act late.
 
-The driver knows its vehicle and what it commanded: the state is rolled on over the latency with
-the model of motion that the world has as well, in coordinates of the reference line, and what is
-seen is written again from there. What decides by that need not know of the delay.
+The driver knows its vehicle and its commands: it integrates the state over the latency with the
+world's model of motion, in coordinates of the reference line, and replaces the observation by the
+one expected there. The decision that follows need not know of the latency.
 """
 
 import math
@@ -54,7 +54,7 @@ FINE = 2
 
 @large_kernel
 def look_ahead(cockpit: Cockpit) -> None:
-    """Turn what is seen now into what will be seen when the command that is due acts."""
+    """Replace the observation by the one expected when the next command acts."""
     observation, offsets = cockpit.observation, cockpit.offsets
     setup, memory = cockpit.setup, cockpit.memory
     estimate_latency(cockpit)
@@ -83,17 +83,21 @@ def look_ahead(cockpit: Cockpit) -> None:
 
 @kernel
 def turn_point(observation: Floats, px: int, py: int, cos: float, sin: float) -> None:
-    """Turn the point at two places of what is seen into a frame that is itself turned."""
+    """Convert a vector of the observation into a frame that is turned to the left.
+
+    observation: (size,), changed in place; px, py: places of x and y in it, [m] or [m/s]; cos, sin:
+    of the angle by which the frame is turned.
+    """
     x, y = observation[px], observation[py]
     observation[px], observation[py] = x * cos + y * sin, y * cos - x * sin
 
 
 @large_kernel
 def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
-    """Move the kart that is seen on by `delay` thirds of a decision, under commands given before.
+    """Move the observed kart on by `delay` thirds of a decision, under the commands given before.
 
-    Return where it will be in the frame that it has now, x, y [m] and heading [rad], and how far
-    along the line [m].
+    Return its later pose in its present frame, x, y [m] and heading [rad], and its way along the
+    line [m].
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
@@ -128,9 +132,11 @@ def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
 
 @large_kernel
 def follow_line(cockpit: Cockpit, along: float, x: float, y: float, heading: float) -> None:
-    """Let what is seen of the line begin `along` [m] further on, in the frame of a later pose.
+    """Replace the observed line by the one that begins `along` [m] further on.
 
-    Beyond the last sample the line goes on straight, as wide and as fast as there.
+    cockpit: its observation is changed in place; x, y [m], heading [rad]: pose of the later frame
+    in the present one. Beyond the last sample the line goes on straight, as wide and as fast as
+    there.
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     shift = max(along / max(observation[offsets[STEP]], 0.01), 0.0)

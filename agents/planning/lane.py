@@ -1,4 +1,4 @@
-"""One decision of a driver on the reference line, once it knows in which lane it wants to be."""
+"""One decision of a driver on the reference line, given the lane that it wants."""
 
 from race_agents.planning.idm_model import behind_leader
 from race_agents.planning.latency import remember_command
@@ -21,9 +21,9 @@ from race_server.core.kernels.jit import kernel
 
 @kernel
 def drive_in_lane(cockpit: Cockpit, wanted: float) -> None:
-    """Go over to a lane `wanted` [m] left of the line, round hazards and behind who is there.
+    """Change to a lane `wanted` [m] left of the line, round hazards and behind karts ahead.
 
-    Advice shifts the lane, fetches boxes, scales the speed and says how closely to follow.
+    Advice shifts the lane, fetches boxes, scales the speed and sets the distance to follow at.
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     setup, memory, control = cockpit.setup, cockpit.memory, cockpit.control

@@ -1,8 +1,8 @@
-"""How late a kart's commands act, told from its own wheels: what was asked of them, what they did.
+"""Estimate how late a kart's commands act, from the steering commanded and the steering observed.
 
-No setting says it and nothing is measured beside the track: of several delays the one is believed
-under which the last commands explain how the wheels turned. That holds for an answer that is held
-back, for a slow link and, roughly, for an actuator that lags behind.
+No setting gives the latency. Of several delays the estimate is the one under which the last
+commands explain best how the wheels turned. This covers answers that are delayed on purpose, slow
+links and, roughly, actuators that lag.
 """
 
 from race_server.core.kernel_driver import DECISION, LATELY, Cockpit
@@ -17,14 +17,14 @@ THIRDS = 3
 # The longest delay considered [decisions].
 LONGEST = 4
 DELAYS = LONGEST * THIRDS + 1
-# Share of what spoke against a delay that still does so one decision later.
+# Share of the squared error of a delay that is kept from one decision to the next.
 FADING = 0.97
-# So much less [rad²] must speak against another delay before it is believed instead, and this
-# share of what speaks against the one believed.
+# Another delay replaces the estimate once its squared error is below `SHARE` of that of the
+# estimate, less `EVIDENCE` [rad²].
 EVIDENCE, SHARE = 1e-4, 0.5
 
-# Places in a driver's memory: the latency, how the wheels stood; the last commands, newest first,
-# each steering, throttle, brake; what spoke against each delay.
+# Places in a driver's memory: the latency, the steering angle at the last decision; the last
+# commands, newest first, each steering, throttle, brake; the squared error of each delay.
 LATENCY = LATELY
 WHEELS = LATELY + 1
 COMMANDS = LATELY + 2
@@ -43,7 +43,7 @@ def age_at(third: int, delay: int) -> int:
 
 @kernel
 def remember_command(memory: Floats, control: Floats) -> None:
-    """Keep what is commanded now, and forget the oldest command."""
+    """Store the present command and drop the oldest one. memory: (M,); control: (4,)."""
     for index in range(LONGEST * COMMAND):
         to = COMMANDS + (LONGEST + 1) * COMMAND - 1 - index
         memory[to] = memory[to - COMMAND]
@@ -53,7 +53,7 @@ def remember_command(memory: Floats, control: Floats) -> None:
 
 @large_kernel
 def estimate_latency(cockpit: Cockpit) -> None:
-    """Compare how the wheels turned since the last decision with what each delay would explain."""
+    """Compare the steering since the last decision with the one that each delay predicts."""
     observation, offsets = cockpit.observation, cockpit.offsets
     vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
     turn = vehicle.steering_rate * setup[DECISION] / THIRDS

@@ -48,8 +48,9 @@ def add_square(
 ) -> None:
     """Add the square of a value to the normal equations.
 
-    before, here, after: its slopes by the places on the gates `gate` - 1, `gate` and `gate` + 1,
-    of which only the last one must exist.
+    memory: (M,) of the driver; path: place of the path in it; value: weighted turn [rad/√m];
+    before, here, after: its slopes [rad/√m per m] by the places on the gates `gate` - 1, `gate` and
+    `gate` + 1, of which only the last one must exist.
     """
     at = path + gate
     if gate > 0:
@@ -93,7 +94,8 @@ def solve(memory: Floats, path: int, gates: int) -> None:
 def add_turns(memory: Floats, path: int, gates: int, cos: float, sin: float) -> None:
     """Add the squares of what the path turns at each point, the last gate's normal included.
 
-    cos, sin: the direction in which it begins.
+    memory: (M,) of the driver; path: place of the path in it; gates: of the path; cos, sin: of the
+    direction in which it begins.
     """
     before = 0.0  # slope of the step's direction by a move of its ends to the left
     x = y = last_way = 0.0
@@ -143,8 +145,8 @@ def smooth_path(
 ) -> None:
     """Write the path of least bending that stays `margin` [m] off the ends of the gates.
 
-    drift: direction in which it begins [rad]; width: of the body [m]; most: how far a point moves
-    in one round [m].
+    memory: (M,) of the driver; path: place of the path in it; gates: of the path; drift: direction
+    in which it begins [rad]; width: of the body [m]; most: how far a point moves in one round [m].
     """
     cube = width * width * width
     wall, stay = WALL / cube, STAY / cube
@@ -196,15 +198,16 @@ def speed_before(
 ) -> float:
     """Return the most speed [m/s] at which a path may begin.
 
-    end: the speed at its end [m/s]; grip: [m/s²], of which bends may take `share`; braking: [m/s²]
-    on the straight, less in a bend, where the tyres share their grip.
+    memory: (M,) of the driver; path: place of the path in it; gates: of the path; end: the speed at
+    its end [m/s]; grip: [m/s²], of which bends may take `share`; braking: [m/s²] on the straight,
+    less in a bend, where the tyres share their grip.
     """
     square = end * end
     for back in range(gates):
         at = path + gates - 1 - back
         bend = abs(memory[at + BEND])
         if 0 < back < gates - 1:
-            # A single point tells of noise as much as of the bend.
+            # The curvature at a single point is noisy: average it with its neighbours.
             bend = 0.25 * abs(memory[at + BEND - 1]) + 0.5 * bend
             bend += 0.25 * abs(memory[at + BEND + 1])
         square = min(square, share * grip / max(bend, 1e-3))
@@ -216,7 +219,10 @@ def speed_before(
 
 @kernel
 def point_along(memory: Floats, path: int, gates: int, distance: float) -> tuple[float, float]:
-    """Return the point [m] at a distance [m] along a path, or beyond its end straight on."""
+    """Return the point [m] at a distance [m] along a path, or beyond its end straight on.
+
+    memory: (M,) of the driver; path: place of the path in it; gates: of the path.
+    """
     x = y = 0.0
     for gate in range(gates):
         at = path + gate

@@ -19,7 +19,8 @@ def fill_dropouts(
 ) -> None:
     """Copy a scan; drop-outs (zeros) take the value between their neighbours.
 
-    Where nothing came back at all, everything is free up to `reach` [m].
+    observation: (size,), the scan of `rays` ranges [m] from `start` on; out: (n,), written from
+    `base` on. A scan without any echo counts as free up to `reach` [m].
     """
     last = -1
     for ray in range(rays):
@@ -52,8 +53,9 @@ def widen_edges(
     """Copy a scan from `base` to `wide`; every near edge hides what lies close beside it.
 
     Behind an edge the space is only free for a body of half-width `half_width` [m] if it passes
-    that edge at this distance. Disparity extender: Otterness, 2019. step: angle between two
-    rays [rad]; jump: difference of two neighbouring rays [m] that counts as an edge.
+    that edge at this distance. Disparity extender: Otterness, 2019. ranges, out: (n,) [m], the scan
+    of `rays` ranges; step: angle between two rays [rad]; jump: difference of two neighbouring
+    ranges [m] that counts as an edge.
     """
     for ray in range(rays):
         out[wide + ray] = ranges[base + ray]
@@ -73,7 +75,11 @@ def widen_edges(
 def nearest(
     ranges: Floats, base: int, rays: int, field: float, low: float, high: float, far: float
 ) -> float:
-    """Return the smallest range [m] between the angles `low` and `high` [rad], at most `far`."""
+    """Return the smallest range [m] between the angles `low` and `high` [rad], at most `far`.
+
+    ranges: (n,) [m], the scan of `rays` ranges from `base` on; field: angle between the outermost
+    rays [rad].
+    """
     best = far
     for ray in range(rays):
         if low < ray_angle(ray, rays, field) < high:
@@ -85,7 +91,11 @@ def nearest(
 def age_of_scan(
     observation: Floats, start: int, rays: int, decision_s: float, memory: Floats
 ) -> float:
-    """Return how long [s] the same scan has been seen, at most 0.1 s."""
+    """Return the time [s] since the scan changed, at most 0.1 s.
+
+    observation: (size,), the scan of `rays` ranges [m] from `start` on; decision_s: time between
+    decisions [s]; memory: (M,) of the driver.
+    """
     total = 0.0
     for ray in range(rays):
         total += observation[start + ray]
@@ -98,7 +108,8 @@ def age_of_scan(
 def move_scan(memory: Floats, rays: int, field: float, dx: float, dy: float, turn: float) -> None:
     """Write the kept scan's points as seen from elsewhere: x ahead, then y to the left.
 
-    (dx, dy): where that is [m]; turn: the direction ahead there [rad].
+    memory: (M,) of the driver, with `rays` ranges [m]; field: angle between the outermost rays
+    [rad]; (dx, dy): where that is [m]; turn: the direction ahead there [rad].
     """
     cos, sin = math.cos(turn), math.sin(turn)
     xs, ys = KEPT + 2 * rays, KEPT + 3 * rays

@@ -1,4 +1,4 @@
-"""What every driver here does alike: when to use an item, and how to get free when stuck."""
+"""Tactics that all drivers here share: when to use an item, how to get free when stuck."""
 
 from race_server.core import codes
 from race_server.core.kernel_driver import (
@@ -40,7 +40,7 @@ def finish_decision(cockpit: Cockpit) -> None:
     if observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0:
         _stand(control)
         return
-    # A button acts when it goes down, so it is let go after each press.
+    # A button acts when it is pressed, so it is released after each press.
     pressed = memory[PRESSED] == 0.0 and _is_used(cockpit)
     memory[PRESSED] = 1.0 if pressed else 0.0
     buttons = codes.USE_ITEM if pressed else 0
@@ -90,7 +90,7 @@ def wants_item(cockpit: Cockpit) -> bool:
 
 @kernel
 def _is_followed(cockpit: Cockpit, near: float) -> bool:
-    """Return whether a kart is close behind; who cannot know drops what it has."""
+    """Return whether a kart is within `near` [m] behind; True where the preset has no karts."""
     observation, offsets = cockpit.observation, cockpit.offsets
     start = offsets[KARTS_X]
     if start < 0:
@@ -131,7 +131,10 @@ def _escape(cockpit: Cockpit) -> None:
 
 @kernel
 def press_pedals(speed: float, target: float, gain: float, control: Floats) -> None:
-    """Set throttle and brake to bring `speed` to `target` [m/s]; gain per m/s."""
+    """Set throttle and brake to bring `speed` to `target` [m/s].
+
+    gain: share of full throttle per m/s; control: (4,), see `Cockpit`.
+    """
     error = gain * (target - speed)
     control[1] = min(max(error, 0.0), 1.0)
     control[2] = min(max(-0.5 * error, 0.0), 1.0)

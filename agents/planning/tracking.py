@@ -1,7 +1,7 @@
 """How to stay on the reference line and at its speeds; drivers decide where beside it.
 
 Steering: feed-forward from the line's curvature with the slip that both axles need for it, feedback
-on the offset and on the heading that the body ought to have in that bend (Kapania and Gerdes,
+on the offset and on the heading that the body should have in that bend (Kapania and Gerdes,
 Design of a feedback-feedforward steering controller for accurate path tracking and stability at the
 limits of handling, 2015). Slip follows from force by the inverse of Fiala's brush tyre.
 """
@@ -59,7 +59,7 @@ SPEED_GAIN = 20.0
 
 @kernel
 def at_distance(observation: Floats, start: int, place: float) -> float:
-    """Return a part that begins at `start`, at a place in steps of the line ahead."""
+    """Return a part of the observation that begins at `start`, `place` line steps ahead."""
     place = min(max(place, 0.0), AHEAD - 1.001)
     index = int(place)
     share = place - index
@@ -128,8 +128,8 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
 def acceleration_on_line(cockpit: Cockpit, shift: float, faster: float, dash: float) -> float:
     """Return the acceleration [m/s²] that brings the kart to the line's speeds.
 
-    faster: share by which they are exceeded, within what flags and effects allow; dash: the same
-    where no bend forbids it.
+    shift: of the kart's lane to the left of the line [m]; faster: share by which they are exceeded,
+    within what flags and effects allow; dash: the same where no bend forbids it.
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     vehicle, setup = cockpit.vehicle, cockpit.setup

@@ -47,8 +47,8 @@ NOWHERE = 1e3
 def on_line(cockpit: Cockpit, x: float, y: float) -> tuple[float, float, float, float]:
     """Return where a point of the kart frame is: along the line and left of it [m].
 
-    The last two numbers are the direction of the line there. Beyond what is seen of the line it
-    goes on straight.
+    The last two numbers are the direction of the line there. Beyond its last sample the line goes
+    on straight.
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     nearest, best = 0, math.inf
@@ -90,7 +90,7 @@ def leader(cockpit: Cockpit, lane: float, nose: float) -> tuple[float, float, fl
 
 @kernel
 def wait_in_line(cockpit: Cockpit) -> None:
-    """Let a kart that stands behind another one wait longer before it backs out."""
+    """Make a kart that stands behind another one wait longer before it backs out."""
     observation, offsets = cockpit.observation, cockpit.offsets
     vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
     gap, _, _ = leader(cockpit, observation[offsets[OFFSET]], 0.3 * vehicle.length)
@@ -121,7 +121,7 @@ def is_free(cockpit: Cockpit, lane: float, reach: float) -> bool:
 def room(cockpit: Cockpit, start: int, reach: float) -> float:
     """Return how far [m] the kart may move to one side as far ahead as `reach` [m].
 
-    start: of the part that tells of that side's asphalt.
+    start: place of the part with that side's distances to the edge of the asphalt [m].
     """
     observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
     last = int(reach / max(observation[offsets[STEP]], 0.01)) + ROOM_STEPS
@@ -196,8 +196,9 @@ def lane_over_box(cockpit: Cockpit, lane: float) -> float:
 def move_over(cockpit: Cockpit, lane: float, wanted: float, step: float) -> float:
     """Return the lane [m] after one decision of `step` [s] on the way to another one.
 
-    Before the start it is where the kart stands. A kart does not move into one beside it; a
-    lane that ends is left at once, unless another kart is there.
+    lane: present lane [m] left of the line; wanted: the other one [m]. Before the start it is where
+    the kart stands. A kart does not move into one beside it; a lane that ends is left at once,
+    unless another kart is there.
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     if observation[offsets[LIGHTS]] > 0.0:

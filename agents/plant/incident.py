@@ -1,6 +1,6 @@
-"""What goes wrong on purpose while the plant races: a person steps in front, the radio goes off.
+"""Incidents made on purpose while the plant races: a person steps in front, the radio fails.
 
-Each is watched and measured, so that a drill can show what the reflex did.
+Each is measured, so that a drill can show how the control unit reacted.
 """
 
 import math
@@ -21,14 +21,14 @@ STANDS = 0.03  # [m/s] slower than this is standing
 ROOM = 1.3
 STAY_S = 2.0  # a person stays this long once the kart stands
 WATCH_S = 3.0  # a kart without radio is watched this long once it stands
-# What a kart is braked with that was told to be slower: a second to react, then so much [m/s²].
+# A kart that is ordered to slow down has a second to react, then brakes with this at least [m/s²].
 BRAKES_AT = 2.0
 # [rad] that the way to the person may turn, and by which the course may turn otherwise there.
 MOST_BEND, MOST_STRAY = 0.3, 0.12
 # A turn that takes longer [s] shows that the machine had no time for the kart's program.
 PAUSE_S = 0.3
 VIEW_WIDTHS = 2.0  # kart widths beside the way in which no other kart may be
-RETRY_S = 3.0  # after a kart drove past a person who was not on its way
+RETRY_S = 3.0  # after a kart drove past a person beside its way
 # It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
 # the fastest that it has been.
 FAST, NEARLY_FASTEST = 0.45, 0.75
@@ -142,7 +142,7 @@ def _is_past(person: Person, plant: Plant) -> bool:
 
 @dataclass
 class RadioLoss:
-    """The radio goes off and stays off."""
+    """The radio fails and stays off."""
 
     after_s: float  # of racing
     figures: dict[str, Any] = field(default_factory=dict)
@@ -185,7 +185,7 @@ class IncidentLog:
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
     _cap: float = math.inf
-    _slow_s: float = math.inf  # from then on the kart should be as slow as it was told
+    _slow_s: float = math.inf  # from then on the kart should be as slow as ordered
     _errors: list[float] = field(default_factory=list)
     _turned_s: float = math.inf
     _pauses: int = 0

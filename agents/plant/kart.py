@@ -33,7 +33,7 @@ class Sensors:
 
 @dataclass
 class Plant:
-    """A kart that exists, as far as its control unit can tell."""
+    """A simulated kart, which its control unit cannot tell from a real one."""
 
     body: Body
     around: Surroundings
@@ -69,7 +69,7 @@ class Plant:
         return cls(Body(built, *place), around, sensors, seed, look)
 
     def read(self, now_s: float) -> Readings:
-        """Let the body move on to now and return what the sensors give."""
+        """Advance the body to `now_s` and return the readings of the sensors."""
         acceleration = None
         if self._now_s > -math.inf:
             self._move_on(min(now_s - self._now_s, MOST_S))

@@ -92,7 +92,7 @@ def _see_person(
     kinds: NDArray[np.uint8],
     moving: Floats,
 ) -> None:
-    """Let the beam that points at a person see it."""
+    """Add a person to the beam that points at it."""
     dx, dy = person.x - x, person.y - y
     bearing = math.remainder(math.atan2(dy, dx) - heading, 2.0 * math.pi)
     distance = max(math.hypot(dx, dy) - person.radius, 0.0)

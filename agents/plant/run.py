@@ -45,7 +45,7 @@ class PlantSetting:
 
 
 class Others:
-    """The other karts, as everybody may see them."""
+    """The other karts, as every client may see them."""
 
     def __init__(self, link: ClientLink, own: int) -> None:
         """Begin to listen. own: the seat that is left out."""

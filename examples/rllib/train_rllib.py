@@ -1,4 +1,4 @@
-"""Let eight karts learn to race one another with RLlib: ``python train_rllib.py --seconds 60``.
+"""Train eight karts to race one another with RLlib: ``python train_rllib.py --seconds 60``.
 
 All karts share one policy, and each episode is one race.
 """

@@ -1,4 +1,4 @@
-"""The seam at which drivers plug in: what they are told, what they see, what they answer."""
+"""The interface of drivers: the briefing they get, what they observe, what they answer."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

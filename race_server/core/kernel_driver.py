@@ -29,8 +29,8 @@ STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE = rang
 # Advice of a policy to a driver that takes it, zeros without one: lane to the left [m], more speed
 # as a share, the button (press above URGENT, hold below its negative), more speed as a share where
 # no bend forbids it, the share of the distance to the kart ahead that is given up, and whether to
-# fetch the next box (above URGENT). From LATELY on: the commands given last, and what they tell of
-# the latency.
+# fetch the next box (above URGENT). From LATELY on: the estimated latency and the commands given
+# last, see `agents/planning/latency.py`.
 ASIDE, FASTER, URGE, DASH, CLOSE, FETCH, LATELY = range(8, 15)
 URGENT = 0.3
 # Two scans, the points of a scan (x, y), and a row of WORK numbers: see `memory_size`.

@@ -25,7 +25,7 @@ class Flag(IntEnum):
 
 
 class Status(IntEnum):
-    """What has become of one kart."""
+    """The state of one kart in the race."""
 
     ABSENT = 0
     RACING = 1

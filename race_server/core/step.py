@@ -2,7 +2,7 @@
 
 `advance_world` is the only way time passes. The live server, the time trial and the replay call
 it through `advance`, one compiled call for any number of worlds and ticks; the training world's
-compiled decision calls it for each world, between reading actions and working out rewards.
+compiled decision calls it for each world, between reading actions and computing rewards.
 """
 
 from race_server.core import codes

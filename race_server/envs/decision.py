@@ -45,7 +45,7 @@ def _command(world: World, buffers: Buffers, w: int, k: int) -> None:
 
 @kernel
 def clear_outcome(buffers: Buffers, w: int, k: int) -> bool:
-    """Clear what the decision before was worth; return whether the kart's episode goes on."""
+    """Clear the result of the last decision; return whether the kart's episode continues."""
     buffers.terminated[w, k] = 0
     buffers.truncated[w, k] = 0
     buffers.rewards[w, k] = 0.0
@@ -65,7 +65,7 @@ def weigh_terms(buffers: Buffers, w: int, k: int) -> None:
 
 @kernel
 def close_episode(buffers: Buffers, w: int, k: int, is_over: bool, is_late: bool) -> bool:
-    """Mark a learning kart's episode as ended, or cut off; return whether it goes on no more.
+    """Mark a learning kart's episode as terminated or truncated; return whether it is either.
 
     is_over: its own end has come; is_late: time has run out. An episode is also cut off after
     `settings.most_steps` decisions.

@@ -14,7 +14,7 @@ from race_server.envs.reality_gap import OBSERVATION_DELAY
 
 @kernel
 def write_observations(world: World, buffers: Buffers, w: int) -> None:
-    """Fill the observations of one world: of learning karts whose episode goes on, and opponents.
+    """Fill the observations of one world: of learning karts in an episode, and of opponents.
 
     Learning karts: `buffers.observations` (W, L, size); opponents: `buffers.views` (W, K, S).
     """

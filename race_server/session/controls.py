@@ -33,7 +33,7 @@ class Controls:
         self._loaded[:] = 0.0
 
     def load(self, seats: Seats, world: World) -> Inputs | None:
-        """Let the newest control of each seat act, and return those that changed."""
+        """Apply the newest control of each seat, and return those that changed."""
         tick = int(world.races[0].tick)
         # All at once: to ask a record for a field takes a microsecond.
         racing = (world.bodies["status"][0] == codes.RACING).tolist()
@@ -57,7 +57,7 @@ class Controls:
         return Inputs(tick, changed, self._loaded[changed], sequences)
 
     def recall(self, inputs: Inputs) -> None:
-        """Let the controls of a recording act."""
+        """Apply the controls of a recording."""
         self.acting[0, inputs.seats] = inputs.controls
 
     def _update_failsafe(self, seat: Seat, tick: int, speed: float, *, is_racing: bool) -> None:

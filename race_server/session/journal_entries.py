@@ -24,7 +24,7 @@ Entry = Inputs | Placements | Intervention | Granted
 
 @dataclass
 class JournalEntries:
-    """What has acted on a race and is not yet written down; the recorder empties it."""
+    """Inputs of a race that are not yet written; the recorder empties it."""
 
     is_recorded: bool = False
     entries: list[Entry] = field(default_factory=list)

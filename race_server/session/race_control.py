@@ -53,12 +53,12 @@ class RaceControl:
         return self._event_log.collect(self._world)
 
     def close_seat(self, number: int) -> None:
-        """Let no driver take a seat; one that has it keeps it."""
+        """Close a seat to new drivers; a driver that has it keeps it."""
         self._seats.check(number)
         self.intervene(InterventionKind.CLOSE, number, 0.0)
 
     def open_seat(self, number: int) -> None:
-        """Let a seat be taken again."""
+        """Open a closed seat again."""
         self._seats.check(number)
         self.intervene(InterventionKind.OPEN, number)
 
@@ -68,11 +68,11 @@ class RaceControl:
         self._leave(number)
 
     def pause(self, *, is_paused: bool = True) -> None:
-        """Stop the clock of the race, or let it run again; the server's loop obeys."""
+        """Stop the clock of the race, or restart it; the server's loop applies this."""
         self.intervene(InterventionKind.CLOCK, value=float(is_paused))
 
     def intervene(self, kind: InterventionKind, kart: int = -1, value: float = 0.0) -> None:
-        """Do something to the race from outside, and put it into the journal."""
+        """Apply an intervention to the race, and add it to the journal."""
         act = Intervention(self._tick, kind, kart, value)
         self._journal.add(act)
         self.repeat(act)

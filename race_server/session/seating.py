@@ -21,10 +21,10 @@ class Newcomer:
 
 
 def held_seat(newcomer: Newcomer, seats: Seats) -> Seat | None:
-    """Return the seat that a newcomer has already, or takes up again with a new secret.
+    """Return the seat that a newcomer has already, or resumes with a new secret.
 
     Raises:
-        SeatError: it wants to see what is unknown.
+        SeatError: its observation preset is unknown.
     """
     if newcomer.preset not in PRESETS:
         known = ", ".join(PRESETS)
@@ -46,7 +46,7 @@ def free_seat(newcomer: Newcomer, seats: Seats, *, is_lobby: bool, takes_tracked
     """
     wanted = newcomer.wanted
     if newcomer.owns and wanted in seats and seats[wanted].is_present:
-        raise SeatError(f"seat {wanted} is in use: somebody is logged in with its keys already")
+        raise SeatError(f"seat {wanted} is in use: a client is logged in with its keys already")
     if not is_lobby:
         seats.check_open(wanted)
         raise SeatError("the race has begun; join again in the next lobby")

@@ -50,7 +50,7 @@ class Seat:
         self.away_since = -1
 
     def is_gone(self, tick: int) -> bool:
-        """Return whether the driver has been away so long that it counts as withdrawn."""
+        """Return whether the driver has been away for `AWAY_TICKS`: it counts as withdrawn."""
         return 0 <= self.away_since <= tick - AWAY_TICKS
 
     def line_up(self) -> None:
@@ -159,13 +159,13 @@ class Seats:
         self.put(Seat(number))
 
     def close(self, number: int, *, sent_away: bool) -> None:
-        """Let no driver take a seat; one that was sent away may not come back either."""
+        """Close a seat to all drivers; one that was sent away may not come back either."""
         self.closed[number] = CLOSED_FOR[sent_away]
         if sent_away:
             self[number].key = b""
 
     def unclose(self, number: int) -> None:
-        """Let a seat be taken again."""
+        """Open a closed seat again."""
         self.closed.pop(number, None)
 
     def closings(self, tick: int) -> Iterator[Intervention]:

@@ -298,7 +298,7 @@ class Session:
             self.journal.add(granted)
 
     def repeat(self, entry: Entry) -> None:
-        """Let something act that a recording holds."""
+        """Apply an entry of a recording."""
         if isinstance(entry, Inputs):
             self._controls.recall(entry)
             for seat, sequence in zip(entry.seats, entry.sequences, strict=True):

@@ -293,7 +293,7 @@ def test_no_message_of_the_game_makes_a_kart_faster() -> None:
     ("aside", "kind", "brakes"),
     [
         (0.8, codes.KART_HIT, False),
-        (0.8, codes.OBSTACLE, True),  # somebody 0.1 m beside the kart is wider than that
+        (0.8, codes.OBSTACLE, True),  # a person 0.1 m beside the kart is wider than that
         (1.6, codes.OBSTACLE, True),  # in the 1.2 s to stop a driver turns by 0.7 m
         (1.8, codes.OBSTACLE, False),
     ],
@@ -430,7 +430,7 @@ class Loop:
         for _ in range(round(seconds * 60)):
             tick = self.session.tick
             now_s = tick / 60.0
-            self.unit.sense(self.plant.read(now_s + 77.0))  # a clock of its own
+            self.unit.sense(self.plant.read(now_s + 77.0))  # a separate clock
             if self.hears and tick % 3 == 0:
                 self.session.observe()
                 self.unit.hear(hud_of(self.session, self.session.seats[0]), now_s + 77.0)

@@ -67,7 +67,7 @@ def test_something_on_the_right_of_the_nose_turns_it_to_the_left() -> None:
 
 
 def test_it_reverses_for_a_second_at_a_time() -> None:
-    # 20 decisions, after which the wall is as near as before and it begins anew.
+    # 20 decisions, after which the wall is as near as before and it reverses again.
     assert all(control.throttle == -1.0 for control in answers(blocked(8, 10), 0.0, 25))
 
 

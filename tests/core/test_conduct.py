@@ -1,4 +1,4 @@
-"""Who is blocked and whose fault a blow is: rules in plain numbers, then as they act in a world."""
+"""Which kart is blocked, which is at fault: rules in plain numbers, then in a world."""
 
 import math
 from dataclasses import replace

@@ -124,7 +124,7 @@ def test_no_input_of_one_kart_changes_another(bad: float) -> None:
         controls = follow(attacked)
         controls[0, 0] = bad
         advance(attacked, controls, 3)
-    for name in set(HASHED.split()) - {"rank"}:  # what the other does decides who is ahead
+    for name in set(HASHED.split()) - {"rank"}:  # it depends on the other kart as well
         mine, theirs = field_of(alone, name)[0, 1], field_of(attacked, name)[0, 1]
         assert mine.tobytes() == theirs.tobytes(), name
     # What is not a number counts as zero; anything else did act on the kart that was given it.

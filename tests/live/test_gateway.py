@@ -1,4 +1,4 @@
-"""Browsers of a live race: who is let in, what is sent, and that none disturbs others."""
+"""Browsers of a live race: which are admitted, what is sent, and that none disturbs others."""
 
 import json
 import socket

@@ -62,7 +62,7 @@ from support.browsers import Browser
 from support.courses import SMALL_RING
 from support.served_race import ServedRace, gated, record_race
 
-# Who drives
+# Claim, resume, release
 
 
 @dataclass(eq=False)

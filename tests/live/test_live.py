@@ -272,7 +272,7 @@ def test_a_race_that_is_over_before_anyone_can_look_has_its_result_all_the_same(
 ) -> None:
     def late(*_: object, **__: object) -> ClientLink:
         time.sleep(0.2)
-        raise LinkError("nobody answers")
+        raise LinkError("no answer")
 
     monkeypatch.setattr("race_server.competition.launch.ClientLink", late)
     serve = ["--track", "oval", "--karts", "1", "--laps", "1", "--pace", "lockstep", "--fresh"]

@@ -41,7 +41,7 @@ class Stage:
     troubles: list[str] = field(default_factory=list)  # errors, and requests to other hosts
 
     def open(self, place: str, width: int = 1024, height: int = 768) -> Page:
-        """Open a page of its own, as another person would."""
+        """Open a page in a separate browser context, as another person would."""
         size = {"width": width, "height": height}
         page = self.browser.new_context(viewport=size, locale="en").new_page()
         page.on("console", self._record_message)

@@ -314,7 +314,7 @@ def test_what_makes_no_sense_is_said() -> None:
 
 def test_who_owns_a_seat_takes_it_up_once_its_old_link_is_gone() -> None:
     session = racing()
-    with pytest.raises(SeatError, match="somebody is logged in with its keys already"):
+    with pytest.raises(SeatError, match="a client is logged in with its keys already"):
         session.join("again", "track", wanted=1, secret=99, owns=True)
     session.drop(1)
     with pytest.raises(SeatError, match="the race has begun"):

@@ -1,4 +1,4 @@
-"""Courses drawn by lot: each seed gives one, the same one everywhere, and a kart can lap it."""
+"""Random courses: each seed gives one, the same one everywhere, and a kart can lap it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Real karts: how old a pose is, what is believed, and that a doubtful one hurts nobody."""
+"""Real karts: how old a pose is, what is believed, and that a doubtful one does not harm others."""
 
 import math
 from dataclasses import replace
@@ -315,7 +315,7 @@ def test_a_kart_that_is_back_in_time_races_on_without_a_penalty() -> None:
     assert body.trust == codes.SUSPENDED
     assert body.speed_cap == 0.0
     session.observe()
-    assert session.view(1)[session.layout("track").slices["karts_x"]][0] == 1000.0  # nobody there
+    assert session.view(1)[session.layout("track").slices["karts_x"]][0] == 1000.0  # no kart there
     events = drive(session, real, 60)
     assert events.count(EventKind.POSE) == 1
     assert body.trust == codes.TRUSTED

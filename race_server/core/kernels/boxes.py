@@ -79,7 +79,11 @@ def inertia_of(vehicle: Record, number: int) -> tuple[float, float]:
 
 @kernel
 def velocity_at(body: Record, box: Box, px: float, py: float) -> tuple[float, float]:
-    """Return the velocity [m/s] in the world of the point (px, py) [m] from the part's place."""
+    """Return the velocity [m/s] of a point of a part, in the frame of the world.
+
+    body: BODY; box: of the part; px, py: from the part's place to the point, in the frame of the
+    world [m].
+    """
     vx = body.speed * box.cos - body.lateral_speed * box.sin - body.yaw_rate * py
     vy = body.speed * box.sin + body.lateral_speed * box.cos + body.yaw_rate * px
     return vx, vy
@@ -89,7 +93,11 @@ def velocity_at(body: Record, box: Box, px: float, py: float) -> tuple[float, fl
 def push(
     body: Record, vehicle: Record, box: Box, px: float, py: float, jx: float, jy: float
 ) -> None:
-    """Give a part the impulse (jx, jy) [N s] at the point (px, py) [m] from its place."""
+    """Apply an impulse to a part of a body.
+
+    body: BODY, changed in place; vehicle: VEHICLE; box: of the part; px, py: from the part's place
+    to the point, in the frame of the world [m]; jx, jy: impulse in the frame of the world [N s].
+    """
     body.speed += (jx * box.cos + jy * box.sin) / vehicle.mass
     body.lateral_speed += (jy * box.cos - jx * box.sin) / vehicle.mass
     body.yaw_rate += (px * jy - py * jx) / vehicle.yaw_inertia

@@ -18,9 +18,9 @@ def box_on_segment(
 ) -> tuple[float, float, float]:
     """Return depth [m] and unit normal (towards the box) of a box on a segment.
 
-    (x0, y0), (x1, y1): ends of the segment [m]. Depth is 0 where they do not touch. Separating
-    axes: the segment's normal and the two axes of the box; the one with the
-    least overlap is the way out.
+    x0, y0, x1, y1: ends of the segment [m]. Depth is 0 where they do not touch. Separating axes:
+    the segment's normal and the two axes of the box; the way out is along the one with the least
+    overlap.
     """
     x, y, cos, sin = box.x, box.y, box.cos, box.sin
     half_length, half_width = box.half_length, box.half_width
@@ -114,7 +114,8 @@ def impulse(
     """Return impulses [N s] along normal and tangent of a blow.
 
     closing, sliding: relative velocity along normal (negative: approaching) and tangent [m/s];
-    masses: effective masses at the point of contact [kg]. Coulomb's law bounds the tangent part.
+    normal_mass, tangent_mass: effective masses at the point of contact [kg]. Coulomb's law bounds
+    the tangent part.
     """
     if closing >= 0.0:
         return 0.0, 0.0

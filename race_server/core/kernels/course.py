@@ -6,7 +6,10 @@ from race_server.core.state import Record, Route
 
 @kernel
 def nearest_sample(route: Route, course: Record, x: float, y: float, start: int) -> int:
-    """Return the sample of the centre line nearest to (x, y), going downhill from `start`."""
+    """Return the sample of the centre line nearest to a point, going downhill from `start`.
+
+    course: COURSE; x, y: the point [m]; start: sample, from 0 to less than the course's count.
+    """
     count, first = course.line_count, course.line_start
     index = start
     best = _square(route, first + index, x, y)
@@ -22,7 +25,10 @@ def nearest_sample(route: Route, course: Record, x: float, y: float, start: int)
 
 @kernel
 def nearest_sample_anywhere(route: Route, course: Record, x: float, y: float) -> int:
-    """Return the sample of the centre line nearest to (x, y) of all."""
+    """Return the sample of the centre line nearest to a point, out of all.
+
+    course: COURSE; x, y: the point [m].
+    """
     index = 0
     best = _square(route, course.line_start, x, y)
     for candidate in range(1, course.line_count):
@@ -34,7 +40,10 @@ def nearest_sample_anywhere(route: Route, course: Record, x: float, y: float) ->
 
 @kernel
 def _square(route: Route, sample: int, x: float, y: float) -> float:
-    """Return the square of the distance [m²] to a sample of the centre line."""
+    """Return the square of the distance [m²] to a sample of the centre line.
+
+    sample: in `route.line`; x, y: the point [m].
+    """
     dx, dy = route.line[sample].x - x, route.line[sample].y - y
     return dx * dx + dy * dy
 
@@ -43,8 +52,9 @@ def _square(route: Route, sample: int, x: float, y: float) -> float:
 def place_on_reference(route: Route, course: Record, x: float, y: float, start: int) -> float:
     """Return where a point is abreast of the reference line, as a fractional sample of it.
 
-    start: the nearest sample of the centre line. The search goes downhill from the sample abreast
-    of it; the place is not negative and may lie just beyond the last sample.
+    course: COURSE; x, y: the point [m]; start: the nearest sample of the centre line. The search
+    goes downhill from the sample abreast of it; the place is not negative and may lie just beyond
+    the last sample.
     """
     count, first = course.line_count, course.line_start
     index = route.reference[first + start].beside
@@ -64,7 +74,10 @@ def place_on_reference(route: Route, course: Record, x: float, y: float, start: 
 
 @kernel
 def _square_to_reference(route: Route, sample: int, x: float, y: float) -> float:
-    """Return the square of the distance [m²] to a sample of the reference line."""
+    """Return the square of the distance [m²] to a sample of the reference line.
+
+    sample: in `route.reference`; x, y: the point [m].
+    """
     dx, dy = route.reference[sample].x - x, route.reference[sample].y - y
     return dx * dx + dy * dy
 
@@ -75,8 +88,9 @@ def progress_of(
 ) -> tuple[float, float]:
     """Return progress and lateral offset [m] of a point, given its nearest sample.
 
-    Progress is in [0, length). Between samples the point is projected on the arc through the
-    sample; it moves on by at most half a spacing.
+    course: COURSE; x, y: the point [m]; sample: of the centre line. Progress is in [0, length).
+    Between samples the point is projected on the arc through the sample; it moves on by at most
+    half a spacing.
     """
     line = route.line[course.line_start + sample]
     dx, dy = x - line.x, y - line.y

@@ -84,8 +84,8 @@ def ray_to_box(
 ) -> float:
     """Return how far along a ray a box centred on the origin lies, or infinity.
 
-    The ray is given in the frame of the box: from (x, y) in direction (cos, sin). From inside
-    the distance is 0.
+    x, y: start of the ray in the frame of the box [m]; cos, sin: of its direction there;
+    half_length, half_width: of the box [m]. From inside the distance is 0.
     """
     near, far = 0.0, math.inf
     if cos == 0.0:

@@ -4,8 +4,8 @@ numba's own cache looks only at the file of the cached function, so a change in 
 another file would leave old machine code running. Here the cache folder is named after a digest
 of all sources that a kernel can reach and of every setting that changes the machine code.
 
-With ``RACE_SERVER_INTERPRET=1`` kernels stay plain Python and numba is not imported at all: so
-runs a driver's own process, which must never wait for a compiler.
+With ``RACE_SERVER_INTERPRET=1`` kernels stay plain Python and numba is not imported at all. A
+driver's own process runs in this way, because it must never wait for a compiler.
 """
 
 import hashlib
@@ -115,7 +115,7 @@ def _compiled(function: Function, *, inlined: bool) -> Function:
 def bind(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
     """Return a call of a kernel with these very arguments, whose types are looked up only once.
 
-    numba works out the types of all arguments at every call: for a world of sixty arrays that
+    numba looks up the types of all arguments at every call: for a world of sixty arrays that
     takes longer than to step one kart. The arrays must stay the same; their contents may change.
     """
     if INTERPRET:

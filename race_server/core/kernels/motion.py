@@ -74,7 +74,7 @@ def tyre_stiffness(slip: float, stiffness: float, limit: float) -> float:
     """
     if limit <= 0.0:
         return 0.0
-    # Divisions are dear: only what is needed is divided, and by constants nothing is.
+    # Divisions are slow: divide only where it is needed, and never by a constant.
     if stiffness * abs(slip) >= 3.0 * limit:
         return limit / abs(slip)
     slide = stiffness * abs(slip) / (3.0 * limit)
@@ -85,7 +85,7 @@ def tyre_stiffness(slip: float, stiffness: float, limit: float) -> float:
 def motor_force(vehicle: Record, speed: float, throttle: float, allowance: Allowance) -> float:
     """Return the force [N] of the motor at the wheels, negative in reverse.
 
-    speed: along the body [m/s]; throttle: [-1, 1].
+    vehicle: VEHICLE; speed: along the body [m/s]; throttle: [-1, 1].
     """
     ahead = throttle >= 0.0
     allowed = allowance.cap if ahead else min(vehicle.reverse_speed, allowance.cap)
@@ -105,7 +105,8 @@ def resistance(
 ) -> float:
     """Return the force [N] of brakes, cap and rolling against the motion, for both axles.
 
-    It never does more than stop the vehicle within a step, of which there are `rate` a second.
+    vehicle: VEHICLE; speed: along the body [m/s]; brake: [0, 1]; rate: steps a second [1/s]. It
+    never does more than stop the vehicle within a step.
     """
     force = brake * vehicle.brake_force
     over = abs(speed) - allowance.cap
@@ -127,7 +128,10 @@ def axle_loads(vehicle: Record) -> tuple[float, float]:
 def longitudinal_forces(
     vehicle: Record, speed: float, command: Command, allowance: Allowance, rate: float
 ) -> Axles:
-    """Return the forces along the body, each axle's within its grip; `rate`: steps a second."""
+    """Return the forces along the body, each axle's within its grip.
+
+    vehicle: VEHICLE; speed: along the body [m/s]; rate: steps a second [1/s].
+    """
     front_load, rear_load = axle_loads(vehicle)
     friction = vehicle.grip * allowance.grip
     front_grip, rear_grip = friction * front_load, friction * rear_load
@@ -149,8 +153,8 @@ def slip_solution(
 ) -> Rates:
     """Return the rates after `dt` [s] with slipping tyres.
 
-    air: drag [N]; cos, sin: of the steering angle. The axle's force along the body takes its part
-    of the grip first.
+    vehicle: VEHICLE; motion: at the start; air: drag [N]; cos, sin: of the steering angle. The
+    axle's force along the body takes its part of the grip first.
     """
     a, b = vehicle.front_axle, vehicle.rear_axle
     speed, lateral_speed, yaw_rate = motion.speed, motion.lateral_speed, motion.yaw_rate
@@ -187,7 +191,10 @@ def slip_solution(
 
 @kernel
 def integrate(motion: Motion, rates: Rates, steering: float, dt: float) -> Motion:
-    """Return the motion after `dt` [s] at the given rates; the heading is not wrapped."""
+    """Return the motion after `dt` [s] at the given rates; the heading is not wrapped.
+
+    steering: angle after the step [rad].
+    """
     cos, sin = cos_sin(motion.heading + 0.5 * dt * rates.yaw_rate)
     x = motion.x + dt * (rates.speed * cos - rates.lateral_speed * sin)
     y = motion.y + dt * (rates.speed * sin + rates.lateral_speed * cos)
@@ -201,9 +208,10 @@ def move(
 ) -> Motion:
     """Return the motion after `dt` [s]; the heading is not wrapped.
 
-    Forces follow from the state at the start; lateral speed and yaw rate are then solved
-    implicitly with the tyres' secant stiffness, which is stable at every speed and step. Slower
-    than `kinematic_below` the wheels roll without slip; in between the two are blended.
+    vehicle: VEHICLE; motion: at the start. Forces follow from it; lateral speed and yaw rate are
+    then solved implicitly with the tyres' secant stiffness, which is stable at every speed and
+    step. Slower than `kinematic_below` the wheels roll without slip; up to `dynamic_above` the two
+    are blended.
     """
     # Steering moves at a limited rate towards what was asked for.
     target = command.steering * vehicle.steering_limit

@@ -27,10 +27,11 @@ class Fan(NamedTuple):
 def cast_ray(
     walls: Walls, site: Record, x: float, y: float, cos: float, sin: float, reach: float
 ) -> tuple[float, int]:
-    """Return distance [m] and number of the first wall from (x, y) towards (cos, sin).
+    """Return distance [m] and number of the first wall that a ray meets.
 
-    reach: [m]. The number is -1 and the distance `reach` where no wall is nearer. Cells that hold
-    walls are visited in order; over empty ones the ray skips a whole free box ahead.
+    site: SITE; x, y: start of the ray [m]; cos, sin: of its direction; reach: [m]. The number is -1
+    and the distance `reach` where no wall is nearer. Cells that hold walls are visited in order;
+    over empty ones the ray skips a whole free box ahead.
     """
     size = site.cell
     columns, rows = site.columns, site.rows

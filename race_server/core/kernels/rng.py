@@ -43,7 +43,10 @@ def mix(value: np.uint64) -> np.uint64:
 
 @kernel
 def bits(seed: int, stream: int, first: int, second: int) -> np.uint64:
-    """Return 64 random bits for a seed, a stream and two counters."""
+    """Return 64 random bits for a seed, a stream and two counters.
+
+    stream: one of the streams above; first, second: counters, such as tick and kart.
+    """
     value = mix(np.uint64(seed) + _GOLDEN * np.uint64(stream))
     value = mix(value + _GOLDEN * np.uint64(first))
     return mix(value + _GOLDEN * np.uint64(second))
@@ -51,7 +54,10 @@ def bits(seed: int, stream: int, first: int, second: int) -> np.uint64:
 
 @kernel
 def uniform(seed: int, stream: int, first: int, second: int) -> float:
-    """Return a number in [0, 1) for a seed, a stream and two counters."""
+    """Return a number in [0, 1) for a seed, a stream and two counters.
+
+    stream, first, second: as for `bits`.
+    """
     return float(bits(seed, stream, first, second) >> _S11) * _UNIT
 
 

@@ -19,7 +19,7 @@ RAYS_LIMIT = 4096
 def cast_fan(walls: Walls, site: Record, fan: Fan, ranges: Float32s, kinds: Bytes) -> None:
     """Fill the ranges [m] and kinds that a fan of rays sees of the walls.
 
-    ranges: (R,); kinds: (R,) Hit, or empty where only ranges are wanted.
+    site: SITE; ranges: (R,); kinds: (R,) Hit, or empty where only ranges are wanted.
     """
     if len(fan.rays) > FEW_RAYS and len(kinds) == 0:
         scan_walls(walls, site, fan, ranges)
@@ -71,7 +71,7 @@ def see_disc(
 ) -> None:
     """Shorten the rays of a fan that meet a disc. From inside a disc is not seen.
 
-    (x, y), radius: of the disc [m]; ranges: (R,) [m], already filled; kind: Hit that is written to
+    x, y, radius: of the disc [m]; ranges: (R,) [m], already filled; kind: Hit that is written to
     `kinds` (R,) unless it is empty.
     """
     dx, dy = x - fan.x, y - fan.y
@@ -104,7 +104,7 @@ def disturb(
 ) -> None:
     """Add noise of deviation `noise` [m] to ranges (R,); a share `dropout` of them becomes 0.
 
-    reach: largest range [m]; seed, stream, tick, kart: what chance follows from, see `rng`.
+    reach: largest range [m]; seed, stream, tick, kart: of the random numbers, see `rng`.
     """
     if noise <= 0.0 and dropout <= 0.0:
         return

@@ -1,8 +1,8 @@
 """Which files the compiled kernels are made of.
 
-Machine code is old as soon as one of them has changed. They follow the packages, not a list of
-folders: all of `core` and `envs`, and of every installed package that offers a driver, whoever
-wrote it, the modules that its drivers import from it.
+Machine code is out of date as soon as one of them changes. They follow the packages, not a list of
+folders: all of `core` and `envs`, and of every installed package that offers a driver the modules
+that its drivers import from it.
 """
 
 import ast
@@ -67,7 +67,7 @@ def _imports_of(path: Path, module: str) -> list[str]:
     try:
         tree = ast.parse(path.read_bytes())
     except (SyntaxError, ValueError):
-        return []  # it cannot be imported either, and its driver will say so
+        return []  # it cannot be imported either, and its driver reports that
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     names = []
     for node in ast.walk(tree):

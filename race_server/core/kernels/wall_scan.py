@@ -31,7 +31,10 @@ class Wall(NamedTuple):
 
 @kernel
 def scan_walls(walls: Walls, site: Record, fan: Fan, ranges: Float32s) -> None:
-    """Fill the ranges (R,) [m] of a fan of rays to the walls, at most its reach."""
+    """Fill the ranges of a fan of rays to the walls, at most its reach.
+
+    site: SITE; ranges: (R,) [m].
+    """
     for ray in range(len(fan.rays)):
         ranges[ray] = fan.reach
     step = fan.field / (len(fan.rays) - 1)
@@ -102,7 +105,8 @@ def _lay_wall(
 ) -> None:
     """Lay a wall over the rays of a fan.
 
-    begin, end: rough directions of a and b [rad]; step: angle between two rays [rad].
+    begin, end: rough directions of a and b [rad]; step: angle between two rays [rad]; ranges: (R,)
+    [m], already filled.
     """
     if end < begin - 2.0 * ROUGHNESS:
         # Across the back of the sensor: the far end counts on, or the near end lies a turn back.
@@ -115,7 +119,11 @@ def _lay_wall(
 def _lay_over(
     wall: Wall, begin: float, end: float, fan: Fan, step: float, ranges: Float32s
 ) -> None:
-    """Shorten the rays between two rough directions [rad] that meet a wall."""
+    """Shorten the rays between two rough directions that meet a wall.
+
+    begin, end: the directions [rad]; step: angle between two rays [rad]; ranges: (R,) [m], already
+    filled.
+    """
     rays = fan.rays
     half = 0.5 * fan.field
     first = max(math.floor((begin - ROUGHNESS + half) / step), 0)

@@ -1,4 +1,4 @@
-"""How karts treat each other: who is blocked, what is a contact, whose fault a blow is."""
+"""Conduct between karts: which one is blocked, what is a contact, which one is at fault."""
 
 import math
 
@@ -24,7 +24,8 @@ def is_in_the_way(
     """Return whether another body stands right ahead, within one length of the nose.
 
     along, across: from the middle of the body to the other's middle, in its own frame [m];
-    turn: from its heading to the other's [rad].
+    turn: from its heading to the other's [rad]; length, width: of the body [m]; other_length,
+    other_width: of the other one [m].
     """
     cos, sin = abs(math.cos(turn)), abs(math.sin(turn))
     reach_along = 0.5 * (other_length * cos + other_width * sin)
@@ -46,7 +47,7 @@ def is_ramming(
     """
     if ram_speed <= 0.0 or closing <= ram_speed:
         return False
-    # Who is reversed into is not at fault.
+    # A kart is not at fault where the other one reverses into it.
     return facing > FRONT and nose < 0.0 and approach >= 0.5 * closing
 
 

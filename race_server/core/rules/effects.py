@@ -12,7 +12,11 @@ GRASS_GRIP, GRASS_ROLL = 0.5, 0.15
 
 @kernel
 def surface_at(offset: float, left: float, right: float, kerb: float) -> int:
-    """Return the surface at a lateral offset, given the asphalt's half-widths and the kerb [m]."""
+    """Return the surface at a lateral offset.
+
+    offset: to the left of the centre line [m]; left, right: half-widths of the asphalt [m]; kerb:
+    width of the kerb beside it [m].
+    """
     beyond = offset - left if offset > 0.0 else -offset - right
     if beyond <= 0.0:
         return codes.ASPHALT
@@ -39,7 +43,8 @@ def surface_roll(surface: int) -> float:
 def add_effect(player: Record, item: Record, number: int, tick: int) -> None:
     """Put an item's effect on a kart; the same effect again only lasts longer.
 
-    Where all places are taken, the effect that would end first makes room.
+    player: PLAYER; item: ITEM; number: of the item; tick: now. Where all places are taken, the
+    effect that would end first makes room.
     """
     place = 0
     for index in range(EFFECTS):

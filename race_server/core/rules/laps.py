@@ -10,7 +10,7 @@ TICK_DENOMINATOR = 3
 
 
 class Gate(NamedTuple):
-    """What a kart has still to cross, and the laps it has."""
+    """The gate that a kart must cross next, and its laps."""
 
     next_gate: int
     lap: int
@@ -20,6 +20,7 @@ class Gate(NamedTuple):
 def count_gate(next_gate: int, lap: int, crossed: int, gates: int) -> Gate:
     """Return the next gate and the lap count after a gate was crossed forwards.
 
+    next_gate: to cross next; lap: laps completed; crossed: number of the gate; gates: their count.
     Gate 0 is the timing line; crossing it completes a lap. A gate out of order changes nothing.
     """
     if crossed != next_gate:
@@ -59,7 +60,7 @@ def crossing_share(before: float, after: float) -> float:
 def race_distance(distance: float, laps: int, limit: float, length: float) -> float:
     """Return the distance [m] by which a kart is ranked.
 
-    `distance` since the start may run ahead through a short cut; it never counts beyond `limit`,
-    the progress of the next gate in this lap.
+    distance: since the start [m], which may run ahead through a short cut; laps: completed; limit:
+    progress of the next gate in this lap [m], beyond which nothing counts; length: of a lap [m].
     """
     return min(distance, laps * length + limit)

@@ -1,4 +1,4 @@
-"""Who is ahead of whom."""
+"""Which of two karts is ahead."""
 
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel
@@ -7,7 +7,9 @@ from race_server.core.state import Record
 
 @kernel
 def is_ahead(body: Record, racer: Record, other_body: Record, other: Record) -> bool:
-    """Return whether one kart, by its records BODY and RACER, is placed before another.
+    """Return whether one kart, by its records, is placed before another.
+
+    body, other_body: BODY; racer, other: RACER.
 
     Finished karts first, by race time with penalties; then racing and retired karts by the
     distance that counts, a retired kart behind a racing one at the same distance. Equal karts

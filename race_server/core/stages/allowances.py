@@ -12,7 +12,7 @@ YELLOW_BEFORE, YELLOW_BEHIND = 12.0, 3.0
 
 @kernel
 def set_allowances(world: World, w: int) -> None:
-    """Work out speed cap [m/s] and scales of motor and grip of every kart."""
+    """Set the speed cap [m/s] and the scales of motor and grip of every kart."""
     race, rules = world.races[w], world.rules[w]
     held = race.flag == codes.RED or race.tick < race.hold_until
     show_yellow(world, w)

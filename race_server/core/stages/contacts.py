@@ -1,6 +1,6 @@
 """Where bodies meet walls and each other: finding, separating, impulses. Free of rules of the game.
 
-What happened is told as blows, one at a time, so that a game can judge each before the next: a
+What happened is returned as blows, one at a time, so that a game can judge each before the next: a
 stage asks for the next blow until there is none.
 """
 
@@ -47,7 +47,7 @@ class Blow(NamedTuple):
 
 @kernel
 def no_blow() -> Blow:
-    """Return what stands for no blow."""
+    """Return the blow that means that there was none."""
     return Blow(-1, -1, -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -82,8 +82,8 @@ def next_body_blow(
 ) -> Blow:
     """Return the next blow between two bodies, which are separated and pushed.
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; cursor: 0 at the start of a substep,
-    then that of the blow before. Needs the pairs of `find_contact_pairs`.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; tick: of the world; cursor: 0 at the
+    start of a substep, then that of the blow before. Needs the pairs of `find_contact_pairs`.
     """
     count = len(bodies)
     first, second = cursor // count, cursor % count
@@ -116,7 +116,10 @@ def is_solid(body: Record, tick: int) -> bool:
 def _meet_body(
     bodies: Records, vehicles: Records, first: int, second: int, material: Material
 ) -> Blow:
-    """Return the hardest blow between the boxes of two bodies."""
+    """Return the hardest blow between the boxes of two bodies.
+
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; first, second: numbers of the bodies.
+    """
     hardest = no_blow()
     a, b, va, vb = bodies[first], bodies[second], vehicles[first], vehicles[second]
     dx, dy, near = b.x - a.x, b.y - a.y, reach_of(va) + reach_of(vb)
@@ -138,7 +141,10 @@ def _meet_body(
 def _separate(
     a: Record, b: Record, va: Record, vb: Record, depth: float, nx: float, ny: float
 ) -> None:
-    """Move two bodies apart by `depth` [m] along the normal, the lighter one further."""
+    """Move two bodies apart by `depth` [m] along the normal, the lighter one further.
+
+    a, b: BODY; va, vb: their VEHICLE; nx, ny: unit normal, towards `a`.
+    """
     # Real karts stand like walls; two of them stay where they are.
     a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
     share = vb.mass / (va.mass + vb.mass)
@@ -161,7 +167,11 @@ def _strike(
     normal: tuple[float, float],
     material: Material,
 ) -> Blow:
-    """Push two bodies whose boxes touched and return the blow; normal: towards the first."""
+    """Push two bodies whose boxes touched and return the blow.
+
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; pair: numbers of the two; box_a, box_b:
+    the boxes that touched; normal: of length 1, towards the first body.
+    """
     (first, second), (nx, ny) = pair, normal
     a, b, va, vb = bodies[first], bodies[second], vehicles[first], vehicles[second]
     part_a, part_b = hull_of(va, a, box_a.number), hull_of(vb, b, box_b.number)
@@ -176,7 +186,7 @@ def _strike(
     vbx, vby = velocity_at(b, box_b, bx, by)
     closing = (vax - vbx) * nx + (vay - vby) * ny
     sliding = (vay - vby) * nx - (vax - vbx) * ny
-    # Real karts take no impulse; what two of them would do to each other is told all the same.
+    # Real karts take no impulse; a blow between two of them is reported nevertheless.
     a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
     a_counts = 1.0 if a_moves or not b_moves else 0.0
     b_counts = 1.0 if b_moves or not a_moves else 0.0
@@ -210,8 +220,9 @@ def next_wall_blow(
 ) -> Blow:
     """Return the next body's first blow on a wall that is harder than `softest` [m/s].
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; cursor: 0 at the start of a substep,
-    then that of the blow before. Bodies are pushed off all walls that they touch.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; site: SITE of the world; cursor: 0 at
+    the start of a substep, then that of the blow before. Bodies are pushed off all walls that they
+    touch.
     """
     for k in range(cursor, len(bodies)):
         body = bodies[k]
@@ -248,7 +259,10 @@ def _is_clear(walls: Walls, site: Record, hull: Hull) -> bool:
 
 @kernel
 def _is_disc_clear(walls: Walls, site: Record, x: float, y: float, square: float) -> bool:
-    """Return whether no wall comes near a place, by the square of the distance [m²]."""
+    """Return whether no wall comes near a place.
+
+    site: SITE; x, y: the place [m]; square: of the distance to keep free [m²].
+    """
     column = math.floor((x - site.x0) / site.cell)
     row = math.floor((y - site.y0) / site.cell)
     if column < 0 or row < 0 or column >= site.columns or row >= site.rows:
@@ -267,7 +281,11 @@ def _meet_walls(
     material: Material,
     softest: float,
 ) -> Blow:
-    """Push a body off the walls that one of its boxes touches; return the first hard blow."""
+    """Push a body off the walls that one of its boxes touches; return the first hard blow.
+
+    body: BODY; vehicle: VEHICLE; number: of the box; site: SITE; softest: closing speed above which
+    a blow is hard [m/s].
+    """
     first = no_blow()
     box = box_of(hull_of(vehicle, body, number))
     reach_x = box.half_length * abs(box.cos) + box.half_width * abs(box.sin)
@@ -303,7 +321,10 @@ def _meet_wall(
     ny: float,
     material: Material,
 ) -> Blow:
-    """Push a body `depth` [m] off a wall along the normal and return the blow."""
+    """Push a body `depth` [m] off a wall along the normal and return the blow.
+
+    body: BODY; vehicle: VEHICLE; box: that touched; nx, ny: unit normal, towards the body.
+    """
     # A real kart is where it is: its touch counts, but no blow moves it.
     is_free = body.trust == codes.SIMULATED
     if is_free:

@@ -1,4 +1,4 @@
-"""Events: how a stage tells what happened."""
+"""Events: how a stage reports what happened."""
 
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel
@@ -7,7 +7,11 @@ from race_server.core.state import EVENTS, Record, World
 
 @kernel
 def report(world: World, w: int, kind: int, kart: int, other: int, value: int) -> None:
-    """Add an event of this tick; `kart` is -1 where it concerns the whole race."""
+    """Add an event of this tick.
+
+    kind: EventKind; kart: number, -1 for an event of the whole race; other, value: as the kind
+    needs them.
+    """
     race = world.races[w]
     race.sequence += 1
     count = world.event_counts[w]

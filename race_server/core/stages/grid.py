@@ -23,7 +23,7 @@ def line_up(world: World, w: int) -> None:
 
 @kernel
 def place_kart(world: World, w: int, k: int) -> None:
-    """Let a kart race from the pose it has, before its first lap."""
+    """Start the race of a kart at the pose it has, before its first lap."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     course = world.route.courses[world.rules[w].course]
     body.status = codes.RACING

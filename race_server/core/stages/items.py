@@ -35,7 +35,7 @@ def _end_effect(world: World, w: int, k: int, effect: Record) -> None:
 
 @kernel
 def use_items(world: World, w: int) -> None:
-    """Let every kart that presses the button again use the item it holds."""
+    """Use the item of every kart that has pressed the button since the last tick."""
     race = world.races[w]
     for k in range(world.bodies.shape[1]):
         body, player = world.bodies[w, k], world.players[w, k]
@@ -49,7 +49,7 @@ def use_items(world: World, w: int) -> None:
 
 @kernel
 def _use(world: World, w: int, k: int) -> None:
-    """Let a kart use the item it holds, if there is something to act on."""
+    """Use the item that a kart holds, if there is something to act on."""
     tick = world.races[w].tick
     racer, player = world.racers[w, k], world.players[w, k]
     number = player.held
@@ -94,7 +94,10 @@ def _place(world: World, w: int, k: int, number: int) -> None:
 
 @kernel
 def hit(world: World, w: int, k: int, cause: int, number: int) -> None:
-    """Let an item's effect strike a kart, unless a shield or immunity takes it."""
+    """Apply an item's effect to a kart, unless a shield or immunity protects it.
+
+    cause: number of the kart that used the item; number: of the item.
+    """
     tick = world.races[w].tick
     player = world.players[w, k]
     if is_harmless(player, tick):

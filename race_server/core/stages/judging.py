@@ -1,4 +1,4 @@
-"""What the race makes of blows: contacts that count, warnings, retirements."""
+"""Judge blows by the rules of the race: contacts that count, warnings, retirements."""
 
 import math
 
@@ -17,7 +17,7 @@ TOUCH_SPEED = 0.2
 
 @kernel
 def touch_karts(world: World, w: int) -> None:
-    """Let karts meet each other, and judge every blow before the next."""
+    """Resolve contacts between karts, and judge every blow before the next."""
     rules, tick = world.rules[w], world.races[w].tick
     if rules.kart_contact == codes.GHOST:
         return
@@ -33,7 +33,7 @@ def touch_karts(world: World, w: int) -> None:
 
 @kernel
 def touch_walls(world: World, w: int) -> None:
-    """Let karts meet borders and obstacles, and judge the first blow of each that counts."""
+    """Resolve contacts with borders and obstacles; judge the first hard blow of each kart."""
     rules = world.rules[w]
     site = world.walls.sites[rules.course]
     bodies, vehicles = world.bodies[w], world.vehicles[w]
@@ -50,7 +50,7 @@ def touch_walls(world: World, w: int) -> None:
 
 @kernel
 def _judge_contact(world: World, w: int, blow: Blow) -> None:
-    """Count a contact of two karts and warn who rammed; retire both where contact ends it."""
+    """Count a contact of two karts and warn one that rammed; retire both where the rules say so."""
     rules, tick = world.rules[w], world.races[w].tick
     a, b = world.racers[w, blow.first], world.racers[w, blow.second]
     if blow.closing > TOUCH_SPEED and is_new_touch(tick, a.contact_kart_tick, a.contacts):

@@ -120,7 +120,7 @@ def _fill_race(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> No
 
 @kernel
 def _gap(world: World, w: int, k: int, places: int) -> float:
-    """Return the distance [m] to the kart that many places behind, 0 where there is none."""
+    """Return the distance [m] to the kart `places` places behind, 0 where there is none."""
     racer = world.racers[w, k]
     for other in range(world.bodies.shape[1]):
         rival = world.racers[w, other]

@@ -13,7 +13,7 @@ from race_server.core.state import HAZARDS, Record, World
 
 @kernel
 def pick_up_items(world: World, w: int) -> None:
-    """Let karts pick up boxes and suffer hazards."""
+    """Give karts the boxes and the hazards that they touch."""
     rules, race = world.rules[w], world.races[w]
     if rules.items == 0 or race.tick < race.start_tick:
         return
@@ -27,7 +27,10 @@ def pick_up_items(world: World, w: int) -> None:
 
 @kernel
 def _covers(body: Record, vehicle: Record, x: float, y: float, radius: float) -> bool:
-    """Return whether a circle of a radius [m] around (x, y) [m] touches a body."""
+    """Return whether a circle touches a body.
+
+    body: BODY; vehicle: VEHICLE; x, y, radius: of the circle [m].
+    """
     dx, dy = x - body.x, y - body.y
     near = reach_of(vehicle) + radius
     if dx * dx + dy * dy > near * near:
@@ -75,7 +78,7 @@ def _racing(world: World, w: int) -> int:
 
 @kernel
 def _suffer(world: World, w: int, k: int) -> None:
-    """Let the hazards that a kart touches act on it."""
+    """Apply the hazards that a kart touches to it."""
     tick, body = world.races[w].tick, world.bodies[w, k]
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]

@@ -1,4 +1,4 @@
-"""Real karts: put where they say they are, as far as that is believed."""
+"""Real karts: place each at the pose that it reports, as far as that is believed."""
 
 from race_server.core import codes
 from race_server.core.kernels.course import nearest_sample_anywhere
@@ -10,7 +10,7 @@ from race_server.core.state import Floats, World
 
 @kernel
 def place(world: World, w: int, placement: Floats) -> None:
-    """Put one kart to its place. placement: (10,), see state.PLACEMENT."""
+    """Place one kart. placement: (10,), see state.PLACEMENT."""
     k, trust = int(placement[0]), int(placement[1])
     body = world.bodies[w, k]
     if body.status == codes.ABSENT:

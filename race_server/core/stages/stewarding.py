@@ -114,7 +114,7 @@ def _watch_stop(world: World, w: int, k: int) -> None:
 def _is_blocked(world: World, w: int, k: int) -> bool:
     """Return whether another racing kart stands in the way of one that faces the right way.
 
-    Of two that stand nose to nose the one that faces the wrong way has no excuse.
+    Of two that stand nose to nose the one that faces the wrong way is not blocked.
     """
     kart_body, racer, vehicle = world.bodies[w, k], world.racers[w, k], world.vehicles[w, k]
     if abs(racer.heading_error) > 0.5 * math.pi:

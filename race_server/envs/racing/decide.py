@@ -38,7 +38,7 @@ def restart(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
 
 @kernel
 def _replace_what_is_over(world: World, buffers: Buffers, templates: RaceTemplates, w: int) -> None:
-    """Begin a new round, or let karts come back, as `settings.after` says."""
+    """Begin a new round, or let single karts re-enter, as `settings.after` says."""
     after = buffers.settings[0].after
     if after == RESET_WORLD:
         if all_are_idle(buffers, w):

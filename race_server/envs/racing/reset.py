@@ -63,7 +63,7 @@ def begin_round(world: World, buffers: Buffers, templates: RaceTemplates, w: int
 
 @kernel
 def _shuffle_grid(world: World, w: int) -> None:
-    """Let the karts of one world change places on the grid (Fisher and Yates)."""
+    """Shuffle the karts of one world on the grid (Fisher and Yates)."""
     bodies, seed = world.bodies, world.races[w].seed
     for last in range(bodies.shape[1] - 1, 0, -1):
         other = int(uniform(seed, GRID_STREAM, last, 0) * (last + 1))
@@ -117,7 +117,7 @@ def _begin_race(world: World, buffers: Buffers, w: int, k: int) -> None:
 
 @large_kernel
 def reenter(world: World, buffers: Buffers, templates: RaceTemplates, w: int, k: int) -> None:
-    """Let a kart whose episode is over come back as a new one, at a place that is clear."""
+    """Put a kart whose episode is over back as a new one, at a place that is clear."""
     scenario = buffers.rounds[w].scenario
     world.bodies[w, k] = templates.bodies[scenario, k]
     world.racers[w, k] = templates.racers[scenario, k]

@@ -125,7 +125,7 @@ def nearest_range(world: World, w: int, k: int) -> float:
 
 @kernel
 def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
-    """Work out terms, reward and end of a learning kart's decision; return whether it was the last.
+    """Compute terms, reward and end of a learning kart's decision; return whether it was the last.
 
     Fills `buffers.terms[w, k]`, (T,), in the order of TERMS.
     """

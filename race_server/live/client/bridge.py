@@ -4,7 +4,7 @@ Each site has its own server, world and rules, and trusts no other server. A bri
 as a spectator: the pose of a kart at its own site is sent to the other site as that of a tracked
 real kart, on a seat that was kept for it. There it is a rival: it is ranked and overtaken, and a
 contact with it is one with a real kart, which moves as it reports and not as it is pushed. It obeys
-the flags and effects of its own site alone.
+only the flags and effects of the site that it comes from.
 """
 
 import math

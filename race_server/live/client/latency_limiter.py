@@ -1,9 +1,9 @@
-"""How a driver's client drives over a slow network, so that what it cannot see yet does no harm.
+"""The limit that a driver's client sets to the speed of its kart on a slow network.
 
 Between the newest observation and the moment in which the answer to it acts, a kart drives blind.
-Where that takes long the client lets the kart go no further in this time than `REACH` of its own
-lengths, whatever the driver asks for. On a good network it takes a few hundredths of a second and
-no control is changed.
+Where that takes long the client limits the speed, so that the kart covers at most `REACH` lengths
+in this time, whatever the driver asks for. On a good network it takes a few hundredths of a second
+and no control is changed.
 """
 
 from dataclasses import dataclass, replace

@@ -108,7 +108,7 @@ class RemoteRace(KartAgents):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
-        """Wait for the next race of the server and return what is seen at its start.
+        """Wait for the next race of the server and return the first observations.
 
         The seed is ignored: the server has its own. Options are not used. Karts that still race
         withdraw. A lobby may wait for other drivers, so this waits as long as the server answers.

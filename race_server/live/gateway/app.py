@@ -32,7 +32,7 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-# Asset names contain a digest of their content, so they are cached for ever.
+# Asset names contain a digest of their content, so they never expire in a cache.
 CACHED, NOT_CACHED = "public, max-age=31536000, immutable", "no-cache"
 BEARER = "bearer "
 

@@ -86,7 +86,7 @@ class WebSocketConnection(WebSocketsSansIOProtocol):
             return
         super().data_received(data)
         if self.conn.handshake_exc is not None and not self.handshake_initiated:
-            # uvicorn does not answer a request that cannot be read, and waits for ever.
+            # uvicorn does not answer a request that cannot be read, and waits without end.
             self.transport.write(b"".join(self.conn.data_to_send()))
             self.transport.close()
 

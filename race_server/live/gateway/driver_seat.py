@@ -76,7 +76,7 @@ class DriverSeat:
         """The number of its seat, -1 where it holds none."""
         return -1 if self.seat is None else self.seat.number
 
-    # Who drives
+    # Claim, resume, release
 
     async def claim(self, driver: DriverConnection, name: str, wanted: int) -> bytes:
         """Give the seat to a browser, and return the briefing.

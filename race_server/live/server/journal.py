@@ -1,4 +1,4 @@
-"""What of a live race goes into its recording."""
+"""The part of a live race that is recorded."""
 
 from collections.abc import Container
 from functools import partial
@@ -51,7 +51,7 @@ class Journal:
         return cls(logbook, session, recording.start, old=True)
 
     def record(self, before: int, events: list[Event]) -> None:
-        """Write what acted since the last call and what came of it. before: tick at its start."""
+        """Write the inputs and events since the last call. before: tick before the last advance."""
         session, recorder = self._session, self._recorder
         recorder.record(session.journal.drain())
         for lap in session.event_log.laps.laps_in(events):
@@ -79,7 +79,7 @@ class Journal:
         return karts_scene(decode_snapshot(snapshot), self._names, self._size, at)
 
     def flush(self) -> Ticket:
-        """Have all that was recorded so far written, and return the ticket of that."""
+        """Request that all records so far be written; return the ticket of the request."""
         return self._recorder.flush()
 
     @property

@@ -1,4 +1,4 @@
-"""The race server: receives from the seats, lets time pass, publishes. Read `run` first."""
+"""The race server: receives from the seats, advances the race, publishes. Read `run` first."""
 
 import time
 from collections.abc import Callable
@@ -49,7 +49,7 @@ class RaceServer:
     events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Make the parts that receive, answer, publish and write down."""
+        """Make the parts that receive, answer, publish and record."""
         session, timing = self.session, self.timing
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
@@ -258,7 +258,7 @@ class RaceServer:
         return not ends and self.session.is_on
 
     def _wait_while_paused(self) -> None:
-        """Let no time pass while the clock stands; repeated observations show that we are here."""
+        """Wait while the race is paused; repeat observations, so that drivers see a live server."""
         again = 0.0
         while self.session.race_control.is_paused and self._goes_on():
             self.poll()
@@ -269,7 +269,7 @@ class RaceServer:
             self.link.wait(self.timing.poll_s)
 
     def advance(self, ticks: int) -> None:
-        """Move the race on, write down what happened, and publish it."""
+        """Advance the race, record what happened, and publish it."""
         before = self.session.tick
         events = self.session.advance(ticks)
         self._count_silence(ticks)

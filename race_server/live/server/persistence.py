@@ -1,4 +1,4 @@
-"""What is written down of a race, and announced no sooner than that."""
+"""Persistence of a race: its events are announced only once they are written."""
 
 import time
 from collections import deque
@@ -16,7 +16,7 @@ from race_server.storage.results.keeper import Keeper, utc_now
 
 
 class CommitGate:
-    """Holds events back, in order, until they are written down."""
+    """Holds events back, in order, until they are written."""
 
     def __init__(self, hold_s: float) -> None:
         """Hold nothing. hold_s: no event is held longer, whatever the disk does."""
@@ -63,7 +63,7 @@ class Persistence:
         self._gate = CommitGate(timing.hold_s)
 
     def open(self, pace: str, locals_: Container[int]) -> None:
-        """Begin to write down: the race with its laps, and everything that acts on it.
+        """Begin to write: the race with its laps, and all its inputs.
 
         locals_: seats that are driven from inside the server.
         """
@@ -87,7 +87,7 @@ class Persistence:
             self._journal.publish(topic, payload)
 
     def record(self, before: int, events: list[Event]) -> None:
-        """Write what acted since the last call and what came of it. before: tick at its start.
+        """Write the inputs and events since the last call. before: tick before the last advance.
 
         The events are held until they are written, see `released`.
         """

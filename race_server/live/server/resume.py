@@ -40,7 +40,7 @@ def restore_session(recording: Recording, keeper: Keeper | None) -> tuple[Sessio
 
 
 def _count_on(session: Session, recording: Recording) -> None:
-    """Let each driver's messages be counted on from the newest that spectators knew was taken."""
+    """Continue each driver's sequence at the newest message acknowledged in the last snapshot."""
     if not recording.snapshot:
         return
     for kart in decode_snapshot(recording.snapshot).karts:

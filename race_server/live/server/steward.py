@@ -120,7 +120,7 @@ class Steward:
     def _restart(self, _: Decision) -> str:
         self._need_race()
         self.wants_restart = True
-        return "the race starts anew"
+        return "the race starts again"
 
     def _need_race(self) -> None:
         if not self._session.is_on:

@@ -6,7 +6,7 @@ from race_server.core.clock import MICROSECONDS
 
 # A kart that does not acknowledge its orders for this long cannot be relied on.
 DEAF_S = 1.5
-# More orders than a server can have given that was killed before they were written down.
+# More orders than a killed server can have given without writing them.
 UNWRITTEN = 3600
 
 

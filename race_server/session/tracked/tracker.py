@@ -97,7 +97,7 @@ class Tracker:
         return PoseFault.NONE
 
     def follow(self, now_us: int, *, is_racing: bool = True) -> None:
-        """Work out how far the kart is believed now.
+        """Update how far the kart is believed.
 
         A trusted kart whose race is over may leave: it stands where it was, and is not missed.
         """

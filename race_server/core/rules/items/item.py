@@ -17,7 +17,7 @@ class Use(IntEnum):
 
     NONE = 0
     ON_SELF = codes.ON_SELF  # the effect acts on the user
-    PLACED = codes.PLACED  # a hazard is left behind; its effect acts on whoever touches it
+    PLACED = codes.PLACED  # a hazard is left behind; its effect acts on each kart that touches it
     GUARD = codes.GUARD  # the next hits within the effect's time are taken without harm
     ON_KART_AHEAD = codes.ON_KART_AHEAD  # the effect acts on the kart one place ahead
 
@@ -42,7 +42,7 @@ class Item:
     immunity_s: float = 0.0  # after a harmful effect has ended
     radius: float = 0.0  # of a placed hazard, in kart widths
     life_s: float = 0.0  # of a placed hazard
-    owner_grace_s: float = 0.0  # for so long its owner may touch it
+    owner_grace_s: float = 0.0  # time for which its owner may touch it without harm
 
     @classmethod
     def nothing(cls) -> "Item":

@@ -1,4 +1,4 @@
-"""Oil: a puddle left behind; it slows whoever drives into it and takes the grip away."""
+"""Oil: a puddle left behind; it slows karts that drive into it and reduces their grip."""
 
 from race_server.core.rules.items.item import Item, Use
 
