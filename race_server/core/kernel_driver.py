@@ -12,7 +12,7 @@ import numpy as np
 
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing
-from race_server.core.kernels.jit import INTERPRET, bind, kernel
+from race_server.core.kernels.jit import INTERPRET, bind, written_out
 from race_server.core.messages import Button, Control
 from race_server.core.observation import Layout, Observation, offsets_of
 from race_server.core.rules.items import items
@@ -68,7 +68,7 @@ class Cockpits(NamedTuple):
     controls: Floats  # (W, K, 4)
 
 
-@kernel
+@written_out
 def cockpit_at(cockpits: Cockpits, row: int) -> Cockpit:
     """Return the cockpit of the kart in one row of `seats`."""
     w, k = cockpits.seats[row, 0], cockpits.seats[row, 1]

@@ -173,7 +173,7 @@ def test_a_lidar_that_no_race_shows_is_told_of_at_once() -> None:
     for rays in (21, 100):
         warn_of_lidar(read_settings("time-trial-ppo", [f"lidar.rays={rays}"]), said.append)
     assert said == [
-        "lidar.rays = 100: no race shows these, so the policy will drive in none; choose one of "
+        "lidar.rays = 100: no race has these, so the policy cannot drive in one; choose one of "
         "201, 101, 51, 41, 26, 21"
     ]
 

@@ -62,7 +62,7 @@ def test_brakes_stop_the_kart_and_never_push_it_back() -> None:
 
 
 def test_the_braking_distance_follows_from_the_grip_of_both_axles() -> None:
-    start = (0.0, 0.0, 0.0, 15.0, 0.0, 0.0, 0.0)
+    start = Motion(0.0, 0.0, 0.0, 15.0, 0.0, 0.0, 0.0)
     stopped = drive(KART_60, 6.0, brake=1.0, state=start)
     hardest = KART_60.grip * GRAVITY
     assert 15.0**2 / (2.0 * hardest) < stopped[X] < 2.0 * 15.0**2 / (2.0 * hardest)
@@ -94,7 +94,7 @@ def test_grip_bounds_the_lateral_acceleration() -> None:
 
 
 def test_less_grip_makes_a_wider_bend() -> None:
-    start = (0.0, 0.0, 0.0, 6.0, 0.0, 0.0, 0.0)
+    start = Motion(0.0, 0.0, 0.0, 6.0, 0.0, 0.0, 0.0)
     dry = drive(TT02, 0.5, steering=1.0, throttle=0.3, state=start)
     oily = drive(TT02, 0.5, steering=1.0, throttle=0.3, state=start, grip=0.4)
     assert abs(oily[HEADING]) < 0.7 * abs(dry[HEADING])

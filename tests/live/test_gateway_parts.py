@@ -396,7 +396,7 @@ def test_a_gateway_that_fails_does_not_fail_the_race() -> None:
     with process_group() as group:
         fails = group.start(["gateway", "--listen", "nowhere"], subprocess.DEVNULL, aside=True)
         assert fails.wait(20.0) == 2
-        assert not group.fallen()
+        assert not group.has_failed()
 
 
 # Rays

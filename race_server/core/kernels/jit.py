@@ -95,7 +95,15 @@ def large_kernel(function: Function) -> Function:
     return _compiled(function, inlined=False)
 
 
-def _compiled(function: Function, *, inlined: bool) -> Function:
+def written_out(function: Function) -> Function:
+    """Compile `function` only where it is called, as if it were written there.
+
+    For what returns a record inside a tuple, which numba cannot return from a compiled function.
+    """
+    return _compiled(function, inlined=True, inline="always")
+
+
+def _compiled(function: Function, *, inlined: bool, **more: Any) -> Function:
     if INTERPRET:
         return function
     import numba
@@ -108,6 +116,7 @@ def _compiled(function: Function, *, inlined: bool) -> Function:
         "boundscheck": _bounds_checked(),
         "forceinline": inlined,
         "_nrt": False,
+        **more,
     }
     return cast("Function", numba.njit(**settings)(function))
 

@@ -3,6 +3,7 @@
 /* eslint-disable @typescript-eslint/no-unused-vars, @typescript-eslint/no-explicit-any, @typescript-eslint/no-non-null-assertion */
 
 export { Button } from './codes/button.js';
+export { Cleanness } from './codes/cleanness.js';
 export { EventKind } from './codes/event-kind.js';
 export { FailsafeStage } from './codes/failsafe-stage.js';
 export { Flag } from './codes/flag.js';

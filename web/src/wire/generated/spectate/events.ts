@@ -4,6 +4,7 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { Cleanness } from '../codes/cleanness.js';
 import { Event } from '../spectate/event.js';
 
 
@@ -40,9 +41,9 @@ eventsLength():number {
   return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
 }
 
-details(index: number):number|null {
+details(index: number):Cleanness|null {
   const offset = this.bb!.__offset(this.bb_pos, 8);
-  return offset ? this.bb!.readUint8(this.bb!.__vector(this.bb_pos + offset) + index) : 0;
+  return offset ? this.bb!.readUint8(this.bb!.__vector(this.bb_pos + offset) + index) : null;
 }
 
 detailsLength():number {
@@ -75,7 +76,7 @@ static addDetails(builder:flatbuffers.Builder, detailsOffset:flatbuffers.Offset)
   builder.addFieldOffset(2, detailsOffset, 0);
 }
 
-static createDetailsVector(builder:flatbuffers.Builder, data:number[]|Uint8Array):flatbuffers.Offset {
+static createDetailsVector(builder:flatbuffers.Builder, data:Cleanness[]):flatbuffers.Offset {
   builder.startVector(1, data.length, 1);
   for (let i = data.length - 1; i >= 0; i--) {
     builder.addInt8(data[i]!);
