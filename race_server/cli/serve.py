@@ -10,7 +10,6 @@ from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
 from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions
 from race_server.errors import KeysError, ScenarioError
-from race_server.live.server.supervisor import supervised
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -27,6 +26,7 @@ def serve(options: ServeOptions) -> None:
     When the server is killed during a race it is restarted and resumes that race.
     """
     from race_server.cli.service import serve_races, serve_with_status
+    from race_server.live.server.supervisor import supervised
 
     log = Log(as_json=options.log_json)
     service = _service_of(options, log)

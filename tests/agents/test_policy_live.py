@@ -75,3 +75,11 @@ def test_a_learned_driver_without_pytorch_laps_and_misses_no_decision(
     assert told["missing"] == server.counters.lost[0] == 0
     assert server.counters.controls[0] >= told["observations"] - 1
     assert server.counters.silent == [0]
+
+
+def test_the_command_line_loads_no_compiler_before_it_knows_the_command() -> None:
+    # A driver's process interprets its kernels: it starts in a second and never waits for numba.
+    program = "import race_server.cli.main, sys; print('numba' in sys.modules)"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
