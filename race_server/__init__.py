@@ -10,6 +10,8 @@ import sys
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from race_server.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from race_server.core.driver import Briefing as Briefing
     from race_server.core.driver import Driver as Driver
@@ -39,8 +41,6 @@ if TYPE_CHECKING:
     from race_server.live.client.driver import KartClient as KartClient
     from race_server.live.client.driver import run_driver as run_driver
     from race_server.live.client.remote_env import RemoteRace as RemoteRace
-
-__version__ = "0.1.0"
 
 # The module that defines each name.
 _EXPORTS = MappingProxyType(

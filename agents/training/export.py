@@ -23,10 +23,10 @@ from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import digest_of
 from race_agents.training.tasks import decision_s
 from race_agents.training.view import NEAREST, ObservationView
-from race_server import __version__
 from race_server.core.observation import PARTS, layout_of
 from race_server.errors import ScenarioError
 from race_server.scenario.sensors import Lidar
+from race_server.version import __version__
 
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime that runs on our Pythons
 

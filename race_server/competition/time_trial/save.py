@@ -6,7 +6,6 @@ from typing import Self
 
 import numpy as np
 
-from race_server import __version__
 from race_server.competition.time_trial.gaps import GAPS, NONE
 from race_server.competition.time_trial.lap import COLUMNS
 from race_server.competition.time_trial.run import Run
@@ -26,6 +25,7 @@ from race_server.storage.results.store import (
     Store,
     Trace,
 )
+from race_server.version import __version__
 
 PACE = "trial"
 

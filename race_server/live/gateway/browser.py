@@ -9,7 +9,6 @@ from typing import Any, cast
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from race_server import __version__
 from race_server.errors import GatewayError, RaceError, WireError
 from race_server.live.gateway.audience import FrameSink, Outbox, Viewer
 from race_server.live.gateway.connection import CONNECTION
@@ -36,6 +35,7 @@ from race_server.live.gateway.playback import PLAYER_MESSAGES, Player
 from race_server.live.gateway.roles import Identity
 from race_server.live.gateway.state import GatewayState
 from race_server.live.gateway.stewarding import ACTS
+from race_server.version import __version__
 
 Message = dict[str, Any]
 

@@ -4,10 +4,10 @@ import importlib.metadata
 import json
 from collections.abc import Container
 
-from race_server import __version__
 from race_server.net.wire.journal import SeatRow, StartFrame
 from race_server.session import Session
 from race_server.storage.recording.scenario_codec import pack_scenario
+from race_server.version import __version__
 
 # What the world is computed with: another version may compute other digits.
 COMPUTES = ("numpy", "numba", "llvmlite")

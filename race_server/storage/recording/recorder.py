@@ -17,7 +17,6 @@ from typing import Self
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from race_server import __version__
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.net.wire.journal import (
     ACT,
@@ -48,6 +47,7 @@ from race_server.storage.recording.channels import (
     ChannelKind,
 )
 from race_server.storage.recording.reader import NANOSECONDS, Line
+from race_server.version import __version__
 
 # What has been handed over is with the operating system after this time.
 FLUSH_S = 0.05

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import entry_points
 
-from race_server import __version__
 from race_server.core.driver import ENTRY_POINTS
 from race_server.core.messages import Phase, Standing
 from race_server.scenario.race import Rules
@@ -18,6 +17,7 @@ from race_server.session.seats import Seat
 from race_server.storage.queue import Ticket
 from race_server.storage.results.store import FINISHED, STOPPED, Entry, Outcome, Race
 from race_server.storage.results.writer import Writer
+from race_server.version import __version__
 
 # The rule book as code; raise it when the same settings come to mean another race.
 RULE_BOOK = 1
