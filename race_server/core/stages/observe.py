@@ -10,8 +10,8 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.observation import AHEAD, USES
 from race_server.core.stages import observed_parts as part
 from race_server.core.stages.observe_around import fill_karts, fill_things, offset_from
-from race_server.core.stages.observed_parts import KartFrame, put, shows, to_frame
-from race_server.core.state import RADAR_RAYS, Float32s, Ints, Record, World
+from race_server.core.stages.observed_parts import KartFrame, put, put_all, shows, to_frame
+from race_server.core.state import Float32s, Ints, Record, World
 
 # Least time at top speed [s] between two look-ahead samples; they are a body length apart at least.
 LOOK_AHEAD_S = 0.1
@@ -71,12 +71,10 @@ def line_step_of(vehicle: Record) -> float:
 @kernel
 def _fill_scans(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
     sight = world.sight
-    for ray in range(sight.lidar.shape[3]):
-        put(out, offsets[part.LIDAR], ray, sight.lidar[w, k, 0, ray])
-        put(out, offsets[part.LIDAR_BEFORE], ray, sight.lidar[w, k, 1, ray])
-    for ray in range(RADAR_RAYS):
-        put(out, offsets[part.RADAR], ray, sight.radar[w, k, ray])
-        put(out, offsets[part.RADAR_KIND], ray, sight.radar_kinds[w, k, ray])
+    put_all(out, offsets[part.LIDAR], sight.lidar[w, k, 0])
+    put_all(out, offsets[part.LIDAR_BEFORE], sight.lidar[w, k, 1])
+    put_all(out, offsets[part.RADAR], sight.radar[w, k])
+    put_all(out, offsets[part.RADAR_KIND], sight.radar_kinds[w, k])
 
 
 @kernel

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import numbers_of
-from race_server.core.state import Float32s, Ints
+from race_server.core.state import Float32s, Ints, Records
 
 # The groups, and the number of each part in them.
 SCANS = numbers_of("lidar lidar_before radar radar_kind")
@@ -69,6 +69,14 @@ def put(out: Float32s, offset: int, index: int, value: float) -> None:
     """Write element `index` of the part at `offset`, unless the layout lacks it."""
     if offset >= 0:
         out[offset + index] = value
+
+
+@kernel
+def put_all(out: Float32s, offset: int, values: Records) -> None:
+    """Write all of the part at `offset`, shape (size of the part,), unless the layout lacks it."""
+    if offset >= 0:
+        for index in range(len(values)):
+            out[offset + index] = values[index]
 
 
 @kernel
