@@ -9,7 +9,7 @@ PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page check-page test check lint docs hooks setup schemas limits clean
+.PHONY: race page check-page test test-slow check lint docs hooks setup schemas limits clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -26,8 +26,14 @@ $(PAGE): $(WEB)
 check-page: page
 	@if $(NODE_IS_THERE); then cd web && npm run --silent check && npm test --silent && npm run --silent size; fi
 
+# Files of tests side by side. What takes minutes is `test-slow`: pages run, sites built, trainings compared.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+
 test: $(VENV)/.installed-test
-	@$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	@$(PYTEST) -m 'not slow'
+
+test-slow: $(VENV)/.installed-test
+	@$(PYTEST) -m slow
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
@@ -36,7 +42,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/codespell
 
-check: lint check-page test
+check: lint check-page test test-slow
 
 # Warnings are errors. Nothing is read again from an earlier build: what pages name may have changed.
 docs: $(VENV)/.installed-test

@@ -78,6 +78,7 @@ def test_what_is_known_is_worth_less_than_what_is_new() -> None:
     assert new > 2.0 * known
 
 
+@pytest.mark.slow
 def test_curiosity_drives_further_where_only_a_lap_is_rewarded() -> None:
     # One training may be lucky or not, differently on each processor: three of each are compared.
     def speed(*changes: str) -> float:
@@ -102,6 +103,7 @@ def test_a_discriminator_tells_an_expert_from_others(laps: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_policy_comes_nearer_to_an_expert_without_the_race_s_reward(laps: Path) -> None:
     judged = (f"gail.demonstrations={laps}", "gail.learning_rate=1e-3", "steps=50000")
     after, _ = learned(settings(*judged))
