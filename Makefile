@@ -3,13 +3,15 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
+TOOLS  := .venv-release
+LOCK   := $(TOOLS)/bin/uv pip compile --quiet --universal --python-version 3.11 --constraint constraints.txt --generate-hashes --no-annotate --no-header
 
 # The page that browsers show, and what it is made of.
 PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page check-page test test-slow check lint docs hooks setup schemas limits clean
+.PHONY: race page check-page test test-slow check lint docs hooks setup schemas limits dist lock sbom audit clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -75,5 +77,32 @@ $(VENV)/.installed-test: pyproject.toml constraints.txt | $(VENV)/bin/python
 limits: $(VENV)/.installed-test
 	$(BIN)/python -m race_server.scenario.raceline.export
 
+# A release: wheel and sdist with the page, tracks, schemas and policies.
+dist: $(VENV)/.installed-test page
+	$(BIN)/python -m hatchling build -d dist
+
+# Tools of maintainers, apart from what a release needs.
+$(TOOLS)/.installed: Makefile
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check uv==0.13.9 cyclonedx-bom==7.5.0 pip-audit==2.10.1
+	@touch $@
+
+# The versions of constraints.txt with the hashes of their files, for `pip install --require-hashes`.
+lock: $(TOOLS)/.installed
+	$(LOCK) pyproject.toml --extra keys --extra results -o deploy/requirements.txt
+	$(LOCK) deploy/requirements-build.in -o deploy/requirements-build.txt
+
+# What a release consists of, as CycloneDX documents.
+sbom: $(TOOLS)/.installed
+	@mkdir -p dist
+	$(TOOLS)/bin/cyclonedx-py requirements deploy/requirements.txt --pyproject pyproject.toml --output-reproducible -o dist/race-server.cdx.json
+	cd web && npm sbom --package-lock-only --sbom-format=cyclonedx > ../dist/page.cdx.json
+
+# Asks public registers for known faults of what is pinned; not for the continuous integration, whose result
+# would change without a commit.
+audit: $(TOOLS)/.installed
+	$(TOOLS)/bin/pip-audit --require-hashes --disable-pip -r deploy/requirements.txt
+	cd web && npm audit
+
 clean:
-	rm -rf $(VENV) web/node_modules race_server/live/gateway/page docs/_build docs/generated .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(TOOLS) dist web/node_modules race_server/live/gateway/page docs/_build docs/generated .mypy_cache .ruff_cache .pytest_cache .hypothesis
