@@ -63,7 +63,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     fillers = known_drivers(options.fill)
     scenario = _scenario(options, fillers, log)
     if not is_compiled():
-        log.say("compiling the simulation for this machine, once: about half a minute")
+        log.say("compiling the simulation for this machine, once: about a minute")
     warm_up(scenario, fillers)
     every = 1 if fillers else options.karts
     return Service(

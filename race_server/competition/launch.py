@@ -31,7 +31,9 @@ from race_server.net.transport import ClientLink
 _EVENT_LINES = 8
 # From this age on, what spectators see is marked as old [s].
 OLD_S = 0.5
-START_S = 120.0
+# Until a server answers [s]. The first race compiles, on a busy or small machine for minutes; a server that
+# fails is noticed at once.
+START_S = 600.0
 # Port of the page, if it is free.
 PAGE_PORT = 8080
 
@@ -191,7 +193,7 @@ def _follow(
     server = group.processes[0]
     waiting = "preparing"
     if not is_compiled():
-        waiting = "compiling the simulation for this machine, once: about half a minute"
+        waiting = "compiling the simulation for this machine, once: about a minute"
     try:
         with console.status(waiting, spinner="dots"):
             seen = _watch(plan, group, log_path)
