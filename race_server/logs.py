@@ -4,6 +4,7 @@ A thread writes the lines, so that no tick waits for a terminal or a pipe. In a 
 formatted for people, elsewhere each is one JSON object.
 """
 
+import contextlib
 import json
 import queue
 import sys
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any, Self, TextIO
 
 import structlog
+
+from race_server.printable import printable
 
 CLOSE_S = 2.0
 # Lines that may wait for a pipe that is not read; later ones are dropped.
@@ -76,13 +79,18 @@ class Log:
 
     def _write(self, line: Line) -> None:
         level, event, facts = line
-        getattr(self._logger, level)(event, **facts)
-        self._stream.flush()
+        # Where the log goes the disk may be full, or its reader gone. Nothing can be told then.
+        with contextlib.suppress(OSError, ValueError):
+            getattr(self._logger, level)(event, **facts)
+            self._stream.flush()
 
 
 def _in_order(_logger: Any, _method: str, line: Any) -> Any:
-    """Put time, level and event first."""
-    return {name: line.pop(name) for name in ("timestamp", "level", "event")} | line
+    """Put time, level and event first, and make all text printable: one event is one line."""
+    ordered = {name: line.pop(name) for name in ("timestamp", "level", "event")} | line
+    return {
+        name: printable(fact) if isinstance(fact, str) else fact for name, fact in ordered.items()
+    }
 
 
 def words_of(text: str) -> str:

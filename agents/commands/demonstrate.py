@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import names_in
 from race_server.errors import ScenarioError, brought_by
+from race_server.terminal import Console
 
 if TYPE_CHECKING:
     from race_agents.training.demonstrations import Demonstrations
@@ -80,6 +80,5 @@ def _show(out: Path, shown: "Demonstrations", laps: int, contacts: int, *, as_js
     Console(stderr=True).print(
         f"{out}: {decisions} decisions of {shown.about.driver} in {laps} laps on "
         f"{', '.join(shown.about.tracks)}, with {contacts} wall contacts",
-        markup=False,
         soft_wrap=True,
     )

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from race_agents.policies.registry import policy_path
 from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError
+from race_server.terminal import Console
 
 app = typer.Typer(help="List learned policies, and verify one.")
 
@@ -124,17 +123,17 @@ def _show(document: dict[str, Any]) -> None:
             f"{value:.9g}" for value in document["example"]["action"]
         )
     for name, value in rows.items():
-        facts.add_row(name, escape(value))
+        facts.add_row(name, value)
     console.print(facts)
     if document["difference"] is None:
-        console.print(document["remark"], style="yellow", markup=False)
+        console.print(document["remark"], style="yellow")
         return
     words = f"answers like its learner up to {document['difference']:.1e}"
     limit = f"at most {document['most_difference']:g} is rounding"
     if document["ok"]:
-        console.print(f"{words}; {limit}", markup=False)
+        console.print(f"{words}; {limit}")
     else:
-        console.print(f"{words}, {limit}: export it again", style="red", markup=False)
+        console.print(f"{words}, {limit}: export it again", style="red")
 
 
 def _parts(metadata: dict[str, Any]) -> str:
@@ -170,11 +169,11 @@ def list_policies(as_json: AsJson = False) -> None:
     for one in known:
         preset = one.preset if one.is_run else "bundled"
         facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
-        table.add_row(*map(escape, (one.name, *facts)), *_figures(one.evaluation))
+        table.add_row(one.name, *facts, *_figures(one.evaluation))
     console.print(table)
     for one in known:
         if one.remark:
-            console.print(one.remark, style="yellow", markup=False, soft_wrap=True)
+            console.print(one.remark, style="yellow", soft_wrap=True)
 
 
 def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:

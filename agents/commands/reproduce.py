@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError, brought_by
+from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
     from race_agents.reproductions.run import ReproductionProgress, ReproductionResult
@@ -74,9 +74,9 @@ def reproduce(
         print_document({"folder": str(place), "stopped": outcome.stopped, **outcome.document})
     else:
         _show(outcome, quick=quick)
-        console.print(f"table and plot: {place}", markup=False, soft_wrap=True)
+        console.print(f"table and plot: {place}", soft_wrap=True)
     if outcome.stopped:
-        console.print("stopped; the same command continues", markup=False)
+        console.print("stopped; the same command continues")
         sys.exit(130)
 
 
@@ -87,13 +87,13 @@ def _list(titles: dict[str, str], *, as_json: bool) -> None:
         return
     console = Console()
     for name, title in titles.items():
-        console.print(f"{name}: {title}", markup=False, highlight=False)
+        console.print(f"{name}: {title}", highlight=False)
 
 
 @contextmanager
 def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionProgress"], None]]:
     """Show how many runs are finished; without a terminal, print each."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
     columns = (
         TextColumn("{task.description}"),
@@ -108,7 +108,7 @@ def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionPr
             bar.update(task, completed=news.done, total=news.trainings, description=news.name)
             if isinstance(news.done, int) and not quiet and not console.is_terminal:
                 text = f"{news.done} of {news.trainings}: {news.name}"
-                console.print(text, markup=False, highlight=False)
+                console.print(text, highlight=False)
 
         yield tell
 
@@ -145,12 +145,12 @@ def _show(outcome: "ReproductionResult", *, quick: bool) -> None:
     console.width = max(console.width, least)
     console.print(table)
     if words := partial_words(plan, outcome.scale, outcome.lines):
-        console.print(words, markup=False, highlight=False)
+        console.print(words, highlight=False)
     if base is not None:
         console.print(f"in brackets: the difference to {base.row.name}", highlight=False)
     for number, head in enumerate(heads):
         if number not in shown:
             words = "".join(f"\n  {row[0]}: {row[number]}" for row in texts)
-            console.print(f"{head}{words}", markup=False, highlight=False)
+            console.print(f"{head}{words}", highlight=False)
     for remark in outcome.document["remarks"]:
-        console.print(remark, markup=False, highlight=False)
+        console.print(remark, highlight=False)

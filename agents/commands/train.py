@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import names_in
 from race_server.errors import ScenarioError, brought_by
+from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
     from race_agents.training.callback import TrainingProgress
@@ -96,7 +96,7 @@ def train(options: TrainOptions) -> None:
         with brought_by("curves"):
             import_module("tensorboard")
     settings, place = _settings(options)
-    console.print(f"run: {place}", markup=False, soft_wrap=True)
+    console.print(f"run: {place}", soft_wrap=True)
     with (
         _disk_named(place),
         folder.occupied(place),
@@ -110,7 +110,7 @@ def train(options: TrainOptions) -> None:
             place,
             resume=bool(options.resume),
             tell=tell,
-            say=lambda text: console.print(text, markup=False, soft_wrap=True),
+            say=lambda text: console.print(text, soft_wrap=True),
             tensorboard=options.tensorboard,
         )
     _show(outcome, settings, console, as_json=options.as_json)
@@ -208,14 +208,14 @@ def _bar(
     settings: "Settings", console: Console, *, quiet: bool
 ) -> Iterator[Callable[["TrainingProgress"], None]]:
     """Show the progress and the latest figures of a training."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TimeRemainingColumn
     from rich.table import Column
 
     # On a narrow terminal the last figures are cut, not the bar and the time.
     length = min(40, console.width // 5)
     words = Column(no_wrap=True, max_width=max(console.width - length - BESIDE_BAR, 12))
     columns = (
-        TextColumn("{task.description}", markup=False, table_column=words),
+        TextColumn("{task.description}", table_column=words),
         BarColumn(length),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
@@ -230,12 +230,11 @@ def _bar(
                 console.print(
                     f"{100.0 * news.share:3.0f} %, {news.steps} decisions; {_words_of(news)}; "
                     f"validation: {_marks_in_words(news.marks)}",
-                    markup=False,
                     soft_wrap=True,
                 )
 
             if news.ratings and not quiet:
-                console.print(f"ratings: {_ratings_in_words(news)}", markup=False, soft_wrap=True)
+                console.print(f"ratings: {_ratings_in_words(news)}", soft_wrap=True)
 
         yield tell
 
@@ -285,4 +284,4 @@ def _show(
         table.add_row(row["track"], *figures, lap, f"{row['reward']:.1f}")
     Console().print(table)
     alone, _ = ways_to_drive(outcome.folder, settings)
-    console.print(f"drive it: {alone}", markup=False, soft_wrap=True)
+    console.print(f"drive it: {alone}", soft_wrap=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from race_agents.reproductions.plan import Reproduction
 from race_agents.reproductions.summary import VariantSummary
+from race_server.pictures import save
 
 OURS, THEIRS = "tab:blue", "tab:orange"
 
@@ -21,7 +22,7 @@ def draw(path: Path, plan: Reproduction, lines: Sequence[VariantSummary], words:
     _curves(left, lines)
     _bars(right, plan, lines)
     figure.suptitle(f"{plan.title}\n{words}", fontsize=11)
-    figure.savefig(path, dpi=100)
+    save(figure, path, dpi=100)
 
 
 def _curves(plot: Any, lines: Sequence[VariantSummary]) -> None:

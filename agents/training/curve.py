@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from race_server.pictures import save
+
 # Panels of the picture: columns from training and from evaluation.
 PANELS = {
     "return": ("reward", "tried_reward"),
@@ -88,7 +90,7 @@ def draw(table: Path, picture: Path, title: str) -> None:
             _mark_stage(plots, row)
     plots[-1].set_xlabel("minutes of training")
     figure.suptitle(title)
-    figure.savefig(picture, dpi=110)
+    save(figure, picture, dpi=110)
 
 
 def _draw_column(plot: Any, rows: list[dict[str, float]], column: str) -> None:

@@ -10,6 +10,7 @@ from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.errors import KeysError, SeatError
 from race_server.live.client.steward import StewardClient
 from race_server.net.transport import ClientLink
+from race_server.terminal import say
 
 app = typer.Typer(
     help="Steward a session: flags, penalties, seats, the clock. Requires the steward's keys; for "
@@ -95,7 +96,7 @@ def show_log(keys: KeysFolder = None, connect: Connect = "", session: SessionNam
     steward, link = _steward(keys, connect, session)
     with link:
         for line in steward.log():
-            print(line)
+            say(line)
 
 
 def _decide(
@@ -109,7 +110,7 @@ def _decide(
 ) -> None:
     steward, link = _steward(keys, connect, session)
     with link:
-        print(steward.decide(act, seat=seat, value=value))
+        say(steward.decide(act, seat=seat, value=value))
 
 
 def _steward(keys: Path | None, connect: str, session: str) -> tuple[StewardClient, ClientLink]:

@@ -1,14 +1,13 @@
 """`race bench`: how fast this machine runs the program."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
+from race_server.terminal import Console, say
 
 app = typer.Typer(help="Measure the speed of this program on this machine.", no_args_is_help=True)
 
@@ -55,10 +54,10 @@ def env(
 
     figures = bench_env(cores=cores, seconds=seconds)
     if figures["highway_lidar"] is None:
-        print(
+        say(
             "highway-env is not installed, so there is no comparison with it; "
             "`pip install race-server[bench]` installs it.",
-            file=sys.stderr,
+            error=True,
         )
     if plot is not None:
         figures["scaling"] = bench_scaling(seconds=0.25 * seconds)

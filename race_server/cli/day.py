@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Results, VehicleName, known_drivers, names_in
 from race_server.errors import ScenarioError
+from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
     from race_server.competition.race_day.day import DayPlan
@@ -79,7 +79,7 @@ def day(
         print_tables(plan, ledger, Console())
     if sheet is not None:
         draw_picture(plan, ledger, sheet)
-        console.print(f"sheet: {sheet}", style="dim", markup=False)
+        console.print(f"sheet: {sheet}", style="dim")
 
 
 def _run(plan: "DayPlan", results: str, console: Console) -> "Ledger":
@@ -89,7 +89,7 @@ def _run(plan: "DayPlan", results: str, console: Console) -> "Ledger":
     from race_server.storage.results.keeper import Keeper
     from race_server.storage.results.writer import writer_for
 
-    warn = partial(console.print, style="yellow", markup=False, soft_wrap=True)
+    warn = partial(console.print, style="yellow", soft_wrap=True)
     with writer_for(results, warn) as writer:
         if not is_compiled():
             console.print("compiling the simulation and the drivers for this machine, once")

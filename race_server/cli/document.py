@@ -5,9 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
+from race_server.terminal import say
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
 
 
 def print_document(document: Any) -> None:
     """Print a document on one line and flush it: another program may wait for it."""
-    print(json.dumps(document), flush=True)
+    say(json.dumps(document))

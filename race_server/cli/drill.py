@@ -6,12 +6,13 @@ from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
+from rich.text import Text
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Track, known_drivers
+from race_server.terminal import Console
 
 app = typer.Typer(
     help="Provoke failures and attacks in a live race, and check that the race survives them."
@@ -201,7 +202,7 @@ def progress(what: str, total: int | None) -> Iterator[Any]:
 def _show_findings(rows: list[dict[str, Any]]) -> None:
     table = Table("act", "expected", "seen")
     for row in rows:
-        seen = row["seen"] if row["ok"] else f"[red]{row['seen']}[/]"
+        seen = Text(row["seen"], style="" if row["ok"] else "red")
         table.add_row(row["act"], row["expected"], seen)
     Console().print(table)
 
@@ -232,7 +233,8 @@ def finish(
                 for row in document[rows]
             ]
             console.print(_side_by_side({f"{n}": row for n, row in enumerate(numbers)}))
-        console.print("[green]passed[/]" if document["ok"] else f"[red]{document['why']}[/]")
+        is_ok = document["ok"]
+        console.print("passed" if is_ok else document["why"], style="green" if is_ok else "red")
     if not document["ok"]:
         raise typer.Exit(1)
 

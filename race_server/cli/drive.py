@@ -7,14 +7,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.live import Live
 from rich.status import Status as Spinner
+from rich.text import Text
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
 from race_server.core.messages import Phase
 from race_server.errors import RaceError
+from race_server.terminal import Console, say
 
 if TYPE_CHECKING:
     from race_server.live.client.link_stats import LinkStats
@@ -70,7 +71,7 @@ def drive(
 def _show_reception(status: Spinner, name: str, link_stats: "LinkStats") -> None:
     """Show a few times a second how old the driver's observations are."""
     if link_stats.received % 5 == 1:
-        status.update(f"{name} {link_stats}")
+        status.update(Text(f"{name} {link_stats}"))
 
 
 def watch(
@@ -102,8 +103,8 @@ def watch(
         with ExitStack() as stack:
             if foxglove is not None:
                 view = stack.enter_context(FoxgloveServer(link, spectator, given.session, foxglove))
-                print(f"Foxglove: open {view.address} as a Foxglove WebSocket", flush=True)
-            live = stack.enter_context(Live(refresh_per_second=8))
+                say(f"Foxglove: open {view.address} as a Foxglove WebSocket")
+            live = stack.enter_context(Live(console=Console(), refresh_per_second=8))
             while spectator.standings is None or spectator.standings.phase is not Phase.FINISHED:
                 live.update(board_of(spectator, given.session, items))
                 time.sleep(0.12)

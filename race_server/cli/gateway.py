@@ -11,6 +11,7 @@ from race_server.cli.access import Connect, KeysFolder, SessionName
 from race_server.cli.document import print_document
 from race_server.cli.option_fields import expand_options
 from race_server.errors import KeysError
+from race_server.terminal import say
 
 if TYPE_CHECKING:
     from race_server.live.gateway.settings import Addresses, Settings
@@ -157,10 +158,9 @@ def _print_addresses(addresses: "Addresses", settings: "Settings", *, as_json: b
     rows += [("drive", address) for address in addresses.drive]
     rows += [("steward", addresses.steward)] if addresses.steward else []
     for what, address in rows:
-        print(f"{what:8} {address}", flush=True)
+        say(f"{what:8} {address}")
     if not settings.is_local and settings.certificate is None:
-        print(
+        say(
             "these tokens are sent in the clear: use --certificate and --key, or put a "
-            "reverse proxy with TLS in front (docs/gateway.md)",
-            flush=True,
+            "reverse proxy with TLS in front (docs/gateway.md)"
         )

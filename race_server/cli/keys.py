@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
+
+from race_server.terminal import Console, say
 
 app = typer.Typer(
     help="Make and check keys for a session that other machines may join.", no_args_is_help=True
@@ -66,4 +67,4 @@ def check(
     from race_server.net.auth.keys import read_keys
 
     held = read_keys(folder)
-    print(f"{folder}: {held.role} of session {held.session}, valid until {held.expires}")
+    say(f"{folder}: {held.role} of session {held.session}, valid until {held.expires}")

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Course
+from race_server.terminal import Console, say
 
 
 def limit(
@@ -62,7 +62,7 @@ def limit(
             str(sum(zone.what == "brake" for zone in line.zones)),
         )
     Console().print(table)
-    print(
+    say(
         f"solved in {found.solve_s:.2f} s"
         if found.solve_s
         else "read from the solutions already known"

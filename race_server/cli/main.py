@@ -23,6 +23,7 @@ from race_server.cli import (
     trial,
 )
 from race_server.errors import RaceError
+from race_server.terminal import say, take_any_letter
 
 app = typer.Typer(
     name="race",
@@ -60,10 +61,11 @@ for point in entry_points(group="race_server.commands"):
 
 def main() -> None:
     """Run the command line."""
+    take_any_letter()
     try:
         app()
     except RaceError as error:
-        print(f"error: {error}", file=sys.stderr)
+        say(f"error: {error}", error=True)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

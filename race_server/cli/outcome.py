@@ -2,11 +2,10 @@
 
 from typing import Any
 
-from rich.console import Console
-
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Flag, Phase, Standing, Status
 from race_server.live.client.leaderboard import Headline, leaderboard
+from race_server.terminal import Console
 
 
 def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.core.clock import TICKS_PER_SECOND, lap_text
 from race_server.errors import RecordingError
+from race_server.terminal import Console, say
 
 app = typer.Typer(help="Inspect a recording, print its messages, or cut it.")
 
@@ -187,7 +187,7 @@ def cat(
             print_document({"time_s": round(at_s, 6), "channel": key, **words})
         else:
             told = ", ".join(f"{name} {value}" for name, value in words.items())
-            print(f"{at_s:10.3f}  {key:16} {told}"[:240])
+            say(f"{at_s:10.3f}  {key:16} {told}"[:240])
 
 
 def _messages(file: Path, channel: str, to_json: Any) -> Iterator[tuple[float, str, Any]]:
@@ -216,4 +216,4 @@ def cut(
     from race_server.storage.recording.excerpt import write_excerpt
 
     ticks = write_excerpt(file, target, until)
-    print(f"{target}: {ticks / TICKS_PER_SECOND:.1f} s of {file}")
+    say(f"{target}: {ticks / TICKS_PER_SECOND:.1f} s of {file}")

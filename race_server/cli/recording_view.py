@@ -3,7 +3,7 @@
 import time
 from collections import deque
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
@@ -14,6 +14,7 @@ from race_server.errors import RecordingError
 from race_server.live.client.leaderboard import Headline, event_text, leaderboard
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.rerun import Rerun
+from race_server.terminal import Console
 
 EVENT_LINES = 8  # under the leaderboard
 REFRESH_HZ = 8

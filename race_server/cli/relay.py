@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from race_server.cli.access import SESSION
 from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
+from race_server.terminal import Console
 
 
 def relay(

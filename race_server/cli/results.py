@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.core.clock import lap_text
 from race_server.errors import ResultsError
+from race_server.terminal import Console, say
 
 app = typer.Typer(help="Query the results file: races, best laps, ratings.", no_args_is_help=True)
 
@@ -122,7 +122,7 @@ def export_laps(
 
     laps = all_laps(_file(results))
     export(laps, to)
-    print(f"{to}: {len(laps)} laps")
+    say(f"{to}: {len(laps)} laps")
 
 
 @app.command()

@@ -4,7 +4,6 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import argv_of, expand_options
@@ -12,6 +11,7 @@ from race_server.cli.options import known_drivers
 from race_server.cli.outcome import show_result
 from race_server.cli.serve_options import RaceOptions, ServeOptions
 from race_server.errors import ScenarioError
+from race_server.terminal import Console
 
 if TYPE_CHECKING:
     from race_server.competition.launch import RaceSpec
@@ -118,7 +118,7 @@ def _shows_page(wanted: bool | None, console: Console) -> bool:
     from race_server.live.gateway.page import NOT_BUILT, is_built
 
     if wanted and not is_built():
-        console.print(NOT_BUILT, style="yellow", markup=False, soft_wrap=True)
+        console.print(NOT_BUILT, style="yellow", soft_wrap=True)
     return is_built() if wanted is None else wanted
 
 
@@ -133,7 +133,7 @@ def _run_series(spec: "RaceSpec", options: StartOptions, console: Console) -> No
         document = run_race(one, console)
         best = min(document["karts"], key=lambda kart: kart["rank"])
         text = f"race {number + 1} of {races}, seed {seed + number}: won by {best['driver']}"
-        console.print(text, style="dim", markup=False, soft_wrap=True)
+        console.print(text, style="dim", soft_wrap=True)
         return document
 
     found = run_series(spec, races, seed, run)
@@ -159,7 +159,7 @@ def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: C
         return
     if any(wants_line(driver_named(name).preset) for name in sorted(set(drivers))):
         if note := reference_line(course, car, solve=True).note:
-            console.print(note, style="yellow", markup=False, soft_wrap=True)
+            console.print(note, style="yellow", soft_wrap=True)
 
 
 def _check_results(results: str) -> None:

@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Course
 from race_server.errors import TrackError
+from race_server.terminal import Console, say
 
 app = typer.Typer(help="List, draw, check and import courses.", no_args_is_help=True)
 
@@ -53,7 +53,7 @@ def show(
     course = load_course(name)
     path = to or Path(f"{course.name.replace(':', '-')}.png")
     draw_course(course, path)
-    print(path)
+    say(path)
 
 
 @app.command()
@@ -77,8 +77,8 @@ def check(
         print_document({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows})
     else:
         for finding in findings:
-            print(f"{finding.level}: {finding.what}")
-        print(f"{course.name} is {'good' if good else 'not fit'} for {vehicle}")
+            say(f"{finding.level}: {finding.what}")
+        say(f"{course.name} is {'good' if good else 'not fit'} for {vehicle}")
     if not good:
         raise typer.Exit(1)
 
@@ -100,4 +100,4 @@ def import_track(
     if to.suffix != ".toml":
         raise TrackError(f"{to}: write the course as .toml")
     course = import_course(source, to, scale=scale, title=title or source.stem)
-    print(f"{to}: {course.length:.1f} m, {course.width_min:.2f} to {course.width_max:.2f} m wide")
+    say(f"{to}: {course.length:.1f} m, {course.width_min:.2f} to {course.width_max:.2f} m wide")

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
 from race_server.errors import ResultsError, ScenarioError
+from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
     from race_server.competition.time_trial.gaps import Gap
@@ -139,7 +139,7 @@ def trial(options: TrialOptions) -> None:
         _show(done, names if options.beside else (), as_json=options.as_json)
         _finish(log, console)
     if done.stopped:
-        console.print("[yellow]stopped: these are the runs that were finished[/]")
+        console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)
     if done.failed:
         sys.exit(1)
@@ -222,13 +222,7 @@ def _progress(
     plan: "TrialPlan", console: Console, *, quiet: bool
 ) -> Iterator[Callable[[int, int], None]]:
     """Show a progress bar of laps."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     hidden = quiet or not console.is_terminal
@@ -260,7 +254,7 @@ def _show(done: "Trial", beside: tuple[str, ...], *, as_json: bool) -> None:
 
     console = Console()
     gaps = {gap.name: gap.words() for gap in done.plan.gaps}
-    console.print(tables_of(done.rows, gaps), markup=False)
+    console.print(tables_of(done.rows, gaps))
     if done.losses:
         console.print(loss_tables(done.losses))
     for place, ghost in done.ghosts.items():
@@ -273,7 +267,8 @@ def _show(done: "Trial", beside: tuple[str, ...], *, as_json: bool) -> None:
 def _write_files(done: "Trial", options: TrialOptions, console: Console) -> None:
     """Write the files that were asked for."""
     from race_server.competition.time_trial.ghost import save_lap
-    from race_server.competition.time_trial.table import lap_rows, write_csv
+    from race_server.competition.time_trial.table import lap_rows
+    from race_server.storage.csv_table import write_csv
 
     paths = []
     if options.csv is not None:
@@ -289,7 +284,7 @@ def _write_files(done: "Trial", options: TrialOptions, console: Console) -> None
     if options.plot is not None:
         paths += done.draw(options.plot)
     for path in paths:
-        console.print(f"written: {path}", style="dim", markup=False, soft_wrap=True)
+        console.print(f"written: {path}", style="dim", soft_wrap=True)
     if (options.plot is not None or options.save_lap is not None) and not laps:
         console.print("no driver completed a lap: there is nothing to draw or to save")
 
@@ -298,4 +293,4 @@ def _finish(log: "RunLog", console: Console) -> None:
     """Write the laps that the results file could not take so far."""
     if beside := log.finish():
         text = f"{log.problem}. The laps are in {beside} instead"
-        console.print(text, style="yellow", markup=False, soft_wrap=True)
+        console.print(text, style="yellow", soft_wrap=True)

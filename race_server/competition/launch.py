@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
@@ -26,6 +26,7 @@ from race_server.live.client.leaderboard import Headline, event_text, leaderboar
 from race_server.live.client.spectator import Spectator
 from race_server.logs import last_words
 from race_server.net.transport import ClientLink
+from race_server.terminal import Console
 
 # Lines of events under the leaderboard.
 _EVENT_LINES = 8
@@ -198,14 +199,14 @@ def _follow(
         with console.status(waiting, spinner="dots"):
             seen = _watch(plan, group, log_path)
         if page and all(process.poll() is None for process in group.aside):
-            console.print(f"watch it in a browser: {page}", markup=False, soft_wrap=True)
+            console.print(f"watch it in a browser: {page}", soft_wrap=True)
         if seen is not None:
             with seen.link:
                 _show(seen, group, console, plan, log_path)
         server.wait()
     except KeyboardInterrupt:
         # The server writes the results so far.
-        console.print("[yellow]stopping: results so far[/]")
+        console.print("stopping: results so far", style="yellow")
         server.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             server.wait(10.0)

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from race_server.cli.trial import trial
 from race_server.competition.time_trial.figures import (
@@ -37,7 +36,7 @@ from race_server.competition.time_trial.run_spec import (
     run_specs_of,
     scenario_of,
 )
-from race_server.competition.time_trial.table import beside_report_b, lap_rows, write_csv
+from race_server.competition.time_trial.table import beside_report_b, lap_rows
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
@@ -46,6 +45,8 @@ from race_server.errors import ResultsError, ScenarioError
 from race_server.live.local_drivers import briefing_for
 from race_server.scenario.track.load import load_course
 from race_server.session import Session
+from race_server.storage.csv_table import write_csv
+from race_server.terminal import Console
 from support.trials import OVAL, PLACE, keep
 
 

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from rich.console import Console
 
 from race_server.competition.launch import RaceSpec, free_address, run_race
 from race_server.core.driver import driver_named
@@ -24,6 +23,7 @@ from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.session import Session
+from race_server.terminal import Console
 from support.servers import LiveServer, running, waiting
 from support.sessions import session_on_ring
 

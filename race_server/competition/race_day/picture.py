@@ -8,6 +8,7 @@ from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Ledger
 from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
 from race_server.errors import ScenarioError
+from race_server.pictures import save
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import draw_on
 
@@ -66,7 +67,7 @@ def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
     try:
         # Without the salt, the ids in an SVG file are random.
         with pyplot.rc_context({"svg.hashsalt": plan.session}):
-            figure.savefig(path, dpi=150, metadata=_undated(path))
+            save(figure, path, dpi=150, metadata=_undated(path))
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
@@ -210,7 +211,7 @@ def _draw_row(
 
 
 def _write(page: Any, x: float, y: float, words: str, **style: Any) -> None:
-    page.text(x, y, words, parse_math=False, **style)
+    page.text(x, y, words, **style)
 
 
 def _measure(words: str, size: float, *, bold: bool = False) -> float:

@@ -1,12 +1,12 @@
 """The tables of a race day in a terminal."""
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import Ledger
 from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
+from race_server.terminal import Console
 
 _STEPS = ("gold3", "grey74", "orange3")
 

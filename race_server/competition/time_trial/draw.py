@@ -12,6 +12,7 @@ from race_server.competition.time_trial.lap import SPEED, X, Y, column_at
 from race_server.competition.time_trial.table import seconds_text
 from race_server.core.state import Floats
 from race_server.errors import TrackError
+from race_server.pictures import save
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import SUFFIXES, draw_on
 
@@ -86,7 +87,7 @@ def draw_trial(
     _draw_deltas(deltas, course, laps, against)
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=_REFERENCE)
     try:
-        figure.savefig(path, dpi=150, facecolor="white")
+        save(figure, path, dpi=150, facecolor="white")
     except OSError as error:
         raise TrackError(f"{path}: cannot be written: {error.strerror}") from error
     finally:

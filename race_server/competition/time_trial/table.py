@@ -1,14 +1,10 @@
-"""Tables of a trial for the terminal, and .csv files."""
+"""Tables of a trial for the terminal, and rows of its laps."""
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 from rich.console import Group
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -17,7 +13,6 @@ from race_server.competition.time_trial.gaps import NONE
 from race_server.competition.time_trial.report_b import LAPS, RACE_DAY, VALIDATION_TRACK
 from race_server.competition.time_trial.run import Run
 from race_server.core.clock import MICROSECONDS, lap_text
-from race_server.errors import ResultsError
 
 _NOTHING = "–"
 
@@ -182,7 +177,7 @@ def _our_lap(row: TrialSummary, words: dict[str, str]) -> tuple[str, ...]:
     if row.ratio:
         remark += f", {row.ratio:.2f} of the limit"
     if row.remark:
-        remark += f"; {escape(row.remark)}"
+        remark += f"; {row.remark}"
     time = seconds_text(row.median_lap_s) if row.median_lap_s else "none"
     return (row.driver, particular, time, str(row.crashes), remark)
 
@@ -237,24 +232,3 @@ def lap_rows(runs: Sequence[Run]) -> list[dict[str, Any]]:
         for run in runs
         for lap in run.laps
     ]
-
-
-def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Write rows as a .csv file; a list becomes numbers separated by spaces.
-
-    Raises:
-        ResultsError: the file cannot be written.
-    """
-    text = io.StringIO()
-    if rows:
-        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows({name: _plain(value) for name, value in row.items()} for row in rows)
-    try:
-        path.write_text(text.getvalue(), encoding="utf-8")
-    except OSError as error:
-        raise ResultsError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def _plain(value: Any) -> Any:
-    return " ".join(str(part) for part in value) if isinstance(value, list) else value

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
+from race_server.pictures import save
 from race_server.scenario.raceline.result import Limit, Raceline
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import SUFFIXES, draw_on
@@ -56,7 +57,7 @@ def draw_limit(course: Course, limit: Limit, title: str, path: Path) -> None:
     for text in legend.get_texts():
         text.set_color("white")
     try:
-        figure.savefig(path, dpi=140, facecolor="white")
+        save(figure, path, dpi=140, facecolor="white")
     except OSError as error:
         raise TrackError(f"{path}: cannot be written: {error.strerror}") from error
     finally:

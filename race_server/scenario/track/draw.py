@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
+from race_server.pictures import save
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.polyline import area_of, loops_of
 
@@ -35,7 +36,7 @@ def draw_course(course: Course, path: Path) -> None:
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     try:
-        figure.savefig(path, dpi=140, bbox_inches="tight", facecolor="white")
+        save(figure, path, dpi=140, bbox_inches="tight", facecolor="white")
     except OSError as error:
         raise TrackError(f"{path}: cannot be written: {error.strerror}") from error
     finally:

@@ -1,11 +1,11 @@
 """All laps of a results file as one table, for other programs."""
 
-import csv
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
 from race_server.errors import ResultsError
+from race_server.storage.csv_table import write_csv
 from race_server.storage.results.queries import Row
 
 _NUMBERS = ("race", "race_laps", "seed", "seat", "rank", "lap", "time_us")
@@ -24,21 +24,12 @@ def export(laps: Sequence[Row], to: Path) -> None:
     Raises:
         ResultsError: another kind of file, one that cannot be written, or no pyarrow.
     """
-    writers = {".csv": _write_csv, ".parquet": _write_parquet}
-    writer = writers.get(to.suffix)
-    if writer is None:
+    if to.suffix == ".csv":
+        write_csv(laps, to, list(TYPES))
+    elif to.suffix == ".parquet":
+        _write_parquet(laps, to)
+    else:
         raise ResultsError(f"{to}: results are exported as .csv or .parquet")
-    try:
-        writer(laps, to)
-    except OSError as error:
-        raise ResultsError(f"{to} cannot be written: {error.strerror or error}") from error
-
-
-def _write_csv(laps: Sequence[Row], to: Path) -> None:
-    with to.open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, list(TYPES), lineterminator="\n")
-        table.writeheader()
-        table.writerows(laps)
 
 
 def _write_parquet(laps: Sequence[Row], to: Path) -> None:
@@ -50,4 +41,7 @@ def _write_parquet(laps: Sequence[Row], to: Path) -> None:
             "pip install 'race-server[results]'; .csv needs nothing"
         ) from error
     schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in TYPES.items()])
-    parquet.write_table(arrow.Table.from_pylist(list(laps), schema=schema), to)
+    try:
+        parquet.write_table(arrow.Table.from_pylist(list(laps), schema=schema), to)
+    except OSError as error:
+        raise ResultsError(f"{to}: cannot be written: {error.strerror or error}") from error

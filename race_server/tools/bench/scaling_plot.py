@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import ScenarioError
+from race_server.pictures import save
 from race_server.tools.bench.env import (
     CORE_COUNTS,
     CROWD,
@@ -46,7 +47,7 @@ def plot_scaling(scaling: dict[str, Any], path: Path) -> None:
     _draw_bars(panels[2], scaling["cores"])
     _dress(panels[2], "What a second core adds", f"{WORLDS} {races}")
     try:
-        figure.savefig(path, dpi=130, facecolor="white")
+        save(figure, path, dpi=130, facecolor="white")
     except (OSError, ValueError) as error:
         raise ScenarioError(f"{path}: the picture cannot be written: {error}") from error
     finally:

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, run_race, spread
 from race_server.core.messages import EventKind, Flag, PoseFault, Status, Trust
 from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_named
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
+from race_server.terminal import Console
 from race_server.tools.drills.report import document_of
 
 # A kart without a link drives on for this time: 60 % of the time for which the last message holds,
