@@ -30,6 +30,7 @@ from race_server.net.wire.drive import HudFrame, decode_hud
 from race_server.net.wire.lobby import CourseSheet, Join, decode_course
 from race_server.net.wire.pose import PoseFrame, encode_pose
 from race_server.net.wire.spectate import SnapshotFrame, decode_snapshot, decode_standings
+from race_server.net.wire.strict import MOST_NAME
 
 _OVER = frozenset({Phase.FINISHED, Phase.LOBBY})
 
@@ -137,7 +138,7 @@ class RemoteSite:
         """Take the seats that are kept for karts of the other site."""
         names = other.names()
         for number in self.site.ghosts:
-            name = f"{names.get(number, f'kart {number}')}@{other.site.session}"[:32]
+            name = f"{names.get(number, f'kart {number}')}@{other.site.session}"[:MOST_NAME]
             link = self._connect(seat_name(number))
             join = Join(name, "track", number, tracked=True)
             seat = insist(partial(take_seat, link, join), self._deadline)

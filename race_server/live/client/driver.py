@@ -19,6 +19,7 @@ from race_server.net.transport import DEFAULT_ADDRESS, ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
 from race_server.net.wire.spectate import decode_events
+from race_server.net.wire.strict import MOST_NAME
 
 
 def run_driver(
@@ -61,7 +62,7 @@ def run_driver(
     connect = partial(ClientLink, address, session, keys=keys)
     with connect(timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
-        seat = persist(partial(take_seat, link, Join(name[:32], driver.preset, wanted)))
+        seat = persist(partial(take_seat, link, Join(name[:MOST_NAME], driver.preset, wanted)))
         briefing = seat.welcome.briefing
         call_driver(name, "reset", partial(driver.reset, briefing))
         stats = link_stats or LinkStats()

@@ -1,6 +1,5 @@
 """Encode and decode the steward's requests and their answers."""
 
-import math
 import struct
 from dataclasses import dataclass
 
@@ -10,7 +9,7 @@ from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.session import AdminLog, AdminRequest
 from race_server.net.wire.lobby import check_reply
-from race_server.net.wire.strict import root_of
+from race_server.net.wire.strict import MOST_NAME, root_of
 
 I16, U64, F64 = struct.Struct("<h"), struct.Struct("<Q"), struct.Struct("<d")
 LOG_ID, REPLY_ID = b"RALG", b"RRPL"
@@ -34,7 +33,7 @@ def encode_decision(decision: Decision) -> bytes:
     """Return a steward's request as a message."""
     builder = flatbuffers.Builder(128)
     token, act = builder.CreateString(decision.token), builder.CreateString(decision.act)
-    who = builder.CreateString(decision.who[:32])
+    who = builder.CreateString(decision.who[:MOST_NAME])
     AdminRequest.Start(builder)
     AdminRequest.AddToken(builder, token)
     AdminRequest.AddAct(builder, act)
@@ -53,19 +52,14 @@ def decode_decision(data: bytes) -> Decision:
         WireError: damaged, oversized or foreign.
     """
     table = root_of(data, topics.ACT.identifier, topics.ACT.most_bytes)
-    place, who = table.field(2, 2), table.text(5, 128)
-    value = table.number(3, F64)
-    if not who.isprintable() or not math.isfinite(value):
-        raise WireError(
-            "request of a steward is damaged: its name is not printable or its value not finite"
-        )
+    place = table.field(2, 2)
     return Decision(
         token=table.text(0, 64),
         act=table.text(1, 16),
         seat=int(I16.unpack_from(data, place)[0]) if place else -1,
-        value=value,
+        value=table.number(3, F64),
         challenge=table.scalar(4, U64),
-        who=who,
+        who=table.name(5, least=0),
     )
 
 

@@ -25,7 +25,7 @@ from race_server.net.wire.generated.journal import (
 )
 from race_server.net.wire.generated.journal import Input as InputStruct
 from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import U16, U32, root_of
+from race_server.net.wire.strict import MOST_NAME, U16, U32, root_of
 
 START, INPUTS, ACTS, DIGEST, LAP = b"RSTA", b"RINP", b"RACT", b"RDIG", b"RLAP"
 GRANTED = b"RGRA"
@@ -141,7 +141,7 @@ def decode_start(data: bytes) -> StartFrame:
 
 def _read_seat(row: Any) -> SeatRow:
     key = bytes(row.Key(index) for index in range(min(row.KeyLength(), MOST_KEY)))
-    driver, preset = row.Driver().decode()[:32], row.Preset().decode()[:32]
+    driver, preset = row.Driver().decode()[:MOST_NAME], row.Preset().decode()[:32]
     is_local, is_tracked = bool(row.IsLocal()), bool(row.IsTracked())
     return SeatRow(row.Number(), driver, preset, key, is_local, is_tracked)
 

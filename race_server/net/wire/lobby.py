@@ -125,11 +125,8 @@ def decode_join(data: bytes) -> Join:
     table = root_of(data, topics.JOIN.identifier, topics.JOIN.most_bytes)
     place = table.field(2, 2)
     wanted = int(I16.unpack_from(data, place)[0]) if place else -1
-    driver = table.text(0, 32)
-    if not driver or not driver.isprintable():
-        raise WireError(f"driver name {driver!r}: use 1 to 32 printable characters")
     return Join(
-        driver,
+        table.name(0),
         table.text(1, 16),
         wanted,
         secret=table.scalar(3, U64),

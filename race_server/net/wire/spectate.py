@@ -16,7 +16,7 @@ from race_server.net.wire.generated.spectate import Event as EventStruct
 from race_server.net.wire.generated.spectate import Events, Hazard, Kart, Snapshot, Standings
 from race_server.net.wire.generated.spectate import Standing as StandingTable
 from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import Table, root_of
+from race_server.net.wire.strict import MOST_NAME, Table, root_of
 
 U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
 F32 = struct.Struct("<f")
@@ -315,6 +315,6 @@ def _standing(row: Any) -> Standing:
     return Standing(
         **numbers,
         status=status,
-        driver=row.Driver().decode()[:32],
+        driver=row.Driver().decode()[:MOST_NAME],
         lap_times_us=tuple(int(lap) for lap in laps),
     )

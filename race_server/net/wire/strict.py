@@ -14,6 +14,9 @@ U32 = struct.Struct("<I")
 I32 = struct.Struct("<i")
 U16 = struct.Struct("<H")
 
+# Characters of the name of a driver or a steward, and the most bytes that one takes in UTF-8.
+MOST_NAME, UTF8_BYTES = 32, 4
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -88,6 +91,17 @@ class Table:
             return self.data[first : first + count].decode()
         except UnicodeDecodeError as error:
             raise WireError(f"field {slot} is not UTF-8 text") from error
+
+    def name(self, slot: int, *, least: int = 1) -> str:
+        """Return a name of `least` to `MOST_NAME` characters that can be seen.
+
+        Raises:
+            WireError: it is missing, longer, not UTF-8, or not printable.
+        """
+        name = self.text(slot, MOST_NAME * UTF8_BYTES)
+        if not least <= len(name) <= MOST_NAME or not name.isprintable():
+            raise WireError(f"name {name!r}: use {least} to {MOST_NAME} printable characters")
+        return name
 
 
 def root_of(data: bytes, identifier: bytes, most: int) -> Table:
