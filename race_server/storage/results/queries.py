@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from race_server.storage.results.schema import explained, open_file
+from race_server.storage.results.schema import damaged, explained, open_file
 from race_server.storage.results.store import TRACE_TYPE
 
 Row = dict[str, Any]
@@ -133,10 +133,13 @@ def trace_of(path: Path, race: int, seat: int, number: int) -> dict[str, Any]:
     rows = _ask(path, _TRACE, (race, seat, number))
     if not rows:
         return {}
-    names = json.loads(rows[0]["columns"])
-    numbers = np.frombuffer(zlib.decompress(rows[0]["numbers"]), TRACE_TYPE)
-    table = numbers.reshape(len(names), -1).astype(np.float64)
-    return dict(zip(names, table, strict=True))
+    try:
+        names = json.loads(rows[0]["columns"])
+        numbers = np.frombuffer(zlib.decompress(rows[0]["numbers"]), TRACE_TYPE)
+        table = numbers.reshape(len(names), -1).astype(np.float64)
+        return dict(zip(names, table, strict=True))
+    except (ValueError, TypeError, zlib.error) as error:
+        raise damaged(path, error) from error
 
 
 def _ask(path: Path, question: str, words: Row | tuple[int, ...] | None = None) -> list[Row]:

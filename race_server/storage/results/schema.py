@@ -7,7 +7,8 @@ file counts those that it has been through.
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from itertools import chain
 from pathlib import Path
 
 from race_server.errors import ResultsError
@@ -89,14 +90,16 @@ MIGRATIONS = (_TABLES, _INDICES, _TRACES)
 
 # What SQLite reports, what that means, and the way out.
 _OTHER_FILE = "name another with --results FILE, or race without: --results none"
+_DAMAGED = (
+    "is damaged",
+    f"move it away (`sqlite3 FILE .recover` saves what is left), or {_OTHER_FILE}",
+)
 _MEANINGS = {
     "SQLITE_BUSY": ("is locked by another program", f"end that program, or {_OTHER_FILE}"),
     "SQLITE_LOCKED": ("is locked by another program", f"end that program, or {_OTHER_FILE}"),
     "SQLITE_NOTADB": ("is damaged, or no results file", f"move it away, or {_OTHER_FILE}"),
-    "SQLITE_CORRUPT": (
-        "is damaged",
-        f"move it away (`sqlite3 FILE .recover` saves what is left), or {_OTHER_FILE}",
-    ),
+    "SQLITE_CORRUPT": _DAMAGED,
+    "": _DAMAGED,  # said by Python: text that is not UTF-8
     "SQLITE_READONLY": ("cannot be written", f"make it and its folder writable, or {_OTHER_FILE}"),
     "SQLITE_CANTOPEN": ("cannot be opened", f"see to its folder and rights, or {_OTHER_FILE}"),
     "SQLITE_FULL": ("cannot grow: the disk is full", f"make room, or {_OTHER_FILE}"),
@@ -119,6 +122,12 @@ def path_of(words: str) -> Path | None:
     return None if words == NOWHERE else Path(words).expanduser()
 
 
+def damaged(path: Path, why: object) -> ResultsError:
+    """Return the error for a file whose content makes no sense."""
+    what, way_out = _DAMAGED
+    return ResultsError(f"results file {path} {what} ({why}); {way_out}")
+
+
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
     """Turn what goes wrong with a results file into one clear sentence.
@@ -130,7 +139,8 @@ def explained(path: Path) -> Iterator[None]:
         yield
     except (sqlite3.IntegrityError, sqlite3.ProgrammingError):
         raise  # not the file's fault
-    except sqlite3.Error as error:
+    # UnicodeDecodeError: of a message of SQLite that quotes what stands in the file.
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         name = getattr(error, "sqlite_errorname", "")
         kind = "_".join(name.split("_")[:2])
         what, way_out = _MEANINGS.get(kind, ("cannot be used", _OTHER_FILE))
@@ -181,6 +191,25 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     if version_of(connection) < len(MIGRATIONS):
         connection.execute("pragma journal_mode = wal")
         _migrate(connection)
+    if not _columns_known() <= _columns_of(connection):
+        raise damaged(path, "it lacks columns")
+
+
+def _columns_of(connection: sqlite3.Connection) -> set[tuple[str, str]]:
+    """Return table and name of each column."""
+    rows = connection.execute(
+        "select tables.name, columns.name from sqlite_schema as tables, "
+        "pragma_table_info(tables.name) as columns where tables.type = 'table'"
+    )
+    return {(table, column) for table, column in rows}
+
+
+def _columns_known() -> set[tuple[str, str]]:
+    """Return table and name of each column that a file has after all migrations."""
+    with closing(sqlite3.connect(":memory:")) as model:
+        for statement in chain.from_iterable(MIGRATIONS):
+            model.execute(statement)
+        return _columns_of(model)
 
 
 def _refuse_what_is_not_ours(connection: sqlite3.Connection, path: Path) -> None:
