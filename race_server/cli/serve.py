@@ -18,26 +18,32 @@ if TYPE_CHECKING:
     from race_server.net.auth.keys import ServerKeys
     from race_server.scenario.race import Scenario
 
+# A race in which this many servers in a row were ended by an exception is not resumed again.
+MOST_FAILURES = 3
+
 
 @expand_options
 def serve(options: ServeOptions) -> None:
     """Serve a race session: wait for drivers, race, and open the next race.
 
-    When the server is killed during a race it is restarted and resumes that race.
+    When the server is killed or fails during a race it is restarted and resumes that race.
     """
     from race_server.cli.service import serve_races, serve_with_status
-    from race_server.live.server.supervisor import supervised
+    from race_server.live.server.supervisor import Past, supervised
 
     log = Log(as_json=options.log_json)
     service = _service_of(options, log)
     if not options.guard:
         serve_races(service, log, fresh=options.fresh)
         return
-    # Only a server started by hand may discard a race; the one that replaces it resumes it.
-    status = supervised(
-        lambda killed: serve_with_status(service, log, fresh=options.fresh and killed == 0),
-        log.warn,
-    )
+
+    def work(past: Past) -> int:
+        # Only a server started by hand may discard a race; the one that replaces it resumes it,
+        # unless it is the race itself that ends every server.
+        fresh = past.failures >= MOST_FAILURES if past.ended else options.fresh
+        return serve_with_status(service, log, fresh=fresh, replaces=past.ended > 0)
+
+    status = supervised(work, log.warn)
     if status:
         raise typer.Exit(status)
 

@@ -5,9 +5,9 @@ Imports everything that serving needs, so that a server that replaces a killed o
 
 import json
 import signal
-import sys
 import time
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,8 @@ from race_server.storage.recording.logbook import Logbook, folder_of
 from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.writer import writer_for
+from race_server.storage.whole_file import write_whole
+from race_server.terminal import say
 
 
 @dataclass(frozen=True)
@@ -51,23 +53,30 @@ class Service:
     keys: ServerKeys | None  # None: closed to other machines
 
 
-def serve_with_status(service: Service, log: Log, *, fresh: bool) -> int:
+def serve_with_status(service: Service, log: Log, *, fresh: bool, replaces: bool) -> int:
     """Serve, and return the exit status; print an error as `race` does."""
     try:
-        serve_races(service, log, fresh=fresh)
+        serve_races(service, log, fresh=fresh, replaces=replaces)
     except RaceError as error:
-        print(f"error: {error}", file=sys.stderr)
+        say(f"error: {error}", error=True)
         return 2
     return 0
 
 
-def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
-    """Serve race after race until stopped. fresh: do not resume an unfinished race."""
+def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = False) -> None:
+    """Serve race after race until stopped.
+
+    fresh: do not resume an unfinished race; replaces: a server that has ended, so that what cannot
+    be written any more is no reason not to serve.
+    """
     with ExitStack() as stack:
         stack.enter_context(log)
-        writer = stack.enter_context(writer_for(service.results, log.warn))
+        writer = logbook = None
+        with _survived(log, "races go on without a results file") if replaces else nullcontext():
+            writer = stack.enter_context(writer_for(service.results, log.warn))
+        with _survived(log, "races go on without recordings") if replaces else nullcontext():
+            logbook = stack.enter_context(_logbook(service.record, service.session, log))
         keeper = Keeper(writer) if writer else None
-        logbook = stack.enter_context(_logbook(service.record, service.session, log))
         race, resumed = _resumed(logbook, keeper, log, fresh=fresh) or (None, None)
         race = race or Session(service.session, service.scenario)
         karts, keys = len(race.seats), service.keys
@@ -84,7 +93,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             logbook,
             token,
             log,
-            amended=lambda result: _publish_result(result.as_json(), race, service),
+            amended=lambda result: _publish_result(result.as_json(), race, service, log),
         )
         stopped = _stop_on_signals(server)
         title = race.scenario.course.title
@@ -101,21 +110,33 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             resumed = None
             if outcome is None:
                 return
-            _publish_result(outcome.as_json(), race, service)
+            _publish_result(outcome.as_json(), race, service, log)
             if service.once:
                 server.see_off(service.review)
                 return
             server.reopen()
 
 
-def _publish_result(document: dict[str, Any], race: Session, service: Service) -> None:
-    """Write the result of a race to its file, and print it."""
+def _publish_result(document: dict[str, Any], race: Session, service: Service, log: Log) -> None:
+    """Write the result of a race to its file, and print it; whatever fails is logged."""
     if service.result is not None:
-        service.result.write_text(json.dumps(document))
-    if service.as_json:
-        print_document(document)
-    else:
-        show_result(document, race.scenario.course.name, race.scenario.rules.laps, race.name)
+        with _survived(log, f"the result is not in {service.result}; make room or name another"):
+            write_whole(service.result, json.dumps(document))
+    with _survived(log, "the result is not printed"):
+        if service.as_json:
+            print_document(document)
+        else:
+            show_result(document, race.scenario.course.name, race.scenario.rules.laps, race.name)
+
+
+@contextmanager
+def _survived(log: Log, without: str) -> Iterator[None]:
+    """Log what fails inside, and serve on. without: what is missing then."""
+    try:
+        yield
+    except Exception as error:
+        why = str(error) if isinstance(error, RaceError) else f"{type(error).__name__}: {error}"
+        log.warn(without, why=why)
 
 
 def _logbook(words: str, session: str, log: Log) -> AbstractContextManager[Logbook | None]:

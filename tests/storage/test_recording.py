@@ -241,19 +241,28 @@ GUARD = """
 import os, signal, sys
 from race_server.live.server.supervisor import supervised
 most = int(sys.argv[1])
-def work(killed):
-    if killed < most:
-        os.kill(os.getpid(), signal.SIGKILL)
+def work(past):
+    assert past.failures == (0 if sys.argv[2] == "kill" else past.ended)
+    if past.ended < most:
+        if sys.argv[2] == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        raise ValueError("driver \\x1b[2J")
     return 7
-sys.exit(supervised(work, print))
+sys.exit(supervised(work, lambda text: print(text, flush=True)))
 """
 
 
 @pytest.mark.parametrize(("kills", "status", "said"), [(2, 7, "again"), (99, 1, "in a row")])
-def test_a_guard_starts_again_what_was_killed_but_not_for_ever(
-    kills: int, status: int, said: str
+@pytest.mark.parametrize("how", ["kill", "raise"])
+def test_a_guard_starts_again_what_was_killed_or_failed_but_not_for_ever(
+    kills: int, status: int, said: str, how: str
 ) -> None:
-    command = [sys.executable, "-c", GUARD, str(kills)]  # forking wants a process without threads
+    # Forking wants a process without threads.
+    command = [sys.executable, "-c", GUARD, str(kills), how]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == status
     assert said in done.stdout.splitlines()[-1]
+    assert ("SIGKILL" if how == "kill" else "an exception") in done.stdout
+    assert done.stderr.count("ValueError: driver \N{REPLACEMENT CHARACTER}[2J") == (
+        0 if how == "kill" else min(kills, 5)
+    )

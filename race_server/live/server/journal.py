@@ -22,33 +22,42 @@ from race_server.storage.recording.scene import SCENE_TICKS, course_scene, karts
 class Journal:
     """The recording of one race while it is driven."""
 
-    def __init__(self, logbook: Logbook, session: Session, frame: StartFrame, old: bool) -> None:
-        """Begin a recording, or continue the old one."""
+    def __init__(
+        self, logbook: Logbook, session: Session, frame: StartFrame, recorder: Recorder
+    ) -> None:
+        """Write through `recorder`, which `logbook` gave."""
         self._logbook = logbook
         self._session = session
         self._frame = frame
-        self._recorder: Recorder = logbook.begin(frame, takes_up=old)
+        self._recorder = recorder
         self._names = {row.number: row.driver for row in frame.seats}
         vehicle = session.scenario.vehicle_of(0)
         self._size = (vehicle.length, vehicle.width)
         session.journal.is_recorded = True
-        if not old:
-            session.journal_standing_decisions()
-            self._recorder.record(session.journal.drain())
-            borders, at = session.scenario.course.borders, self._recorder.time_of(0)
-            self._recorder.write(SCENE, 0, partial(course_scene, borders, at))
 
     @classmethod
     def of_new_race(
         cls, logbook: Logbook, session: Session, pace: str, started_at: str, locals_: Container[int]
-    ) -> "Journal":
-        """Begin the recording of a race that has just been started."""
-        return cls(logbook, session, header_of(session, pace, started_at, locals_), old=False)
+    ) -> "Journal | None":
+        """Begin the recording of a race that has just been started; None if it cannot be."""
+        frame = header_of(session, pace, started_at, locals_)
+        recorder = logbook.begin(frame)
+        if recorder is None:
+            return None
+        journal = cls(logbook, session, frame, recorder)
+        session.journal_standing_decisions()
+        recorder.record(session.journal.drain())
+        borders, at = session.scenario.course.borders, recorder.time_of(0)
+        recorder.write(SCENE, 0, partial(course_scene, borders, at))
+        return journal
 
     @classmethod
-    def of_old_race(cls, logbook: Logbook, session: Session, recording: Recording) -> "Journal":
-        """Continue the recording of a race whose server was killed."""
-        return cls(logbook, session, recording.start, old=True)
+    def of_old_race(
+        cls, logbook: Logbook, session: Session, recording: Recording
+    ) -> "Journal | None":
+        """Continue the recording of a race whose server was killed; None if it cannot be."""
+        recorder = logbook.begin(recording.start, takes_up=True)
+        return None if recorder is None else cls(logbook, session, recording.start, recorder)
 
     def record(self, before: int, events: list[Event]) -> None:
         """Write the inputs and events since the last call. before: tick before the last advance."""

@@ -1,61 +1,83 @@
-"""A supervisor that starts a process again when a signal kills it.
+"""A supervisor that starts a process again when a signal kills it or an exception ends it.
 
 The supervisor has everything loaded and compiled before it forks, so the next process works within
 milliseconds. It holds no file, lock or network connection itself.
 """
 
+import contextlib
 import ctypes
 import os
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
-# A process that is killed sooner than this after its start, this many times in a row, is given up.
+from race_server.terminal import say
+
+# A process that ends sooner than this after its start, this many times in a row, is given up.
 QUICK_S = 1.0
 MOST_QUICK = 5
+# Exceptions of processes that ran for less than this are in a row.
+STEADY_S = 60.0
+# Exit status of a process that an exception ended: EX_SOFTWARE of sysexits.h.
+FAILED = 70
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
-def supervised(work: Callable[[int], int], say: Callable[[str], None]) -> int:
+@dataclass(frozen=True)
+class Past:
+    """How the processes before this one ended."""
+
+    ended: int = 0  # killed by a signal, or ended by an exception
+    failures: int = 0  # the last of these in a row that an exception ended within `STEADY_S`
+
+
+def supervised(work: Callable[[Past], int], tell: Callable[[str], None]) -> int:
     """Do the work in a child process and return its exit status.
 
-    work: receives how often the process was killed so far. A process that is killed by a signal is
-    replaced at once, unless it was asked to end.
+    A process that is killed by a signal, or ended by an exception, is replaced at once, unless it
+    was asked to end. A status that the work returns is final.
     """
-    quick = killed = 0
+    quick, past = 0, Past()
     while True:
         begun = time.monotonic()
         child = os.fork()
         if child == 0:
-            _work_and_exit(partial(work, killed))
+            _work_and_exit(partial(work, past))
         status, asked = _wait_for(child)
         code = os.waitstatus_to_exitcode(status)
-        if code >= 0 or asked:
+        if asked or (code >= 0 and code != FAILED):
             return max(code, 0)
-        killed += 1
-        quick = quick + 1 if time.monotonic() - begun < QUICK_S else 0
-        name = signal.Signals(-code).name
+        lasted_s = time.monotonic() - begun
+        has_failed = code == FAILED and lasted_s < STEADY_S
+        past = Past(past.ended + 1, past.failures + 1 if has_failed else 0)
+        quick = quick + 1 if lasted_s < QUICK_S else 0
+        how = f"killed by {signal.Signals(-code).name}" if code < 0 else "ended by an exception"
         if quick >= MOST_QUICK:
-            say(f"the server was killed by {name} {quick} times in a row; it is not started again")
+            tell(f"the server was {how} {quick} times in a row; it is not started again")
             return 1
-        say(f"the server was killed by {name}; starting it again")
+        tell(f"the server was {how}; starting it again")
 
 
 def _work_and_exit(work: Callable[[], int]) -> None:
     """Do the work, and end this process whatever happens."""
     end_with(os.getppid())
-    code = 1
+    code = FAILED
     try:
         code = work()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
     except BaseException:
-        sys.excepthook(*sys.exc_info())
+        # Where the log goes the disk may be full, or its reader gone.
+        with contextlib.suppress(OSError):
+            say(traceback.format_exc(), error=True)
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
         os._exit(code)
 
 

@@ -28,6 +28,8 @@ VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
 # At most this many servers at once may serve sessions of the same name, each with its own journal.
 MOST_NAMESAKES = 16
+# Messages of an old journal that may wait for the disk, and for how long.
+COPIED_AT_ONCE, COPY_S = 4096, 60.0
 
 
 def folder_of(words: str) -> Path | None:
@@ -75,15 +77,14 @@ class Logbook:
 
         What cannot be read is put aside, and said.
         """
-        self._part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self._part.unlink(missing_ok=True)
         if not self.journal.exists():
             return None
         try:
             recording = read_recording(self.journal)
         except RecordingError as error:
-            aside = self.journal.with_suffix(".unreadable.mcap")
-            self.journal.replace(aside)
-            self._log(f"{error}; it is kept as {aside}")
+            self._move_aside(str(error), ".unreadable.mcap")
             return None
         if recording.is_complete:
             self._file_away(recording.start.started_at)
@@ -92,34 +93,48 @@ class Logbook:
 
     def put_aside(self, why: str) -> None:
         """Keep a journal that cannot be taken up, and say so."""
-        aside = self.journal.with_suffix(".aside.mcap")
-        self.journal.replace(aside)
-        self._log(f"{why}; the journal is kept as {aside}")
+        self._move_aside(why, ".aside.mcap")
 
-    def begin(self, frame: StartFrame, *, takes_up: bool = False) -> Recorder:
+    def _move_aside(self, why: str, suffix: str) -> None:
+        aside = self.journal.with_suffix(suffix)
+        try:
+            self.journal.replace(aside)
+        except OSError as error:
+            self._log(f"{why}; the journal stays where it is ({error.strerror or error})")
+        else:
+            self._log(f"{why}; the journal is kept as {aside}")
+
+    def begin(self, frame: StartFrame, *, takes_up: bool = False) -> Recorder | None:
         """Return a recorder for a race; one that is taken up begins with its old journal.
 
-        Raises:
-            RecordingError: the file cannot be made.
+        That the file cannot be made is said, and there is no recorder.
         """
         path = self._part if takes_up else self.journal
         try:
-            file = path.open("wb")
-        except OSError as error:
-            raise RecordingError(
-                f"recording {path} cannot be written ({error.strerror or error})"
-            ) from error
+            return self._recorder(path, frame, takes_up=takes_up)
+        except (OSError, RecordingError) as error:
+            why = f"recording {path} cannot be written ({error}). The race goes on without it"
+            if takes_up:
+                self.put_aside(why)
+            else:
+                self._log(why)
+        return None
+
+    def _recorder(self, path: Path, frame: StartFrame, *, takes_up: bool) -> Recorder:
         begun_ns = round(datetime.fromisoformat(frame.started_at).timestamp() * NANOSECONDS)
-        recorder = Recorder(file, frame.session, begun_ns, self._log)
-        if takes_up:
-            for line in read_lines(self.journal):
-                if isinstance(line, Line):
-                    recorder.copy(line)
-            # Until now the old journal is the one that counts.
-            recorder.flush().wait(timeout_s=60.0)
-            path.replace(self.journal)
-        else:
+        recorder = Recorder(path.open("wb"), frame.session, begun_ns, self._log)
+        if not takes_up:
             recorder.begin(frame)
+            return recorder
+        for number, line in enumerate(read_lines(self.journal), 1):
+            if isinstance(line, Line):
+                recorder.copy(line)
+            if number % COPIED_AT_ONCE == 0:
+                recorder.flush().wait(COPY_S)
+        # Until now the old journal is the one that counts.
+        if not recorder.flush().wait(COPY_S) or recorder.is_failing:
+            raise RecordingError(f"{self.journal} cannot be copied")
+        path.replace(self.journal)
         return recorder
 
     def end(self, recorder: Recorder, frame: StartFrame) -> Path:

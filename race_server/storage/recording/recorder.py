@@ -114,6 +114,11 @@ class Recorder:
         """How many messages have been handed over and are not yet written."""
         return self._queue.backlog
 
+    @property
+    def is_failing(self) -> bool:
+        """Whether the recording takes no more."""
+        return self._queue.is_failing
+
     def _hand_over(self, entry: Message) -> None:
         if not self._queue.is_failing and self.backlog < MOST_WAITING:
             self._queue.put(entry)

@@ -1,0 +1,26 @@
+"""Files that other programs read while they are written again."""
+
+from contextlib import suppress
+from pathlib import Path
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file so that its readers find all of the old text or all of the new.
+
+    What is no plain file, such as a pipe, is written as it is.
+
+    Raises:
+        OSError: it cannot be written; the old file is left as it was.
+    """
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        path.write_text(text, encoding="utf-8")
+        return
+    aside = path.with_name(f"{path.name}.part")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    except OSError:
+        with suppress(OSError):
+            aside.unlink()
+        raise
