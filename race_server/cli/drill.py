@@ -69,6 +69,18 @@ def hostile(
 
 
 @app.command()
+def output(as_json: AsJson = False) -> None:
+    """Race with names that are markup or formulas, and with a disk that takes nothing."""
+    from race_server.tools.drills.output import drill_output
+
+    with progress("racing", 3) as tell:
+        document = drill_output(tell)
+    if not as_json:
+        _show_findings(document.get("matrix", []))
+    finish(document, as_json=as_json)
+
+
+@app.command()
 def network(
     loss: Annotated[
         float, typer.Option(min=0.0, max=0.9, help="Share of packets lost, 0 to 0.9.")

@@ -75,6 +75,10 @@ def try_forgery(scene: Scene) -> None:
             ("forged seat in a join", join, encode_join(Join("thief", "track", 1))),
             ("secret of another seat", join, encode_join(Join("thief", "track", 0, other))),
             ("wrong secret", ready, encode_seat_act(SeatAct(0, 12345))),
+            ("a name with an escape", join, encode_join(Join("\x1b[2J", "track", 0))),
+            ("a name with a mark of direction", join, encode_join(Join("\u202eann", "track", 0))),
+            ("a name of two lines", join, encode_join(Join("ann\nbob", "track", 0))),
+            ("a name of 33 letters", join, encode_join(Join("名" * 33, "track", 0))),
             ("another version", join, encode_join(Join("old", "track", 0, version=PROTOCOL - 1))),
             ("rubbish", join, b"rubbish"),
         ):
