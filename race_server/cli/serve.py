@@ -9,12 +9,13 @@ from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
 from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions
-from race_server.errors import KeysError, ScenarioError
+from race_server.errors import KeysError, ResultsError, ScenarioError
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
     from race_server.cli.service import Service
+    from race_server.live.server.supervisor import Past
     from race_server.net.auth.keys import ServerKeys
     from race_server.scenario.race import Scenario
 
@@ -29,7 +30,7 @@ def serve(options: ServeOptions) -> None:
     When the server is killed or fails during a race it is restarted and resumes that race.
     """
     from race_server.cli.service import serve_races, serve_with_status
-    from race_server.live.server.supervisor import Past, supervised
+    from race_server.live.server.supervisor import supervised
 
     log = Log(as_json=options.log_json)
     service = _service_of(options, log)
@@ -37,15 +38,22 @@ def serve(options: ServeOptions) -> None:
         serve_races(service, log, fresh=options.fresh)
         return
 
-    def work(past: Past) -> int:
-        # Only a server started by hand may discard a race; the one that replaces it resumes it,
-        # unless it is the race itself that ends every server.
-        fresh = past.failures >= MOST_FAILURES if past.ended else options.fresh
+    def work(past: "Past") -> int:
+        fresh = discards_race(past, fresh=options.fresh)
         return serve_with_status(service, log, fresh=fresh, replaces=past.ended > 0)
 
     status = supervised(work, log.warn)
     if status:
         raise typer.Exit(status)
+
+
+def discards_race(past: "Past", *, fresh: bool) -> bool:
+    """Return whether an unfinished race is put aside. fresh: as the option says.
+
+    Only a server started by hand may do so. The one that replaces it resumes the race, unless it
+    is the race itself that ends every server.
+    """
+    return past.failures >= MOST_FAILURES if past.ended else fresh
 
 
 def _service_of(options: ServeOptions, log: Log) -> "Service":
@@ -60,6 +68,8 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     from race_server.live.server.warm_up import warm_up
     from race_server.net.auth.settings import ListenSettings, check_listen_settings
 
+    if options.result is not None and not options.result.absolute().parent.is_dir():
+        raise ResultsError(f"--result {options.result}: its folder does not exist; make it first")
     held = _server_keys(options.keys, options.session, options.karts, is_open=options.is_open)
     session = held.session if held else options.session or SESSION
     address = options.listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)

@@ -21,7 +21,7 @@ from race_server.core.messages import (
     Source,
 )
 from race_server.errors import SeatError, WireError
-from race_server.net.wire import drive, line, links, lobby, rays, spectate, topics
+from race_server.net.wire import admin, drive, line, links, lobby, rays, spectate, topics
 from race_server.net.wire import pose as poses
 from race_server.net.wire.generate import PAGE_TARGET, TARGET, generate, generate_page
 from race_server.net.wire.strict import root_of
@@ -148,6 +148,24 @@ def test_a_refusal_comes_back_as_an_error_with_its_reason() -> None:
 def test_a_request_for_a_seat_comes_back_as_it_was_sent() -> None:
     join = lobby.Join("Ada", "lidar", 3, 2**63, tracked=True)
     assert lobby.decode_join(lobby.encode_join(join)) == join
+
+
+@pytest.mark.parametrize("letter", ["a", "é", "名", "🏎"])
+def test_a_name_has_32_characters_however_many_bytes_they_take(letter: str) -> None:
+    longest = lobby.Join(32 * letter, "lidar")
+    assert lobby.decode_join(lobby.encode_join(longest)).driver == 32 * letter
+    with pytest.raises(WireError, match="use 1 to 32 printable characters|at most 128"):
+        lobby.decode_join(lobby.encode_join(lobby.Join(33 * letter, "lidar")))
+    steward = admin.Decision("token", "flag", who=32 * letter)
+    assert admin.decode_decision(admin.encode_decision(steward)) == steward
+
+
+@pytest.mark.parametrize(
+    "name", ["", "\x1b[2J", "a\nb", "\x9b", "\u202ea", "\u2066a", "\x00", "a\u2028"]
+)
+def test_a_name_that_cannot_be_seen_is_refused(name: str) -> None:
+    with pytest.raises(WireError, match="use 1 to 32 printable characters"):
+        lobby.decode_join(lobby.encode_join(lobby.Join(name, "lidar")))
 
 
 def test_rules_come_back_as_they_were_sent() -> None:

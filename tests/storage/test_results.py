@@ -11,7 +11,7 @@ import pytest
 from race_server.errors import ResultsError
 from race_server.session.lap_log import Lap
 from race_server.storage.results import schema
-from race_server.storage.results.queries import all_laps, races
+from race_server.storage.results.queries import all_laps, races, trace_of
 from race_server.storage.results.schema import MIGRATIONS, default_path, open_file, version_of
 from race_server.storage.results.store import Store
 from support.results import a_race, fill, outcome
@@ -101,6 +101,34 @@ def test_a_damaged_file_is_a_clear_error(path: Path, damage: bytes) -> None:
     fill(path, a_race("ann"))
     whole = path.read_bytes()
     path.write_bytes(damage or whole[:4096] + b"\x55" * (len(whole) - 4096))
+    with pytest.raises(ResultsError, match=r"results.sqlite is damaged.*move it away"):
+        races(path)
+
+
+@pytest.mark.parametrize(
+    ("word", "instead"),
+    [(b"seed integer", b"seed integ\x94r"), (b"status text", b"statuz text")],
+)
+def test_a_file_with_a_damaged_table_is_a_clear_error(
+    path: Path, word: bytes, instead: bytes
+) -> None:
+    fill(path, a_race("ann"))
+    whole = path.read_bytes()
+    assert whole.count(word) == 1
+    path.write_bytes(whole.replace(word, instead))
+    for attempt in (lambda: races(path), lambda: fill(path)):
+        with pytest.raises(ResultsError, match=r"results.sqlite is damaged.*move it away"):
+            attempt()
+
+
+def test_text_that_is_not_utf_8_and_a_trace_that_is_none_are_a_clear_error(path: Path) -> None:
+    fill(path, a_race("ann"), Lap(0, 1, 8, (), True))
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("insert into trace values (1, 0, 1, '[]', x'00')")
+        connection.commit()
+    with pytest.raises(ResultsError, match=r"results.sqlite is damaged.*move it away"):
+        trace_of(path, 1, 0, 1)
+    path.write_bytes(path.read_bytes().replace(b"ann", b"a\xffn"))
     with pytest.raises(ResultsError, match=r"results.sqlite is damaged.*move it away"):
         races(path)
 

@@ -1,0 +1,159 @@
+"""A disk that takes nothing, or a folder that is gone, never ends a server."""
+
+import io
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from race_server.cli.serve import MOST_FAILURES, discards_race
+from race_server.cli.service import Service, serve_races
+from race_server.competition.launch import free_address
+from race_server.errors import ResultsError
+from race_server.live.server import LOCKSTEP, RaceServer
+from race_server.live.server.supervisor import Past
+from race_server.logs import Log
+from race_server.net.transport import ServerLink
+from race_server.scenario.race import Rules, Scenario
+from race_server.session import Session
+from race_server.storage.recording.logbook import Logbook
+from race_server.storage.recording.reader import read_recording
+from race_server.storage.whole_file import write_whole
+from support.courses import SMALL_RING
+from support.served_race import record_race
+
+FULL = Path("/dev/full")  # takes no byte: ENOSPC
+SCENARIO = Scenario(SMALL_RING, karts=1, seed=5, rules=Rules(laps=1, countdown_s=0.5))
+
+pytestmark = pytest.mark.net
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    """Give the signals back to pytest, which a server takes for itself."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def service(folder: Path, result: Path) -> Service:
+    """Return one race of one driver, in lockstep, with nowhere to write."""
+    (folder / "file").write_text("no folder")
+    nowhere = str(folder / "file" / "below")
+    return Service(
+        scenario=SCENARIO,
+        session="cup",
+        pace=LOCKSTEP,
+        fillers=("pure_pursuit",),
+        awaited=0,
+        listen=free_address(),
+        results=nowhere,
+        record=nowhere,
+        result=result,
+        once=True,
+        review=0.0,
+        metrics=None,
+        as_json=True,
+        keys=None,
+    )
+
+
+def events_of(stream: io.StringIO) -> list[str]:
+    return [json.loads(line)["event"] for line in stream.getvalue().splitlines()]
+
+
+@pytest.mark.usefixtures("handlers")
+def test_a_server_that_replaces_another_serves_without_files_where_there_is_no_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said, full = io.StringIO(), FULL.open("w")
+    monkeypatch.setattr(sys, "stdout", full)
+    serve_races(service(tmp_path, FULL), Log(stream=said), fresh=False, replaces=True)
+    with suppress(OSError):
+        full.close()
+    events = events_of(said)
+    assert [event for event in events if "without" in event or "result is" in event] == [
+        "races go on without a results file",
+        "races go on without recordings",
+        f"the result is not in {FULL}; make room or name another",
+        "the result is not printed",
+    ]
+    assert events.index("race ended") < events.index("the result is not printed")
+
+
+def test_a_server_that_is_started_by_hand_says_at_once_that_it_cannot_write(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="below cannot be used"):
+        serve_races(service(tmp_path, FULL), Log(stream=io.StringIO()), fresh=False)
+
+
+@pytest.mark.parametrize("where", ["full", "folder"])
+def test_a_race_goes_on_without_its_recording(tmp_path: Path, where: str) -> None:
+    journal = tmp_path / "cup.journal.mcap"
+    said: list[str] = []
+    session = Session("cup", SCENARIO)
+    with (
+        Logbook(tmp_path, "cup", said.append) as book,
+        ServerLink(free_address(), "cup", 1) as link,
+    ):
+        journal.symlink_to(FULL) if where == "full" else journal.mkdir()
+        outcome = RaceServer(session, link, LOCKSTEP, ("pure_pursuit",), logbook=book).run(0)
+    assert outcome is not None
+    assert outcome.standings[0].laps == 1
+    (line,) = said
+    assert line.endswith("The race goes on without it")
+
+
+@pytest.mark.parametrize("where", ["full", "folder"])
+def test_an_old_journal_that_cannot_be_copied_is_kept_whole(tmp_path: Path, where: str) -> None:
+    journal = record_race(tmp_path).rename(tmp_path / "cup.journal.mcap")
+    start, content = read_recording(journal).start, journal.read_bytes()
+    said: list[str] = []
+    with Logbook(tmp_path, "cup", said.append) as book:
+        part = tmp_path / "cup.part.mcap"
+        part.symlink_to(FULL) if where == "full" else part.mkdir()
+        assert book.begin(start, takes_up=True) is None
+    assert not journal.exists()
+    assert (tmp_path / "cup.journal.aside.mcap").read_bytes() == content
+    assert "the journal is kept as" in said[-1]
+
+
+def test_a_folder_that_takes_nothing_leaves_the_journal_where_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    with Logbook(tmp_path, "cup", said.append) as book:
+        (tmp_path / "cup.journal.mcap").write_text("rubbish")
+
+        def refuse(*_: object, **__: object) -> None:
+            raise OSError(30, "Read-only file system")
+
+        for act in ("replace", "unlink"):
+            monkeypatch.setattr(Path, act, refuse)
+        assert book.unfinished() is None
+    assert said[0].endswith("the journal stays where it is (Read-only file system)")
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    write_whole(path, "old")
+    (tmp_path / "result.json.part").symlink_to(FULL)
+    with pytest.raises(OSError, match="No space left"):
+        write_whole(path, "new")
+    assert path.read_text() == "old"
+    write_whole(path, "new")
+    assert [file.name for file in tmp_path.iterdir()] == ["result.json"]
+    assert path.read_text() == "new"
+
+
+def test_a_race_that_ended_three_servers_is_not_resumed_by_the_fourth() -> None:
+    assert MOST_FAILURES == 3
+    assert not discards_race(Past(), fresh=False)
+    assert discards_race(Past(), fresh=True)
+    assert not discards_race(Past(ended=1), fresh=True)
+    assert not discards_race(Past(ended=7, failures=2), fresh=False)
+    assert discards_race(Past(ended=3, failures=3), fresh=False)
