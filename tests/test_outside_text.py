@@ -7,6 +7,7 @@ import json
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 from xml.etree import ElementTree
 
 import pytest
@@ -14,9 +15,11 @@ from rich.table import Table
 from rich.text import Text
 from typer.testing import CliRunner
 
+from race_server.cli import main
 from race_server.cli.main import app
 from race_server.cli.outcome import show_result
 from race_server.core.messages import Phase
+from race_server.errors import RaceError
 from race_server.live.client.leaderboard import Headline, leaderboard
 from race_server.logs import Log
 from race_server.pictures import save
@@ -70,6 +73,19 @@ def test_a_terminal_never_obeys_a_name(name: str, capsys: pytest.CaptureFixture[
     for output in (shown(table, harmless, Text(harmless)), told.out, told.err):
         assert all(letter.isprintable() or letter == "\n" for letter in output)
     assert "error: " in told.err
+
+
+@pytest.mark.parametrize("error", [ValueError("\x1b[2J [/x]"), RaceError("\x1b[2J [/x]")])
+def test_an_error_that_quotes_a_name_is_told_as_text(
+    error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(main, "app", Mock(side_effect=error))
+    with pytest.raises(SystemExit) as end:
+        main.main()
+    assert end.value.code == (2 if isinstance(error, RaceError) else 1)
+    told = capsys.readouterr().err
+    assert "\N{REPLACEMENT CHARACTER}[2J [/x]" in told
+    assert "\x1b" not in told
 
 
 def test_a_name_with_an_escape_keeps_the_columns_of_a_table() -> None:

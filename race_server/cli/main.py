@@ -1,6 +1,7 @@
 """`race`: the command line. An error is one line on stderr and exit code 2."""
 
 import sys
+import traceback
 from importlib.metadata import entry_points
 
 import typer
@@ -69,3 +70,7 @@ def main() -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
+    except Exception:
+        # A fault of ours; what it tells may quote text from outside.
+        say(traceback.format_exc(), error=True)
+        sys.exit(1)

@@ -154,7 +154,7 @@ def test_a_request_for_a_seat_comes_back_as_it_was_sent() -> None:
 def test_a_name_has_32_characters_however_many_bytes_they_take(letter: str) -> None:
     longest = lobby.Join(32 * letter, "lidar")
     assert lobby.decode_join(lobby.encode_join(longest)).driver == 32 * letter
-    with pytest.raises(WireError, match="use 1 to 32 printable characters|at most 128"):
+    with pytest.raises(WireError, match=r"use 1 to 32 printable characters|at most 128"):
         lobby.decode_join(lobby.encode_join(lobby.Join(33 * letter, "lidar")))
     steward = admin.Decision("token", "flag", who=32 * letter)
     assert admin.decode_decision(admin.encode_decision(steward)) == steward

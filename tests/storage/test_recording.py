@@ -194,6 +194,21 @@ def test_a_killed_race_goes_on_and_keeps_its_laps(recorded: Path, tmp_path: Path
     assert rerun.session.digest() == outcome.digest
 
 
+def test_an_exception_in_a_race_leaves_a_journal_that_is_resumed(tmp_path: Path) -> None:
+    session, address = Session("cup", scenario()), free_address()
+    with logbook(tmp_path) as book, ServerLink(address, "cup", 3) as link:
+        advance, ticks = session.advance, iter(range(100))
+        session.advance = lambda count=1: (next(ticks), advance(count))[1]  # type: ignore[method-assign]
+        with pytest.raises(StopIteration):
+            RaceServer(session, link, LOCKSTEP, DRIVERS, logbook=book).run(0)
+    with logbook(tmp_path) as book:
+        recording = book.unfinished()
+        assert recording is not None
+        assert not recording.is_complete
+        resumed, _ = restore_session(recording, None)
+    assert resumed.digest() == session.digest()
+
+
 def test_two_servers_of_one_name_write_two_journals(tmp_path: Path) -> None:
     with logbook(tmp_path) as first, logbook(tmp_path) as second:
         assert first.journal != second.journal

@@ -82,7 +82,7 @@ def _from_file(results: Path, row: Row, course: Course) -> Ghost:
 
 def _evenly(row: Row, course: Course) -> Floats:
     """Return a trace along the centre line with the times of the sectors, shape (C, N)."""
-    ends, sectors = _sector_ends(course), json.loads(row["sectors"])
+    ends, sectors = _sector_ends(course), _sectors(row)
     if len(sectors) != len(ends):
         ends, sectors = (course.length,), [row["time_us"]]
     progress = np.append(np.arange(len(course.line)) * course.spacing, course.length)
@@ -93,6 +93,14 @@ def _evenly(row: Row, course: Course) -> Floats:
     trace[[X, Y]] = np.vstack([course.line[:, :2], course.line[:1, :2]]).T
     trace[SPEED] = np.gradient(progress, trace[TIME])
     return trace
+
+
+def _sectors(row: Row) -> list[int]:
+    """Return the times of the sectors of a lap [µs], none where they are damaged."""
+    try:
+        return [int(time_us) for time_us in json.loads(row["sectors"])]
+    except (ValueError, TypeError):
+        return []
 
 
 def _read(path: Path, course: Course) -> Ghost:

@@ -177,9 +177,12 @@ class RaceServer:
                     self._race_in_lockstep()
                 else:
                     self._race_in_real_time()
-        finally:
-            self._announce(wait=True)
-            self._persistence.close()
+        except BaseException:
+            # Without its end: the server that replaces this one resumes the race.
+            self._persistence.leave()
+            raise
+        self._announce(wait=True)
+        self._persistence.close()
         self._publish_observations()
         self._publisher.publish_snapshot()
         self._publisher.publish_standings()

@@ -14,6 +14,9 @@ from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper, utc_now
 
+# A server that an exception ends waits for its disk no longer than this.
+LEAVE_S = 1.0
+
 
 class CommitGate:
     """Holds events back, in order, until they are written."""
@@ -124,6 +127,11 @@ class Persistence:
         if self._journal:
             self._journal.close()
         self._journal = None
+
+    def leave(self) -> None:
+        """Have what was recorded so far written, and leave the race without an end."""
+        if self._journal:
+            self._journal.flush().wait(LEAVE_S)
 
     @property
     def backlog(self) -> int:
