@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from race_server.core.clock import Pacer, ticks_of
 from race_server.core.driver import driver_named
 from race_server.core.messages import Event
-from race_server.errors import DriverError, SeatError
+from race_server.errors import DriverError, Reason, SeatError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters, Refusals
 from race_server.live.server.inbox import Inbox
@@ -203,7 +203,9 @@ class RaceServer:
             SeatError: there is no result, or no driver raced on that seat.
         """
         if self._result is None:
-            raise SeatError("no race is on, and there is none whose result could be changed")
+            raise SeatError(
+                "no race is on, and there is none whose result could be changed", Reason.DECISION
+            )
         driver = self._result.driver_on(seat)
         events = self.session.race_control.penalise_late(seat, seconds)
         self._result = self._result.amended(self.session.table(), events)
@@ -221,7 +223,7 @@ class RaceServer:
     def refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
         self.counters.refused.record_dropped(self.link.dropped)
-        return dict(self.counters.refused)
+        return {reason.value: times for reason, times in self.counters.refused.items()}
 
     def _race_in_real_time(self) -> None:
         pacer = Pacer()
@@ -332,7 +334,7 @@ class RaceServer:
         try:
             control = self._local_drivers.answer(seat.number)
         except DriverError:
-            self.counters.refused.record(f"driver {seat.driver} failed", seat.number)
+            self.counters.refused.record(Reason.DRIVER, seat.number)
             self.session.drop(seat.number)
             return
         self.inbox.receive_control(seat.number, control)
