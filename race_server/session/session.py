@@ -193,9 +193,7 @@ class Session:
         """
         seat = self.seats[number]
         if seat.is_tracked:
-            raise WireError(
-                f"control of seat {number}, which is a real kart: it sends poses", Reason.KART_KIND
-            )
+            raise WireError(f"control of seat {number}, which is a real kart", Reason.KART_KIND)
         self._check_sequence(seat, "control", epoch, sequence)
         if tick > self.tick:
             raise WireError(f"control answers tick {tick}, this is tick {self.tick}", Reason.FUTURE)
@@ -220,10 +218,7 @@ class Session:
         """
         seat = self.seats[number]
         if not seat.is_tracked:
-            raise WireError(
-                f"pose of seat {number}, whose kart is simulated: it sends controls",
-                Reason.KART_KIND,
-            )
+            raise WireError(f"pose of seat {number}, whose kart is simulated", Reason.KART_KIND)
         self._check_sequence(seat, "pose", epoch, sequence)
         # The kart moves by its poses; of a control only the buttons are left.
         seat.receive(sequence, replace(STOP, buttons=buttons), self.tick)
