@@ -27,6 +27,8 @@ def serve(options: ServeOptions) -> None:
     """
     from race_server.cli.service import serve_races, serve_with_status
     from race_server.live.server.supervisor import supervised
+    from race_server.live.server.watchdog import HUNG
+    from race_server.live.suspects import CRASHES
 
     log = Log(as_json=options.log_json)
     service = _service_of(options, log)
@@ -37,6 +39,7 @@ def serve(options: ServeOptions) -> None:
     status = supervised(
         lambda killed: serve_with_status(service, log, fresh=options.fresh and killed == 0),
         log.warn,
+        lambda code: service.suspects.judge(is_guilty=code == HUNG or -code in CRASHES),
     )
     if status:
         raise typer.Exit(status)
@@ -81,6 +84,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         metrics=options.metrics,
         as_json=options.as_json,
         keys=held,
+        is_guarded=options.guard,
     )
 
 

@@ -1,7 +1,7 @@
 """Bounds on connections that are no browser yet: where there is no room, the oldest idle one goes.
 
 They are counted as they are accepted, before TLS and HTTP. A client that opens a thousand and sends
-nothing on them takes the places of its own ones only.
+nothing on them only takes the places of these.
 """
 
 import ipaddress

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from race_server.core.clock import Pacer, ticks_of
-from race_server.core.driver import driver_named
 from race_server.core.messages import Event
 from race_server.errors import DriverError, Reason, SeatError
 from race_server.live.local_drivers import LocalDrivers
@@ -19,6 +18,8 @@ from race_server.live.server.session_log import SessionLog
 from race_server.live.server.steward import Steward
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import no_garbage_collected
+from race_server.live.server.watchdog import Watchdog
+from race_server.live.suspects import Suspects
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.session import Session
@@ -45,6 +46,8 @@ class RaceServer:
     log: Log | None = None
     amended: Callable[[RaceResult], None] = lambda _: None  # called if stewards change a result
     timing: ServerTiming = field(default_factory=ServerTiming)
+    watchdog: Watchdog = field(default_factory=Watchdog)
+    suspects: Suspects = field(default_factory=Suspects)
     missed_ticks: int = 0
     events: list[Event] = field(default_factory=list)
 
@@ -54,7 +57,7 @@ class RaceServer:
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
         self._session_log = SessionLog(session, self.counters, self.log, timing)
-        self._local_drivers = LocalDrivers(session)
+        self._local_drivers = LocalDrivers(session, self.suspects)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
         self._publisher = Publisher(session, self.link, self._persistence, orders_s=timing.orders_s)
         self._steward = Steward(session, self.token, self._penalise_late)
@@ -150,7 +153,7 @@ class RaceServer:
         self._persistence.resume(recording)
         for row in recording.start.seats:
             if row.is_local:
-                self._local_drivers.readmit(row.driver, driver_named(row.driver), row.number)
+                self._local_drivers.readmit(row.driver, row.number)
             else:
                 # As it is now: a driver that was sent away has none.
                 self.link.holders.admit(row.number, self.session.seats[row.number].key)
@@ -178,6 +181,7 @@ class RaceServer:
                 else:
                     self._race_in_real_time()
         finally:
+            self.watchdog.rest()
             self._announce(wait=True)
             self._persistence.close()
         self._publish_observations()
@@ -319,6 +323,7 @@ class RaceServer:
     def poll(self) -> None:
         """Receive all that has come, and log what has changed."""
         self.counters.turned_at = time.monotonic()
+        self.watchdog.turn()
         self._session_log.poll(self.counters.turned_at)
         self.inbox.drain()
 

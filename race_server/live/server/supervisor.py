@@ -1,4 +1,4 @@
-"""A supervisor that starts a process again when a signal kills it.
+"""A supervisor that starts a process again when a signal kills it, or its watchdog ends it.
 
 The supervisor has everything loaded and compiled before it forks, so the next process works within
 milliseconds. It holds no file, lock or network connection itself.
@@ -12,17 +12,24 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+from race_server.live.server.watchdog import HUNG, HUNG_S
+
 # A process that is killed sooner than this after its start, this many times in a row, is given up.
 QUICK_S = 1.0
 MOST_QUICK = 5
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
-def supervised(work: Callable[[int], int], say: Callable[[str], None]) -> int:
+def supervised(
+    work: Callable[[int], int],
+    say: Callable[[str], None],
+    on_end: Callable[[int], None] = lambda _: None,
+) -> int:
     """Do the work in a child process and return its exit status.
 
-    work: receives how often the process was killed so far. A process that is killed by a signal is
-    replaced at once, unless it was asked to end.
+    work: receives how often the process was killed so far. A process that is killed by a signal, or
+    ended by its watchdog, is replaced at once, unless it was asked to end. on_end: receives the
+    status of each, negative for a signal.
     """
     quick = killed = 0
     while True:
@@ -32,15 +39,17 @@ def supervised(work: Callable[[int], int], say: Callable[[str], None]) -> int:
             _work_and_exit(partial(work, killed))
         status, asked = _wait_for(child)
         code = os.waitstatus_to_exitcode(status)
-        if code >= 0 or asked:
+        on_end(code)
+        if asked or (code >= 0 and code != HUNG):
             return max(code, 0)
         killed += 1
-        quick = quick + 1 if time.monotonic() - begun < QUICK_S else 0
-        name = signal.Signals(-code).name
+        is_quick = time.monotonic() - begun < (2 * HUNG_S if code == HUNG else QUICK_S)
+        quick = quick + 1 if is_quick else 0
+        how = f"killed by {signal.Signals(-code).name}" if code < 0 else "ended: its loop hung"
         if quick >= MOST_QUICK:
-            say(f"the server was killed by {name} {quick} times in a row; it is not started again")
+            say(f"the server was {how} {quick} times in a row; it is not started again")
             return 1
-        say(f"the server was killed by {name}; starting it again")
+        say(f"the server was {how}; starting it again")
 
 
 def _work_and_exit(work: Callable[[], int]) -> None:
@@ -64,8 +73,9 @@ def _wait_for(child: int) -> tuple[int, bool]:
     asked: list[int] = []
 
     def pass_on(number: int, _frame: object) -> None:
+        # The first signal asks; a process that hangs does not hear it, so the second one ends it.
+        os.kill(child, signal.SIGKILL if asked else number)
         asked.append(number)
-        os.kill(child, number)
 
     before = {number: signal.signal(number, pass_on) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
