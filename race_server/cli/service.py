@@ -18,10 +18,12 @@ from race_server.cli.outcome import show_result
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import RaceError, RecordingError
+from race_server.live.driver_processes import Command as DriverCommand
+from race_server.live.driver_processes import DriverProcesses
 from race_server.live.server import REAL, RaceServer
 from race_server.live.server.resume import restore_session
-from race_server.live.server.watchdog import HUNG_S, Watchdog
 from race_server.live.suspects import Suspects
+from race_server.live.watchdog import HUNG_S, Watchdog
 from race_server.logs import Log
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.token import local_token
@@ -53,6 +55,7 @@ class Service:
     as_json: bool
     keys: ServerKeys | None  # None: closed to other machines
     is_guarded: bool  # by a supervisor
+    apart: DriverCommand | None = None  # how fillers run that are kept apart; None: inside
     suspects: Suspects = field(default_factory=Suspects)  # shared with the supervisor
 
 
@@ -92,6 +95,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool) -> None:
             amended=lambda result: _publish_result(result.as_json(), race, service),
             watchdog=Watchdog(HUNG_S),
             suspects=service.suspects,
+            processes=stack.enter_context(DriverProcesses(service.apart, log)),
         )
         stack.callback(server.watchdog.rest)
         stopped = _stop_on_signals(server, is_guarded=service.is_guarded)

@@ -147,7 +147,7 @@ def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
             arguments = ["serve", *plan.serve, "--listen", plan.address, "--session", plan.session]
             arguments += ["--once", "--result", str(result)]
             if plan.in_process:
-                arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0"]
+                arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0", "--one-process"]
             group.start(arguments, log)
             if not plan.in_process:
                 _start_drivers(plan, group, log)

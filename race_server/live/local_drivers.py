@@ -1,6 +1,6 @@
 """Drivers inside this process, for seats of a session that no network fills."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
@@ -64,10 +64,14 @@ class LocalDrivers:
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error
 
-    def fill(self, names: Sequence[str]) -> None:
-        """Give the free seats of the lobby to drivers of these names, repeated in turn."""
+    def fill(self, names: Sequence[str], *, but: Container[int] = ()) -> None:
+        """Give the free seats of the lobby to drivers of these names, repeated in turn.
+
+        but: seats that others fill.
+        """
         for seat in list(self._session.seats):
-            if names and not seat.is_taken and not self._suspects.is_barred(seat.number):
+            is_free = not seat.is_taken and seat.number not in but
+            if names and is_free and not self._suspects.is_barred(seat.number):
                 name = names[seat.number % len(names)]
                 with self._suspects.asking(seat.number):
                     self.admit(name, driver_named(name), seat.number)

@@ -82,7 +82,7 @@ def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
         'race_inputs_lost_total{seat="0"} 2.0',
         'race_silent_seconds_total{seat="1"} 1.0',
         'race_input_age_seconds{seat="0"} 0.5',
-        'race_refused_total{reason="message of bytes is too short"} 1.0',
+        'race_refused_total{reason="damaged"} 1.0',
         "race_recorder_backlog 0.0",
         "race_clients 0.0",
     ):

@@ -3,11 +3,13 @@
 import time
 from bisect import bisect_left
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from race_server.core.clock import TICK_S
 from race_server.errors import Reason
 from race_server.logs import Log, RefusalLog
+from race_server.session.seats import Seat
 
 # Upper ends of the bins [s]; a tick lasts 16.7 ms.
 DURATIONS = (0.0005, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, TICK_S, 0.033, 0.1)
@@ -79,6 +81,13 @@ class Counters:
         self.duration.record(duration_s)
         self.lateness.record(lateness_s)
         self.missed = missed
+
+    def record_silence(self, seats: Iterable[Seat], ticks: int) -> None:
+        """Count ticks of a race, and those for seats without a fresh control. seats: taken ones."""
+        self.ticks += ticks
+        for seat in seats:
+            if seat.silence:
+                self.silent[seat.number] += ticks
 
     def record_control(self, seat: int, before: int, sequence: int) -> None:
         """Count a control that was received. before: sequence of the one received before it."""

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from race_server.live.server.watchdog import HUNG, HUNG_S
+from race_server.live.watchdog import HUNG, HUNG_S
 
 # A process that is killed sooner than this after its start, this many times in a row, is given up.
 QUICK_S = 1.0
