@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -48,13 +48,26 @@ class ProcessGroup:
     )  # the race goes on without them
 
     def start(
-        self, arguments: Sequence[str], log: Any, *, aside: bool = False
+        self,
+        arguments: Sequence[str],
+        log: Any,
+        *,
+        aside: bool = False,
+        environment: Mapping[str, str] | None = None,
     ) -> subprocess.Popen[bytes]:
-        """Start ``race`` with these arguments. aside: its failure does not end the race."""
+        """Start ``race`` with these arguments.
+
+        aside: its failure does not end the race; environment: None for that of this process.
+        """
         command = [sys.executable, "-m", "race_server", *arguments]
         # In a separate process session, so that Ctrl-C reaches this process first.
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+            env=environment,
         )
         (self.aside if aside else self.processes).append(process)
         return process
