@@ -95,9 +95,9 @@ class DriverProcesses:
         names: of drivers, repeated in turn.
         """
         started = set()
-        for seat in session.seats if self.command and names else ():
+        for seat in session.seats.vacant() if self.command and names else ():
             name = names[seat.number % len(names)]
-            if not seat.is_taken and not is_trusted(name):
+            if not is_trusted(name):
                 self._start(name, seat.number)
                 started.add(seat.number)
         return started

@@ -69,9 +69,8 @@ class LocalDrivers:
 
         but: seats that others fill.
         """
-        for seat in list(self._session.seats):
-            is_free = not seat.is_taken and seat.number not in but
-            if names and is_free and not self._suspects.is_barred(seat.number):
+        for seat in self._session.seats.vacant() if names else ():
+            if seat.number not in but and not self._suspects.is_barred(seat.number):
                 name = names[seat.number % len(names)]
                 with self._suspects.asking(seat.number):
                     self.admit(name, driver_named(name), seat.number)

@@ -86,12 +86,13 @@ def test_only_the_seat_that_was_asked_when_a_process_hung_or_crashed_is_barred()
     assert suspects.barred() == [3]
 
 
-def test_a_barred_seat_is_not_filled() -> None:
-    suspects, session = Suspects(), session_on_ring("cup", karts=3)
+def test_a_barred_seat_is_not_filled_nor_is_a_closed_one() -> None:
+    suspects, session = Suspects(), session_on_ring("cup", karts=4)
+    session.seats.close(3, sent_away=False)
     suspects._marks[1] = 1
     suspects.judge(is_guilty=True)
     LocalDrivers(session, suspects).fill(["avoider"])
-    assert [seat.is_taken for seat in session.seats] == [True, False, True]
+    assert [seat.is_taken for seat in session.seats] == [True, False, True, False]
 
 
 def test_a_watchdog_at_rest_does_not_bite_and_one_without_a_limit_never() -> None:

@@ -64,13 +64,9 @@ class RaceServer:
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
         self._publisher = Publisher(session, self.link, self._persistence, orders_s=timing.orders_s)
         self._steward = Steward(session, self.token, self._penalise_late)
+        refused, announced = self.counters.refused, self._persistence.announced
         self._requests = RequestHandler(
-            session,
-            self.link,
-            self._steward,
-            self.counters.refused,
-            self._persistence.announced,
-            timing.show_up_s,
+            session, self.link, self._steward, refused, announced, timing.show_up_s
         )
         self.inbox = Inbox(session, self.link, self._requests, self._local_drivers, self.counters)
         self._result: RaceResult | None = None  # of the last race, until the next one begins
@@ -93,6 +89,8 @@ class RaceServer:
 
     def _fill(self) -> None:
         """Give the free seats to the drivers of the server, and wait until they are ready."""
+        if self._stop:
+            return
         apart = self.processes.fill(self.session, self.fillers)
         self._local_drivers.fill(self.fillers, but=apart)
         self._wait_until(lambda: not self.processes.are_coming(self.session))
