@@ -2,6 +2,34 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import StrEnum
+
+
+class Reason(StrEnum):
+    """Why a server refuses a message. All reasons are here: no sender can add one."""
+
+    DAMAGED = "damaged"
+    FOREIGN = "foreign"
+    OVERSIZED = "oversized"
+    OUT_OF_RANGE = "out of range"
+    UNKNOWN_KEY = "request on no key of ours"
+    TOO_MANY = "too many requests"
+    CALLBACK = "message that a callback failed on"
+    CONTROL_BADGE = "control without the seat's badge"
+    POSE_BADGE = "pose without the seat's badge"
+    SECOND_LOGIN = "second login"
+    AGAIN = "again"
+    EPOCH = "of another epoch"
+    FUTURE = "answer to the future"
+    KART_KIND = "control of a real kart, or pose of a simulated one"
+    VERSION = "another version of the protocol"
+    SECRET = "the secret does not fit"
+    OTHER_SEAT = "claims another seat"
+    OBSERVATION = "unknown observation"
+    SEAT = "the seat cannot be had"
+    STEWARD = "not the steward"
+    DECISION = "not possible for a steward"
+    DRIVER = "a driver failed"
 
 
 class RaceError(Exception):
@@ -27,9 +55,19 @@ class DriverError(RaceError):
 class WireError(RaceError):
     """A message from outside is damaged, oversized, foreign or out of range."""
 
+    def __init__(self, message: str, reason: Reason = Reason.DAMAGED) -> None:
+        """Give the sentence and what a refusal is counted as."""
+        super().__init__(message)
+        self.reason = reason
+
 
 class SeatError(RaceError):
     """A seat is taken, unknown or not in the state that a request needs."""
+
+    def __init__(self, message: str, reason: Reason = Reason.SEAT) -> None:
+        """Give the sentence and what a refusal is counted as."""
+        super().__init__(message)
+        self.reason = reason
 
 
 class LinkError(RaceError):

@@ -9,6 +9,9 @@ import json
 import queue
 import sys
 import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self, TextIO
@@ -20,6 +23,11 @@ from race_server.printable import printable
 CLOSE_S = 2.0
 # Lines that may wait for a pipe that is not read; later ones are dropped.
 MOST_WAITING = 1024
+# Refusals of one reason and sender are summed up in one line in this time [s].
+QUIET_S = 60.0
+FIRST, AGAIN = "refused for the first time", "refused again"
+# More senders than this in that time share one line for each reason.
+MOST_SENDERS = 1024
 
 Fact = str | int | float | bool
 Line = tuple[str, str, dict[str, Fact]]  # level, event, facts
@@ -83,6 +91,55 @@ class Log:
         with contextlib.suppress(OSError, ValueError):
             getattr(self._logger, level)(event, **facts)
             self._stream.flush()
+
+
+@dataclass
+class _Refused:
+    """What one sender was refused for one reason."""
+
+    quiet_until: float  # [s] by the clock
+    unsaid: int = 0  # since the last line
+
+
+class RefusalLog:
+    """Logs the first refusal of each reason and sender at once, and sums up those that follow.
+
+    A sender that is refused without end is one line a minute, and hides no other sender.
+    """
+
+    def __init__(self, log: Log, clock: Callable[[], float] = time.monotonic) -> None:
+        """Begin with no sender known. clock: [s]."""
+        self._log, self._clock = log, clock
+        self._rows: dict[tuple[str, Fact], _Refused] = {}  # in the order of `quiet_until`
+
+    def record(self, reason: str, sender: Fact, *, times: int = 1, **facts: Fact) -> None:
+        """Log a refusal, unless a line about this reason and sender was written just now.
+
+        facts: about the sender.
+        """
+        now, key = self._clock(), (reason, sender)
+        if key not in self._rows and not self._has_room(now):
+            key, facts = (reason, ""), {"sender": f"one of more than {MOST_SENDERS}"}
+        row = self._rows.get(key)
+        if row is not None and now < row.quiet_until:
+            row.unsaid += times
+            return
+        if row is None:
+            self._log.warn(FIRST, reason=str(reason), **facts)
+        else:
+            del self._rows[key]
+            self._log.warn(AGAIN, reason=str(reason), times=row.unsaid + times, **facts)
+        self._rows[key] = _Refused(now + QUIET_S)
+
+    def _has_room(self, now: float) -> bool:
+        """Forget the sender whose line is the oldest, if that may be; return if one has room."""
+        if len(self._rows) < MOST_SENDERS:
+            return True
+        oldest = next(iter(self._rows))
+        if now < self._rows[oldest].quiet_until:
+            return False
+        del self._rows[oldest]
+        return True
 
 
 def _in_order(_logger: Any, _method: str, line: Any) -> Any:

@@ -81,6 +81,18 @@ def output(as_json: AsJson = False) -> None:
 
 
 @app.command()
+def hang(as_json: AsJson = False) -> None:
+    """Let a driver hang as a process and inside the server; check that the race goes on."""
+    from race_server.tools.drills.hang import drill_hang
+
+    with progress("hanging", 3) as tell:
+        document = drill_hang(tell)
+    if not as_json:
+        _show_findings(document["matrix"])
+    finish(document, as_json=as_json)
+
+
+@app.command()
 def network(
     loss: Annotated[
         float, typer.Option(min=0.0, max=0.9, help="Share of packets lost, 0 to 0.9.")

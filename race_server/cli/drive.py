@@ -20,6 +20,9 @@ from race_server.terminal import Console, say
 if TYPE_CHECKING:
     from race_server.live.client.link_stats import LinkStats
 
+# A driver that has not answered for this long ends; its kart is out long before [s].
+HUNG_S = 30.0
+
 
 def drive(
     name: Annotated[str, typer.Argument(help="Name of an installed driver.")],
@@ -43,8 +46,9 @@ def drive(
     from race_server.core.driver import driver_named
     from race_server.live.client.driver import run_driver as drive_race
     from race_server.live.client.link_stats import LinkStats
+    from race_server.live.watchdog import Watchdog
 
-    given = access(keys, connect, session)
+    given, watchdog = access(keys, connect, session), Watchdog(HUNG_S)
     link_stats, console = LinkStats(), Console(stderr=True)
     drive_now = partial(
         drive_race,
@@ -57,6 +61,7 @@ def drive(
         keys=given.keys,
         raw=raw,
         link_stats=link_stats if as_json or console.is_terminal else None,
+        on_turn=watchdog.turn,
     )
     if console.is_terminal:
         with console.status(f"{name}: waiting for the race") as status:
@@ -64,6 +69,7 @@ def drive(
         console.print(f"{name}, seat {taken}: {link_stats.outcome or 'the race is over'}")
     else:
         taken = drive_now().seat
+    watchdog.rest()
     if as_json:
         print_document({"driver": name, "seat": taken, **link_stats.as_json()})
 

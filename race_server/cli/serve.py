@@ -15,6 +15,7 @@ from race_server.net.transport import DEFAULT_ADDRESS
 
 if TYPE_CHECKING:
     from race_server.cli.service import Service
+    from race_server.live.driver_processes import Command
     from race_server.live.server.supervisor import Past
     from race_server.net.auth.keys import ServerKeys
     from race_server.scenario.race import Scenario
@@ -31,6 +32,8 @@ def serve(options: ServeOptions) -> None:
     """
     from race_server.cli.service import serve_races, serve_with_status
     from race_server.live.server.supervisor import supervised
+    from race_server.live.suspects import CRASHES
+    from race_server.live.watchdog import HUNG
 
     log = Log(as_json=options.log_json)
     service = _service_of(options, log)
@@ -42,7 +45,10 @@ def serve(options: ServeOptions) -> None:
         fresh = discards_race(past, fresh=options.fresh)
         return serve_with_status(service, log, fresh=fresh, replaces=past.ended > 0)
 
-    status = supervised(work, log.warn)
+    def judge(code: int) -> None:
+        service.suspects.judge(is_guilty=code == HUNG or -code in CRASHES)
+
+    status = supervised(work, log.warn, judge)
     if status:
         raise typer.Exit(status)
 
@@ -64,6 +70,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     """
     from race_server.cli.service import Service
     from race_server.core.kernels.jit import is_compiled
+    from race_server.live.driver_processes import is_trusted
     from race_server.live.server import LOCKSTEP, REAL
     from race_server.live.server.warm_up import warm_up
     from race_server.net.auth.settings import ListenSettings, check_listen_settings
@@ -77,10 +84,11 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     if options.pace not in {REAL, LOCKSTEP}:
         raise ScenarioError(f"pace {options.pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
     fillers = known_drivers(options.fill)
-    scenario = _scenario(options, fillers, log)
+    inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
+    scenario = _scenario(options, fillers, inside, log)
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
-    warm_up(scenario, fillers)
+    warm_up(scenario, inside)
     every = 1 if fillers else options.karts
     return Service(
         scenario=scenario,
@@ -97,14 +105,57 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         metrics=options.metrics,
         as_json=options.as_json,
         keys=held,
+        is_guarded=options.guard,
+        apart=None if options.one_process else _apart(address, session, held, fillers, options),
     )
 
 
-def _scenario(options: ServeOptions, fillers: tuple[str, ...], log: Log) -> "Scenario":
-    """Return the race to be driven, with its reference line where one is known."""
+def _apart(
+    address: str,
+    session: str,
+    held: "ServerKeys | None",
+    fillers: tuple[str, ...],
+    options: ServeOptions,
+) -> "Command":
+    """Return how a driver runs that is kept apart from the server: as `race drive`.
+
+    Raises:
+        KeysError: it needs the keys of a seat, which are not beside those of the server.
+    """
+    from race_server.live.driver_processes import is_trusted
+
+    def folder_of(seat: int) -> Path | None:
+        return held.folder.parent / f"seat-{seat}" if held else None
+
+    for seat in range(options.karts if fillers else 0):
+        name, folder = fillers[seat % len(fillers)], folder_of(seat)
+        if folder and not folder.is_dir() and not is_trusted(name):
+            raise KeysError(
+                f"driver {name} runs as a process and needs the keys of its seat: {folder} is not "
+                "there; put it there, or serve with --one-process"
+            )
+    # A server that listens everywhere is found on this machine.
+    near = address.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")
+
+    def command(name: str, seat: int) -> list[str]:
+        folder = folder_of(seat)
+        words = ["drive", name, "--connect", near, "--session", session, "--seat", str(seat)]
+        return [*words, *(["--keys", str(folder)] if folder else [])]
+
+    return command
+
+
+def _scenario(
+    options: ServeOptions, fillers: tuple[str, ...], inside: tuple[str, ...], log: Log
+) -> "Scenario":
+    """Return the race to be driven, with its reference line where one is known.
+
+    inside: fillers that may be imported into this process.
+    """
     from race_server.core.driver import driver_named
     from race_server.core.observation import wants_line
     from race_server.core.vehicles import vehicle_named
+    from race_server.live.driver_processes import preset_of
     from race_server.scenario.race import Rules, Scenario
     from race_server.scenario.raceline.attach import with_line
     from race_server.scenario.track.load import load_course
@@ -122,7 +173,11 @@ def _scenario(options: ServeOptions, fillers: tuple[str, ...], log: Log) -> "Sce
         rules=rules,
         seed=options.seed,
     )
-    wanted = any(wants_line(driver_named(name).preset) for name in fillers)
+    presets = (
+        driver_named(name).preset if name in inside else preset_of(name)
+        for name in dict.fromkeys(fillers)
+    )
+    wanted = any(wants_line(preset) for preset in list(presets))
     scenario = with_line(scenario, solve=wanted)
     if scenario.line and scenario.line.note:
         log.warn(scenario.line.note)

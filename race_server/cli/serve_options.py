@@ -53,6 +53,14 @@ class ServeOptions(RaceOptions):
             "Default: none."
         ),
     ] = ""
+    one_process: Annotated[
+        bool,
+        typer.Option(
+            "--one-process",
+            help="Run all drivers of --fill inside the server. Without it those of other packages, "
+            "and those that read a file (NAME:ARGUMENT), each run as a process.",
+        ),
+    ] = False
     wait_for: Annotated[
         int,
         typer.Option(

@@ -4,11 +4,12 @@ Imports everything that serving needs, so that a server that replaces a killed o
 """
 
 import json
+import os
 import signal
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,12 @@ from race_server.cli.outcome import show_result
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import RaceError, RecordingError
+from race_server.live.driver_processes import Command as DriverCommand
+from race_server.live.driver_processes import DriverProcesses
 from race_server.live.server import REAL, RaceServer
 from race_server.live.server.resume import restore_session
+from race_server.live.suspects import Suspects
+from race_server.live.watchdog import HUNG_S, Watchdog
 from race_server.logs import Log
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.token import local_token
@@ -51,6 +56,9 @@ class Service:
     metrics: int | None  # port
     as_json: bool
     keys: ServerKeys | None  # None: closed to other machines
+    is_guarded: bool  # by a supervisor
+    apart: DriverCommand | None = None  # how fillers run that are kept apart; None: inside
+    suspects: Suspects = field(default_factory=Suspects)  # shared with the supervisor
 
 
 def serve_with_status(service: Service, log: Log, *, fresh: bool, replaces: bool) -> int:
@@ -94,9 +102,15 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
             token,
             log,
             amended=lambda result: _publish_result(result.as_json(), race, service, log),
+            watchdog=Watchdog(HUNG_S),
+            suspects=service.suspects,
+            processes=stack.enter_context(DriverProcesses(service.apart, log)),
         )
-        stopped = _stop_on_signals(server)
+        stack.callback(server.watchdog.rest)
+        stopped = _stop_on_signals(server, is_guarded=service.is_guarded)
         title = race.scenario.course.title
+        for seat in service.suspects.barred():
+            log.warn("left out: its driver hung or crashed the server", seat=seat)
         log.say("listening", address=address, session=race.name, course=title, seats=karts)
         if service.metrics is not None:
             from race_server.live.server.metrics import LOOPBACK, exposed
@@ -172,11 +186,18 @@ def _resumed(
     return session, (recording, events)
 
 
-def _stop_on_signals(server: RaceServer) -> list[int]:
-    """End the race at the next tick on Ctrl-C or SIGTERM; its result is still written."""
+def _stop_on_signals(server: RaceServer, *, is_guarded: bool) -> list[int]:
+    """End the race at the next tick on Ctrl-C or SIGTERM; its result is still written.
+
+    A second signal ends the process at once. Below a supervisor that is its duty: a Ctrl-C reaches
+    both, and so this process twice.
+    """
     received: list[int] = []
 
     def stop(number: int, _frame: object) -> None:
+        if received and not is_guarded:
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
         received.append(number)
         server.stop()
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,8 @@ from race_server.terminal import Console
 _EVENT_LINES = 8
 # From this age on, what spectators see is marked as old [s].
 OLD_S = 0.5
-# Until a server answers [s]. The first race compiles, on a busy or small machine for minutes; a server that
-# fails is noticed at once.
+# Until a server answers [s]. The first race compiles, on a busy or small machine for minutes; a
+# server that fails is noticed at once.
 START_S = 600.0
 # Port of the page, if it is free.
 PAGE_PORT = 8080
@@ -49,13 +49,26 @@ class ProcessGroup:
     )  # the race goes on without them
 
     def start(
-        self, arguments: Sequence[str], log: Any, *, aside: bool = False
+        self,
+        arguments: Sequence[str],
+        log: Any,
+        *,
+        aside: bool = False,
+        environment: Mapping[str, str] | None = None,
     ) -> subprocess.Popen[bytes]:
-        """Start ``race`` with these arguments. aside: its failure does not end the race."""
+        """Start ``race`` with these arguments.
+
+        aside: its failure does not end the race; environment: None for that of this process.
+        """
         command = [sys.executable, "-m", "race_server", *arguments]
         # In a separate process session, so that Ctrl-C reaches this process first.
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+            env=environment,
         )
         (self.aside if aside else self.processes).append(process)
         return process
@@ -148,7 +161,7 @@ def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
             arguments = ["serve", *plan.serve, "--listen", plan.address, "--session", plan.session]
             arguments += ["--once", "--result", str(result)]
             if plan.in_process:
-                arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0"]
+                arguments += ["--fill", ",".join(plan.drivers), "--wait-for", "0", "--one-process"]
             group.start(arguments, log)
             if not plan.in_process:
                 _start_drivers(plan, group, log)

@@ -1,6 +1,6 @@
 """Drivers inside this process, for seats of a session that no network fills."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
@@ -8,6 +8,7 @@ from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.errors import DriverError
+from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.session import Session
 from race_server.session.seats import Seat
@@ -37,9 +38,9 @@ class _LocalDriver:
 class LocalDrivers:
     """The local drivers of a session, by seat."""
 
-    def __init__(self, session: Session) -> None:
-        """Begin with none."""
-        self._session = session
+    def __init__(self, session: Session, suspects: Suspects | None = None) -> None:
+        """Begin with none. suspects: is told which driver is asked."""
+        self._session, self._suspects = session, suspects or Suspects()
         self._locals: dict[int, _LocalDriver] = {}
 
     def __contains__(self, seat: object) -> bool:
@@ -63,22 +64,28 @@ class LocalDrivers:
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error
 
-    def fill(self, names: Sequence[str]) -> None:
-        """Give the free seats of the lobby to drivers of these names, repeated in turn."""
-        for seat in list(self._session.seats):
-            if names and not seat.is_taken:
-                name = names[seat.number % len(names)]
-                self.admit(name, driver_named(name), seat.number)
+    def fill(self, names: Sequence[str], *, but: Container[int] = ()) -> None:
+        """Give the free seats of the lobby to drivers of these names, repeated in turn.
 
-    def readmit(self, name: str, driver: Driver, seat: int) -> None:
-        """Give a driver the seat of its name in a race that is resumed.
+        but: seats that others fill.
+        """
+        for seat in self._session.seats.vacant() if names else ():
+            if seat.number not in but and not self._suspects.is_barred(seat.number):
+                name = names[seat.number % len(names)]
+                with self._suspects.asking(seat.number):
+                    self.admit(name, driver_named(name), seat.number)
+
+    def readmit(self, name: str, seat: int) -> None:
+        """Give the driver of a name its seat in a race that is resumed, unless it is barred.
 
         Raises:
             DriverError: the driver raised.
         """
-        taken = self._session.seats[seat]
-        self._session.come_back(seat)
-        self._get_ready(name, driver, taken)
+        if self._suspects.is_barred(seat):
+            return
+        with self._suspects.asking(seat):
+            self._session.come_back(seat)
+            self._get_ready(name, driver_named(name), self._session.seats[seat])
 
     def answer(self, seat: int) -> bytes:
         """Return a driver's control for its observation now: the same bytes as over the network.
@@ -92,7 +99,8 @@ class LocalDrivers:
         seen = Observation(session.tick, layout, session.view(seat).copy())
         local.sequence = max(local.sequence, taken.sequence) + 1
         try:
-            control = local.driver.act(seen)
+            with self._suspects.asking(seat):
+                control = local.driver.act(seen)
             frame = ControlFrame(session.epoch, local.sequence, session.tick, control)
             return encode_control(frame)
         except (Exception, SystemExit) as error:

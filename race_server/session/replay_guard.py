@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from race_server.errors import SeatError
+from race_server.errors import Reason, SeatError
 
 # The last serials of at most this many senders are kept.
 MOST_SERIALS = 1024
@@ -32,7 +32,9 @@ class ReplayGuard:
         """
         last = self.last.get(key, 0)
         if serial <= last:
-            raise SeatError(f"request {serial} again: already at {last}, so this is a copy")
+            raise SeatError(
+                f"request {serial} again: already at {last}, so this is a copy", Reason.AGAIN
+            )
 
     def record(self, key: bytes, serial: int) -> None:
         """Record a request that was granted."""

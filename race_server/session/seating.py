@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from race_server.core.observation import PRESETS
 from race_server.credentials import key_of
-from race_server.errors import SeatError
+from race_server.errors import Reason, SeatError
 from race_server.session.seats import Seat, Seats
 
 
@@ -28,7 +28,10 @@ def held_seat(newcomer: Newcomer, seats: Seats) -> Seat | None:
     """
     if newcomer.preset not in PRESETS:
         known = ", ".join(PRESETS)
-        raise SeatError(f"observation {newcomer.preset!r} is unknown; choose one of {known}")
+        raise SeatError(
+            f"observation {newcomer.preset!r} is unknown; choose one of {known}",
+            Reason.OBSERVATION,
+        )
     if own := seats.held_by(newcomer.secret, newcomer.wanted):
         return own
     if newcomer.owns and (deserted := seats.deserted(newcomer.wanted, newcomer.preset)):
@@ -46,7 +49,10 @@ def free_seat(newcomer: Newcomer, seats: Seats, *, is_lobby: bool, takes_tracked
     """
     wanted = newcomer.wanted
     if newcomer.owns and wanted in seats and seats[wanted].is_present:
-        raise SeatError(f"seat {wanted} is in use: a client is logged in with its keys already")
+        raise SeatError(
+            f"seat {wanted} is in use: a client is logged in with its keys already",
+            Reason.SECOND_LOGIN,
+        )
     if not is_lobby:
         seats.check_open(wanted)
         raise SeatError("the race has begun; join again in the next lobby")

@@ -108,6 +108,10 @@ class Seats:
         """Return the seats that are taken."""
         return [seat for seat in self._seats if seat.is_taken]
 
+    def vacant(self) -> list[Seat]:
+        """Return the seats that a driver may take: neither taken nor closed."""
+        return [s for s in self._seats if not s.is_taken and s.number not in self.closed]
+
     def taken_one(self, number: int) -> Seat:
         """Return a taken seat.
 
@@ -144,8 +148,7 @@ class Seats:
         self.check_open(wanted)
         if wanted >= 0 and self[wanted].is_taken:
             raise SeatError(f"seat {wanted} is taken by {self[wanted].driver}")
-        free = [s for s in self._seats if not s.is_taken and s.number not in self.closed]
-        if not free:
+        if not (free := self.vacant()):
             shut = f" or closed ({len(self.closed)})" if self.closed else ""
             raise SeatError(f"all {len(self)} seats are taken{shut}")
         return self[wanted] if wanted >= 0 else free[0]

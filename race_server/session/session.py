@@ -12,7 +12,7 @@ from race_server.core.observation import Layout, layout_of
 from race_server.core.state import Float32s, Floats, World, digest
 from race_server.core.step import advance, place_karts
 from race_server.credentials import key_of
-from race_server.errors import WireError
+from race_server.errors import Reason, WireError
 from race_server.scenario.race import Scenario, line_up_race, make_world
 from race_server.session.controls import Controls
 from race_server.session.event_log import EventLog
@@ -193,10 +193,10 @@ class Session:
         """
         seat = self.seats[number]
         if seat.is_tracked:
-            raise WireError(f"control of seat {number}, which is a real kart: it sends poses")
+            raise WireError(f"control of seat {number}, which is a real kart", Reason.KART_KIND)
         self._check_sequence(seat, "control", epoch, sequence)
         if tick > self.tick:
-            raise WireError(f"control answers tick {tick}, this is tick {self.tick}")
+            raise WireError(f"control answers tick {tick}, this is tick {self.tick}", Reason.FUTURE)
         seat.answered_tick = tick
         seat.receive(sequence, control, self.tick)
 
@@ -218,7 +218,7 @@ class Session:
         """
         seat = self.seats[number]
         if not seat.is_tracked:
-            raise WireError(f"pose of seat {number}, whose kart is simulated: it sends controls")
+            raise WireError(f"pose of seat {number}, whose kart is simulated", Reason.KART_KIND)
         self._check_sequence(seat, "pose", epoch, sequence)
         # The kart moves by its poses; of a control only the buttons are left.
         seat.receive(sequence, replace(STOP, buttons=buttons), self.tick)
@@ -227,9 +227,9 @@ class Session:
 
     def _check_sequence(self, seat: Seat, what: str, epoch: int, sequence: int) -> None:
         if not seat.is_taken or epoch != self.epoch:
-            raise WireError(f"{what} for epoch {epoch}, this is epoch {self.epoch}")
+            raise WireError(f"{what} for epoch {epoch}, this is epoch {self.epoch}", Reason.EPOCH)
         if sequence <= seat.sequence:
-            raise WireError(f"{what} {sequence} again, already at {seat.sequence}")
+            raise WireError(f"{what} {sequence} again, already at {seat.sequence}", Reason.AGAIN)
 
     def waits_for(self) -> list[int]:
         """Return the racing seats that have not yet answered the observation of this tick."""

@@ -1,13 +1,14 @@
 """Browsers of a live race: which are admitted, what is sent, and that none disturbs others."""
 
 import json
+import re
 import socket
 import subprocess
 import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from urllib.error import HTTPError
 
@@ -287,15 +288,79 @@ def test_what_browsers_never_send_ends_their_socket_and_is_not_told_at_length(
 def test_a_request_for_a_websocket_that_cannot_be_read_is_over_at_once(
     served: ServedRace, more: str
 ) -> None:
-    place = served.base.removeprefix("http://").removesuffix("/")
-    host, _, port = place.partition(":")
-    with socket.create_connection((host, int(port)), timeout=5.0) as line:
+    with connected(served) as line:
         line.sendall(
-            f"GET /ws HTTP/1.1\r\nHost: {place}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'A' * 22}==\r\n{more}\r\n".encode()
         )
         while line.recv(4096):  # a line that stays open ends this by its timeout
             pass
+
+
+def connected(served: ServedRace) -> socket.socket:
+    """Return a connection that has said nothing yet."""
+    host, _, port = served.base.removeprefix("http://").removesuffix("/").partition(":")
+    return socket.create_connection((host, int(port)), timeout=5.0)
+
+
+def answers_to(served: ServedRace, data: bytes) -> list[bytes]:
+    """Return the statuses of all answers until the gateway ends the connection."""
+    with connected(served) as line:
+        line.sendall(data)
+        heard = b"".join(iter(lambda: line.recv(4096), b""))
+    return re.findall(rb"HTTP/1.1 (\d+)", heard)
+
+
+HEALTH = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+        b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+        b"Content-Length: 3\r\n\r\nabc",
+        b"Transfer-Encoding:\r\n chunked\r\n\r\n0\r\n\r\n",
+        b"X: a\nContent-Length: 0\r\n\r\n",
+        b"X: a\r\n\tb\r\n\r\n",
+    ],
+    ids=["both", "chunked", "length", "folded", "bare LF", "folded by a tab"],
+)
+def test_a_request_that_two_programs_could_read_differently_is_refused_with_all_that_follows(
+    served: ServedRace, head: bytes
+) -> None:
+    assert answers_to(served, HEALTH + head + HEALTH + b"\r\n") == [b"400"]
+    last = HEALTH + b"Connection: close\r\n\r\n"
+    assert answers_to(served, HEALTH + b"\r\n" + last) == [b"200", b"200"]
+
+
+def test_idle_connections_make_room_for_a_request_and_the_oldest_ends_first(
+    served: ServedRace,
+) -> None:
+    with ExitStack() as stack:
+        small = stack.enter_context(gated(served.address, limits=GatewayLimits(connections=4)))
+        browser = stack.enter_context(Browser(small.base, WATCH))
+        browser.word("welcome")
+        idle = [stack.enter_context(connected(small)) for _ in range(6)]
+        assert ask(small, "healthz")[0] == 200
+        assert [line.recv(1) for line in idle[:3]] == [b""] * 3
+        idle[-1].sendall(HEALTH + b"\r\n")
+        assert idle[-1].recv(12) == b"HTTP/1.1 200"
+        assert browser.frame(b"RSNP")  # admitted, so it is none of them
+
+
+def test_a_connection_without_a_whole_request_ends_soon(served: ServedRace) -> None:
+    timing = GatewayTiming(first_request_s=0.2)
+    with gated(served.address, timing=timing) as impatient:
+        with connected(impatient) as silent, connected(impatient) as slow:
+            slow.sendall(HEALTH)
+            assert (silent.recv(1), slow.recv(1)) == (b"", b"")
+        with connected(impatient) as patient:
+            patient.sendall(HEALTH + b"\r\n")
+            time.sleep(0.4)
+            patient.sendall(HEALTH + b"Connection: close\r\n\r\n")
+            heard = b"".join(iter(lambda: patient.recv(4096), b""))
+        assert heard.count(b"HTTP/1.1 200") == 2
 
 
 def test_a_word_for_coming_back_is_good_for_one_time(served: ServedRace) -> None:

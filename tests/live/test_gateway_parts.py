@@ -3,12 +3,14 @@
 import asyncio
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,17 +24,13 @@ from race_server.core import codes
 from race_server.core.messages import Event, EventKind
 from race_server.errors import GatewayError, KeysError, LinkError, RecordingError
 from race_server.live.gateway.audience import Outbox, Viewer
+from race_server.live.gateway.connection_limiter import ConnectionLimiter, network_of
 from race_server.live.gateway.driver_seat import DriverSeat
 from race_server.live.gateway.frames import EventFrames, RecordedEventFrames, event_frames
 from race_server.live.gateway.handshake import Role, read_hello
 from race_server.live.gateway.key_ring import KeyRing
 from race_server.live.gateway.library import Library
-from race_server.live.gateway.limits import (
-    ConnectionLimiter,
-    GatewayLimits,
-    GatewayTiming,
-    RateLimiter,
-)
+from race_server.live.gateway.limits import GatewayLimits, GatewayTiming, RateLimiter
 from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.origins import check_origin, is_known_host
 from race_server.live.gateway.page import NOT_BUILT, Page
@@ -228,14 +226,58 @@ def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, s
     assert len(connection.taken) == pytest.approx(2 * shown, abs=2)
 
 
-def test_a_porch_lets_one_address_in_only_so_often() -> None:
-    limiter = ConnectionLimiter(1024, 64)
-    assert all(limiter.enter("192.0.2.1") for _ in range(64))
-    assert not limiter.enter("192.0.2.1")
-    assert limiter.enter("192.0.2.2")
-    assert all(limiter.enter("127.0.0.1") for _ in range(100))
-    limiter.leave("192.0.2.1")
-    assert limiter.enter("192.0.2.1")
+@contextmanager
+def entering(limiter: ConnectionLimiter) -> Iterator[Callable[[str], socket.socket]]:
+    """Return what lets a connection of an address enter, and returns the end of the client."""
+    with ExitStack() as stack:
+
+        def enter(host: str) -> socket.socket:
+            client, line = socket.socketpair()
+            stack.enter_context(client)
+            stack.enter_context(line)
+            client.settimeout(0.0)
+            limiter.enter(line, host)
+            return client
+
+        yield enter
+
+
+def has_ended(client: socket.socket) -> bool:
+    try:
+        return client.recv(1) == b""
+    except BlockingIOError:
+        return False
+
+
+def test_where_there_is_no_room_the_oldest_connection_ends() -> None:
+    with entering(ConnectionLimiter(3, 2)) as enter:
+        first, second, third = (enter(f"192.0.2.{number}") for number in range(3))
+        assert not has_ended(first)
+        fourth = enter("192.0.2.9")
+        assert [has_ended(line) for line in (first, second, third, fourth)] == [True, *[False] * 3]
+        fourth.close()
+
+
+def test_one_network_of_ipv6_has_room_for_some_and_this_machine_for_all() -> None:
+    with entering(ConnectionLimiter(1024, 2)) as enter:
+        neighbours = [enter(f"2001:db8:0:7::{number}") for number in range(1, 4)]
+        assert [has_ended(line) for line in neighbours] == [True, False, False]
+        assert not has_ended(enter("2001:db8:0:8::1"))
+        assert not any(has_ended(enter("::1")) for _ in range(5))
+
+
+@pytest.mark.parametrize(
+    ("host", "network"),
+    [
+        ("192.0.2.1", "192.0.2.1"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("::ffff:192.0.2.1", "192.0.2.1"),
+        ("a name", "a name"),
+    ],
+)
+def test_an_address_counts_as_its_network(host: str, network: str) -> None:
+    assert network_of(host) == network
 
 
 def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> None:
@@ -254,8 +296,6 @@ def test_connections_leave_room_for_the_race_however_few_files_may_be_open() -> 
         check=True,
     )
     assert said.stdout.split() == ["512", "1024", "1024"]
-    limiter = ConnectionLimiter(2, 64)
-    assert [limiter.enter(f"192.0.2.{number}") for number in range(3)] == [True, True, False]
 
 
 def test_an_allowance_fills_up_again() -> None:

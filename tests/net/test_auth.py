@@ -14,14 +14,14 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core.messages import Event, EventKind, Phase
 from race_server.credentials import badge_of, key_of, key_of_badge
-from race_server.errors import KeysError, LinkError, SeatError, WireError
+from race_server.errors import KeysError, LinkError, Reason, SeatError, WireError
 from race_server.live.client.seat import take_seat
 from race_server.live.client.spectator import Spectator
 from race_server.live.client.steward import StewardClient
 from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer
-from race_server.live.server.counters import MOST_REASONS, Refusals
+from race_server.live.server.counters import Refusals
 from race_server.live.server.steward import Steward
-from race_server.logs import Log
+from race_server.logs import AGAIN, FIRST, MOST_SENDERS, QUIET_S, Log, RefusalLog
 from race_server.net.auth.access import ANYONE, access_control, keys_allowed, roles_of
 from race_server.net.auth.issue import Order, issue_keys
 from race_server.net.auth.keys import read_client_keys, read_server_keys
@@ -327,22 +327,42 @@ def test_a_refusal_is_counted_each_time_and_told_once_for_each_seat() -> None:
     stream = io.StringIO()
     refusals = Refusals(Log(stream=stream))
     for seat in (2, 2, -1, 2, -1):
-        refusals.record("control again", seat)
-    assert refusals["control again"] == 5
+        refusals.record(Reason.AGAIN, seat)
+    assert refusals[Reason.AGAIN] == 5
     lines = [json.loads(line) for line in stream.getvalue().splitlines()]
     assert [line["event"] for line in lines] == ["refused for the first time"] * 2
     assert [line.get("seat") for line in lines] == [2, None]
 
 
-def test_reasons_without_end_are_counted_but_not_all_told() -> None:
-    stream = io.StringIO()
-    refusals = Refusals(Log(stream=stream))
-    for number in range(1000):
-        refusals.record(f"reason {number}")
-    assert len(refusals) == 1000
-    lines = stream.getvalue().splitlines()
-    assert len(lines) == MOST_REASONS + 1
-    assert "more reasons" in lines[-1]
+def test_a_sender_that_is_refused_without_end_is_one_line_a_minute_and_hides_no_other() -> None:
+    stream, now = io.StringIO(), [0.0]
+    told = RefusalLog(Log(stream=stream), clock=lambda: now[0])
+    for tenth in range(1800):  # for two minutes from its first line on, ten a second
+        now[0] = tenth * QUIET_S / 600
+        told.record("again", 3, seat=3)
+    told.record("again", 4, seat=4)
+    told.record("foreign", 3, seat=3)
+    lines = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [(line["event"], line["seat"], line.get("times")) for line in lines] == [
+        (FIRST, 3, None),
+        (AGAIN, 3, 600),
+        (AGAIN, 3, 600),
+        (FIRST, 4, None),
+        (FIRST, 3, None),
+    ]
+
+
+def test_senders_without_end_share_a_line_until_the_oldest_is_forgotten() -> None:
+    stream, now = io.StringIO(), [0.0]
+    told = RefusalLog(Log(stream=stream), clock=lambda: now[0])
+    for number in range(3 * MOST_SENDERS):
+        told.record("token", f"192.0.2.{number}", address=f"192.0.2.{number}")
+    lines = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert len(lines) == MOST_SENDERS + 1
+    assert lines[-1]["sender"] == f"one of more than {MOST_SENDERS}"
+    now[0] = QUIET_S
+    told.record("token", "198.51.100.1", address="198.51.100.1")
+    assert "198.51.100.1" in stream.getvalue()
 
 
 def test_a_stewards_messages_survive_the_wire() -> None:

@@ -35,6 +35,7 @@ def run_driver(
     on_observation: Callable[[LinkStats], None] = lambda _: None,
     raw: bool = False,
     timing: ClientTiming | None = None,
+    on_turn: Callable[[], None] = lambda: None,
 ) -> Briefing:
     """Drive one race to its end and return the briefing that the driver had.
 
@@ -52,6 +53,7 @@ def run_driver(
             however old that is; else a slow network is allowed for, see `predictor` and
             `latency_limiter` beside this file.
         timing: timeouts during the race.
+        on_turn: is called whenever the loop comes round, every few seconds at least.
 
     Raises:
         LinkError: no server, it did not come back, or it refuses the link.
@@ -75,7 +77,7 @@ def run_driver(
             try:
                 persist(partial(_get_ready, seat, stats))
                 loop = begin(give_up_s=timing.give_up_s, now_s=time.monotonic())
-                _answer_all(loop, seat, reconnect, stats, on_observation, timing)
+                _answer_all(loop, seat, reconnect, stats, on_observation, timing, on_turn)
             except DriverError:
                 seat.act(topics.LEAVE)
                 raise
@@ -114,9 +116,11 @@ def _answer_all(
     link_stats: LinkStats,
     on_observation: Callable[[LinkStats], None],
     timing: ClientTiming,
+    on_turn: Callable[[], None],
 ) -> None:
     """Answer observations until the race is over for this kart."""
     while True:
+        on_turn()
         frame = seat.receive(timing.observation_timeout_s)
         link_stats.reconnects += reconnect.finish()
         now_s = time.monotonic()

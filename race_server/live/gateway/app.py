@@ -35,10 +35,11 @@ HEADERS = {
 # Asset names contain a digest of their content, so they never expire in a cache.
 CACHED, NOT_CACHED = "public, max-age=31536000, immutable", "no-cache"
 BEARER = "bearer "
+NO_BODY = "Leave out the body: no request here has one.\n"
 
 
 class GuardedApp:
-    """Adds the headers to every answer, and refuses requests for a foreign host name."""
+    """Adds the headers to every answer; refuses bodies, and requests for a foreign host name."""
 
     def __init__(self, inner: Starlette, settings: Settings) -> None:
         """Wrap an application."""
@@ -56,8 +57,13 @@ class GuardedApp:
                 message["headers"] = [*message.get("headers", []), *extra]
             await send(message)
 
-        settings = self._settings
-        host = Request(scope).headers.get("host", "")
+        settings, headers = self._settings, Request(scope).headers
+        if "transfer-encoding" in headers or headers.get("content-length", "0") != "0":
+            # Where a body ends two programs may see differently, so none is read.
+            refusal = PlainTextResponse(NO_BODY, 400, {"connection": "close"})
+            await refusal(scope, receive, send_on)
+            return
+        host = headers.get("host", "")
         if settings.is_local and not is_known_host(host, settings.origins):
             refusal = PlainTextResponse("Open the page at the gateway's own address.\n", 403)
             await refusal(scope, receive, send_on)

@@ -34,6 +34,9 @@ class FrameSink(Protocol):
     def put(self, frame: bytes) -> None:
         """Send a frame."""
 
+    def on_admitted(self) -> None:
+        """Count as a browser from now on."""
+
 
 class Outbox:
     """Sends at once while a browser reads; else keeps all that must arrive, and the newest rest."""

@@ -52,6 +52,7 @@ class BrowserSession:
         self._limits, self._timing = state.settings.limits, state.settings.timing
         self._host = websocket.client.host if websocket.client else ""
         connection = cast("FrameSink", websocket.scope["extensions"][CONNECTION])
+        self._connection = connection
         self.outbox = Outbox(connection, self._limits, self._timing.unread_s)
         self.received_at = time.monotonic()
         self._ended = asyncio.Event()
@@ -109,6 +110,7 @@ class BrowserSession:
             self._send_welcome("live", settings.session)
             self._state.live.join(self._viewer)
         resume_tokens.revoke(hello.resume)
+        self._connection.on_admitted()
 
     async def _receive_hello(self) -> Hello:
         hello_s = self._timing.hello_s

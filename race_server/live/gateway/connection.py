@@ -7,6 +7,7 @@ what to do then.
 """
 
 import asyncio
+import re
 import socket
 import struct
 from collections.abc import Callable
@@ -18,19 +19,18 @@ from websockets.frames import CloseCode, Frame
 from websockets.protocol import State
 
 from race_server.errors import GatewayError
-from race_server.live.gateway.limits import (
-    ConnectionLimiter,
-    GatewayLimits,
-    GatewayTiming,
-    RateLimiter,
-)
+from race_server.live.gateway.connection_limiter import ConnectionLimiter, is_always_idle
+from race_server.live.gateway.limits import GatewayLimits, GatewayTiming, RateLimiter
 
 # What is used of uvicorn's classes and not overridden here: attributes and methods.
 USED_OF_WEBSOCKET = (
     *("close_sent", "conn", "curr_msg_data_type", "disconnected", "frames"),
     *("handle_parser_exception", "handshake_initiated", "loop", "scope", "transport", "writable"),
 )
-USED_OF_HTTP = ("client", "loop")
+USED_OF_HTTP = ("client", "cycle", "loop", "transport")
+# A line that ends without a carriage return, or goes on in the next: a proxy may read such a head
+# as another request. In its place h11 gets what it refuses.
+LENIENT, ILLEGAL = re.compile(rb"[^\r]\n|\n[ \t]"), b"\0\r\n\r\n"
 # Socket option: lingers for no time.
 NO_LINGER = struct.pack("ii", 1, 0)
 # The extension of the scope under which the application finds the connection of a WebSocket.
@@ -43,18 +43,33 @@ class WebSocketConnection(WebSocketsSansIOProtocol):
     on_writable: Callable[[], None] | None = None
 
     def __init__(
-        self, *args: Any, limits: GatewayLimits, timing: GatewayTiming, **named: Any
+        self,
+        *args: Any,
+        limits: GatewayLimits,
+        timing: GatewayTiming,
+        limiter: ConnectionLimiter,
+        **named: Any,
     ) -> None:
-        """Take the bounds; all else is for uvicorn."""
+        """Take the bounds; all else is for uvicorn. limiter: counts it until it is admitted."""
         super().__init__(*args, **named)
-        self._limits, self._timing = limits, timing
+        self._limits, self._timing, self._limiter = limits, timing, limiter
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Bound what may wait."""
         super().connection_made(transport)
+        self._limiter.watch(self.transport, is_always_idle)
         limits = self._limits
         self.transport.set_write_buffer_limits(high=limits.write_buffer_bytes)
         self._bytes = RateLimiter(limits.bytes_hz, "bytes", limits.burst_s)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Count the connection no longer."""
+        self.on_admitted()
+        super().connection_lost(exc)
+
+    def on_admitted(self) -> None:
+        """Count the connection no longer: from now on it counts as a browser."""
+        self._limiter.leave(self.transport)
 
     async def run_asgi(self) -> None:
         """Show the application this connection, and end it for sure after that."""
@@ -138,39 +153,67 @@ class PendingConnection(H11Protocol):
     """A connection before it becomes a WebSocket, if it does."""
 
     def __init__(
-        self, *args: Any, limiter: ConnectionLimiter, request_s: float, **named: Any
+        self,
+        *args: Any,
+        limiter: ConnectionLimiter,
+        timing: GatewayTiming,
+        refuse: Callable[[GatewayError, str], None],
+        **named: Any,
     ) -> None:
-        """Take the bounds; all else is for uvicorn. limiter: counts all of these."""
+        """Take the bounds; all else is for uvicorn.
+
+        limiter: counts all of these; refuse: is called with each request that cannot be read, and
+        the address that sent it.
+        """
         super().__init__(*args, **named)
-        self._limiter, self._request_s = limiter, request_s
-        self._host = ""
+        self._limiter, self._timing, self._refuse = limiter, timing, refuse
         self._end: asyncio.TimerHandle | None = None
+        self._has_asked = False
+        self._newest = b""  # byte
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Count the connection, if there is room, and set its timeout."""
+        """Let the limiter watch the connection, and set its first timeout."""
         super().connection_made(transport)
-        host = self.client[0] if self.client else ""
-        if not self._limiter.enter(host):
-            transport.abort()
-            return
-        self._host = host
-        self._end = self.loop.call_later(self._request_s, transport.abort)
+        self._limiter.watch(transport, self._is_idle)
+        self._end_after(self._timing.first_request_s)
+
+    def data_received(self, data: bytes) -> None:
+        """Receive, unless two programs could read it as different requests."""
+        if LENIENT.search(self._newest + data):
+            data = ILLEGAL
+        self._newest = data[-1:]
+        super().data_received(data)
+        if self.cycle is not None and not self._has_asked:
+            self._has_asked = True
+            self._end_after(self._timing.request_s)
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer a request that cannot be read; log it, but not each."""
+        self._refuse(GatewayError("malformed", msg), self.client[0] if self.client else "")
+        super().send_400_response(msg)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Count the connection no longer."""
+        self._limiter.leave(self.transport)
+        self._end_after(None)
         super().connection_lost(exc)
-        self._leave()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Count the connection no longer: WebSockets are counted when they have authenticated."""
-        self._leave()
+        """Become a WebSocket, which is counted until it is admitted and has other timeouts."""
+        self._end_after(None)
         super().handle_websocket_upgrade(event)
 
-    def _leave(self) -> None:
+    def _is_idle(self) -> bool:
+        """Return whether no answer is on its way."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def _end_after(self, seconds: float | None) -> None:
+        """Set the timeout of the connection; None for none."""
         if self._end is not None:
             self._end.cancel()
-            self._end = None
-            self._limiter.leave(self._host)
+        self._end = None
+        if seconds is not None:
+            self._end = self.loop.call_later(seconds, self.transport.abort)
 
 
 def _is_utf8(data: bytes) -> bool:

@@ -1,22 +1,22 @@
 """How much browsers may ask for, how long anything may take, and what counts it."""
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from race_server.errors import GatewayError
-from race_server.live.gateway.origins import is_loopback
 
 
 @dataclass(frozen=True)
 class GatewayLimits:
     """Bounds on what browsers cost: counts, sizes [bytes] and rates [1/s]."""
 
-    # Browsers, of all addresses and of one address that is not this machine.
+    # Browsers, of all addresses and of one that is not this machine. An IPv6 address counts as its
+    # network of 64 bits.
     browsers: int = 256
     browsers_per_address: int = 16
-    # TCP connections that are no WebSocket yet: a page and its files open a few each.
+    # TCP connections that are no browser yet: a page and its files open a few each. Beyond these
+    # the oldest idle one ends.
     connections: int = 1024
     connections_per_address: int = 64
     # Connections that wait to be accepted, and files that this process asks to open.
@@ -46,8 +46,6 @@ class GatewayLimits:
     race_messages: int = 1024
     # Resume tokens that are valid at once, of each role.
     resume_tokens: int = 1024
-    # A refusal is logged once for each reason and address, for this many of them.
-    logged_refusals: int = 1024
     # Threads that wait for the race, and threads that read recordings.
     race_threads: int = 8
     recording_threads: int = 4
@@ -62,7 +60,9 @@ class GatewayTiming:
 
     # A browser authenticates within this time.
     hello_s: float = 3.0
-    # A connection that has not become a WebSocket is closed after this time.
+    # A connection that has sent no whole request is closed after this time …
+    first_request_s: float = 10.0
+    # … and one that has not become a WebSocket, after this time.
     request_s: float = 60.0
     heartbeat_s: float = 20.0
     # A browser that has read nothing for this long is disconnected …
@@ -130,27 +130,3 @@ class RateLimiter:
                 "too-fast", f"more than {self.rate_hz:g} {self.what} a second; send fewer"
             )
         self._left -= amount
-
-
-class ConnectionLimiter:
-    """Counts open connections, in total and by address."""
-
-    def __init__(self, total: int, per_address: int) -> None:
-        """Begin with none. per_address: of an address that is not this machine."""
-        self._total, self._per_address = total, per_address
-        self._open: Counter[str] = Counter()
-
-    def enter(self, host: str) -> bool:
-        """Count a connection and return True, if there is room for it."""
-        is_full = self._open.total() >= self._total
-        crowded = self._open[host] >= self._per_address and not is_loopback(host)
-        if is_full or crowded:
-            return False
-        self._open[host] += 1
-        return True
-
-    def leave(self, host: str) -> None:
-        """Count a connection no longer."""
-        self._open[host] -= 1
-        if not self._open[host]:
-            del self._open[host]

@@ -14,7 +14,8 @@ import uvicorn
 from race_server.errors import LinkError
 from race_server.live.gateway.app import make_app
 from race_server.live.gateway.connection import PendingConnection, WebSocketConnection
-from race_server.live.gateway.limits import ConnectionLimiter, GatewayLimits
+from race_server.live.gateway.connection_limiter import BoundedSocket, ConnectionLimiter
+from race_server.live.gateway.limits import GatewayLimits
 from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.page import Page
 from race_server.live.gateway.settings import Addresses, Settings, addresses_of
@@ -80,8 +81,13 @@ class Gateway:
         settings = self._settings
         limits, timing = settings.limits, settings.timing
         limiter = ConnectionLimiter(room_for_connections(limits), limits.connections_per_address)
-        pending: Any = partial(PendingConnection, limiter=limiter, request_s=timing.request_s)
-        connection: Any = partial(WebSocketConnection, limits=limits, timing=timing)
+        self._socket.limiter = limiter
+        pending: Any = partial(
+            PendingConnection, limiter=limiter, timing=timing, refuse=state.log_refusal
+        )
+        connection: Any = partial(
+            WebSocketConnection, limits=limits, timing=timing, limiter=limiter
+        )
         app: Any = make_app(state, Page.read())
         return uvicorn.Config(
             app,
@@ -93,7 +99,7 @@ class Gateway:
             ws_per_message_deflate=False,  # snapshots hardly get smaller, for much work
             lifespan="off",
             log_config=None,
-            log_level="warning",
+            log_level="error",  # what a client does wrong is logged by `log_refusal`
             access_log=False,
             # The headers of a proxy could be sent by any client.
             proxy_headers=False,
@@ -121,11 +127,11 @@ def room_for_connections(limits: GatewayLimits) -> int:
     return min(files // 2, limits.connections)
 
 
-def _listen(settings: Settings) -> socket.socket:
+def _listen(settings: Settings) -> BoundedSocket:
     host, port, limits = settings.host, settings.port, settings.limits
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # Without TCP named here asyncio would not set TCP_NODELAY: small messages would wait 30 ms.
-    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener = BoundedSocket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         # Inherited by every connection: what waits in the kernel cannot be replaced by newer data.

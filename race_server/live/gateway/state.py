@@ -8,6 +8,7 @@ from typing import Protocol
 
 from race_server.errors import GatewayError
 from race_server.live.gateway.audience import RAYS, Outbox
+from race_server.live.gateway.connection_limiter import network_of
 from race_server.live.gateway.driver_seat import DriverSeat
 from race_server.live.gateway.frames import frame_of
 from race_server.live.gateway.library import Library
@@ -18,7 +19,7 @@ from race_server.live.gateway.rays import RayCaster
 from race_server.live.gateway.roles import ResumeTokens
 from race_server.live.gateway.settings import Settings
 from race_server.live.gateway.stewarding import Stewarding
-from race_server.logs import Log
+from race_server.logs import Log, RefusalLog
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
@@ -60,7 +61,7 @@ class GatewayState:
         self.stewarding = Stewarding(self._connect_steward, self._token, self.pool)
         self.browsers: set[Connection] = set()
         self._hosts: Counter[str] = Counter()
-        self._logged: set[tuple[str, str]] = set()
+        self._refusals = RefusalLog(log)
         self._caster: RayCaster | None = None
         self._course: CourseSheet | None = None
 
@@ -99,28 +100,27 @@ class GatewayState:
         limits = self.settings.limits
         if len(self.browsers) >= limits.browsers:
             raise GatewayError("full", f"{limits.browsers} browsers are here already; come back")
-        most = limits.browsers_per_address
-        if self._hosts[host] >= most and not is_loopback(host):
+        most, network = limits.browsers_per_address, network_of(host)
+        if self._hosts[network] >= most and not is_loopback(host):
             raise GatewayError(
                 "full", f"{most} browsers of your address are here already; close some"
             )
         self.browsers.add(browser)
-        self._hosts[host] += 1
+        self._hosts[network] += 1
 
     def remove(self, browser: Connection, host: str) -> None:
         """Remove a browser, if it was admitted."""
         if browser in self.browsers:
             self.browsers.discard(browser)
-            self._hosts[host] -= 1
-            if not self._hosts[host]:
-                del self._hosts[host]
+            network = network_of(host)
+            self._hosts[network] -= 1
+            if not self._hosts[network]:
+                del self._hosts[network]
 
     def log_refusal(self, error: GatewayError, host: str) -> None:
-        """Log a refusal, once for each reason and address."""
-        is_known = (error.code, host) in self._logged
-        if not is_known and len(self._logged) < self.settings.limits.logged_refusals:
-            self._logged.add((error.code, host))
-            self.log.warn("refused", code=error.code, address=host, why=str(error))
+        """Log a refusal, unless one for the same reason and address was logged just now."""
+        address = network_of(host)
+        self._refusals.record(error.code, address, address=address, why=str(error))
 
     # Periodic work
 

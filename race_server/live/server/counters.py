@@ -3,16 +3,17 @@
 import time
 from bisect import bisect_left
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from race_server.core.clock import TICK_S
-from race_server.logs import Log
+from race_server.errors import Reason
+from race_server.logs import Log, RefusalLog
+from race_server.session.seats import Seat
 
 # Upper ends of the bins [s]; a tick lasts 16.7 ms.
 DURATIONS = (0.0005, 0.001, 0.002, 0.003, 0.004, 0.006, 0.008, 0.012, TICK_S, 0.033, 0.1)
 LATENESSES = (0.00002, 0.00005, 0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, TICK_S, 0.1)
-# Reasons and seats are few; more than this are invented by a sender, and one line says so.
-MOST_REASONS = 256
 
 
 @dataclass
@@ -33,31 +34,22 @@ class Histogram:
         self.total += seconds
 
 
-class Refusals(Counter[str]):
-    """How many messages were refused, by reason; the first of each is logged."""
+class Refusals(Counter[Reason]):
+    """How many messages were refused, by reason."""
 
     def __init__(self, log: Log | None = None) -> None:
-        """Count from nothing. log: receives the first of each reason and seat."""
+        """Count from nothing. log: receives the first of each reason and seat, and sums."""
         super().__init__()
-        self._log = log
-        self._logged: set[tuple[str, int]] = set()
-        self._seen: Counter[tuple[str, int]] = Counter()
+        self._log = RefusalLog(log) if log else None
+        self._seen: Counter[tuple[Reason, int]] = Counter()
 
-    def record(self, reason: str, seat: int = -1, *, times: int = 1) -> None:
-        """Count a refusal; the first of its reason and seat is logged."""
+    def record(self, reason: Reason, seat: int = -1, *, times: int = 1) -> None:
+        """Count a refusal. seat: on whose key the message came, -1 for none."""
         self[reason] += times
-        row = (reason, seat)
-        if self._log is None or row in self._logged or len(self._logged) > MOST_REASONS:
-            return
-        self._logged.add(row)
-        if len(self._logged) > MOST_REASONS:
-            self._log.warn("refused for more reasons than are logged one by one")
-        elif seat >= 0:
-            self._log.warn("refused for the first time", reason=reason, seat=seat)
-        else:
-            self._log.warn("refused for the first time", reason=reason)
+        if self._log is not None:
+            self._log.record(reason, seat, times=times, **({"seat": seat} if seat >= 0 else {}))
 
-    def record_dropped(self, dropped: Counter[tuple[str, int]]) -> None:
+    def record_dropped(self, dropped: Counter[tuple[Reason, int]]) -> None:
         """Count what a link has dropped since the last call. dropped: by reason and seat."""
         for (reason, seat), total in list(dropped.items()):
             if new := total - self._seen[reason, seat]:
@@ -89,6 +81,13 @@ class Counters:
         self.duration.record(duration_s)
         self.lateness.record(lateness_s)
         self.missed = missed
+
+    def record_silence(self, seats: Iterable[Seat], ticks: int) -> None:
+        """Count ticks of a race, and those for seats without a fresh control. seats: taken ones."""
+        self.ticks += ticks
+        for seat in seats:
+            if seat.silence:
+                self.silent[seat.number] += ticks
 
     def record_control(self, seat: int, before: int, sequence: int) -> None:
         """Count a control that was received. before: sequence of the one received before it."""

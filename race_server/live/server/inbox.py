@@ -3,7 +3,7 @@
 from race_server.errors import WireError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters
-from race_server.live.server.requests import RequestHandler, reason_of
+from race_server.live.server.requests import RequestHandler
 from race_server.net.transport import ServerLink
 from race_server.net.wire.drive import decode_control
 from race_server.net.wire.pose import decode_pose
@@ -50,7 +50,7 @@ class Inbox:
                 seat, frame.epoch, frame.sequence, frame.tick, frame.control
             )
         except WireError as error:
-            self._counters.refused.record(reason_of(error), seat)
+            self._counters.refused.record(error.reason, seat)
         else:
             self._counters.record_control(seat, before, frame.sequence)
 
@@ -67,4 +67,4 @@ class Inbox:
                 buttons=frame.buttons,
             )
         except WireError as error:
-            self._counters.refused.record(reason_of(error), seat)
+            self._counters.refused.record(error.reason, seat)

@@ -1,13 +1,14 @@
 """The race server: receives from the seats, advances the race, publishes. Read `run` first."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from race_server.core.clock import Pacer, ticks_of
-from race_server.core.driver import driver_named
 from race_server.core.messages import Event
-from race_server.errors import DriverError, SeatError
+from race_server.errors import DriverError, Reason, SeatError
+from race_server.live.driver_processes import DriverProcesses
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters, Refusals
 from race_server.live.server.inbox import Inbox
@@ -19,6 +20,8 @@ from race_server.live.server.session_log import SessionLog
 from race_server.live.server.steward import Steward
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import no_garbage_collected
+from race_server.live.suspects import Suspects
+from race_server.live.watchdog import Watchdog
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.session import Session
@@ -45,6 +48,9 @@ class RaceServer:
     log: Log | None = None
     amended: Callable[[RaceResult], None] = lambda _: None  # called if stewards change a result
     timing: ServerTiming = field(default_factory=ServerTiming)
+    watchdog: Watchdog = field(default_factory=Watchdog)
+    suspects: Suspects = field(default_factory=Suspects)
+    processes: DriverProcesses = field(default_factory=DriverProcesses)  # of fillers kept apart
     missed_ticks: int = 0
     events: list[Event] = field(default_factory=list)
 
@@ -54,17 +60,13 @@ class RaceServer:
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
         self._session_log = SessionLog(session, self.counters, self.log, timing)
-        self._local_drivers = LocalDrivers(session)
+        self._local_drivers = LocalDrivers(session, self.suspects)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
         self._publisher = Publisher(session, self.link, self._persistence, orders_s=timing.orders_s)
         self._steward = Steward(session, self.token, self._penalise_late)
+        refused, announced = self.counters.refused, self._persistence.announced
         self._requests = RequestHandler(
-            session,
-            self.link,
-            self._steward,
-            self.counters.refused,
-            self._persistence.announced,
-            timing.show_up_s,
+            session, self.link, self._steward, refused, announced, timing.show_up_s
         )
         self.inbox = Inbox(session, self.link, self._requests, self._local_drivers, self.counters)
         self._result: RaceResult | None = None  # of the last race, until the next one begins
@@ -76,12 +78,24 @@ class RaceServer:
         """Wait until `drivers` drivers are ready, race, and return the result.
 
         A server that is stopped in the lobby has no result.
+
+        Raises:
+            DriverError: there are fillers, and no driver at all.
         """
         self.wait_in_lobby(drivers)
+        self._fill()
+        self.wait_in_lobby(drivers)
+        return None if self._stop else self._begin_again(self.race())
+
+    def _fill(self) -> None:
+        """Give the free seats to the drivers of the server, and wait until they are ready."""
         if self._stop:
-            return None
-        self._local_drivers.fill(self.fillers)
-        return self._begin_again(self.race())
+            return
+        apart = self.processes.fill(self.session, self.fillers)
+        self._local_drivers.fill(self.fillers, but=apart)
+        self._wait_until(lambda: not self.processes.are_coming(self.session))
+        if self.fillers and not self._stop and not self.session.seats.taken():
+            raise DriverError(f"no driver of {', '.join(self.fillers)} can take part; see the log")
 
     def _begin_again(self, result: RaceResult) -> RaceResult:
         """Race again with the same drivers each time that the steward restarts the race."""
@@ -90,7 +104,7 @@ class RaceServer:
             self.reopen()
             for seat in self.session.seats:
                 seat.is_ready = seat.is_taken
-            self._local_drivers.fill(self.fillers)
+            self._fill()
             result = self.race()
         return result
 
@@ -102,6 +116,8 @@ class RaceServer:
         """Go back to the lobby after a race; the seats that were filled are free again."""
         self.session.reopen()
         self._local_drivers.clear()
+        for seat in self.processes.end():
+            self.session.drop(seat)
         self._publisher.publish_standings()
 
     def see_off(self, review_s: float = 0.0) -> None:
@@ -114,24 +130,31 @@ class RaceServer:
         while not self._stop and (now := time.monotonic()) < begun + limit_s:
             self.poll()
             is_reviewed = now >= begun + review_s
-            if is_reviewed and not any(self._is_linked(seat) for seat in self.session.seats):
+            linked = (seat for seat in self.session.seats.taken() if seat.is_present)
+            if is_reviewed and all(seat.number in self._local_drivers for seat in linked):
                 return
             if now > again:
                 again = now + timing.repeat_s
                 self._publish_observations()
             self.link.wait(timing.poll_s)
 
-    def _is_linked(self, seat: Seat) -> bool:
-        return seat.is_taken and seat.is_present and seat.number not in self._local_drivers
-
     def wait_in_lobby(self, drivers: int) -> None:
         """Serve the lobby until `drivers` seats are taken and all their drivers are ready."""
-        while not self._stop:
-            self.poll()
+
+        def can_start() -> bool:
             self.counters.refused.record_dropped(self.link.dropped)
             self._requests.free_deserted_seats()
-            taken = sum(seat.is_taken for seat in self.session.seats)
-            if taken >= drivers and (taken == 0 or self.session.can_start()):
+            taken = len(self.session.seats.taken())
+            return taken >= drivers and (taken == 0 or self.session.can_start())
+
+        self._wait_until(can_start)
+
+    def _wait_until(self, is_so: Callable[[], bool], timeout_s: float = math.inf) -> None:
+        """Receive until a condition holds, the time is over, or the server is stopped."""
+        deadline = time.monotonic() + timeout_s
+        while not self._stop and time.monotonic() < deadline:
+            self.poll()
+            if is_so():
                 return
             self.link.wait(self.timing.poll_s)
 
@@ -150,23 +173,16 @@ class RaceServer:
         self._persistence.resume(recording)
         for row in recording.start.seats:
             if row.is_local:
-                self._local_drivers.readmit(row.driver, driver_named(row.driver), row.number)
+                self._local_drivers.readmit(row.driver, row.number)
             else:
                 # As it is now: a driver that was sent away has none.
                 self.link.holders.admit(row.number, self.session.seats[row.number].key)
         if self.pace == LOCKSTEP:
-            self._wait_for_return()
+            # The world must not run away from drivers that are coming back.
+            taken = self.session.seats.taken
+            self._wait_until(lambda: all(seat.is_present for seat in taken()), self.timing.answer_s)
         self.session.tracked_karts.resume(self.session.world, _now_us())
         return self._begin_again(self._race_on(events))
-
-    def _wait_for_return(self) -> None:
-        """Wait until all drivers are back; in lockstep the world must not run away from them."""
-        deadline = time.monotonic() + self.timing.answer_s
-        while not self._stop and time.monotonic() < deadline:
-            self.poll()
-            if all(seat.is_present for seat in self.session.seats if seat.is_taken):
-                return
-            self.link.wait(self.timing.poll_s)
 
     def _race_on(self, events: list[Event]) -> RaceResult:
         self.events = events
@@ -181,20 +197,15 @@ class RaceServer:
             # Without its end: the server that replaces this one resumes the race.
             self._persistence.leave()
             raise
+        finally:
+            self.watchdog.rest()
         self._announce(wait=True)
         self._persistence.close()
         self._publish_observations()
         self._publisher.publish_snapshot()
         self._publisher.publish_standings()
-        result = RaceResult(
-            self.session.digest(),
-            self.session.tick,
-            self.session.standings(),
-            self.events,
-            self.missed_ticks,
-            self.refusals(),
-            self.session.tracked_karts.figures(_now_us()),
-        )
+        refused, now_us = self.refusals(), _now_us()
+        result = RaceResult.of(self.session, self.events, self.missed_ticks, refused, now_us)
         self._session_log.close(result)
         self._result = result
         return result
@@ -206,7 +217,7 @@ class RaceServer:
             SeatError: there is no result, or no driver raced on that seat.
         """
         if self._result is None:
-            raise SeatError("no race is on, and there is none whose result could be changed")
+            raise SeatError("no race is on, and none is over: no result to change", Reason.DECISION)
         driver = self._result.driver_on(seat)
         events = self.session.race_control.penalise_late(seat, seconds)
         self._result = self._result.amended(self.session.table(), events)
@@ -224,7 +235,7 @@ class RaceServer:
     def refusals(self) -> dict[str, int]:
         """Return how many messages were refused, by reason."""
         self.counters.refused.record_dropped(self.link.dropped)
-        return dict(self.counters.refused)
+        return {reason.value: times for reason, times in self.counters.refused.items()}
 
     def _race_in_real_time(self) -> None:
         pacer = Pacer()
@@ -275,7 +286,7 @@ class RaceServer:
         """Advance the race, record what happened, and publish it."""
         before = self.session.tick
         events = self.session.advance(ticks)
-        self._count_silence(ticks)
+        self.counters.record_silence(self.session.seats.taken(), ticks)
         self.events += events
         self._persistence.record(before, events)
         # In real time no tick waits for the disk. In lockstep the world does, as for a driver.
@@ -288,12 +299,6 @@ class RaceServer:
     def _announce(self, *, wait: bool) -> None:
         for events in self._persistence.released(wait=wait):
             self._publisher.publish_events(events)
-
-    def _count_silence(self, ticks: int) -> None:
-        self.counters.ticks += ticks
-        for seat in self.session.seats:
-            if seat.silence and seat.is_taken:
-                self.counters.silent[seat.number] += ticks
 
     # What is received and sent
 
@@ -320,6 +325,7 @@ class RaceServer:
     def poll(self) -> None:
         """Receive all that has come, and log what has changed."""
         self.counters.turned_at = time.monotonic()
+        self.watchdog.turn()
         self._session_log.poll(self.counters.turned_at)
         self.inbox.drain()
 
@@ -335,7 +341,7 @@ class RaceServer:
         try:
             control = self._local_drivers.answer(seat.number)
         except DriverError:
-            self.counters.refused.record(f"driver {seat.driver} failed", seat.number)
+            self.counters.refused.record(Reason.DRIVER, seat.number)
             self.session.drop(seat.number)
             return
         self.inbox.receive_control(seat.number, control)

@@ -127,7 +127,9 @@ def answer_of(server: RaceServer) -> _Answer:
             return metrics(environ, start_response)
         if path == "/healthz":
             reason = server.counters.stillness(server.timing.still_s)
-            status, text = ("503 Service Unavailable", reason) if reason else ("200 OK", "ok")
+            status, text = "200 OK", "ok"
+            if reason:
+                status, text = "503 Service Unavailable", reason + server.watchdog.outlook
         else:
             status, text = "404 Not Found", "there are /metrics and /healthz"
         start_response(status, [("Content-Type", "text/plain; charset=utf-8")])

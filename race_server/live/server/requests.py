@@ -1,13 +1,12 @@
 """Answers to requests, and whose link is there."""
 
-import re
 import time
 from collections.abc import Callable, Iterable
 
 from race_server.core.messages import Event, Phase
 from race_server.core.rules.items import items
 from race_server.credentials import key_of
-from race_server.errors import SeatError, WireError
+from race_server.errors import Reason, SeatError, WireError
 from race_server.live.local_drivers import briefing_for
 from race_server.live.server.counters import Refusals
 from race_server.live.server.publisher import standings_of
@@ -30,8 +29,6 @@ from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.session import Session
 from race_server.session.seats import Seat
-
-_QUOTED = re.compile(r"""b?(['"]).*?(?<!\\)\1""", re.DOTALL)
 
 
 class RequestHandler:
@@ -65,7 +62,7 @@ class RequestHandler:
         try:
             request.answer(self._answer_to(request))
         except (WireError, SeatError) as error:
-            self._refused.record(reason_of(error), request.seat)
+            self._refused.record(error.reason, request.seat)
             request.answer(encode_reply(str(error)))
 
     def receive_presence(self, seat: int, *, is_there: bool) -> None:
@@ -113,7 +110,8 @@ class RequestHandler:
         if join.version != PROTOCOL:
             raise SeatError(
                 f"the server speaks protocol {PROTOCOL}, the driver {join.version}: "
-                "install the same version of race-server on both sides"
+                "install the same version of race-server on both sides",
+                Reason.VERSION,
             )
         wanted = _agreed(request.seat, join.wanted)
         session.replay_guard.check(key_of(join.secret), join.serial)
@@ -135,7 +133,7 @@ class RequestHandler:
         act = decode_seat_act(request.payload)
         seat = self._session.seat(_agreed(request.seat, act.seat))
         if not seat.fits(act.secret):
-            raise SeatError(f"seat {act.seat} is not yours: the secret does not fit")
+            raise SeatError(f"seat {act.seat} is not yours: the secret does not fit", Reason.SECRET)
         self._session.replay_guard.check(key_of(act.secret), act.serial)
         self._session.grant(act.secret, act.serial)
         if request.topic is topics.LEAVE:
@@ -164,14 +162,8 @@ def _agreed(named: int, claimed: int) -> int:
         SeatError: the message claims another.
     """
     if named >= 0 and claimed not in {-1, named}:
-        raise SeatError(f"the request claims seat {claimed}, but came on the key of seat {named}")
+        raise SeatError(
+            f"the request claims seat {claimed}, but came on the key of seat {named}",
+            Reason.OTHER_SEAT,
+        )
     return named if named >= 0 else claimed
-
-
-def reason_of(error: Exception) -> str:
-    """Return what kind of refusal an error is, without what differs each time.
-
-    Nothing that a sender makes up may get into it: each kind is counted on its own.
-    """
-    words = _QUOTED.sub("", str(error)).split(":", 1)[0]
-    return " ".join(word for word in words.split() if not any(c.isdigit() for c in word))[:60]

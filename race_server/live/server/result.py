@@ -9,6 +9,7 @@ from typing import Any
 
 from race_server.core.messages import Event, Standing
 from race_server.errors import SeatError
+from race_server.session import Session
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,26 @@ class RaceResult:
     missed_ticks: int
     refused: dict[str, int]  # messages, by reason
     tracked: list[dict[str, Any]] = field(default_factory=list)  # links of real karts
+
+    @classmethod
+    def of(
+        cls,
+        session: Session,
+        events: list[Event],
+        missed_ticks: int,
+        refused: dict[str, int],
+        now_us: int,
+    ) -> "RaceResult":
+        """Return the result of a session's race as it is now. now_us: of the real karts' clock."""
+        return cls(
+            session.digest(),
+            session.tick,
+            session.standings(),
+            events,
+            missed_ticks,
+            refused,
+            session.tracked_karts.figures(now_us),
+        )
 
     def driver_on(self, seat: int) -> str:
         """Return the name of the driver who raced on a seat.

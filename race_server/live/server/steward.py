@@ -6,7 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from race_server.core.messages import Flag
-from race_server.errors import SeatError
+from race_server.errors import Reason, SeatError
 from race_server.net.wire.admin import Decision
 from race_server.session import Session
 
@@ -17,7 +17,7 @@ MOST_PENALTY_S = 600.0
 
 
 def _refuse_late(_seat: int, _seconds: float) -> str:
-    raise SeatError("no race is on")
+    raise SeatError("no race is on", Reason.DECISION)
 
 
 class Steward:
@@ -49,7 +49,7 @@ class Steward:
         """
         fits = secrets.compare_digest(decision.token.encode(), self._token.encode())
         if not self._token or not fits:
-            raise SeatError("only the steward may do that: the token does not fit")
+            raise SeatError("only the steward may do that: the token does not fit", Reason.STEWARD)
 
     def decide(self, decision: Decision) -> None:
         """Carry out a decision.
@@ -59,11 +59,16 @@ class Steward:
         """
         self.check(decision)
         if decision.challenge != self.challenge:
-            raise SeatError("that decision was taken already, or another one came first: ask again")
+            raise SeatError(
+                "that decision was taken already, or another one came first: ask again",
+                Reason.AGAIN,
+            )
         act = _ACTS.get(decision.act)
         if act is None:
             known = ", ".join(_ACTS)
-            raise SeatError(f"a steward cannot {decision.act!r}; choose one of {known}")
+            raise SeatError(
+                f"a steward cannot {decision.act!r}; choose one of {known}", Reason.DECISION
+            )
         self.challenge = secrets.randbits(63) | 1
         sentence = act(self, decision)
         when = datetime.now(UTC).isoformat(timespec="milliseconds")
@@ -76,7 +81,7 @@ class Steward:
             flag = Flag(int(decision.value))
         except ValueError as error:
             raise SeatError(
-                f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red"
+                f"flag {decision.value:g} is unknown; 0 green, 1 yellow, 2 red", Reason.DECISION
             ) from error
         self._session.race_control.show_flag(flag)
         return f"{flag.name.lower()} flag"
@@ -94,7 +99,8 @@ class Steward:
         if not 0.0 < decision.value <= MOST_PENALTY_S:
             raise SeatError(
                 f"a penalty of {decision.value:g} s: give more than 0 and at most "
-                f"{MOST_PENALTY_S:g} s"
+                f"{MOST_PENALTY_S:g} s",
+                Reason.DECISION,
             )
         sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
         if not self._session.is_on:
@@ -125,7 +131,7 @@ class Steward:
     def _need_race(self) -> None:
         if not self._session.is_on:
             phase = self._session.phase.name.lower()
-            raise SeatError(f"no race is on: the session is in phase {phase}")
+            raise SeatError(f"no race is on: the session is in phase {phase}", Reason.DECISION)
 
 
 _ACTS: dict[str, Callable[[Steward, Decision], str]] = {

@@ -1,4 +1,4 @@
-"""A supervisor that starts a process again when a signal kills it or an exception ends it.
+"""A supervisor that starts a process again when a signal, an exception or its watchdog ends it.
 
 The supervisor has everything loaded and compiled before it forks, so the next process works within
 milliseconds. It holds no file, lock or network connection itself.
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from race_server.live.watchdog import HUNG, HUNG_S
 from race_server.terminal import say
 
 # A process that ends sooner than this after its start, this many times in a row, is given up.
@@ -24,6 +25,8 @@ MOST_QUICK = 5
 STEADY_S = 60.0
 # Exit status of a process that an exception ended: EX_SOFTWARE of sysexits.h.
 FAILED = 70
+# Ends without a signal after which a process is replaced.
+_ENDS = {FAILED: "ended by an exception", HUNG: "ended: its loop hung"}
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
@@ -31,15 +34,20 @@ _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 class Past:
     """How the processes before this one ended."""
 
-    ended: int = 0  # killed by a signal, or ended by an exception
+    ended: int = 0  # by a signal, an exception or the watchdog
     failures: int = 0  # the last of these in a row that an exception ended within `STEADY_S`
 
 
-def supervised(work: Callable[[Past], int], tell: Callable[[str], None]) -> int:
+def supervised(
+    work: Callable[[Past], int],
+    tell: Callable[[str], None],
+    on_end: Callable[[int], None] = lambda _: None,
+) -> int:
     """Do the work in a child process and return its exit status.
 
-    A process that is killed by a signal, or ended by an exception, is replaced at once, unless it
-    was asked to end. A status that the work returns is final.
+    A process that a signal, an exception or its watchdog ended is replaced at once, unless it was
+    asked to end. A status that the work returns is final. on_end: receives the status of each
+    process, negative for a signal.
     """
     quick, past = 0, Past()
     while True:
@@ -49,13 +57,15 @@ def supervised(work: Callable[[Past], int], tell: Callable[[str], None]) -> int:
             _work_and_exit(partial(work, past))
         status, asked = _wait_for(child)
         code = os.waitstatus_to_exitcode(status)
-        if asked or (code >= 0 and code != FAILED):
+        on_end(code)
+        if asked or (code >= 0 and code not in _ENDS):
             return max(code, 0)
         lasted_s = time.monotonic() - begun
         has_failed = code == FAILED and lasted_s < STEADY_S
         past = Past(past.ended + 1, past.failures + 1 if has_failed else 0)
-        quick = quick + 1 if lasted_s < QUICK_S else 0
-        how = f"killed by {signal.Signals(-code).name}" if code < 0 else "ended by an exception"
+        is_quick = lasted_s < (2 * HUNG_S if code == HUNG else QUICK_S)
+        quick = quick + 1 if is_quick else 0
+        how = _ENDS.get(code) or f"killed by {signal.Signals(-code).name}"
         if quick >= MOST_QUICK:
             tell(f"the server was {how} {quick} times in a row; it is not started again")
             return 1
@@ -69,7 +79,7 @@ def _work_and_exit(work: Callable[[], int]) -> None:
     try:
         code = work()
     except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else 1
+        code = end.code if isinstance(end.code, int) else 2
     except BaseException:
         # Where the log goes the disk may be full, or its reader gone.
         with contextlib.suppress(OSError):
@@ -86,8 +96,9 @@ def _wait_for(child: int) -> tuple[int, bool]:
     asked: list[int] = []
 
     def pass_on(number: int, _frame: object) -> None:
+        # The first signal asks; a process that hangs does not hear it, so the second one ends it.
+        os.kill(child, signal.SIGKILL if asked else number)
         asked.append(number)
-        os.kill(child, number)
 
     before = {number: signal.signal(number, pass_on) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

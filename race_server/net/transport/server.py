@@ -11,7 +11,7 @@ from typing import Any
 
 import zenoh
 
-from race_server.errors import LinkError
+from race_server.errors import LinkError, Reason
 from race_server.net.auth.access import common_name, seat_name
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.seat_owners import SeatOwners
@@ -30,11 +30,9 @@ from race_server.net.wire.topics import Topic, key_of
 # A driver that falls silent may log in once more between these times: its link has stalled.
 STALLED_S, GIVEN_UP_S = 2.0, 30.0
 _WITHOUT_BADGE = {
-    topics.CONTROL: "control without the seat's badge",
-    topics.POSE: "pose without the seat's badge",
+    topics.CONTROL: Reason.CONTROL_BADGE,
+    topics.POSE: Reason.POSE_BADGE,
 }
-# The reason under which failures of callbacks are counted.
-FAILED = "message that a callback failed on"
 # More unanswered requests on one key are dropped, and time out.
 MOST_QUERIES = 8
 # At most this many requests are answered at once; the others wait for the next tick.
@@ -91,7 +89,7 @@ class ServerLink(Link):
         self.address = address
         self.holders = SeatOwners(seats)
         self.is_open = keys is not None
-        self.dropped: Counter[tuple[str, int]] = Counter()  # by reason and seat
+        self.dropped: Counter[tuple[Reason, int]] = Counter()  # by reason and seat
         self._name = session_name
         self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys
         self._heard_s = [-math.inf] * seats  # when the newest message of each seat came
@@ -112,7 +110,7 @@ class ServerLink(Link):
             try:
                 store(news)
             except Exception:
-                self.dropped[FAILED, -1] += 1
+                self.dropped[Reason.CALLBACK, -1] += 1
 
         return call
 
@@ -133,20 +131,20 @@ class ServerLink(Link):
     def _check(self, topic: Topic, seat: int) -> Check:
         """Return what checks that a message shows the badge of its seat's holder."""
 
-        def fault_of(sample: zenoh.Sample) -> str:
+        def fault_of(sample: zenoh.Sample) -> Reason | None:
             badge = sample.attachment
             if badge is None or not self.holders.is_holder(seat, badge.to_bytes()):
                 return _WITHOUT_BADGE[topic]
-            return "oversized" if len(sample.payload) > topic.most_bytes else ""
+            return Reason.OVERSIZED if len(sample.payload) > topic.most_bytes else None
 
         def check(sample: zenoh.Sample) -> bytes | None:
             try:
                 fault, data = fault_of(sample), b""
                 if not fault:
                     data = sample.payload.to_bytes()
-                    fault = "foreign" if data[4:8] != topic.identifier else ""
+                    fault = Reason.FOREIGN if data[4:8] != topic.identifier else None
             except Exception:
-                self.dropped[FAILED, -1] += 1
+                self.dropped[Reason.CALLBACK, -1] += 1
                 return None
             if fault:
                 self.dropped[fault, seat] += 1
@@ -161,15 +159,15 @@ class ServerLink(Link):
             key = str(query.key_expr)
             seat = self._seat_in(topic, key)
             if seat is None:
-                self.dropped["request on no key of ours", -1] += 1
+                self.dropped[Reason.UNKNOWN_KEY, -1] += 1
                 return
             payload = query.payload.to_bytes() if query.payload is not None else b""
             if len(payload) > topic.most_bytes:
-                self.dropped["oversized", seat] += 1
+                self.dropped[Reason.OVERSIZED, seat] += 1
                 return
             waiting = self._requests.setdefault(key, deque())
             if len(waiting) >= MOST_QUERIES:
-                self.dropped["too many requests", seat] += 1
+                self.dropped[Reason.TOO_MANY, seat] += 1
                 return
             waiting.append(Request(topic, seat, payload, query))
             self._arrived.set()
@@ -191,7 +189,7 @@ class ServerLink(Link):
             if seat is None:
                 return
             if not self.holders.note_link(seat, badge.encode(), is_there=is_there):
-                self.dropped["second login", seat] += 1
+                self.dropped[Reason.SECOND_LOGIN, seat] += 1
             self._arrived.set()
 
         key = key_of(topics.ALIVE, self._name, topics.EVERY)
@@ -214,7 +212,7 @@ class ServerLink(Link):
                 silent_s = time.monotonic() - self._heard_s[owners[name]]
                 has_stalled = STALLED_S < silent_s < GIVEN_UP_S
                 if is_new and open_links[name] > 1 and not has_stalled:
-                    self.dropped["second login", owners[name]] += 1
+                    self.dropped[Reason.SECOND_LOGIN, owners[name]] += 1
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
 

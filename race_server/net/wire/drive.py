@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.messages import Button, Control, Flag, PoseFault, Trust
-from race_server.errors import WireError
+from race_server.errors import Reason, WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.drive import Control as ControlStruct
 from race_server.net.wire.generated.drive import ControlMessage, Effect, Hud, SeatObservation
@@ -130,9 +130,11 @@ def decode_control(data: bytes) -> ControlFrame:
     epoch, sequence, tick, steering, throttle, brake, buttons = CONTROL.unpack_from(data, place)
     # Comparisons with NaN are false, so NaN is refused here too.
     if not (-1.0 <= steering <= 1.0 and -1.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0):
-        raise WireError(f"control out of range: {steering}, {throttle}, {brake}")
+        raise WireError(
+            f"control out of range: {steering}, {throttle}, {brake}", Reason.OUT_OF_RANGE
+        )
     if buttons > _KNOWN_BUTTONS:
-        raise WireError(f"unknown buttons {buttons:#x}")
+        raise WireError(f"unknown buttons {buttons:#x}", Reason.OUT_OF_RANGE)
     return ControlFrame(epoch, sequence, tick, Control(steering, throttle, brake, Button(buttons)))
 
 

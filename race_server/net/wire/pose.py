@@ -8,7 +8,7 @@ from functools import cache
 import flatbuffers
 
 from race_server.core.messages import Button, Pose, Source
-from race_server.errors import WireError
+from race_server.errors import Reason, WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.drive import Pose as PoseStruct
 from race_server.net.wire.generated.drive import PoseMessage
@@ -80,12 +80,14 @@ def decode_pose(data: bytes) -> PoseFrame:
     values, buttons, source = row[5:14], row[14], row[15]
     # Comparisons with NaN are false, so NaN is refused here too.
     if not all(-most <= value <= most for value, most in zip(values, _HIGHEST, strict=True)):
-        raise WireError(f"pose out of range: {values}")
+        raise WireError(f"pose out of range: {values}", Reason.OUT_OF_RANGE)
     if values[7] < 0.0 or values[8] < 0.0:
-        raise WireError(f"pose out of range: deviation {values[7]}, quality {values[8]}")
+        raise WireError(
+            f"pose out of range: deviation {values[7]}, quality {values[8]}", Reason.OUT_OF_RANGE
+        )
     if buttons > Button.USE_ITEM:
-        raise WireError(f"unknown buttons {buttons:#x}")
+        raise WireError(f"unknown buttons {buttons:#x}", Reason.OUT_OF_RANGE)
     if source > max(Source):
-        raise WireError(f"unknown source {source}")
+        raise WireError(f"unknown source {source}", Reason.OUT_OF_RANGE)
     pose = Pose(*(row[0], *values, Source(source), row[1]))
     return PoseFrame(row[2], row[3], row[4], pose, Button(buttons))

@@ -8,7 +8,7 @@ import math
 import struct
 from dataclasses import dataclass
 
-from race_server.errors import WireError
+from race_server.errors import Reason, WireError
 
 U32 = struct.Struct("<I")
 I32 = struct.Struct("<i")
@@ -112,11 +112,11 @@ def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     """
     size = len(data)
     if size > most:
-        raise WireError(f"message of {size} bytes; at most {most} are allowed")
+        raise WireError(f"message of {size} bytes; at most {most} are allowed", Reason.OVERSIZED)
     if size < 12:
         raise WireError(f"message of {size} bytes is too short")
     if data[4:8] != identifier:
-        raise WireError(f"message is {data[4:8]!r}, expected {identifier!r}")
+        raise WireError(f"message is {data[4:8]!r}, expected {identifier!r}", Reason.FOREIGN)
     position = int(U32.unpack_from(data, 0)[0])
     if position < 8 or position + 4 > size:
         raise WireError("root leaves the message")

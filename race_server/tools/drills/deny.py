@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from race_server.errors import LinkError
-from race_server.logs import Log
+from race_server.errors import LinkError, Reason
+from race_server.logs import FIRST, Log
 from race_server.net.auth.settings import ListenSettings, check_listen_settings
 from race_server.tools.drills import logins, messages, requests
 from race_server.tools.drills.report import Finding, matrix_of
@@ -67,9 +67,11 @@ def _closed_doors() -> Iterator[Finding]:
 def _told_once(log: str) -> Finding:
     """Return whether each kind of refusal has one line in the log."""
     rows = [json.loads(line) for line in log.splitlines()]
-    told = [f"{r['reason']} of {r.get('seat')}" for r in rows if r["event"].startswith("refused")]
+    told = [f"{r['reason']} of {r.get('seat')}" for r in rows if r["event"] == FIRST]
     twice = sorted({words for words in told if told.count(words) > 1})
-    missing = [word for word in ("second login", "again") if not any(word in x for x in told)]
+    missing = [
+        word for word in (Reason.SECOND_LOGIN, Reason.AGAIN) if not any(word in x for x in told)
+    ]
     seen = f"{len(told)} lines"
     seen += f", twice: {twice}" if twice else ""
     seen += f", missing: {missing}" if missing else ""

@@ -13,7 +13,7 @@ from typing import Any
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
-from race_server.errors import RaceError
+from race_server.errors import RaceError, Reason
 from race_server.tools.drills.damage import decode_all
 from race_server.tools.drills.report import document_of
 from race_server.tools.drills.server_process import (
@@ -35,7 +35,7 @@ INSIDERS = 2
 # Time of the attack in which an honest driver had no fresh control: some is normal.
 SILENT_SHARE = 0.05
 # Refusals that the attack must have caused, or it did not arrive.
-MUST_MEET = ("control without the seat's badge", "pose without the seat's badge")
+MUST_MEET = (Reason.CONTROL_BADGE, Reason.POSE_BADGE)
 
 
 def drill_hostile(
@@ -91,7 +91,7 @@ def _attack(
     if "Traceback" in said or "callback error" in said:
         faults.append("the server or a driver has printed an exception")
     unmet = [reason for reason in MUST_MEET if not document["refused"].get(reason)]
-    faults += [f"nothing was refused as {reason!r}: the attack did not arrive" for reason in unmet]
+    faults += [f"nothing was refused as {reason}: the attack did not arrive" for reason in unmet]
     return _compare(before, middle, after, faults) | {
         "sent": sent,
         "laps": sum(kart["laps"] for kart in document["karts"]),

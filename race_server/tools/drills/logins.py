@@ -11,7 +11,7 @@ from typing import Any
 import zenoh
 
 from race_server.core.messages import Control
-from race_server.errors import KeysError
+from race_server.errors import KeysError, Reason
 from race_server.net.auth.issue import Order, issue_keys
 from race_server.net.auth.keys import ClientKeys, read_client_keys
 from race_server.net.wire.drive import ControlFrame, encode_control
@@ -87,7 +87,7 @@ def try_double_login(scene: Scene) -> None:
     session, server = scene.served.server.session, scene.served.server
     with Intruder(scene.served.address, scene.served.keys("seat-0")) as thief:
         time.sleep(SETTLE_S)
-        noted = server.link.dropped["second login", 0]
+        noted = server.link.dropped[Reason.SECOND_LOGIN, 0]
         scene.allow("a second login is noted", "" if noted else "it was not")
         answer = thief.ask(key("q/join/0"), encode_join(Join("thief", "track", 0)))
         scene.deny("join with copied keys", "" if refusal_of(answer) else "not refused")

@@ -4,6 +4,7 @@ import time
 
 from race_server.core.messages import Control
 from race_server.credentials import badge_of
+from race_server.errors import Reason
 from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.tools.drills.intruder import SETTLE_S, Ears, Intruder, key
@@ -129,9 +130,9 @@ def try_limits(scene: Scene) -> None:
         arrived = any(len(payload) > MEGABYTES for payload in scene.arrived.heard)
         scene.deny("control of 3 MB in shared memory", "reached the server" if arrived else "")
     with _as(scene, "seat-2") as seat:
-        before = scene.served.server.link.dropped["foreign", 2]
+        before = scene.served.server.link.dropped[Reason.FOREIGN, 2]
         _send_fast(seat, own, badge)
-        passed = scene.served.server.link.dropped["foreign", 2] - before
+        passed = scene.served.server.link.dropped[Reason.FOREIGN, 2] - before
         most = round(1.1 * topics.CONTROL_HZ * FAST_S)
         seen = "" if 0 < passed <= most else f"{passed} of {FAST_HZ * FAST_S:g} came through"
         scene.deny(f"{FAST_HZ} controls a second", seen)

@@ -20,6 +20,7 @@ from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.tools.drills.browsers import RATE, socket_of, welcomed
 from race_server.tools.drills.load import LATENESS, MISSED, load_clients
+from race_server.tools.drills.raw_requests import crowd_in, smuggle
 from race_server.tools.drills.report import Finding, matrix_of
 from race_server.tools.drills.server_process import (
     SESSION,
@@ -162,6 +163,8 @@ def _misdeeds(base: str, token: str) -> list[Any]:
         _try("rubbish instead of text", base, watch, "malformed", then="\0{[rubbish"),
         _try("rubbish instead of a control", base, watch, "malformed", then=os.urandom(200)),
         _try("a thousand messages at once", base, watch, "too-fast"),
+        smuggle(base),
+        crowd_in(base),
     ]
 
 

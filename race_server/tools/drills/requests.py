@@ -1,7 +1,7 @@
 """Forbidden requests: for seats of others, forged, repeated, and those of the steward."""
 
 from race_server.core.messages import Flag
-from race_server.errors import SeatError
+from race_server.errors import Reason, SeatError
 from race_server.live.client.steward import StewardClient
 from race_server.net.wire import topics
 from race_server.net.wire.admin import Decision, decode_log, encode_decision
@@ -16,6 +16,8 @@ from race_server.net.wire.lobby import (
 )
 from race_server.tools.drills.intruder import Intruder, key
 from race_server.tools.drills.scene import Scene
+
+INVENTIONS = "abcdefgh"
 
 
 def refusal_of(answer: bytes | None) -> str:
@@ -89,6 +91,18 @@ def try_forgery(scene: Scene) -> None:
         ):
             _allow(scene, f"{act} with a new serial", seat.ask(name, data))
             _deny(scene, f"the same {act} again", seat.ask(name, data))
+        _try_invention(scene, seat)
+
+
+def _try_invention(scene: Scene, seat: Intruder) -> None:
+    """Try to have refusals counted under words of the sender: each has an escaped quote."""
+    refused = scene.served.server.counters.refused
+    before = set(refused)
+    for letter in INVENTIONS:
+        seat.ask(key("q/join/0"), encode_join(Join("thief", f"{letter}\\", 0)))
+    new = set(refused) - before
+    seen = f"{len(new)} new reasons" if len(new) > 1 or new - set(Reason) else ""
+    scene.deny("reasons made up by a sender", seen)
 
 
 def try_steward(scene: Scene) -> None:

@@ -125,18 +125,25 @@ class ServerProcess:
 
 
 @contextmanager
-def server_process(words: Sequence[str]) -> Iterator[ServerProcess]:
-    """Serve one race without a guard; all processes end with the block.
+def server_process(
+    words: Sequence[str],
+    *,
+    is_guarded: bool = False,
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[ServerProcess]:
+    """Serve one race; all processes end with the block.
 
-    words: more arguments of ``race serve``.
+    words: more arguments of ``race serve``; environment: None for that of this process.
     """
     with tempfile.TemporaryDirectory(prefix="drill-") as folder, process_group() as group:
         place, address, port = Path(folder), free_address(), free_port()
         with (place / "log").open("wb") as log:
-            serve = ["serve", "--once", "--no-guard", "--fresh", "--session", SESSION]
+            guard = "--guard" if is_guarded else "--no-guard"
+            serve = ["serve", "--once", guard, "--fresh", "--session", SESSION]
             serve += ["--listen", address, "--metrics", str(port), "--results", "none"]
             serve += ["--result", str(place / "result.json"), *words]
-            yield ServerProcess(address, port, place, group, group.start(serve, log), log)
+            server = group.start(serve, log, environment=environment)
+            yield ServerProcess(address, port, place, group, server, log)
 
 
 def quantile(before: Figures, after: Figures, name: str, share: float) -> float | None:
