@@ -13,6 +13,10 @@ from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course, Obstacle
 from race_server.scenario.track.line import ReferenceLine
+from race_server.storage.arrays import read_arrays
+
+# Of a course and a line of the largest size, when they are unpacked.
+MOST_ARRAY_BYTES = 1 << 26
 
 Arrays = dict[str, Any]
 
@@ -58,8 +62,7 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
     """
     try:
         words = json.loads(setting)
-        with np.load(io.BytesIO(packed), allow_pickle=False) as file:
-            arrays: Arrays = dict(file)
+        arrays: Arrays = read_arrays(io.BytesIO(packed), MOST_ARRAY_BYTES)
         course = words["course"]
         course["obstacles"] = tuple(Obstacle(**one) for one in course["obstacles"])
         course["sectors"] = tuple(course["sectors"])
