@@ -12,6 +12,7 @@ from race_server.errors import RecordingError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.limits import check_sizes
 from race_server.scenario.track.line import ReferenceLine
 from race_server.storage.arrays import read_arrays
 
@@ -67,8 +68,10 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
         course["obstacles"] = tuple(Obstacle(**one) for one in course["obstacles"])
         course["sectors"] = tuple(course["sectors"])
         line = words["line"] and ReferenceLine(**words["line"], **_of("line", arrays))
+        whole = Course(**course, **_of("course", arrays))
+        check_sizes(whole)
         return Scenario(
-            course=Course(**course, **_of("course", arrays)),
+            course=whole,
             karts=words["karts"],
             vehicles=tuple(Vehicle(**vehicle) for vehicle in words["vehicles"]),
             rules=Rules(**words["rules"]),
