@@ -68,6 +68,19 @@ def hostile(
 
 
 @app.command()
+def files(as_json: AsJson = False) -> None:
+    """Read small files that claim gigabytes, and check that each is refused at little cost."""
+    from race_server.tools.drills.bombs import BOMBS
+    from race_server.tools.drills.files import drill_files
+
+    with progress("reading", len(BOMBS)) as tell:
+        document = drill_files(tell)
+    if not as_json:
+        _show_findings(document["matrix"])
+    finish(document, as_json=as_json)
+
+
+@app.command()
 def network(
     loss: Annotated[
         float, typer.Option(min=0.0, max=0.9, help="Share of packets lost, 0 to 0.9.")

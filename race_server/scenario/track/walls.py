@@ -125,16 +125,18 @@ def _grid_over(segments: Floats, cell: float) -> tuple[tuple[float, float], int,
     """
     points = segments.reshape(-1, 2)
     low, high = points.min(axis=0) - cell, points.max(axis=0) + cell
-    counts = np.ceil((high - low) / cell)
-    # Cells near to a wall, of all walls: each of them is looked at.
-    sides = np.abs(segments[:, 2:] - segments[:, :2]) / cell + 2.0 * CLEAR_CELLS
-    for count, most in ((counts.prod(), MOST_CELLS), (sides.prod(axis=1).sum(), MOST_NEAR)):
-        if not count <= most:
-            raise TrackError(
-                f"a course of {high[0] - low[0]:.3g} m by {high[1] - low[1]:.3g} m with free "
-                f"width {cell / CELL_SHARE:.3g} m needs {count:.3g} cells of its walls' grid; at "
-                f"most {most} are allowed: make it smaller, or wider"
-            )
+    with np.errstate(over="ignore"):
+        counts = np.ceil((high - low) / cell)
+        # Cells near to a wall, of all walls: each of them is looked at.
+        sides = np.abs(segments[:, 2:] - segments[:, :2]) / cell + 2.0 * CLEAR_CELLS
+        cells, near = counts.prod(), sides.prod(axis=1).sum()
+    if not (cells <= MOST_CELLS and near <= MOST_NEAR):
+        raise TrackError(
+            f"a course of {high[0] - low[0]:.3g} m by {high[1] - low[1]:.3g} m with a free width "
+            f"of {cell / CELL_SHARE:.3g} m: the grid over its walls has {cells:.3g} cells, of "
+            f"{MOST_CELLS} at most, and {near:.3g} entries, of {MOST_NEAR} at most; make it "
+            "smaller, or wider"
+        )
     return (float(low[0]), float(low[1])), int(counts[0]), int(counts[1])
 
 

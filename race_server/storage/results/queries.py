@@ -157,7 +157,7 @@ def decode_trace(columns: str, numbers: bytes) -> dict[str, Any]:
         found = dict(zip(names, table, strict=True))
     except (ValueError, TypeError, RecursionError, zlib.error) as error:
         raise ResultsError(f"is damaged: {str(error)[:80]}") from error
-    if unpacker.unconsumed_tail or not all(isinstance(name, str) for name in found):
+    if not unpacker.eof or not all(isinstance(name, str) for name in found):
         raise ResultsError(f"is damaged, or longer than {MOST_TRACE_BYTES} bytes")
     return found
 
