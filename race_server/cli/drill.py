@@ -59,11 +59,19 @@ def hostile(
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Send damaged and crafted messages on every inbound topic during a race of eight."""
+    """Decode damaged and crafted messages, then send them to a race of eight.
+
+    Every decoder takes its share: those of server, clients, gateway, recordings and results.
+    """
     from race_server.tools.drills.hostile import drill_hostile
 
     with progress("sending", messages) as tell:
         document = drill_hostile(messages, rate=rate, seed=seed, tell=tell)
+    if not as_json:
+        table = Table(*(name.replace("_", " ") for name in document["decoders"][0]))
+        for row in document["decoders"]:
+            table.add_row(*map(str, row.values()))
+        Console().print(table)
     finish(document, as_json=as_json)
 
 
