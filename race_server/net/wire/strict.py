@@ -89,6 +89,29 @@ class Table:
         except UnicodeDecodeError as error:
             raise WireError(f"field {slot} is not UTF-8 text") from error
 
+    def texts(self, slot: int, most: int) -> tuple[str, ...]:
+        """Return a vector of at most `most` strings, together no longer than the message.
+
+        Raises:
+            WireError: it is missing, longer, leaves the message, or one is not UTF-8. Offsets may
+                point at one string again and again: that is longer than the message, too.
+        """
+        first, count = self.vector(slot, U32.size, most)
+        found, left = [], len(self.data)
+        for place in range(first, first + U32.size * count, U32.size):
+            begin = place + int(U32.unpack_from(self.data, place)[0])
+            if begin + U32.size > len(self.data):
+                raise WireError(f"a text of field {slot} leaves the message")
+            size = int(U32.unpack_from(self.data, begin)[0])
+            begin, left = begin + U32.size, left - size
+            if left < 0 or begin + size > len(self.data):
+                raise WireError(f"the texts of field {slot} leave the message")
+            try:
+                found.append(self.data[begin : begin + size].decode())
+            except UnicodeDecodeError as error:
+                raise WireError(f"field {slot} is not UTF-8 text") from error
+        return tuple(found)
+
 
 def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     """Return the root table of a message of at most `most` bytes.

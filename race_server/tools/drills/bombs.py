@@ -1,4 +1,4 @@
-"""Small files that would cost whoever reads them without care gigabytes, minutes or secrets."""
+"""Small files that cost a careless reader gigabytes, minutes or secrets."""
 
 import io
 import json

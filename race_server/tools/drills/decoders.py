@@ -4,8 +4,10 @@ import json
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
+import flatbuffers
 import numpy as np
 from mcap.opcode import Opcode
 
@@ -106,52 +108,104 @@ def decoders() -> tuple[Decoder, ...]:
     return (
         *(kind.decoder for kind in inbound()),
         *_of_clients(),
+        *_of_races(),
         *_of_the_gateway(),
         *_of_recordings(),
     )
 
 
-def _of_clients() -> Iterator[Decoder]:
-    def of(message: bytes, decode: Callable[[bytes], Any], most: int = MOST_MADE) -> Decoder:
-        return Decoder(decode.__name__, message, _or_refused(decode), most, message[4:8])
+def _client(
+    message: bytes,
+    decode: Callable[[bytes], Any],
+    most: int = MOST_MADE,
+    table: str = "",
+    lists: tuple[str, ...] = (),
+) -> Decoder:
+    """Return a decoder of clients. table, lists: of texts, if a message of it has such."""
+    head = message[4:8]
+    made = (_one_text_again_and_again(table, lists, head),) if table else ()
+    name = decode.__name__.removeprefix("decode_")
+    return Decoder(f"client: {name}", message, _or_refused(decode), most, head, crafted=made)
 
+
+def _of_clients() -> Iterator[Decoder]:
+    """Yield what takes the answers to a client's requests apart."""
     briefing = Briefing(1, TT02, 3, "lidar", 0.05, ("boost", "oil"), 3.5)
-    yield of(lobby.encode_welcome(lobby.Welcome(briefing, 99, 2, 201)), lobby.decode_welcome, 8192)
-    yield of(lobby.encode_reply("no"), lobby.check_reply, 4096)
-    yield of(lobby.encode_rules({"laps": "3", "items": "on"}, ["oil"]), lobby.decode_rules)
+    yield _client(
+        lobby.encode_welcome(lobby.Welcome(briefing, 99, 2, 201)),
+        lobby.decode_welcome,
+        8192,
+        "Briefing",
+        ("Items", "VehicleNames"),
+    )
+    yield _client(lobby.encode_reply("no"), lobby.check_reply, 4096)
+    yield _client(
+        lobby.encode_rules({"laps": "3", "items": "on"}, ["oil"]),
+        lobby.decode_rules,
+        MOST_MADE,
+        "Rules",
+        ("Names", "Values", "Items"),
+    )
     sheet = lobby.CourseSheet(
         *("oval", "Oval", "0af1", 0.5, np.ones((3, 4)), np.ones((3, 2)), 0.1, np.ones((2, 4))),
         *(np.arange(2.0), np.ones((1, 3)), np.zeros((0, 2)), 0.5, np.ones((1, 5)), (1, 0)),
         *(2.06, 1.3, 0.087),
     )
-    yield of(lobby.encode_course(sheet), lobby.decode_course)
+    yield _client(lobby.encode_course(sheet), lobby.decode_course)
     steps = np.arange(3.0)
     path = line.LineSheet(0.1, steps, steps, steps, steps, lap=6.5, note="é")
-    yield of(line.encode_line(path), line.decode_line)
-    yield of(admin.encode_log(7, ["green", "penalty"]), admin.decode_log)
+    yield _client(line.encode_line(path), line.decode_line)
+    yield _client(
+        admin.encode_log(7, ["green", "penalty"]),
+        admin.decode_log,
+        MOST_MADE,
+        "AdminLog",
+        ("Lines",),
+    )
+
+
+def _of_races() -> Iterator[Decoder]:
+    """Yield what takes apart what clients hear during a race."""
     seen = drive.ObservationWriter(40).write(1, 2, 3, 4, np.ones(40, "f4"))
-    yield of(bytes(seen), drive.decode_observation)
+    yield _client(bytes(seen), drive.decode_observation)
     hud = drive.HudFrame(
         *(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT)),
         *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, PoseFault.JUMP),
     )
-    yield of(drive.encode_hud(hud), drive.decode_hud, topics.HUD.most_bytes)
+    yield _client(drive.encode_hud(hud), drive.decode_hud, topics.HUD.most_bytes)
     row = np.array([(-1, 0, 3, 0, 0, b""), (50, 7, 0, 2, 5, b"")], links.LINK)
     frame = links.LinksFrame(2, 600, row)
-    yield of(links.encode_links(frame), links.decode_links, topics.LINKS.most_bytes)
+    yield _client(links.encode_links(frame), links.decode_links, topics.LINKS.most_bytes)
     snapshot = spectate.SnapshotFrame(
         *(7, 2, 600, 0.5, Phase.RUNNING, Flag.YELLOW, np.zeros(3, spectate.KART)),
         *(np.array([1, 0, 1], np.uint8), np.zeros(2, spectate.HAZARD)),
     )
     snapshot_message = bytes(spectate.SnapshotWriter().write(snapshot))
-    yield of(snapshot_message, spectate.decode_snapshot, topics.SNAPSHOT.most_bytes)
+    yield _client(snapshot_message, spectate.decode_snapshot, topics.SNAPSHOT.most_bytes)
     events = [Event(1, 60, EventKind.LAP, 3, 2, 17), Event(2, 61, EventKind.GREEN, -1, -1, 0)]
-    yield of(spectate.encode_events(5, events), spectate.decode_events)
+    yield _client(spectate.encode_events(5, events), spectate.decode_events)
     standing = Standing(4, "me", 1, 3, Status.FINISHED, 10, 9, 30, 0, 1, 50, 2, (11, 10, 9))
     standings = spectate.StandingsFrame(
         1, 600, 180, Phase.RUNNING, Flag.GREEN, 3, "oval", (standing,)
     )
-    yield of(spectate.encode_standings(standings), spectate.decode_standings)
+    yield _client(spectate.encode_standings(standings), spectate.decode_standings)
+
+
+def _one_text_again_and_again(name: str, fields: tuple[str, ...], identifier: bytes) -> bytes:
+    """Return a message of a table whose lists of texts all point at one long text."""
+    table = import_module(f"race_server.net.wire.generated.session.{name}")
+    builder = flatbuffers.Builder(MOST_MADE)
+    text, offsets = builder.CreateString("x" * 4000), []
+    for field in fields:
+        getattr(table, f"Start{field}Vector")(builder, 250)
+        for _ in range(250):
+            builder.PrependUOffsetTRelative(text)
+        offsets.append(builder.EndVector())
+    table.Start(builder)
+    for field, offset in zip(fields, offsets, strict=True):
+        getattr(table, f"Add{field}")(builder, offset)
+    builder.Finish(table.End(builder), identifier)
+    return bytes(builder.Output())
 
 
 def _or_refused(decode: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
