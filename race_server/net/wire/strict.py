@@ -6,6 +6,7 @@ of the message.
 
 import math
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from race_server.errors import WireError
@@ -112,6 +113,16 @@ class Table:
                 raise WireError(f"field {slot} is not UTF-8 text") from error
         return tuple(found)
 
+    def tables(self, slot: int, most: int) -> Iterator["Table"]:
+        """Yield the tables of a vector of at most `most`.
+
+        Raises:
+            WireError: it is missing, longer, or one leaves the message.
+        """
+        first, count = self.vector(slot, U32.size, most)
+        for place in range(first, first + U32.size * count, U32.size):
+            yield _table_at(self.data, place + int(U32.unpack_from(self.data, place)[0]))
+
 
 def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     """Return the root table of a message of at most `most` bytes.
@@ -127,8 +138,15 @@ def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     if data[4:8] != identifier:
         raise WireError(f"message is {data[4:8]!r}, expected {identifier!r}")
     position = int(U32.unpack_from(data, 0)[0])
-    if position < 8 or position + 4 > size:
+    if position < 8:
         raise WireError("root leaves the message")
+    return _table_at(data, position)
+
+
+def _table_at(data: bytes, position: int) -> Table:
+    size = len(data)
+    if position + 4 > size:
+        raise WireError("a table leaves the message")
     vtable = position - int(I32.unpack_from(data, position)[0])
     if vtable < 8 or vtable + 4 > size:
         raise WireError("vtable leaves the message")
