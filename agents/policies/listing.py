@@ -1,7 +1,6 @@
 """List all policies with their origin and their figures."""
 
 import json
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 from race_agents.policies.registry import CONFIG, EVALUATION, POLICY, SHIPPED, runs_folder
 from race_agents.policies.session import Policy
 from race_server.errors import DriverError
+from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
 UNKNOWN = "–"
 
@@ -61,8 +61,8 @@ def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool
 def _title(policy: Path) -> str:
     """Return the title of the preset of a run."""
     try:
-        words = tomllib.loads(policy.with_name(CONFIG).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        words = parse_toml(read_text(policy.with_name(CONFIG), MOST_TOML, DriverError))
+    except (DriverError, ValueError):
         return UNKNOWN
     return str(words.get("title") or UNKNOWN)
 

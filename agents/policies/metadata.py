@@ -6,15 +6,18 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, get_args, get_origin
 
+from race_server.core.clock import TICK_S
 from race_server.core.observation import PART_NUMBERS, PRESETS
 from race_server.envs.actions import ACTIONS, RESIDUAL
 from race_server.errors import DriverError
+from race_server.scenario.sensors import MOST_RAYS
 
 # Increase it when the meaning of an observation part or of an action changes.
 VERSION = 1
 KEY = "race-server-policy"  # of the metadata of the ONNX file
 INPUT, OUTPUT = "observation", "action"
 MOST_BITS = 64  # of an integer
+MOST_DECISION_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -116,12 +119,17 @@ def _check(metadata: PolicyMetadata, name: str) -> None:
         )
     if ":" in metadata.base:  # such as a policy, which could name itself
         raise DriverError(f"{name}: base {metadata.base!r} takes no advice; export it again")
-    if metadata.decision_s <= 0.0:
+    if not TICK_S <= metadata.decision_s <= MOST_DECISION_S:
         raise DriverError(f"{name} decides every {metadata.decision_s:g} s; export it again")
+    if not 0 <= metadata.lidar_rays <= MOST_RAYS:
+        raise DriverError(
+            f"{name} observes {metadata.lidar_rays} rays, at most {MOST_RAYS} are possible; "
+            "export it again"
+        )
     sizes_fit = len(metadata.sizes) == len(metadata.parts)
     if not sizes_fit or not all(size > 0 for size in metadata.sizes):
         raise DriverError(
-            f"{name}: {len(metadata.parts)} parts of sizes {metadata.sizes} do not fit"
+            f"{name}: {len(metadata.parts)} parts of sizes {metadata.sizes!s:.60} do not fit"
         )
 
 

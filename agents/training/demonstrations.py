@@ -22,9 +22,11 @@ from race_agents.training.teacher import actions_of
 from race_server.core.observation import layout_of
 from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
+from race_server.storage.arrays import read_arrays
 
 # Increase it when the meaning of an observation part or of a control changes.
 VERSION = 1
+MOST_BYTES = 1 << 32  # of all arrays, when they are unpacked
 Rows = NDArray[np.float32]
 # Errors of NumPy and of unpacking on a damaged or foreign file.
 DAMAGES = (
@@ -84,9 +86,9 @@ def read_demonstrations(path: Path) -> Demonstrations:
         RecordingError: it is missing, damaged, or of another version.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as tables:
-            words = json.loads(str(tables["about"]))
-            observations, controls = tables["observations"], tables["controls"]
+        tables = read_arrays(path, MOST_BYTES)
+        words = json.loads(str(tables["about"]))
+        observations, controls = tables["observations"], tables["controls"]
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file; record one with `race demonstrate`") from error
     except DAMAGES as error:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -11,6 +10,7 @@ from pydantic import ValidationError
 
 from race_agents.training.settings import LEARNER, Settings
 from race_server.errors import ScenarioError
+from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
 PRESETS = Path(__file__).parent / "presets"
 
@@ -36,8 +36,8 @@ def read_settings(name: str, changes: Sequence[str] = ()) -> Settings:
         known = ", ".join(preset_names())
         raise ScenarioError(f"preset {name!r} is unknown; choose one of {known}, or a .toml file")
     try:
-        words = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        words = parse_toml(read_text(path, MOST_TOML, ScenarioError))
+    except ValueError as error:
         raise ScenarioError(f"{path.name}: not valid TOML: {error}") from error
     for change in changes:
         _apply(words, change)
@@ -127,8 +127,8 @@ def _apply(words: Words, change: str) -> None:
         table.pop(last, None)
         return
     try:
-        table[last] = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        table[last] = parse_toml(f"value = {value}")["value"]
+    except ValueError:
         table[last] = value.strip()
 
 

@@ -60,11 +60,32 @@ def hostile(
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Send damaged and crafted messages on every inbound topic during a race of eight."""
+    """Decode damaged and crafted messages, then send them to a race of eight.
+
+    Every decoder takes its share: those of server, clients, gateway, recordings and results.
+    """
     from race_server.tools.drills.hostile import drill_hostile
 
     with progress("sending", messages) as tell:
         document = drill_hostile(messages, rate=rate, seed=seed, tell=tell)
+    if not as_json:
+        table = Table(*(name.replace("_", " ") for name in document["decoders"][0]))
+        for row in document["decoders"]:
+            table.add_row(*map(str, row.values()))
+        Console().print(table)
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def files(as_json: AsJson = False) -> None:
+    """Read small files that claim gigabytes, and check that each is refused at little cost."""
+    from race_server.tools.drills.bombs import BOMBS
+    from race_server.tools.drills.files import drill_files
+
+    with progress("reading", len(BOMBS)) as tell:
+        document = drill_files(tell)
+    if not as_json:
+        _show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 

@@ -27,7 +27,8 @@ from race_server.net.transport import Request, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.net.wire.lobby import Join, encode_join
-from race_server.tools.drills.damage import decode_all
+from race_server.tools.drills.damage import toll_of
+from race_server.tools.drills.decoders import Decoder, decoders
 from race_server.tools.drills.lossy_link import LinkConditions, LossyLink
 from race_server.tools.drills.network import drill_network
 from race_server.tools.drills.server_process import quantile
@@ -244,11 +245,14 @@ def test_a_driver_is_told_why_it_is_out() -> None:
 # What is damaged
 
 
-def test_hostile_messages_end_in_a_wire_error_or_in_values_within_limits() -> None:
-    toll = decode_all(20_000, seed=3)
-    assert toll.decoded == 20_000
-    assert set(toll.errors) == {"WireError"}
-    assert toll.accepted > 0
+@pytest.mark.parametrize("kind", decoders(), ids=lambda kind: kind.name)
+def test_hostile_messages_end_in_one_kind_of_error_or_in_values_within_limits(
+    kind: Decoder,
+) -> None:
+    kind.decode(kind.sample)
+    toll = toll_of(kind, 1000, seed=3)
+    assert toll.decoded == 1000
+    assert set(toll.errors) == {kind.refuses.__name__}
 
 
 @pytest.mark.parametrize(("share", "end"), [(0.5, 0.001), (0.9, 0.002), (1.0, float("inf"))])

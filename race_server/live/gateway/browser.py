@@ -16,31 +16,21 @@ from race_server.live.gateway.driver_seat import PRESET, DriverSeat
 from race_server.live.gateway.handshake import (
     CLOSE_CODES,
     MAX_RATE,
-    MAX_SEAT,
     SUBPROTOCOL,
     Hello,
     Role,
     close_reason,
-    read_bool,
     read_hello,
-    read_int,
-    read_message,
-    read_number,
-    read_text,
     refusal_text,
 )
 from race_server.live.gateway.limits import RateLimiter
 from race_server.live.gateway.origins import check_origin
-from race_server.live.gateway.playback import PLAYER_MESSAGES, Player
+from race_server.live.gateway.playback import Player
+from race_server.live.gateway.requests import PLAYER_REQUESTS, Request, read_request
 from race_server.live.gateway.roles import Identity
 from race_server.live.gateway.state import GatewayState
 from race_server.live.gateway.stewarding import ACTS
 from race_server.version import __version__
-
-Message = dict[str, Any]
-
-# Bounds of a penalty [s], and of a browser's clock [ms].
-MAX_VALUE, MAX_TIME = 1e6, 1e15
 
 
 class BrowserSession:
@@ -194,7 +184,7 @@ class BrowserSession:
                 self._receive_control(data)
                 continue
             self._check_length(text)
-            if not await self._handle(read_message(text)):
+            if not await self._handle(read_request(text)):
                 return
 
     def _check_length(self, text: str | None) -> None:
@@ -214,36 +204,35 @@ class BrowserSession:
         except WireError as error:
             raise GatewayError("malformed", f"no control: {error}") from error
 
-    async def _handle(self, message: Message) -> bool:
-        """Do what a message asks for; False where the browser leaves."""
+    async def _handle(self, request: Request) -> bool:
+        """Do what a browser asks for; False where it leaves."""
         self._texts.spend()
-        kind = read_text(message, "type", 16)
+        kind = request["type"]
         if kind == "ping":
-            moment = read_number(message, "t", -MAX_TIME, MAX_TIME, default=0.0)
-            self._send(type="pong", t=moment, server_us=self._state.live.server_us())
+            self._send(type="pong", t=request["t"], server_us=self._state.live.server_us())
         elif kind == "follow":
-            self._viewer.seat = read_int(message, "seat", -1, MAX_SEAT, default=-1)
-            self._viewer.wants_rays = read_bool(message, "rays") and self._viewer.seat >= 0
+            self._viewer.seat = request["seat"]
+            self._viewer.wants_rays = request["rays"] and self._viewer.seat >= 0
             if self._player is not None:
                 self._player.refresh()
         elif kind == "rate":
-            self._viewer.rate = read_number(message, "rate", 1.0, MAX_RATE, default=MAX_RATE)
-        elif kind in PLAYER_MESSAGES and self._player is not None:
-            self._player.handle(message)
+            self._viewer.rate = request["rate"]
+        elif kind in PLAYER_REQUESTS and self._player is not None:
+            self._player.handle(request)
         elif kind in {"ready", "leave"} and self._driver_seat is not None:
-            return await self._handle_driver(kind, message, self._driver_seat)
+            return await self._handle_driver(request, self._driver_seat)
         elif kind in {"act", "log"} and self._identity.role is Role.STEWARD:
-            await self._handle_steward(kind, message)
+            await self._handle_steward(request)
         else:
             raise GatewayError("malformed", f"{kind!r} means nothing from you here")
         return True
 
-    async def _handle_driver(self, kind: str, message: Message, seat: DriverSeat) -> bool:
-        if kind == "leave":
+    async def _handle_driver(self, request: Request, seat: DriverSeat) -> bool:
+        if request["type"] == "leave":
             await seat.leave()
             await self._websocket.close()
             return False
-        ready, reason = read_bool(message, "ready"), ""
+        ready, reason = request["ready"], ""
         try:
             await seat.get_ready(ready=ready)
         except RaceError as error:
@@ -251,22 +240,16 @@ class BrowserSession:
         self._send(type="ready", ready=ready, accepted=not reason, reason=reason)
         return True
 
-    async def _handle_steward(self, kind: str, message: Message) -> None:
+    async def _handle_steward(self, request: Request) -> None:
         stewarding, who = self._state.stewarding, self._identity.name
-        if kind == "log":
+        if request["type"] == "log":
             try:
                 self._send(type="log", lines=await stewarding.log(who))
             except RaceError as error:
                 self._send(type="log", lines=[], reason=str(error))
             return
-        number = read_int(message, "id", 0, 1 << 53, default=0)
-        reason = await stewarding.decide(
-            read_text(message, "act", 16),
-            read_int(message, "seat", -1, MAX_SEAT, default=-1),
-            read_number(message, "value", -MAX_VALUE, MAX_VALUE, default=0.0),
-            who,
-        )
-        self._send(type="acted", id=number, accepted=not reason, reason=reason)
+        reason = await stewarding.decide(request["act"], request["seat"], request["value"], who)
+        self._send(type="acted", id=request["id"], accepted=not reason, reason=reason)
 
     # What it is sent
 

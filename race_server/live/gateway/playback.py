@@ -7,17 +7,17 @@ from bisect import bisect_right
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.core.rules.items import items
-from race_server.errors import GatewayError, RecordingError, WireError
+from race_server.errors import GatewayError, RecordingError, TrackError, WireError
 from race_server.live.gateway.audience import POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
 from race_server.live.gateway.frames import RecordedEventFrames, event_frames, frame_of
-from race_server.live.gateway.handshake import read_int, read_number
 from race_server.live.gateway.limits import GatewayTiming
 from race_server.live.gateway.rays import RayCaster
+from race_server.live.gateway.requests import Request
 from race_server.net.wire.line import encode_line
 from race_server.net.wire.lobby import encode_course, encode_rules
 from race_server.net.wire.rays import encode_rays
@@ -29,12 +29,6 @@ from race_server.storage.recording.scenario_codec import unpack_scenario
 from race_server.storage.recording.seekable import Moment, SeekableRecording
 
 Answer = TypeVar("Answer")
-
-# Bounds of the speed, in times real time, and of a tick.
-MIN_SPEED, MAX_SPEED = 0.1, 16.0
-MAX_TICK = 1 << 31
-# The types of messages for a player.
-PLAYER_MESSAGES = ("play", "pause", "seek", "step")
 
 
 class Player:
@@ -62,26 +56,21 @@ class Player:
         self._snapshot: SnapshotFrame | None = None
         self._caster: RayCaster | None = None
 
-    def handle(self, message: dict[str, Any]) -> None:
-        """Do what a message of a browser asks for.
-
-        Raises:
-            GatewayError: it is malformed.
-        """
-        kind = message["type"]
+    def handle(self, request: Request) -> None:
+        """Do what a browser asks for, one of PLAYER_REQUESTS."""
+        kind = request["type"]
         if kind == "play":
-            self._speed = read_number(message, "speed", MIN_SPEED, MAX_SPEED, default=1.0)
+            self._speed = request["speed"]
             if self._tick >= self._recording.last_tick:
                 self._sought = 0
             self._is_playing = True
         elif kind == "pause":
             self._is_playing = False
         elif kind == "seek":
-            self._sought = read_int(message, "tick", 0, MAX_TICK, default=0)
+            self._sought = request["tick"]
         else:
-            ticks = read_int(message, "ticks", -MAX_TICK, MAX_TICK, default=1)
             self._is_playing = False
-            self._sought = (self._tick if self._sought is None else self._sought) + ticks
+            self._sought = (self._tick if self._sought is None else self._sought) + request["ticks"]
         self._anchor = (float(self._tick), time.monotonic())
         self._changed.set()
 
@@ -115,10 +104,10 @@ class Player:
         start = self._recording.start
         try:
             scenario = unpack_scenario(start.setting, start.arrays)
-        except RecordingError as error:
+            course = course_sheet(scenario)
+            self._caster = RayCaster(course, scenario.lidar, scenario.radar)
+        except (RecordingError, TrackError) as error:
             raise GatewayError("no-recording", str(error)) from error
-        course = course_sheet(scenario)
-        self._caster = RayCaster(course, scenario.lidar, scenario.radar)
         names = [item.name for item in items()]
         return [
             encode_course(course),

@@ -25,7 +25,7 @@ from race_server.net.wire.generated.journal import (
 )
 from race_server.net.wire.generated.journal import Input as InputStruct
 from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import MOST_NAME, U16, U32, root_of
+from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, U16, U32, Table, root_of
 
 START, INPUTS, ACTS, DIGEST, LAP = b"RSTA", b"RINP", b"RACT", b"RDIG", b"RLAP"
 GRANTED = b"RGRA"
@@ -40,7 +40,7 @@ INPUT = np.dtype(
     ]
 )
 ACT = np.dtype([("value", "<f8"), ("tick", "<u4"), ("kind", "<u2"), ("kart", "<i2")])
-I64 = struct.Struct("<q")
+U8, I64 = struct.Struct("<B"), struct.Struct("<q")
 MOST_SEATS, MOST_ACTS = 64, 4096
 MOST_START, MOST_MESSAGE = 1 << 24, 1 << 17
 MOST_KEY = 64
@@ -118,14 +118,8 @@ def decode_start(data: bytes) -> StartFrame:
         WireError: damaged or foreign.
     """
     table = root_of(data, START, MOST_START)
-    _, count = table.vector(6, 4, MOST_SEATS)
     first, size = table.vector(5, 1, MOST_START)
-    try:
-        root = RaceStart.RaceStart.GetRootAs(data)
-        seats = tuple(_read_seat(root.Seats(index)) for index in range(count))
-    # On damaged data the generated code raises any of these.
-    except (struct.error, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise WireError(f"seats are damaged: {error}") from error
+    seats = tuple(_read_seat(row) for row in table.tables(6, MOST_SEATS))
     return StartFrame(
         session=table.text(0, 64),
         pace=table.text(1, 16),
@@ -139,11 +133,16 @@ def decode_start(data: bytes) -> StartFrame:
     )
 
 
-def _read_seat(row: Any) -> SeatRow:
-    key = bytes(row.Key(index) for index in range(min(row.KeyLength(), MOST_KEY)))
-    driver, preset = row.Driver().decode()[:MOST_NAME], row.Preset().decode()[:32]
-    is_local, is_tracked = bool(row.IsLocal()), bool(row.IsTracked())
-    return SeatRow(row.Number(), driver, preset, key, is_local, is_tracked)
+def _read_seat(row: Table) -> SeatRow:
+    first, count = row.vector(2, 1, MOST_KEY)
+    return SeatRow(
+        number=row.scalar(3, U16),
+        driver=row.text(0, NAME_BYTES)[:MOST_NAME],
+        preset=row.text(1, NAME_BYTES)[:MOST_NAME],
+        key=row.data[first : first + count],
+        is_local=row.scalar(4, U8) != 0,
+        is_tracked=row.scalar(5, U8) != 0,
+    )
 
 
 def encode_inputs(tick: int, rows: Rows) -> bytes:

@@ -25,6 +25,7 @@ PROTOCOL = 2
 I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
 BRIEFING_ID, REPLY_ID = b"RBRF", b"RRPL"
 MOST_BRIEFING = 8192
+MOST_TEXTS = 256  # in a list: items, rules, figures of a vehicle
 _VEHICLE_NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
 _DAMAGE = (struct.error, TypeError, ValueError, IndexError, AttributeError, KeyError)
 
@@ -226,10 +227,10 @@ def decode_welcome(data: bytes) -> Welcome:
     """
     if data[4:8] == REPLY_ID:
         check_reply(data)
-    root_of(data, BRIEFING_ID, MOST_BRIEFING)
+    table = root_of(data, BRIEFING_ID, MOST_BRIEFING)
+    items, names = table.texts(8, MOST_TEXTS), table.texts(10, MOST_TEXTS)
     try:
         root = BriefingTable.Briefing.GetRootAs(data)
-        names = [root.VehicleNames(i).decode() for i in range(root.VehicleNamesLength())]
         numbers = dict(zip(names, root.VehicleValuesAsNumpy().tolist(), strict=True))
         vehicle = Vehicle(
             name=root.Vehicle().decode(), **{name: numbers[name] for name in _VEHICLE_NUMBERS}
@@ -240,7 +241,7 @@ def decode_welcome(data: bytes) -> Welcome:
             laps=root.Laps(),
             preset=root.Preset().decode(),
             decision_s=root.Decision(),
-            items=tuple(root.Items(i).decode() for i in range(root.ItemsLength())),
+            items=items,
             lidar_field=root.LidarField(),
             lidar_reach=root.LidarReach(),
         )
@@ -291,7 +292,8 @@ def decode_course(data: bytes) -> CourseSheet:
     Raises:
         WireError: damaged or foreign.
     """
-    root_of(data, topics.COURSE.identifier, 1 << 24)
+    table = root_of(data, topics.COURSE.identifier, 1 << 24)
+    first, count = table.vector(13, U32.size, MOST_TEXTS)
     try:
         root = CourseTable.Course.GetRootAs(data)
         arrays: dict[str, Any] = {}
@@ -303,7 +305,7 @@ def decode_course(data: bytes) -> CourseSheet:
             name=root.Name().decode(),
             title=root.Title().decode(),
             digest=root.Digest().decode(),
-            sectors=tuple(root.Sectors(i) for i in range(root.SectorsLength())),
+            sectors=tuple(np.frombuffer(data, "<u4", count, first).tolist()),
             **{name: getattr(root, _camel(name))() for name in _COURSE_NUMBERS},
             **arrays,
         )
@@ -331,11 +333,6 @@ def decode_rules(data: bytes) -> tuple[dict[str, str], tuple[str, ...]]:
     Raises:
         WireError: damaged or foreign.
     """
-    root_of(data, topics.RULES.identifier, 65536)
-    try:
-        root = Rules.Rules.GetRootAs(data)
-        count = min(root.NamesLength(), root.ValuesLength())
-        rules = {root.Names(i).decode(): root.Values(i).decode() for i in range(count)}
-        return rules, tuple(root.Items(i).decode() for i in range(root.ItemsLength()))
-    except _DAMAGE as error:
-        raise WireError(f"rules are damaged: {error}") from error
+    table = root_of(data, topics.RULES.identifier, 65536)
+    names, values, items = (table.texts(slot, MOST_TEXTS) for slot in range(3))
+    return dict(zip(names, values, strict=False)), items

@@ -16,10 +16,10 @@ from race_server.net.wire.generated.spectate import Event as EventStruct
 from race_server.net.wire.generated.spectate import Events, Hazard, Kart, Snapshot, Standings
 from race_server.net.wire.generated.spectate import Standing as StandingTable
 from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import MOST_NAME, Table, root_of
+from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
 
 U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
-F32 = struct.Struct("<f")
+U16, I64, F32 = struct.Struct("<H"), struct.Struct("<q"), struct.Struct("<f")
 
 KART = np.dtype(
     [
@@ -229,19 +229,20 @@ class StandingsFrame:
     rows: tuple[Standing, ...]
 
 
-_NUMBERS = (
-    "seat",
-    "rank",
-    "laps",
-    "status",
-    "last_lap_us",
-    "best_lap_us",
-    "race_time_us",
-    "gap_us",
-    "penalties",
-    "penalty_us",
-    "items_used",
-)
+# Slot and layout of each number of a row.
+_NUMBERS = {
+    "seat": (1, U16),
+    "rank": (2, U16),
+    "laps": (3, U32),
+    "status": (4, U8),
+    "last_lap_us": (5, I64),
+    "best_lap_us": (6, I64),
+    "race_time_us": (7, I64),
+    "gap_us": (8, I64),
+    "penalties": (9, U32),
+    "penalty_us": (10, I64),
+    "items_used": (11, U32),
+}
 
 
 def _camel(name: str) -> str:
@@ -289,32 +290,37 @@ def decode_standings(data: bytes) -> StandingsFrame:
         WireError: damaged or foreign.
     """
     table = root_of(data, topics.STANDINGS.identifier, topics.STANDINGS.most_bytes)
-    _, count = table.vector(7, 4, MOST_KARTS)
+    # Rows may point at the same laps again and again: together they are no longer than the message.
+    left = len(data) // I64.size
+    rows = []
+    for row in table.tables(7, MOST_KARTS):
+        rows.append(_standing(row, left))
+        left -= len(rows[-1].lap_times_us)
     try:
-        root = Standings.Standings.GetRootAs(data)
-        rows = tuple(_standing(root.Rows(index)) for index in range(count))
-        return StandingsFrame(
-            epoch=root.Epoch(),
-            tick=root.Tick(),
-            start_tick=root.StartTick(),
-            phase=Phase(root.Phase()),
-            flag=Flag(root.Flag()),
-            laps=root.Laps(),
-            course=table.text(6, 64),
-            rows=rows,
-        )
-    # On damaged data the generated code raises any of these.
-    except (struct.error, TypeError, ValueError, IndexError, AttributeError) as error:
+        phase, flag = Phase(table.scalar(3, U8)), Flag(table.scalar(4, U8))
+    except ValueError as error:
         raise WireError(f"standings are damaged: {error}") from error
-
-
-def _standing(row: Any) -> Standing:
-    numbers = {name: int(getattr(row, _camel(name))()) for name in _NUMBERS}
-    laps = row.LapTimesUsAsNumpy() if row.LapTimesUsLength() else ()
-    status = Status(numbers.pop("status"))
-    return Standing(
-        **numbers,
-        status=status,
-        driver=row.Driver().decode()[:MOST_NAME],
-        lap_times_us=tuple(int(lap) for lap in laps),
+    return StandingsFrame(
+        epoch=table.scalar(0, U32),
+        tick=table.scalar(1, U32),
+        start_tick=table.scalar(2, U32),
+        phase=phase,
+        flag=flag,
+        laps=table.scalar(5, U32),
+        course=table.text(6, 64),
+        rows=tuple(rows),
     )
+
+
+def _standing(row: Table, most_laps: int) -> Standing:
+    numbers = {name: row.scalar(slot, layout) for name, (slot, layout) in _NUMBERS.items()}
+    laps: tuple[int, ...] = ()
+    if row.field(12, U32.size):
+        first, count = row.vector(12, I64.size, most_laps)
+        laps = struct.unpack_from(f"<{count}q", row.data, first)
+    try:
+        status = Status(numbers.pop("status"))
+    except ValueError as error:
+        raise WireError(f"standings are damaged: {error}") from error
+    driver = row.text(0, NAME_BYTES)[:MOST_NAME]
+    return Standing(**numbers, status=status, driver=driver, lap_times_us=laps)

@@ -6,6 +6,7 @@ of the message.
 
 import math
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from race_server.errors import Reason, WireError
@@ -16,6 +17,8 @@ U16 = struct.Struct("<H")
 
 # Characters of the name of a driver or a steward, and the most bytes that one takes in UTF-8.
 MOST_NAME, UTF8_BYTES = 32, 4
+# Bytes of a name in messages and recordings of any version; its first `MOST_NAME` characters stay.
+NAME_BYTES = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +106,39 @@ class Table:
             raise WireError(f"name {name!r}: use {least} to {MOST_NAME} printable characters")
         return name
 
+    def texts(self, slot: int, most: int) -> tuple[str, ...]:
+        """Return a vector of at most `most` strings, together no longer than the message.
+
+        Raises:
+            WireError: it is missing, longer, leaves the message, or one is not UTF-8. Offsets may
+                point at one string again and again: that is longer than the message, too.
+        """
+        first, count = self.vector(slot, U32.size, most)
+        found, left = [], len(self.data)
+        for place in range(first, first + U32.size * count, U32.size):
+            begin = place + int(U32.unpack_from(self.data, place)[0])
+            if begin + U32.size > len(self.data):
+                raise WireError(f"a text of field {slot} leaves the message")
+            size = int(U32.unpack_from(self.data, begin)[0])
+            begin, left = begin + U32.size, left - size
+            if left < 0 or begin + size > len(self.data):
+                raise WireError(f"the texts of field {slot} leave the message")
+            try:
+                found.append(self.data[begin : begin + size].decode())
+            except UnicodeDecodeError as error:
+                raise WireError(f"field {slot} is not UTF-8 text") from error
+        return tuple(found)
+
+    def tables(self, slot: int, most: int) -> Iterator["Table"]:
+        """Yield the tables of a vector of at most `most`.
+
+        Raises:
+            WireError: it is missing, longer, or one leaves the message.
+        """
+        first, count = self.vector(slot, U32.size, most)
+        for place in range(first, first + U32.size * count, U32.size):
+            yield _table_at(self.data, place + int(U32.unpack_from(self.data, place)[0]))
+
 
 def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     """Return the root table of a message of at most `most` bytes.
@@ -118,8 +154,15 @@ def root_of(data: bytes, identifier: bytes, most: int) -> Table:
     if data[4:8] != identifier:
         raise WireError(f"message is {data[4:8]!r}, expected {identifier!r}", Reason.FOREIGN)
     position = int(U32.unpack_from(data, 0)[0])
-    if position < 8 or position + 4 > size:
+    if position < 8:
         raise WireError("root leaves the message")
+    return _table_at(data, position)
+
+
+def _table_at(data: bytes, position: int) -> Table:
+    size = len(data)
+    if position + 4 > size:
+        raise WireError("a table leaves the message")
     vtable = position - int(I32.unpack_from(data, position)[0])
     if vtable < 8 or vtable + 4 > size:
         raise WireError("vtable leaves the message")

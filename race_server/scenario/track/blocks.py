@@ -12,6 +12,7 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.scenario.track.course import Floats
+from race_server.scenario.track.limits import MOST_PIECES, check_count
 
 STRAIGHTS = {"S": 1.0, "H": 0.5}  # [m]
 TURN_RADIUS = 0.5  # [m] of the middle of the piece
@@ -37,7 +38,7 @@ def pieces_of(loop: Loop) -> list[str]:
     """Return the pieces of a loop one by one.
 
     Raises:
-        TrackError: a word is no piece.
+        TrackError: a word is no piece, or there are too many.
     """
     pieces: list[str] = []
     for word in loop.blocks.split():
@@ -47,7 +48,9 @@ def pieces_of(loop: Loop) -> list[str]:
                 f"{loop.name} border, piece {len(pieces) + 1}: {word!r} is no block; "
                 "use S, H, L, R or a repetition such as 3xS"
             )
-        pieces += [match[2]] * int(match[1] or 1)
+        count = int(match[1] or 1)
+        check_count(f"blocks of the {loop.name} border", len(pieces) + count, MOST_PIECES)
+        pieces += [match[2]] * count
     return pieces
 
 

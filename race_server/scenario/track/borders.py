@@ -26,7 +26,7 @@ def border_beside(line: Floats, heading: Floats, offsets: Floats) -> Floats:
 def _without_knots(border: Floats) -> Floats:
     """Return a border whose small loops, left where a fold was cut, end where they cross."""
     for _ in range(MOST_KNOTS):
-        pairs = crossings(segments_of(border))
+        pairs = crossings(segments_of(border), first_only=True)
         if not len(pairs):
             break
         first, second = (int(index) for index in pairs[0])

@@ -9,6 +9,7 @@ from race_server.errors import TrackError
 from race_server.scenario.track.blocks import HALF_THICKNESS, Loop, lay
 from race_server.scenario.track.borders import border_beside
 from race_server.scenario.track.course import Course, Floats, Obstacle
+from race_server.scenario.track.limits import MOST_PLACES, check_length
 from race_server.scenario.track.medial import medial_line
 from race_server.scenario.track.polyline import (
     area_of,
@@ -31,7 +32,6 @@ MEDIAL_SPACING = 0.05  # [m]
 
 GATES = 12  # on a lap, unless the file says otherwise
 SECTORS = 3
-MOST_PLACES = 64
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ def build(plan: TrackSpec) -> Course:
     else:
         raw, drawn = _from_points(plan, scale), None
         borders, widths = np.zeros((0, 4)), np.zeros(0)
+    check_length(float(lengths_of(raw[:, :2]).sum()), scale.spacing, plan.name)
     line, half_widths = _line(raw, scale.spacing, drawn)
     heading, curvature = derivatives(line)
     if plan.form != "blocks":
@@ -182,6 +183,7 @@ def _from_points(plan: TrackSpec, scale: TrackScale) -> Floats:
             f"{plan.name}: points {index + 1} and {index + 2} are the same; leave one out "
             "(the first point is not repeated at the end)"
         )
+    check_length(float(steps.sum()), scale.spacing, plan.name)
     if plan.reverse:
         points = points[::-1][:, [0, 1, 3, 2]]
     curve = periodic_spline(points, scale.spacing)

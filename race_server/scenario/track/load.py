@@ -3,7 +3,6 @@
 import hashlib
 import math
 import os
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -13,16 +12,30 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
+from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.track.blocks import Loop
-from race_server.scenario.track.build import GATES, MOST_PLACES, SCALES, SECTORS, TrackSpec, build
+from race_server.scenario.track.build import GATES, SCALES, SECTORS, TrackSpec, build
 from race_server.scenario.track.cache import cached
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.generated import FORMS as DRAWN
 from race_server.scenario.track.generated import PREFIX, generated_file
+from race_server.scenario.track.limits import (
+    MOST_GATES,
+    MOST_ITEMS,
+    MOST_OBSTACLES,
+    MOST_PLACES,
+    MOST_POINTS,
+    MOST_STARTS,
+)
 
 FORMS = ("blocks", "line", "spline")
-LARGEST = 4_000_000  # bytes of a track file
 FARTHEST = 1e5  # [m] of any coordinate
+MOST_ROWS = {
+    "points": MOST_POINTS,
+    "items": MOST_ITEMS,
+    "obstacles": MOST_OBSTACLES,
+    "starts": MOST_STARTS,
+}
 
 
 def track_folders() -> list[Path]:
@@ -73,13 +86,8 @@ def read_course(path: Path) -> Course:
     Raises:
         TrackError: it cannot be read or describes no course.
     """
-    try:
-        if path.stat().st_size > LARGEST:
-            raise TrackError(f"{path}: larger than {LARGEST} bytes")
-        data = path.read_bytes()
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be read: {error.strerror}") from error
-    return _course_of(path.stem, path.name, data)
+    text = read_text(path, MOST_TOML, TrackError)
+    return _course_of(path.stem, path.name, text.encode())
 
 
 @cache
@@ -98,8 +106,8 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
         TrackError: names file, key and value of what is wrong.
     """
     try:
-        words = tomllib.loads(data.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        words = parse_toml(data.decode())
+    except ValueError as error:
         raise TrackError(f"{file}: no TOML: {error}") from error
     reader = _TrackReader(file, words)
     form = reader.choice("form", FORMS, "")
@@ -115,7 +123,7 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
         reverse=reader.yes("reverse"),
         kerb=reader.number("kerb", 0.0, 0.0, 10.0),
         grass=reader.number("grass", 0.0, 0.0, 100.0),
-        gates=round(reader.number("gates", GATES, 3, 200)),
+        gates=round(reader.number("gates", GATES, 3, MOST_GATES)),
         sectors=round(reader.number("sectors", SECTORS, 1, 20)),
         line_at=reader.pair("line_at"),
         places=round(reader.number("grid_places", MOST_PLACES, 1, MOST_PLACES)),
@@ -183,8 +191,10 @@ class _TrackReader:
         value = self._take(key, None)
         if value is None:
             return default
-        if not isinstance(value, list):
-            raise self._wrong(key, value, f"give a list of rows of {columns} numbers")
+        if not isinstance(value, list) or len(value) > MOST_ROWS[key]:
+            raise self._wrong(
+                key, value, f"give a list of up to {MOST_ROWS[key]} rows of {columns} numbers"
+            )
         rows = [self._row(f"{key}[{n}]", row, columns) for n, row in enumerate(value, start=1)]
         return np.array(rows).reshape(-1, columns)
 

@@ -1,11 +1,15 @@
 """Closed polylines: lengths, resampling, smoothing, distances."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_server.scenario.track.course import Floats
+
+# Points are compared with segments in parts: a few arrays of 2 MB, whatever a course is like.
+MOST_PAIRS = 1 << 18
 
 
 def segments_of(points: Floats) -> Floats:
@@ -76,19 +80,20 @@ def area_of(points: Floats) -> float:
 
 def nearest_on(segments: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Return distance (N,) and nearest point (N, 2) of each point to a set of segments."""
-    start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
-    squares = np.maximum(np.sum(along**2, axis=1), 1e-18)
+    start_x, start_y = segments[:, 0], segments[:, 1]
+    along_x, along_y = segments[:, 2] - start_x, segments[:, 3] - start_y
+    squares = np.maximum(along_x**2 + along_y**2, 1e-18)
     distances, nearest = np.empty(len(points)), np.empty((len(points), 2))
-    for first in range(0, len(points), 256):
-        part = points[first : first + 256]
-        offset = part[:, None, :] - start
-        share = np.clip(np.sum(offset * along, axis=2) / squares, 0.0, 1.0)
-        gap = offset - share[:, :, None] * along
-        square = np.sum(gap**2, axis=2)
-        best = np.argmin(square, axis=1)
-        rows = np.arange(len(part))
-        distances[first : first + 256] = np.sqrt(square[rows, best])
-        nearest[first : first + 256] = part - gap[rows, best]
+    for rows in _parts(len(points), len(segments)):
+        part = points[rows]
+        x, y = part[:, :1] - start_x, part[:, 1:] - start_y
+        share = np.clip((x * along_x + y * along_y) / squares, 0.0, 1.0)
+        x -= share * along_x
+        y -= share * along_y
+        square = x**2 + y**2
+        best = (np.arange(len(part)), np.argmin(square, axis=1))
+        distances[rows] = np.sqrt(square[best])
+        nearest[rows] = part - np.column_stack([x[best], y[best]])
     return distances, nearest
 
 
@@ -98,13 +103,23 @@ def ranges_to(segments: Floats, points: Floats, ways: Floats) -> Floats:
     points, ways: (N, 2), ways of length one.
     """
     along = segments[:, 2:] - segments[:, :2]
-    offset = segments[:, :2] - points[:, None, :]
-    cross = ways[:, 0, None] * along[:, 1] - ways[:, 1, None] * along[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (offset[:, :, 0] * ways[:, 1, None] - offset[:, :, 1] * ways[:, 0, None]) / cross
-        ahead = (offset[:, :, 0] * along[:, 1] - offset[:, :, 1] * along[:, 0]) / cross
-    met = (share >= 0.0) & (share <= 1.0) & (ahead >= 0.0)
-    return np.asarray(np.min(np.where(met, ahead, np.inf), axis=1))
+    ranges = np.empty(len(points))
+    for rows in _parts(len(points), len(segments)):
+        offset, way = segments[:, :2] - points[rows, None, :], ways[rows]
+        cross = way[:, 0, None] * along[:, 1] - way[:, 1, None] * along[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (offset[:, :, 0] * way[:, 1, None] - offset[:, :, 1] * way[:, 0, None]) / cross
+            ahead = (offset[:, :, 0] * along[:, 1] - offset[:, :, 1] * along[:, 0]) / cross
+        met = (share >= 0.0) & (share <= 1.0) & (ahead >= 0.0)
+        ranges[rows] = np.min(np.where(met, ahead, np.inf), axis=1)
+    return ranges
+
+
+def _parts(points: int, segments: int) -> Iterator[slice]:
+    """Yield slices of points, each of a bounded number of pairs with segments."""
+    step = max(MOST_PAIRS // max(segments, 1), 1)
+    for first in range(0, points, step):
+        yield slice(first, first + step)
 
 
 def is_inside(points: Floats, segments: Floats) -> NDArray[np.bool_]:
@@ -117,8 +132,11 @@ def is_inside(points: Floats, segments: Floats) -> NDArray[np.bool_]:
     return np.asarray(np.sum(rises & (x < crossing), axis=1) % 2 == 1)
 
 
-def crossings(segments: Floats) -> NDArray[np.int64]:
-    """Return pairs of segments that cross properly, shape (N, 2); touching ends do not count."""
+def crossings(segments: Floats, *, first_only: bool = False) -> NDArray[np.int64]:
+    """Return pairs of segments that cross properly, shape (N, 2); touching ends do not count.
+
+    first_only: leave out those after the first segment that crosses any.
+    """
     a, b = segments[:, :2], segments[:, 2:]
     found = []
     for index in range(len(segments)):
@@ -127,6 +145,8 @@ def crossings(segments: Floats) -> NDArray[np.int64]:
         side_b = _side(a[others], b[others], a[index]) * _side(a[others], b[others], b[index])
         hits = others[(side_a < -1e-12) & (side_b < -1e-12)]
         found.append(np.stack([np.full(len(hits), index), hits], axis=1))
+        if first_only and len(hits):
+            break
     return np.concatenate(found) if found else np.zeros((0, 2), np.int64)
 
 

@@ -5,14 +5,16 @@ outlines are followed in the picture, and the line midway between them becomes t
 """
 
 import math
-from collections import deque
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_server.errors import TrackError
+from race_server.scenario.text_files import read_text
 from race_server.scenario.track.course import Floats
 from race_server.scenario.track.medial import medial_line
 from race_server.scenario.track.polyline import (
@@ -25,7 +27,13 @@ from race_server.scenario.track.polyline import (
 )
 
 Mask = NDArray[np.bool_]
-MOST_PIXELS = 64_000_000
+Numbers = NDArray[np.signedinteger[Any]]
+# Pictures that map_server writes, and that people convert them to.
+FORMATS = ("PPM", "PNG", "BMP")
+MOST_YAML = 1 << 16  # bytes
+MOST_PIXELS = 1 << 24
+MOST_RUNS = 1 << 20  # of pixels in a row
+MOST_OUTLINE = 1 << 14  # edges of pixels
 
 
 @dataclass(frozen=True)
@@ -45,12 +53,8 @@ def read_map_file(path: Path) -> MapFile:
     Raises:
         TrackError: it cannot be read, or a key is missing or wrong.
     """
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise TrackError(f"{path}: cannot be read: {error}") from error
     words = {}
-    for line in lines:
+    for line in read_text(path, MOST_YAML, TrackError).splitlines():
         key, colon, value = line.split("#", 1)[0].partition(":")
         if colon:
             words[key.strip()] = value.strip().strip("'\"")
@@ -83,13 +87,14 @@ def read_ros_map(path: Path) -> Floats:
         TrackError: no map, or no closed corridor in it.
     """
     map_file = read_map_file(path)
-    free = _largest(_free_pixels(map_file))
-    islands = _components(~free)
-    outside, holes = islands[0], islands[1:]
-    if not holes:
+    free = _largest(_free_pixels(map_file), path)
+    parts, sizes = _components(~free, path)
+    outside = parts == parts[0, 0]
+    sizes[parts[0, 0]] = 0
+    if not sizes.any():
         raise TrackError(f"{path}: the free space has no island in it: no closed corridor")
-    outer = _outline(~outside)
-    inner = _outline(max(holes, key=lambda hole: int(hole.sum())))
+    outer = _outline(~outside, path)
+    inner = _outline(parts == np.argmax(sizes), path)
     step = map_file.resolution
     outer, inner = (
         _to_world(smooth(line, 2.0), free.shape[0], map_file) for line in (outer, inner)
@@ -106,50 +111,75 @@ def read_ros_map(path: Path) -> Floats:
 
 
 def _free_pixels(map_file: MapFile) -> Mask:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
+    path = map_file.image
     try:
-        with Image.open(map_file.image) as picture:
-            if picture.width * picture.height > MOST_PIXELS:
-                raise TrackError(f"{map_file.image}: larger than {MOST_PIXELS} pixels")
-            grey = np.asarray(picture.convert("L"), dtype=np.float64) / 255.0
-    except (OSError, UnidentifiedImageError, ValueError) as error:
-        raise TrackError(f"{map_file.image}: no picture that can be read: {error}") from error
-    occupied = grey if map_file.negate else 1.0 - grey
-    free: Mask = np.pad(occupied < map_file.free_below, 1)
+        # A picture of more pixels than are read is refused below, or by Pillow, before it is read.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(path, formats=FORMATS)
+        with picture:
+            is_larger = picture.width * picture.height > MOST_PIXELS
+            grey = np.zeros(0) if is_larger else np.asarray(picture.convert("L"))
+    except Image.DecompressionBombError:
+        is_larger = True
+    # Whatever damage makes the readers of pictures trip over.
+    except Exception as error:
+        raise TrackError(f"{path}: no picture that can be read: {str(error)[:200]}") from error
+    if is_larger:
+        raise TrackError(f"{path}: larger than {MOST_PIXELS} pixels")
+    levels = np.arange(256) / 255.0
+    occupied = levels if map_file.negate else 1.0 - levels
+    free: Mask = np.pad((occupied < map_file.free_below)[grey], 1)
     return free
 
 
-def _largest(mask: Mask) -> Mask:
-    parts = _components(mask, with_edge_first=False)
-    if not parts:
-        raise TrackError("the map has no free pixel")
-    return max(parts, key=lambda part: int(part.sum()))
+def _largest(mask: Mask, path: Path) -> Mask:
+    parts, sizes = _components(mask, path)
+    if not len(sizes):
+        raise TrackError(f"{path}: the map has no free pixel")
+    return np.asarray(parts == np.argmax(sizes))
 
 
-def _components(mask: Mask, *, with_edge_first: bool = True) -> list[Mask]:
-    """Return the connected parts of a mask (four neighbours); the one at the corner first."""
-    labels = np.zeros(mask.shape, np.int32)
-    count = 0
+def _components(mask: Mask, path: Path) -> tuple[Numbers, Numbers]:
+    """Return the part of each pixel, and the pixels of each part; four neighbours are connected.
+
+    Pixels outside the mask are of part -1. Parts are found by runs of pixels in a row: runs in
+    neighbouring rows that touch get the smaller number of the two, until nothing changes.
+    """
     height, width = mask.shape
-    seeds = np.argwhere(mask)
-    for row, column in [(0, 0), *seeds.tolist()] if with_edge_first else seeds.tolist():
-        if not mask[row, column] or labels[row, column]:
-            continue
-        count += 1
-        labels[row, column] = count
-        queue = deque([(row, column)])
-        while queue:
-            r, c = queue.popleft()
-            for y, x in ((r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1)):
-                inside = 0 <= y < height and 0 <= x < width
-                if inside and mask[y, x] and not labels[y, x]:
-                    labels[y, x] = count
-                    queue.append((y, x))
-    return [labels == number for number in range(1, count + 1)]
+    # A column that is in no part stands between the end of a row and the next row.
+    flat = np.zeros((height, width + 1), np.int8)
+    flat[:, :-1] = mask
+    steps = np.diff(flat.ravel(), prepend=0)
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    if len(starts) > MOST_RUNS:
+        raise TrackError(f"{path}: {len(starts)} runs of pixels; at most {MOST_RUNS} make a map")
+    first = np.searchsorted(ends, starts + width + 1, side="right")
+    beyond = np.searchsorted(starts, ends + width + 1, side="left")
+    counts = np.maximum(beyond - first, 0)
+    above = np.repeat(np.arange(len(starts)), counts)
+    below = np.arange(len(above)) - np.repeat(np.cumsum(counts) - counts, counts) + first[above]
+    roots = _joined(len(starts), above, below)
+    parts = np.full(mask.shape, -1, np.int32)
+    parts[mask] = np.repeat(roots.astype(np.int32), ends - starts)
+    return parts, np.bincount(roots, ends - starts).astype(np.int64)
 
 
-def _outline(mask: Mask) -> Floats:
+def _joined(count: int, above: Numbers, below: Numbers) -> Numbers:
+    """Return the smallest number that each of `count` things is joined with, shape (count,)."""
+    roots = np.arange(count)
+    while True:
+        one, other = roots[above], roots[below]
+        if np.array_equal(one, other):
+            return roots
+        np.minimum.at(roots, np.maximum(one, other), np.minimum(one, other))
+        while not np.array_equal(roots, roots[roots]):
+            roots = roots[roots]
+
+
+def _outline(mask: Mask, path: Path) -> Floats:
     """Return the outline of a filled shape in pixels, shape (N, 2): column, row of its corners.
 
     Walks along the edges between pixels with the shape on the right hand.
@@ -158,8 +188,13 @@ def _outline(mask: Mask) -> Floats:
     row, column = (int(n) for n in np.argwhere(padded)[0])
     start = (row, column)
     place, way = start, (0, 1)  # along the top edge of the first pixel
-    points = []
+    points: list[tuple[float, float]] = []
     while True:
+        if len(points) == MOST_OUTLINE:
+            raise TrackError(
+                f"{path}: an outline has more than {MOST_OUTLINE} edges of pixels; make the "
+                "picture coarser"
+            )
         points.append((place[1] - 1.0, place[0] - 1.0))
         place = (place[0] + way[0], place[1] + way[1])
         way = _next_way(padded, place, way)

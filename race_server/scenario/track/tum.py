@@ -8,20 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from race_server.errors import TrackError
+from race_server.scenario.text_files import read_text
 from race_server.scenario.track.course import Floats
+from race_server.scenario.track.limits import MOST_POINTS, check_count
+
+# Of the largest course, with more columns than are read.
+MOST_BYTES = 256 * MOST_POINTS
 
 
 def read_tum(path: Path) -> Floats:
     """Return points of a centre line with half-widths, shape (N, 4): x, y, left, right [m].
 
     Raises:
-        TrackError: the file cannot be read or holds something else.
+        TrackError: the file cannot be read, is too long, or holds something else.
     """
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise TrackError(f"{path}: cannot be read: {error}") from error
-    rows = []
+    rows: list[tuple[float, float, float, float]] = []
+    lines = read_text(path, MOST_BYTES, TrackError).splitlines()
     for number, line in enumerate(lines, start=1):
         text = line.split("#", 1)[0].strip()
         if not text:
@@ -33,6 +35,7 @@ def read_tum(path: Path) -> Floats:
         if len(values) < 4 or not np.isfinite(values).all():
             raise TrackError(f"{path}, line {number}: expected x, y, width right, width left")
         rows.append((values[0], values[1], values[3], values[2]))
+    check_count(f"points in {path}", len(rows), MOST_POINTS)
     points = np.array(rows).reshape(-1, 4)
     if len(points) > 1 and np.hypot(*(points[0] - points[-1])[:2]) < 1e-6:
         points = points[:-1]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from race_server.core import codes
 from race_server.core.state import GROUP, SITE, Records, Walls
+from race_server.errors import TrackError
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.polyline import (
     area_of,
@@ -26,6 +27,8 @@ MARGIN = 1e-6
 MOST_FREE = 60
 # Clearance from walls, in cells, beyond which it does not matter how large it is.
 CLEAR_CELLS = 6
+# Cells of a grid, and those near to walls, each counted for each of its walls.
+MOST_CELLS, MOST_NEAR = 1 << 22, 1 << 25
 # Walls in one circle that a sensor looks at as a whole.
 GROUP_WALLS = 12
 
@@ -115,11 +118,26 @@ def _groups_of(segments: Floats, first_wall: int) -> Records:
 
 
 def _grid_over(segments: Floats, cell: float) -> tuple[tuple[float, float], int, int]:
-    """Return corner [m], columns and rows of a grid that reaches a cell beyond the walls."""
+    """Return corner [m], columns and rows of a grid that reaches a cell beyond the walls.
+
+    Raises:
+        TrackError: it would be too large.
+    """
     points = segments.reshape(-1, 2)
     low, high = points.min(axis=0) - cell, points.max(axis=0) + cell
-    columns, rows = (int(n) for n in np.ceil((high - low) / cell))
-    return (float(low[0]), float(low[1])), columns, rows
+    with np.errstate(over="ignore"):
+        counts = np.ceil((high - low) / cell)
+        # Cells near to a wall, of all walls: each of them is looked at.
+        sides = np.abs(segments[:, 2:] - segments[:, :2]) / cell + 2.0 * CLEAR_CELLS
+        cells, near = counts.prod(), sides.prod(axis=1).sum()
+    if not (cells <= MOST_CELLS and near <= MOST_NEAR):
+        raise TrackError(
+            f"a course of {high[0] - low[0]:.3g} m by {high[1] - low[1]:.3g} m with a free width "
+            f"of {cell / CELL_SHARE:.3g} m: the grid over its walls has {cells:.3g} cells, of "
+            f"{MOST_CELLS} at most, and {near:.3g} entries, of {MOST_NEAR} at most; make it "
+            "smaller, or wider"
+        )
+    return (float(low[0]), float(low[1])), int(counts[0]), int(counts[1])
 
 
 def _list_walls(

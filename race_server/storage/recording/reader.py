@@ -3,11 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from mcap.records import Channel, Chunk, DataEnd, Footer, Message
-from mcap.stream_reader import StreamReader, breakup_chunk
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, WireError
@@ -37,10 +34,10 @@ from race_server.storage.recording.channels import (
     START,
     ChannelKind,
 )
+from race_server.storage.recording.chunks import ENDS, Channel, Record, places_in, records_at
 
-# A chunk of ours is far smaller; a damaged length must not fill the memory.
-MOST_RECORD = 1 << 26
 NANOSECONDS = 1_000_000_000
+_KNOWN = {kind.key: kind for kind in CHANNELS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,55 +70,43 @@ def read_lines(path: Path) -> Iterator[Line | None]:
     Raises:
         RecordingError: no such file, or it is no recording.
     """
-    known = {kind.key: kind for kind in CHANNELS}
     kinds: dict[int, ChannelKind] = {}
     for record in _records(path):
         if record is None:
             yield None
         elif isinstance(record, Channel):
-            key = record.topic.split("/", 2)[-1]
-            if record.topic.startswith("race/") and key in known:
-                kinds[record.id] = known[key]
-        elif isinstance(record, Message) and record.channel_id in kinds:
-            yield Line(kinds[record.channel_id], record.log_time, record.data)
+            learn(kinds, record)
+        elif record.channel in kinds:
+            yield Line(kinds[record.channel], record.time_ns, record.data)
 
 
-def _records(path: Path) -> Iterator[Any]:
+def learn(kinds: dict[int, ChannelKind], channel: Channel) -> None:
+    """Add a channel to those that are known by their number, if it is one of a race."""
+    key = channel.topic.split("/", 2)[-1]
+    if channel.topic.startswith("race/") and key in _KNOWN:
+        kinds[channel.number] = _KNOWN[key]
+
+
+def _records(path: Path) -> Iterator[Record | None]:
+    """Yield records, those of a chunk only once it is known to be whole; None at a torn end."""
+    count = 0
     try:
         with path.open("rb") as file:
-            yield from _whole_records(StreamReader(file, emit_chunks=True, **_LIMITS), path)
+            for place in places_in(file, path.stat().st_size):
+                if place.opcode in ENDS:
+                    return
+                count += 1
+                yield from records_at(file, place)
     except OSError as error:
         raise RecordingError(
             f"recording {path} cannot be read ({error.strerror or error})"
         ) from error
-
-
-_LIMITS: dict[str, Any] = {"record_size_limit": MOST_RECORD}
-
-
-def _whole_records(reader: StreamReader, path: Path) -> Iterator[Any]:
-    """Yield records, those of a chunk only once it is known to be whole; None at a torn end."""
-    count = 0
-    records = iter(reader.records)
-    while True:
-        try:
-            record = next(records)
-            inside = breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else ()
-        except StopIteration:
-            return
-        # Whatever a cut in the middle of a record, or a damaged one, makes the readers of records
-        # and of compressed data trip over.
-        except Exception as error:
-            if count == 0:
-                raise RecordingError(f"{path} is no recording: {error}") from error
-            yield None
-            return
-        count += 1
-        yield from inside
-        if isinstance(record, (DataEnd, Footer)):
-            return
-        if not isinstance(record, Chunk):
-            yield record
+    except RecordingError as error:
+        if count == 0:
+            raise RecordingError(f"{path} is no recording: {error}") from error
+    if count == 0:
+        raise RecordingError(f"{path} is no recording: it ends after {path.stat().st_size} bytes")
+    yield None
 
 
 def read_recording(path: Path) -> Recording:

@@ -12,7 +12,12 @@ from race_server.errors import RecordingError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.limits import check_sizes
 from race_server.scenario.track.line import ReferenceLine
+from race_server.storage.arrays import read_arrays
+
+# Of a course and a line of the largest size, when they are unpacked.
+MOST_ARRAY_BYTES = 1 << 26
 
 Arrays = dict[str, Any]
 
@@ -58,14 +63,15 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
     """
     try:
         words = json.loads(setting)
-        with np.load(io.BytesIO(packed), allow_pickle=False) as file:
-            arrays: Arrays = dict(file)
+        arrays: Arrays = read_arrays(io.BytesIO(packed), MOST_ARRAY_BYTES)
         course = words["course"]
         course["obstacles"] = tuple(Obstacle(**one) for one in course["obstacles"])
         course["sectors"] = tuple(course["sectors"])
         line = words["line"] and ReferenceLine(**words["line"], **_of("line", arrays))
+        whole = Course(**course, **_of("course", arrays))
+        check_sizes(whole)
         return Scenario(
-            course=Course(**course, **_of("course", arrays)),
+            course=whole,
             karts=words["karts"],
             vehicles=tuple(Vehicle(**vehicle) for vehicle in words["vehicles"]),
             rules=Rules(**words["rules"]),

@@ -5,26 +5,21 @@ to the next; what they hold is read when it is wanted. A file that was cut short
 whole chunk.
 """
 
-import struct
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from io import BufferedReader, BytesIO
+from io import BufferedReader
 from itertools import accumulate
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message
-from mcap.stream_reader import breakup_chunk
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, WireError
 from race_server.net.wire.journal import StartFrame, decode_digest, decode_start
 from race_server.storage.recording.channels import (
-    CHANNELS,
     DIGEST,
     EVENTS,
     SNAPSHOTS,
@@ -32,17 +27,21 @@ from race_server.storage.recording.channels import (
     START,
     ChannelKind,
 )
-from race_server.storage.recording.reader import MOST_RECORD, NANOSECONDS
+from race_server.storage.recording.chunks import (
+    CHUNK,
+    Channel,
+    Message,
+    Place,
+    places_in,
+    records_at,
+)
+from race_server.storage.recording.reader import NANOSECONDS, learn
 
-MAGIC_BYTES = 8
-# Code and length of a record; first and last time of the messages in a chunk [ns].
-HEAD, SPAN = struct.Struct("<BQ"), struct.Struct("<QQ")
 # Chunks that are kept after they were read; each is 64 KiB and what was made of it.
 KEPT_CHUNKS = 8
 # Chunks to search backwards for the standings, which are written twice a second.
 LOOK_BACK = 64
 _SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS)}
-_KNOWN = {kind.key: kind for kind in CHANNELS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +53,10 @@ class Moment:
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Where a chunk lies in the file, and which ticks it holds."""
+class _ChunkPlace(NamedTuple):
+    """Where a chunk lies in the file, and which times it holds."""
 
-    offset: int
-    length: int
+    place: Place
     first_ns: int
     last_ns: int
 
@@ -81,10 +78,10 @@ class SeekableRecording:
                 f"recording {path.name} cannot be read ({error.strerror or error})"
             ) from error
         try:
-            self._places = list(_places(self._file, path.stat().st_size))
+            self._places = list(_chunk_places(self._file, path.stat().st_size))
             self._kinds: dict[int, ChannelKind] = {}
             self.start, self._begun_ns = self._beginning()
-        except (WireError, RecordingError, ValueError, OSError, struct.error) as error:
+        except (WireError, RecordingError, OSError) as error:
             self._file.close()
             raise RecordingError(f"{path.name} is no recording of a race: {error}") from error
         # Messages of one tick may lie in any order, and so in either of two chunks.
@@ -162,39 +159,25 @@ class SeekableRecording:
             if channel in self._kinds
         ]
 
-    def _records(self, number: int) -> list[tuple[int, int, bytes]]:
-        """Return channel, time and contents of the messages in a chunk; none of a damaged one."""
-        place = self._places[number]
-        self._file.seek(place.offset)
-        data = self._file.read(place.length)
+    def _records(self, number: int) -> list[Message]:
+        """Return the messages in a chunk; none of a damaged one."""
         try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(data)))
-            inside = breakup_chunk(chunk, validate_crc=True)
-        # Whatever damage makes the readers of records and of compressed data trip over.
-        except Exception:
+            records = records_at(self._file, self._places[number].place)
+        except RecordingError:
             return []
         messages = []
-        for record in inside:
+        for record in records:
             if isinstance(record, Channel):
-                self._learn(record)
-            elif isinstance(record, Message):
-                messages.append((record.channel_id, record.log_time, record.data))
+                learn(self._kinds, record)
+            else:
+                messages.append(record)
         return messages
 
-    def _learn(self, channel: Channel) -> None:
-        key = channel.topic.split("/", 2)[-1]
-        if channel.topic.startswith("race/") and key in _KNOWN:
-            self._kinds[channel.id] = _KNOWN[key]
 
-
-def _places(file: BufferedReader, size: int) -> Iterator[_Place]:
+def _chunk_places(file: BufferedReader, size: int) -> Iterator[_ChunkPlace]:
     """Yield the chunks of a file, up to its end or to where it is torn."""
-    at = MAGIC_BYTES
-    while at + HEAD.size <= size:
-        file.seek(at)
-        opcode, length = HEAD.unpack(file.read(HEAD.size))
-        begin, at = at + HEAD.size, at + HEAD.size + length
-        if at > size or length > MOST_RECORD or opcode in {Opcode.DATA_END, Opcode.FOOTER}:
-            return
-        if opcode == Opcode.CHUNK and length >= SPAN.size:
-            yield _Place(begin, length, *SPAN.unpack(file.read(SPAN.size)))
+    for place in places_in(file, size):
+        if place.opcode == Opcode.CHUNK and place.length >= CHUNK.size:
+            file.seek(place.offset)
+            first_ns, last_ns, *_ = CHUNK.unpack(file.read(CHUNK.size))
+            yield _ChunkPlace(place, first_ns, last_ns)

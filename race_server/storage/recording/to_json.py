@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from race_server.core.messages import PoseFault, Trust
+from race_server.errors import WireError
 from race_server.net.wire.journal import (
     decode_acts,
     decode_digest,
@@ -41,7 +42,11 @@ def to_json(line: Line) -> Words:
     Raises:
         WireError: it is damaged.
     """
-    return _READERS[line.kind.key](line.data)
+    try:
+        return _READERS[line.kind.key](line.data)
+    # Texts that are no JSON, nested too deep, or of a foreign encoding, and names that are unknown.
+    except (ValueError, RecursionError) as error:
+        raise WireError(f"{line.kind.key}: {str(error)[:80]}") from error
 
 
 def _start(data: bytes) -> Words:

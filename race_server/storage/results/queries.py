@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from race_server.errors import ResultsError
 from race_server.storage.results.schema import damaged, explained, open_file
 from race_server.storage.results.store import TRACE_TYPE
 
 Row = dict[str, Any]
+
+# An hour of 60 rows a second and 16 columns.
+MOST_TRACE_BYTES = 1 << 24
 
 _RACES = """
     select race.id, started_at, session, track, track_digest, race.vehicle, laps, pace, seed,
@@ -134,12 +138,28 @@ def trace_of(path: Path, race: int, seat: int, number: int) -> dict[str, Any]:
     if not rows:
         return {}
     try:
-        names = json.loads(rows[0]["columns"])
-        numbers = np.frombuffer(zlib.decompress(rows[0]["numbers"]), TRACE_TYPE)
-        table = numbers.reshape(len(names), -1).astype(np.float64)
-        return dict(zip(names, table, strict=True))
-    except (ValueError, TypeError, zlib.error) as error:
-        raise damaged(path, error) from error
+        return decode_trace(rows[0]["columns"], rows[0]["numbers"])
+    except ResultsError as error:
+        raise damaged(path, f"the trace of lap {race}/{seat}/{number} {error}") from error
+
+
+def decode_trace(columns: str, numbers: bytes) -> dict[str, Any]:
+    """Return a trace by column, each shape (N,).
+
+    Raises:
+        ResultsError: it is damaged, or longer than that of any lap.
+    """
+    unpacker = zlib.decompressobj()
+    try:
+        names = json.loads(columns)
+        data = unpacker.decompress(numbers, MOST_TRACE_BYTES)
+        table = np.frombuffer(data, TRACE_TYPE).reshape(len(names), -1).astype(np.float64)
+        found = dict(zip(names, table, strict=True))
+    except (ValueError, TypeError, RecursionError, zlib.error) as error:
+        raise ResultsError(f"is damaged: {str(error)[:80]}") from error
+    if not unpacker.eof or not all(isinstance(name, str) for name in found):
+        raise ResultsError(f"is damaged, or longer than {MOST_TRACE_BYTES} bytes")
+    return found
 
 
 def _ask(path: Path, question: str, words: Row | tuple[int, ...] | None = None) -> list[Row]:

@@ -25,7 +25,8 @@ from race_server.net.wire.drive import ControlFrame, decode_control, encode_cont
 from race_server.net.wire.lobby import Join
 from race_server.net.wire.pose import PoseFrame, decode_pose, encode_pose
 from race_server.net.wire.topics import key_of
-from race_server.tools.drills.damage import Inbound, crafted, inbound, mutated
+from race_server.tools.drills.damage import crafted, mutated
+from race_server.tools.drills.decoders import Inbound, inbound
 from race_server.tools.drills.server_process import SESSION
 
 # Of this many messages one is a request, one is empty, and one comes with a liveliness token.
@@ -138,7 +139,7 @@ def _send_all(
     chance: random.Random,
 ) -> None:
     special = {
-        way.kind.topic.key: list(crafted(way.kind))
+        way.kind.topic.key: list(crafted(way.kind.decoder))
         for way in (*puts, *asks)
         if way.kind.topic.most_bytes
     }

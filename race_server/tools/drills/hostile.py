@@ -1,20 +1,21 @@
-"""Damaged and crafted messages on every inbound topic, while a race runs.
+"""Damaged and crafted messages for every decoder, and on every inbound topic while a race runs.
 
-They are decoded twice: here, where each is timed and every exception is seen, and by a real server
-in the middle of a race, whose ticks must stay on time and whose drivers must keep their seats. The
-process that sends them there is `attacker`.
+They are decoded here, by the decoders of server, clients, gateway, recordings and results, where
+each is timed and every exception is seen. Then those of inbound topics go to a real server in the
+middle of a race, whose ticks must stay on time and whose drivers must keep their seats. The process
+that sends them there is `attacker`.
 """
 
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
 from race_server.errors import RaceError, Reason
-from race_server.tools.drills.damage import decode_all
+from race_server.tools.drills.damage import Toll, decode_all
 from race_server.tools.drills.report import document_of
 from race_server.tools.drills.server_process import (
     Figures,
@@ -28,6 +29,7 @@ TRACK, KARTS = "oval-report", 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
 QUIET_S = 15.0  # of the same race before, as the baseline
 WORST_MS = 1.0
+MOST_GROWTH = 8_000_000  # bytes of memory, of a decoder's messages after its first ones
 # Missed ticks that other load may cause on any machine, even if the baseline has none.
 SPARE = 0.001
 # Seats of the attacker: one with a simulated kart, one with a real kart.
@@ -42,18 +44,13 @@ def drill_hostile(
     messages: int, *, rate: int, seed: int = 1, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
     """Send hostile messages to a racing server at `rate` a second and return the figures."""
-    toll = decode_all(messages, seed)
-    worst_ms = toll.worst_ns / 1e6
-    faults = []
-    if foreign := set(toll.errors) - {"WireError"}:
-        faults.append(f"decoders raise {', '.join(sorted(foreign))}")
-    if worst_ms > WORST_MS:
-        faults.append(f"the slowest decode takes {worst_ms:.2f} ms, {WORST_MS:g} ms are allowed")
+    tolls = decode_all(messages, seed)
+    faults = [fault for toll in tolls for fault in _faults_of(toll)]
     document: dict[str, Any] = {
-        "decoded": toll.decoded,
-        "accepted": toll.accepted,
-        "exceptions": dict(toll.errors),
-        "worst_decode_ms": round(worst_ms, 4),
+        "decoded": sum(toll.decoded for toll in tolls),
+        "accepted": sum(toll.accepted for toll in tolls),
+        "worst_decode_ms": max(toll.worst_ns for toll in tolls) / 1e6,
+        "decoders": [toll.as_row() for toll in tolls],
         "messages": messages,
         "rate": rate,
     }
@@ -62,6 +59,16 @@ def drill_hostile(
     except RaceError as error:
         faults.append(str(error))
     return document_of(faults, **document, seed=seed)
+
+
+def _faults_of(toll: Toll) -> Iterator[str]:
+    """Yield what is wrong with how a decoder took its messages."""
+    if foreign := set(toll.errors) - {toll.refuses}:
+        yield f"{toll.decoder} raises {', '.join(sorted(foreign))}, not only {toll.refuses}"
+    if toll.worst_ns > WORST_MS * 1e6:
+        yield f"{toll.decoder} takes {toll.worst_ns / 1e6:.2f} ms, {WORST_MS:g} ms are allowed"
+    if toll.growth_bytes > MOST_GROWTH:
+        yield f"{toll.decoder} keeps {toll.growth_bytes / 1e6:.1f} MB"
 
 
 def _attack(

@@ -1,0 +1,86 @@
+"""How large a course may be. What is larger is refused before anything is made of it."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from race_server.errors import TrackError
+from race_server.scenario.track.course import Course
+
+# Of the centre line: 8 km for karts, 819 m for cars of 1/10. Such a course is built in a minute.
+MOST_SAMPLES = 1 << 14
+MOST_POINTS = 4096  # that a line is drawn through
+MOST_PIECES = 256  # of a border that is laid from blocks
+MOST_OBSTACLES = MOST_STARTS = 256
+MOST_ITEMS = 1024
+MOST_PLACES = 64
+MOST_GATES = 200
+# Two borders beside a line, and four sides of each obstacle.
+MOST_WALLS = 2 * MOST_SAMPLES + 4 * MOST_OBSTACLES
+
+# Columns of each array, and the most rows.
+_SHAPES = {
+    "line": (4, MOST_SAMPLES),
+    "half_widths": (2, MOST_SAMPLES),
+    "borders": (4, MOST_WALLS),
+    "grid": (3, MOST_PLACES),
+    "spots": (2, MOST_ITEMS),
+    "starts": (6, MOST_STARTS),
+}
+
+
+def check_length(length: float, spacing: float, name: str) -> None:
+    """Check that a line is not too long.
+
+    length: of the line [m]; spacing: of its samples [m].
+
+    Raises:
+        TrackError: it is.
+    """
+    if not length <= MOST_SAMPLES * spacing:
+        raise TrackError(
+            f"{name}: a course of {length / 1e3:.3g} km; at this scale it may be "
+            f"{MOST_SAMPLES * spacing / 1e3:.3g} km long"
+        )
+
+
+def check_count(what: str, count: int, most: int) -> None:
+    """Check a number of things.
+
+    Raises:
+        TrackError: there are too many.
+    """
+    if count > most:
+        raise TrackError(f"{count} {what}; at most {most} are allowed")
+
+
+def check_sizes(course: Course) -> None:
+    """Check a course that was not built from a file here: sizes, shapes, and finite numbers.
+
+    Raises:
+        TrackError: something does not fit.
+    """
+    for name, (columns, most) in _SHAPES.items():
+        rows = getattr(course, name)
+        if not isinstance(rows, np.ndarray) or rows.shape != (len(rows), columns):
+            raise TrackError(f"{name} of the course is no table of {columns} columns")
+        check_count(f"rows of {name}", len(rows), most)
+        _check_finite(name, rows)
+    if len(course.line) != len(course.half_widths) or len(course.line) < 3:
+        raise TrackError("line and half-widths of the course do not fit")
+    if course.gates.shape != (len(course.gates),) or not 0 < len(course.gates) <= MOST_GATES:
+        raise TrackError(f"{course.gates.shape} gates; 1 to {MOST_GATES} are allowed")
+    _check_finite("gates", course.gates)
+    check_count("obstacles", len(course.obstacles), MOST_OBSTACLES)
+    if not all(0 <= gate < len(course.gates) for gate in course.sectors):
+        raise TrackError("a sector of the course ends at no gate")
+    for name in ("spacing", "width_mean"):
+        value = getattr(course, name)
+        if not (math.isfinite(value) and value > 0.0):
+            raise TrackError(f"{name} of the course is {value}")
+
+
+def _check_finite(name: str, numbers: Any) -> None:
+    if numbers.dtype != np.float64 or not np.isfinite(numbers).all():
+        raise TrackError(f"{name} of the course holds other than finite numbers")
