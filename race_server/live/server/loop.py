@@ -197,18 +197,16 @@ class RaceServer:
             # Without its end: the server that replaces this one resumes the race.
             self._persistence.leave()
             raise
-        finally:
-            self.watchdog.rest()
+        self.watchdog.rest()
         self._announce(wait=True)
         self._persistence.close()
         self._publish_observations()
         self._publisher.publish_snapshot()
         self._publisher.publish_standings()
         refused, now_us = self.refusals(), _now_us()
-        result = RaceResult.of(self.session, self.events, self.missed_ticks, refused, now_us)
-        self._session_log.close(result)
-        self._result = result
-        return result
+        self._result = RaceResult.of(self.session, self.events, self.missed_ticks, refused, now_us)
+        self._session_log.close(self._result)
+        return self._result
 
     def _penalise_late(self, seat: int, seconds: float) -> str:
         """Add a penalty to the result of the last race and return the driver's name.
