@@ -32,8 +32,8 @@ from race_server.terminal import Console
 _EVENT_LINES = 8
 # From this age on, what spectators see is marked as old [s].
 OLD_S = 0.5
-# Until a server answers [s]. The first race compiles, on a busy or small machine for minutes; a server that
-# fails is noticed at once.
+# Until a server answers [s]. The first race compiles, on a busy or small machine for minutes; a
+# server that fails is noticed at once.
 START_S = 600.0
 # Port of the page, if it is free.
 PAGE_PORT = 8080
