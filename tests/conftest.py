@@ -12,8 +12,8 @@ os.environ["RACE_SERVER_RECORDINGS"] = "none"
 # Races of tests are not watched.
 os.environ["RACE_SERVER_PAGE"] = "0"
 
-from race_server.core.step import advance
-from race_server.scenario.race import Scenario, make_world
+from race_server.live.server.warm_up import warm_up
+from race_server.scenario.race import Scenario
 from support.courses import ring
 
 if TYPE_CHECKING:
@@ -23,11 +23,8 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
-    """Compile (or load) the tick before the first test is timed."""
-    import numpy as np
-
-    world = make_world(Scenario(ring(), karts=2))
-    advance(world, np.zeros((1, 2, 4)), 1)
+    """Compile (or load) what a live race calls before the first test is timed."""
+    warm_up(Scenario(ring(), karts=2))
 
 
 @pytest.fixture(scope="session")

@@ -60,6 +60,7 @@ def service(folder: Path, result: Path) -> Service:
         metrics=None,
         as_json=True,
         keys=None,
+        is_guarded=False,
     )
 
 
