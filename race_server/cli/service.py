@@ -48,6 +48,7 @@ class Service:
     fillers: tuple[str, ...]
     awaited: int  # drivers
     listen: str
+    steward_listen: str
     results: str
     record: str
     result: Path | None
@@ -90,7 +91,16 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         karts, keys = len(race.seats), service.keys
         address, name = service.listen, service.session
         real_time = service.pace == REAL
-        link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
+        link = stack.enter_context(
+            ServerLink(
+                address,
+                name,
+                karts,
+                keys=keys,
+                real_time=real_time,
+                steward_address=service.steward_listen,
+            )
+        )
         token = keys.token if keys else stack.enter_context(local_token(address, name))
         server = RaceServer(
             race,

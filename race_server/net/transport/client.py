@@ -65,8 +65,9 @@ class ClientLink(Link):
             if reply.ok is not None:
                 return bytes(reply.ok.payload.to_bytes())
         raise LinkError(
-            f"no answer on {key}: the server has stopped, no session is called {self._name!r}, or "
-            "the server does not allow this request"
+            f"no answer on {key}: the server has stopped, no session is called {self._name!r}, "
+            "the server does not allow this request, or it has closed this link, because too many "
+            "use the same keys or they were revoked"
         )
 
     def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:

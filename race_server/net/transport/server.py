@@ -12,10 +12,17 @@ from typing import Any
 import zenoh
 
 from race_server.errors import LinkError, Reason
-from race_server.net.auth.access import common_name, seat_name
+from race_server.net.auth.access import STEWARD, common_name, seat_name
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.seat_owners import SeatOwners
-from race_server.net.auth.settings import ListenSettings, server_settings
+from race_server.net.auth.settings import (
+    ListenSettings,
+    is_encrypted,
+    places_of,
+    port_of,
+    server_settings,
+)
+from race_server.net.transport.doorkeeper import Doorkeeper, House
 from race_server.net.transport.inputs import (
     Check,
     Inputs,
@@ -66,24 +73,27 @@ class ServerLink(Link):
         *,
         keys: ServerKeys | None = None,
         real_time: bool = False,
+        steward_address: str = "",
     ) -> None:
         """Listen on `address`.
 
         keys: without them only this machine is listened to. real_time: no driver needs more than
         one control a tick, so where a seat sends far more only the newest are received.
+        steward_address: a second one, for the steward alone.
 
         Raises:
             LinkError: it cannot be listened on, or would be open to any machine.
             WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
-        listening = ListenSettings(address, session_name, seats, keys, real_time)
+        listening = ListenSettings(address, session_name, seats, keys, real_time, steward_address)
         settings = server_settings(listening)
         try:
             super().__init__(open_session(settings))
         except zenoh.ZError as error:
             raise LinkError(
-                f"cannot listen on {address}: it is in use or not of this machine; "
+                f"cannot listen on {' and '.join(a for a in (address, steward_address) if a)}: "
+                "it is in use or not of this machine; "
                 "choose another address with --listen, such as tcp/127.0.0.1:7448"
             ) from error
         self.address = address
@@ -101,6 +111,8 @@ class ServerLink(Link):
         self._poses: dict[int, Inputs] = {}  # of real karts, by seat
         self._kept: list[Any] = [self._subscribe_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._subscribe_presence())
+        self._owners = {common_name(session_name, seat_name(seat)): seat for seat in range(seats)}
+        self._doorkeeper = self._doorkeeper_of(listening)
         self._kept.append(self._subscribe_links())
 
     def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -200,11 +212,11 @@ class ServerLink(Link):
     def _subscribe_links(self) -> Any:
         """Count how often a certificate is logged in: a stolen one may only listen."""
         open_links: Counter[str] = Counter()
-        owners = {
-            common_name(self._name, seat_name(seat)): seat for seat in range(len(self._controls))
-        }
+        owners = self._owners
 
         def store(event: zenoh.LinkEvent) -> None:
+            if self._doorkeeper:
+                self._doorkeeper.note(event)
             name = event.link.auth_identifier
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
@@ -215,6 +227,41 @@ class ServerLink(Link):
                     self.dropped[Reason.SECOND_LOGIN, owners[name]] += 1
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
+
+    def _doorkeeper_of(self, listening: ListenSettings) -> Doorkeeper | None:
+        """Return what bounds the links of each certificate; without certificates none can."""
+        if listening.keys is None or not is_encrypted(listening.address):
+            return None
+
+        def turned_away(reason: str, name: str) -> None:
+            self.dropped[reason, self._owners.get(name, -1)] += 1
+
+        steward = listening.steward_address
+        house = House(
+            listening.keys,
+            places_of(listening),
+            common_name(self._name, STEWARD),
+            port_of(listening.address),
+            port_of(steward) if steward else 0,
+        )
+        return Doorkeeper(house, turned_away).open()
+
+    def bar_seat(self, seat: int, *, is_barred: bool) -> None:
+        """Close the links of a seat's keys for as long as it is barred."""
+        if self._doorkeeper:
+            self._doorkeeper.bar(common_name(self._name, seat_name(seat)), is_barred=is_barred)
+
+    def revoked_seats(self) -> set[int]:
+        """Return the seats whose keys have been revoked."""
+        revoked = self._doorkeeper.revoked if self._doorkeeper else ()
+        return {self._owners[name] for name in revoked if name in self._owners}
+
+    def close(self) -> None:
+        """Close the session; a second call does nothing."""
+        if self._doorkeeper:
+            self._doorkeeper.close()
+            self._doorkeeper = None
+        super().close()
 
     def receive_controls(self) -> Iterator[tuple[int, bytes]]:
         """Yield the newest controls of each seat since the last call, oldest first."""
