@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,6 +31,7 @@ from race_server.net.transport import ClientLink, ServerLink, doorkeeper
 from race_server.net.transport.sockets import close_connections
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
+from race_server.tools.drills.front import front_of, missing_front
 from race_server.tools.drills.intruder import Intruder
 from support.servers import waiting
 from support.sessions import session_on_ring
@@ -239,3 +241,54 @@ def test_a_connection_of_this_process_is_ended_by_its_other_end() -> None:
             assert close_connections({f"{host}:{port + 1}"}) == 0
             assert close_connections({f"{host}:{port}"}) == 1
             assert client.recv(1) == b""
+
+
+# Requests
+
+
+@pytest.mark.net
+def test_a_spectator_is_answered_while_others_ask_without_end(keys: Path, tmp_path: Path) -> None:
+    issue_keys(Order("cup", 2, spectators=4), tmp_path / "hall")
+    own = read_client_keys(tmp_path / "hall" / "spectator")
+    name = topics.key_of(topics.TABLE, "cup")
+    with opened(tmp_path / "hall") as server, contextlib.ExitStack() as stack:
+        crowd = [stack.enter_context(Intruder(server.link.address, own)) for _ in range(3)]
+        stop = threading.Event()
+
+        def ask_on() -> None:
+            while not stop.wait(0.002):
+                for intruder in crowd:
+                    intruder.session.get(name, lambda _: None)
+
+        with linked(server, own) as link:
+            asking = threading.Thread(target=ask_on)
+            asking.start()
+            answers = [is_answered(link) for _ in range(10)]
+            stop.set()
+            asking.join()
+        assert answers == [True] * 10
+
+
+# The front
+
+
+@pytest.mark.net
+@pytest.mark.skipif(bool(missing_front()), reason=missing_front() or "it is there")
+def test_a_front_keeps_junk_away_and_a_login_takes_less_than_a_second(keys: Path) -> None:
+    server_port, door, public, steward_port = (free_port() for _ in range(4))
+    own, steward = read_client_keys(keys / "spectator"), read_client_keys(keys / "steward")
+    address, own_door = f"tls/127.0.0.1:{server_port}", f"tls/127.0.0.1:{door}"
+    with (
+        opened(keys, address=address, steward_address=own_door) as server,
+        front_of(server_port, door, public, steward_port),
+        contextlib.ExitStack() as stack,
+    ):
+        for _ in range(200):
+            junk = stack.enter_context(socket.create_connection(("127.0.0.1", public)))
+            junk.sendall(b"GET / HTTP/1.0\r\n\r\n")
+        begun = time.monotonic()
+        with linked(server, own, f"tls/127.0.0.1:{public}") as link:
+            assert is_answered(link)
+        with linked(server, steward, f"tls/127.0.0.1:{steward_port}") as link:
+            assert is_answered(link)
+        assert time.monotonic() - begun < 2.0

@@ -6,7 +6,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import zenoh
@@ -42,24 +42,28 @@ _WITHOUT_BADGE = {
 }
 # More unanswered requests on one key are dropped, and time out.
 MOST_QUERIES = 8
-# At most this many requests are answered at once; the others wait for the next tick.
+# At most this many keys are answered at once; the others wait for the next tick.
 MOST_ANSWERS = 8
+# On keys that all clients ask on one answer is for this many of them: 960 a second, as many as 48
+# sessions may ask for. As many as the second number wait.
+MOST_SHARING, MOST_SHARED = 16, 64
 
 
 @dataclass(frozen=True)
 class Request:
-    """A query that waits for an answer."""
+    """A query that waits for an answer, or several that wait for the same one."""
 
     topic: Topic
     seat: int  # of the client, as the key names it; -1 where it names none
     payload: bytes
-    _query: Any
+    queries: list[Any]
 
     def answer(self, payload: bytes) -> None:
         """Send the answer and end the query."""
-        with suppress(zenoh.ZError):  # the client has gone
-            self._query.reply(self._query.key_expr, payload)
-        self._query.drop()
+        for query in self.queries:
+            with suppress(zenoh.ZError):  # the client has gone
+                query.reply(query.key_expr, payload)
+            query.drop()
 
 
 class ServerLink(Link):
@@ -178,10 +182,10 @@ class ServerLink(Link):
                 self.dropped[Reason.OVERSIZED, seat] += 1
                 return
             waiting = self._requests.setdefault(key, deque())
-            if len(waiting) >= MOST_QUERIES:
+            if len(waiting) >= (MOST_SHARED if topic.is_shared else MOST_QUERIES):
                 self.dropped[Reason.TOO_MANY, seat] += 1
                 return
-            waiting.append(Request(topic, seat, payload, query))
+            waiting.append(Request(topic, seat, payload, [query]))
             self._arrived.set()
 
         key = key_of(topic, self._name, topics.EVERY)
@@ -296,7 +300,11 @@ class ServerLink(Link):
         waiting = [requests for requests in list(self._requests.values()) if requests]
         self._turn += 1
         for place in range(min(len(waiting), MOST_ANSWERS)):
-            yield waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)].popleft()
+            requests = waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)]
+            first = requests.popleft()
+            sharing = min(len(requests), MOST_SHARING - 1) if first.topic.is_shared else 0
+            queries = [query for _ in range(sharing) for query in requests.popleft().queries]
+            yield replace(first, queries=first.queries + queries)
 
     def receive_presence(self) -> Iterable[tuple[int, bool]]:
         """Yield seats whose driver's link has come (True) or gone (False)."""
