@@ -178,8 +178,8 @@ person.
 
 Drivers connect to `{address}` unless `--connect` is given.
 
-A folder that was lost or copied is revoked with `race keys revoke . seat-3` on the server's machine,
-while the server runs or before. Make new keys for the next race and delete these.
+A folder that was lost or copied is revoked with `race keys revoke . seat-3` on the server's
+machine, while the server runs or before. Make new keys for the next race and delete these.
 """
 
 

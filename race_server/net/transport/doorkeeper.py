@@ -11,6 +11,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -32,11 +33,13 @@ OPEN_FILES = 4096
 HANDSHAKES = 256
 # Connections that wait in the system until zenoh accepts them.
 QUEUE = 64
-# Between two rounds [s]; a change of links begins one at once.
+# Between two rounds [s]; many links begin one at once.
 PERIOD_S = 0.1
 REVOKED_S = 0.5  # between two looks at what is revoked
-# A driver that is sent away hears why before its link is closed [s].
+# A driver that is sent away hears why before its link is closed [s]. As long are links beyond the
+# places of their key held, up to this number, because a client comes back at once.
 FAREWELL_S = 1.0
+MOST_HELD = 32
 TOO_MANY, BARRED, NOT_STEWARDS = (
     "link beyond those of its key",
     "link of a key that is barred",
@@ -84,11 +87,14 @@ class Doorkeeper:
     _news: threading.Event = field(default_factory=threading.Event)
     _closing: bool = False
 
+    def __post_init__(self) -> None:
+        """Count the places."""
+        self._most_links = sum(self.house.places.values())
+
     def open(self) -> Self:
         """Begin to keep the doors."""
         files = raise_open_files(OPEN_FILES)
-        links = sum(self.house.places.values())
-        self._most_files = min(count_files() + links + HANDSHAKES, files // 2)
+        self._most_files = min(count_files() + self._most_links + HANDSHAKES, files // 2)
         limit_queue(self.house.port, QUEUE)
         self._thread = threading.Thread(target=self._keep, name="doorkeeper", daemon=True)
         self._thread.start()
@@ -107,14 +113,14 @@ class Doorkeeper:
         if event.kind == zenoh.SampleKind.PUT:
             name = link.auth_identifier or ""
             self._links[peer, port] = OpenLink(name, peer, port, time.monotonic())
-            self._news.set()
+            if len(self._links) > self._most_links:
+                self._news.set()
         else:
             self._links.pop((peer, port), None)
 
     def bar(self, name: str, *, is_barred: bool = True) -> None:
         """Send away the links of a common name until it is let in again."""
         (self._barred.add if is_barred else self._barred.discard)(name)
-        self._news.set()
 
     @property
     def revoked(self) -> frozenset[str]:
@@ -124,19 +130,15 @@ class Doorkeeper:
     def _keep(self) -> None:
         looked = 0.0
         while not self._closing:
-            if time.monotonic() > looked + REVOKED_S:
-                looked = time.monotonic()
-                self._look_up_revoked()
-            self._send_away()
-            self._watch_files()
+            # Looking needs a file too. Without one the next round looks again.
+            with suppress(OSError, KeysError):
+                self._send_away()
+                self._watch_files()
+                if time.monotonic() > looked + REVOKED_S:
+                    looked = time.monotonic()
+                    self._revoked = read_revoked(self.house.keys.folder)
             self._news.wait(PERIOD_S)
             self._news.clear()
-
-    def _look_up_revoked(self) -> None:
-        try:
-            self._revoked = read_revoked(self.house.keys.folder)
-        except KeysError:  # no file is left for it: what was revoked stays so
-            return
 
     def _send_away(self) -> None:
         unwanted = {link.peer: (reason, link.name) for link, reason in self._unwanted()}
@@ -146,7 +148,7 @@ class Doorkeeper:
 
     def _unwanted(self) -> list[tuple[OpenLink, str]]:
         """Return the links to close, each with the reason."""
-        now, taken, unwanted = time.monotonic(), Counter[str](), []
+        now, taken, unwanted, held = time.monotonic(), Counter[str](), [], 0
         for link in sorted(self._links.copy().values(), key=lambda link: link.since):
             house, reason = self.house, ""
             taken[link.name] += 1
@@ -156,7 +158,8 @@ class Doorkeeper:
             elif link.port == house.steward_port and link.name != house.steward:
                 reason = NOT_STEWARDS
             elif taken[link.name] > house.places.get(link.name, 0):
-                reason = TOO_MANY
+                held += 1
+                reason = TOO_MANY if has_heard or held > MOST_HELD else ""
             if reason:
                 unwanted.append((link, reason))
         return unwanted

@@ -1,16 +1,17 @@
 """The front that the project ships for HAProxy, started before a server under a drill."""
 
 import shutil
+import socket
 import subprocess
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from race_server.errors import RaceError
 
 CONFIGURATION = Path(__file__).parents[3] / "deploy" / "haproxy.cfg"
-START_S = 0.3
+START_S = 10.0
 
 
 def missing_front() -> str:
@@ -38,9 +39,16 @@ def front_of(server: int, steward_server: int, public: int, steward: int) -> Ite
     command = ["haproxy", "-db", "-q", "-f", str(CONFIGURATION)]
     with subprocess.Popen(command, env={**places, "PATH": "/usr/sbin:/usr/bin"}) as front:
         try:
-            time.sleep(START_S)
-            if front.poll() is not None:
-                raise RaceError(f"haproxy does not start with {CONFIGURATION}: see above")
+            _wait_for(front, public)
             yield
         finally:
             front.terminate()
+
+
+def _wait_for(front: subprocess.Popen[bytes], port: int) -> None:
+    deadline = time.monotonic() + START_S
+    while front.poll() is None and time.monotonic() < deadline:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return
+        time.sleep(0.02)
+    raise RaceError(f"haproxy does not start with {CONFIGURATION}: see above")

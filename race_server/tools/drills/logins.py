@@ -12,7 +12,7 @@ from race_server.errors import KeysError, Reason
 from race_server.live.client.steward import StewardClient
 from race_server.net.auth.issue import Order, issue_keys
 from race_server.net.auth.keys import ClientKeys, read_client_keys, revoke_keys
-from race_server.net.transport.doorkeeper import BARRED, REVOKED_S, TOO_MANY
+from race_server.net.transport.doorkeeper import BARRED, FAREWELL_S, REVOKED_S, TOO_MANY
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
@@ -114,7 +114,7 @@ def try_too_many(scene: Scene) -> None:
     with contextlib.ExitStack() as stack:
         for _ in range(MANY):
             stack.enter_context(Intruder(served.address, keys))
-        time.sleep(SETTLE_S)
+        time.sleep(FAREWELL_S + SETTLE_S)
         closed = link.dropped[TOO_MANY, 2]
         scene.deny("more connections than a key has places", "" if closed else "none was closed")
         with served.link("steward") as own:

@@ -76,7 +76,7 @@ def client_hello() -> bytes:
 
 
 def main(source: str, port: str, kind: str, rate: str, seconds: str) -> None:
-    """Open connections, and print what became of them as JSON."""
+    """Open connections, and print how many there were as JSON."""
     raise_open_files(FILES)
     strangers = Strangers(source, int(port), kind)
     asyncio.run(strangers.open_many(float(rate), float(seconds)))
