@@ -31,6 +31,7 @@ from race_server.net.transport import ClientLink, ServerLink, doorkeeper
 from race_server.net.transport.sockets import close_connections
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
+from race_server.tools.drills.flood import drill_flood
 from race_server.tools.drills.front import front_of, missing_front
 from race_server.tools.drills.intruder import Intruder
 from support.servers import running, waiting
@@ -295,3 +296,12 @@ def test_a_front_keeps_junk_away_and_a_login_takes_less_than_a_second(keys: Path
         with linked(server, steward, f"tls/127.0.0.1:{steward_port}") as link:
             assert is_answered(link)
         assert time.monotonic() - begun < 2.0
+
+
+@pytest.mark.net
+@pytest.mark.slow
+@pytest.mark.skipif(bool(missing_front()), reason=missing_front() or "it is there")
+def test_the_drill_lets_clients_in_within_a_second_while_strangers_flood_the_door() -> None:
+    document = drill_flood(200, 3.0)
+    assert document["ok"], document["why"]
+    assert document["login_s"] <= 1.0

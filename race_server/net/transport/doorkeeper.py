@@ -23,7 +23,7 @@ from race_server.net.open_files import raise_open_files
 from race_server.net.transport.sockets import (
     close_connections,
     count_files,
-    limit_queue,
+    listeners,
     shut_door,
 )
 
@@ -95,7 +95,9 @@ class Doorkeeper:
         """Begin to keep the doors."""
         files = raise_open_files(OPEN_FILES)
         self._most_files = min(count_files() + self._most_links + HANDSHAKES, files // 2)
-        limit_queue(self.house.port, QUEUE)
+        self._doors = listeners(self.house.port)
+        for door in self._doors:
+            door.listen(QUEUE)
         self._thread = threading.Thread(target=self._keep, name="doorkeeper", daemon=True)
         self._thread.start()
         return self
@@ -105,6 +107,8 @@ class Doorkeeper:
         self._closing = True
         self._news.set()
         self._thread.join()
+        for door in self._doors:
+            door.close()
 
     def note(self, event: zenoh.LinkEvent) -> None:
         """Record that a link has opened or closed; runs in a thread of zenoh."""
@@ -168,7 +172,8 @@ class Doorkeeper:
         files = count_files()
         if self.is_shut != (files > self._most_files):
             self.is_shut = not self.is_shut
-            shut_door(self.house.port, is_shut=self.is_shut)
+            for door in self._doors:
+                shut_door(door, is_shut=self.is_shut)
 
 
 def _place(locator: Any) -> str:

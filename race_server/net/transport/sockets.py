@@ -40,36 +40,32 @@ def close_connections(peers: set[str]) -> int:
     return closed
 
 
-def limit_queue(port: int, most: int) -> None:
-    """Let at most this many connections wait to be accepted on a port."""
-    for listener in _listeners(port):
-        listener.listen(most)
+def listeners(port: int) -> list[socket.socket]:
+    """Return copies of the sockets that listen on a port, to be closed by the caller."""
+    found = []
+    for own in _sockets():
+        is_tcp = own.family in {socket.AF_INET, socket.AF_INET6} and own.type == socket.SOCK_STREAM
+        listens = is_tcp and own.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+        if listens and own.getsockname()[1] == port:
+            # Not `own.dup()`: it would let zenoh's own copy block.
+            found.append(socket.socket(fileno=os.dup(own.fileno())))
+    return found
 
 
-def shut_door(port: int, *, is_shut: bool) -> None:
-    """Let the system drop what opens a connection to a port, or let it pass again.
+def shut_door(door: socket.socket, *, is_shut: bool) -> None:
+    """Let the system drop what opens a connection to a listening socket, or let it pass again.
 
     Connections that are open are not touched.
     """
     if sys.platform != "linux":
         return
-    for listener in _listeners(port):
-        if is_shut:
-            program = ctypes.create_string_buffer(_DROP_ALL)
-            where = struct.pack("HL", 1, ctypes.addressof(program))
-            listener.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, where)
-        else:
-            with suppress(OSError):  # none was attached
-                listener.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
-
-
-def _listeners(port: int) -> Iterator[socket.socket]:
-    for own in _sockets():
-        is_tcp = own.family in {socket.AF_INET, socket.AF_INET6} and own.type == socket.SOCK_STREAM
-        if is_tcp and own.getsockname()[1] == port:
-            listens = own.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
-            if listens:
-                yield own
+    if is_shut:
+        program = ctypes.create_string_buffer(_DROP_ALL)
+        where = struct.pack("HL", 1, ctypes.addressof(program))
+        door.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, where)
+    else:
+        with suppress(OSError):  # none was attached
+            door.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
 
 
 def _sockets() -> Iterator[socket.socket]:
