@@ -66,8 +66,8 @@ def revoke(
     from race_server.net.auth.keys import REVOKED, revoke_keys
 
     held = revoke_keys(folder, role)
-    print(f"{held.folder / REVOKED}: the keys of {role} of session {held.session} are revoked")
-    print(f"for new ones make a new folder: race keys new {held.session}")
+    say(f"{held.folder / REVOKED}: the keys of {role} of session {held.session} are revoked")
+    say(f"for new ones make a new folder: race keys new {held.session}")
 
 
 @app.command()
