@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from race_server.competition.launch import free_address, free_port
-from race_server.errors import KeysError, LinkError, RaceError
+from race_server.errors import KeysError, LinkError, RaceError, Reason
 from race_server.live.client.seat import take_seat
 from race_server.live.client.steward import StewardClient
 from race_server.live.server import REAL, RaceServer
@@ -92,7 +92,7 @@ def test_the_steward_gets_in_while_one_seats_keys_open_links_without_end(keys: P
     with opened(keys) as server, contextlib.ExitStack() as stack:
         for _ in range(30):
             stack.enter_context(Intruder(server.link.address, own))
-        wait_until(lambda: server.link.dropped[doorkeeper.TOO_MANY, 0] >= 20)
+        wait_until(lambda: server.link.dropped[Reason.TOO_MANY_LINKS, 0] >= 20)
         with linked(server, read_client_keys(keys / "steward")) as link:
             assert StewardClient(link, read_client_keys(keys / "steward").token).log() == []
         with linked(server, read_client_keys(keys / "seat-1")) as link:
@@ -110,12 +110,12 @@ def test_revoked_keys_lose_seat_and_links_on_a_running_server_and_others_keep_th
         revoke_keys(keys, "seat-0")
         wait_until(lambda: 0 in server.session.seats.closed)
         assert not server.session.seats[0].is_taken
-        wait_until(lambda: server.link.dropped[doorkeeper.BARRED, 0] > 0)
+        wait_until(lambda: server.link.dropped[Reason.BARRED_LINK, 0] > 0)
         assert is_answered(kept)
         link.close()
         server.link.dropped.clear()
         with contextlib.suppress(LinkError), linked(server, own):
-            wait_until(lambda: server.link.dropped[doorkeeper.BARRED, 0] > 0)
+            wait_until(lambda: server.link.dropped[Reason.BARRED_LINK, 0] > 0)
         assert server.session.seats[1].is_taken
 
 
@@ -137,7 +137,7 @@ def test_keys_of_a_driver_sent_away_are_let_in_again_when_its_seat_is_opened(key
         take_seat(link, Join("eve", "track", 0))
         marshal = StewardClient(chief, steward.token)
         marshal.decide("kick", seat=0)
-        wait_until(lambda: server.link.dropped[doorkeeper.BARRED, 0] > 0)
+        wait_until(lambda: server.link.dropped[Reason.BARRED_LINK, 0] > 0)
         marshal.decide("open", seat=0)
         with linked(server, own) as again:
             assert take_seat(again, Join("eve", "track", 0)).number == 0
@@ -149,7 +149,7 @@ def test_only_the_steward_is_let_in_by_the_stewards_door(keys: Path) -> None:
     steward = read_client_keys(keys / "steward")
     with opened(keys, steward_address=door) as server:
         with linked(server, read_client_keys(keys / "seat-0"), door):
-            wait_until(lambda: server.link.dropped[doorkeeper.NOT_STEWARDS, 0] > 0)
+            wait_until(lambda: server.link.dropped[Reason.STEWARDS_DOOR, 0] > 0)
         with linked(server, steward, door) as link:
             assert StewardClient(link, steward.token).log() == []
 

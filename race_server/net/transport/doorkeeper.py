@@ -17,7 +17,7 @@ from typing import Any, Self
 
 import zenoh
 
-from race_server.errors import KeysError
+from race_server.errors import KeysError, Reason
 from race_server.net.auth.keys import ServerKeys, read_revoked
 from race_server.net.open_files import raise_open_files
 from race_server.net.transport.sockets import (
@@ -40,11 +40,6 @@ REVOKED_S = 0.5  # between two looks at what is revoked
 # places of their key held, up to this number, because a client comes back at once.
 FAREWELL_S = 1.0
 MOST_HELD = 32
-TOO_MANY, BARRED, NOT_STEWARDS = (
-    "link beyond those of its key",
-    "link of a key that is barred",
-    "link of another at the steward's door",
-)
 
 
 @dataclass(frozen=True)
@@ -79,7 +74,7 @@ class Doorkeeper:
     """
 
     house: House
-    turned_away: Callable[[str, str], None]
+    turned_away: Callable[[Reason, str], None]
     is_shut: bool = False  # the public door
     _links: dict[tuple[str, int], OpenLink] = field(default_factory=dict)
     _barred: set[str] = field(default_factory=set)  # by the steward, until it lets them in again
@@ -150,20 +145,20 @@ class Doorkeeper:
             for reason, name in unwanted.values():
                 self.turned_away(reason, name)
 
-    def _unwanted(self) -> list[tuple[OpenLink, str]]:
+    def _unwanted(self) -> list[tuple[OpenLink, Reason]]:
         """Return the links to close, each with the reason."""
         now, taken, unwanted, held = time.monotonic(), Counter[str](), [], 0
         for link in sorted(self._links.copy().values(), key=lambda link: link.since):
-            house, reason = self.house, ""
+            house, reason = self.house, None
             taken[link.name] += 1
             has_heard = now > link.since + FAREWELL_S
             if link.name in self._revoked or (link.name in self._barred and has_heard):
-                reason = BARRED
+                reason = Reason.BARRED_LINK
             elif link.port == house.steward_port and link.name != house.steward:
-                reason = NOT_STEWARDS
+                reason = Reason.STEWARDS_DOOR
             elif taken[link.name] > house.places.get(link.name, 0):
                 held += 1
-                reason = TOO_MANY if has_heard or held > MOST_HELD else ""
+                reason = Reason.TOO_MANY_LINKS if has_heard or held > MOST_HELD else None
             if reason:
                 unwanted.append((link, reason))
         return unwanted

@@ -237,7 +237,7 @@ class ServerLink(Link):
         if listening.keys is None or not is_encrypted(listening.address):
             return None
 
-        def turned_away(reason: str, name: str) -> None:
+        def turned_away(reason: Reason, name: str) -> None:
             self.dropped[reason, self._owners.get(name, -1)] += 1
 
         steward = listening.steward_address

@@ -12,7 +12,7 @@ from race_server.errors import KeysError, Reason
 from race_server.live.client.steward import StewardClient
 from race_server.net.auth.issue import Order, issue_keys
 from race_server.net.auth.keys import ClientKeys, read_client_keys, revoke_keys
-from race_server.net.transport.doorkeeper import BARRED, FAREWELL_S, REVOKED_S, TOO_MANY
+from race_server.net.transport.doorkeeper import FAREWELL_S, REVOKED_S
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
@@ -115,7 +115,7 @@ def try_too_many(scene: Scene) -> None:
         for _ in range(MANY):
             stack.enter_context(Intruder(served.address, keys))
         time.sleep(FAREWELL_S + SETTLE_S)
-        closed = link.dropped[TOO_MANY, 2]
+        closed = link.dropped[Reason.TOO_MANY_LINKS, 2]
         scene.deny("more connections than a key has places", "" if closed else "none was closed")
         with served.link("steward") as own:
             log = StewardClient(own, served.keys("steward").token).log()
@@ -129,10 +129,13 @@ def try_revoked(scene: Scene) -> None:
     time.sleep(REVOKED_S + SETTLE_S)
     is_away = served.server.session.seats.is_sent_away(2)
     scene.deny("race on with revoked keys", "" if is_away else "the driver has its seat")
-    before = link.dropped[BARRED, 2]
+    before = link.dropped[Reason.BARRED_LINK, 2]
     with Intruder(served.address, served.keys("seat-2")):
         time.sleep(SETTLE_S)
-        scene.deny("log in with revoked keys", "" if link.dropped[BARRED, 2] > before else "stays")
+        scene.deny(
+            "log in with revoked keys",
+            "" if link.dropped[Reason.BARRED_LINK, 2] > before else "stays",
+        )
     others = all(served.server.session.seats[other].is_taken for other in (0, 1))
     scene.allow("the others keep their seats", "" if others else "they did not")
 
