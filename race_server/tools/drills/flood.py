@@ -221,5 +221,6 @@ def _judge(site: _Site, name: str, row: dict[str, Any]) -> None:
     for who in ("login_s", "steward_login_s"):
         if (row[who] or 0.0) > MOST_LOGIN_S:
             site.faults.append(f"{name}: {who} {row[who]:g} s, {MOST_LOGIN_S:g} s are allowed")
-    if not row["opened"]:
-        site.faults.append(f"{name}: no connection was opened: the attack did not arrive")
+    # A door that is shut after the attack before lets none of the next one in.
+    if not row["opened"] + row["failed"]:
+        site.faults.append(f"{name}: no connection was tried")
