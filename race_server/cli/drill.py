@@ -114,6 +114,20 @@ def hang(as_json: AsJson = False) -> None:
 
 
 @app.command()
+def flood(
+    junk: Annotated[int, typer.Option(min=10, help="Connections without keys a second.")] = 200,
+    seconds: Annotated[float, typer.Option(min=3.0, help="Seconds of each attack.")] = 8.0,
+    as_json: AsJson = False,
+) -> None:
+    """Flood the door of a racing server; check that clients with keys still log in."""
+    from race_server.tools.drills.flood import ATTACKS, drill_flood
+
+    with progress("flooding", len(ATTACKS)) as tell:
+        document = drill_flood(junk, seconds, tell=tell)
+    finish(document, as_json=as_json, rows="attacks")
+
+
+@app.command()
 def network(
     loss: Annotated[
         float, typer.Option(min=0.0, max=0.9, help="Share of packets lost, 0 to 0.9.")

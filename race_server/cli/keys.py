@@ -58,6 +58,19 @@ def new(
 
 
 @app.command()
+def revoke(
+    folder: Annotated[Path, typer.Argument(help="Folder of the session's keys.")],
+    role: Annotated[str, typer.Argument(help="Whose keys: seat-N, spectator or steward.")],
+) -> None:
+    """Revoke the keys of a role; a server that runs with them closes its links within a second."""
+    from race_server.net.auth.keys import REVOKED, revoke_keys
+
+    held = revoke_keys(folder, role)
+    say(f"{held.folder / REVOKED}: the keys of {role} of session {held.session} are revoked")
+    say(f"for new ones make a new folder: race keys new {held.session}")
+
+
+@app.command()
 def check(
     folder: Annotated[
         Path, typer.Argument(help="Folder of one role: server, seat-N, spectator or steward.")

@@ -80,7 +80,11 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     held = _server_keys(options.keys, options.session, options.karts, is_open=options.is_open)
     session = held.session if held else options.session or SESSION
     address = options.listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)
-    check_listen_settings(ListenSettings(address, session, options.karts, held))
+    check_listen_settings(
+        ListenSettings(
+            address, session, options.karts, held, steward_address=options.steward_listen
+        )
+    )
     if options.pace not in {REAL, LOCKSTEP}:
         raise ScenarioError(f"pace {options.pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
     fillers = known_drivers(options.fill)
@@ -97,6 +101,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         fillers=fillers,
         awaited=options.wait_for if options.wait_for >= 0 else every,
         listen=address,
+        steward_listen=options.steward_listen,
         results=options.results,
         record=options.record,
         result=options.result,

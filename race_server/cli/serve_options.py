@@ -91,6 +91,13 @@ class ServeOptions(RaceOptions):
             help=f"Address to listen on. Default: {DEFAULT_ADDRESS}, with --open {OPEN_ADDRESS}."
         ),
     ] = ""
+    steward_listen: Annotated[
+        str,
+        typer.Option(
+            help="With --open: a second address, for the steward alone, such as "
+            "tls/127.0.0.1:7448. Default: none."
+        ),
+    ] = ""
     is_open: Annotated[
         bool,
         typer.Option("--open", help="Accept clients from other machines; requires --keys."),

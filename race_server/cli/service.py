@@ -48,6 +48,7 @@ class Service:
     fillers: tuple[str, ...]
     awaited: int  # drivers
     listen: str
+    steward_listen: str
     results: str
     record: str
     result: Path | None
@@ -89,8 +90,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         race = race or Session(service.session, service.scenario)
         karts, keys = len(race.seats), service.keys
         address, name = service.listen, service.session
-        real_time = service.pace == REAL
-        link = stack.enter_context(ServerLink(address, name, karts, keys=keys, real_time=real_time))
+        link = stack.enter_context(_listening(service, karts))
         token = keys.token if keys else stack.enter_context(local_token(address, name))
         server = RaceServer(
             race,
@@ -129,6 +129,18 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
                 server.see_off(service.review)
                 return
             server.reopen()
+
+
+def _listening(service: Service, seats: int) -> ServerLink:
+    """Return the server's end of the network."""
+    return ServerLink(
+        service.listen,
+        service.session,
+        seats,
+        keys=service.keys,
+        real_time=service.pace == REAL,
+        steward_address=service.steward_listen,
+    )
 
 
 def _publish_result(document: dict[str, Any], race: Session, service: Service, log: Log) -> None:

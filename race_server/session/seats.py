@@ -167,6 +167,10 @@ class Seats:
         if sent_away:
             self[number].key = b""
 
+    def is_sent_away(self, number: int) -> bool:
+        """Return whether the steward sent the driver of a seat away."""
+        return self.closed.get(number) == CLOSED_FOR[True]
+
     def unclose(self, number: int) -> None:
         """Open a closed seat again."""
         self.closed.pop(number, None)

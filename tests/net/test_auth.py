@@ -28,6 +28,7 @@ from race_server.net.auth.keys import read_client_keys, read_server_keys
 from race_server.net.auth.limits import rate_limit, size_filter
 from race_server.net.auth.seat_owners import SeatOwners
 from race_server.net.auth.settings import (
+    SPARE_SESSIONS,
     ListenSettings,
     check_listen_settings,
     is_local,
@@ -227,7 +228,7 @@ def test_settings_without_keys_ask_for_no_credentials(keys: Path) -> None:
     held = read_server_keys(keys, "cup", 2)
     opened = server_settings(ListenSettings("tls/0.0.0.0:7447", "cup", 2, held))
     assert opened["transport/link/tls"]["enable_mtls"] is True
-    assert opened["transport/unicast/max_sessions"] == 2 * 2 + 1 + 4
+    assert opened["transport/unicast/max_sessions"] == 2 * 2 + 1 + 4 + SPARE_SESSIONS
 
 
 def test_the_token_of_a_closed_session_lies_there_while_it_is_served(

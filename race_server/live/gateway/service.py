@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-import resource
 import signal
 import socket
 import time
@@ -21,6 +20,7 @@ from race_server.live.gateway.page import Page
 from race_server.live.gateway.settings import Addresses, Settings, addresses_of
 from race_server.live.gateway.state import GatewayState
 from race_server.logs import Log
+from race_server.net.open_files import raise_open_files
 
 # Between two checks whether the race has gone [s].
 ONCE_POLL_S = 0.2
@@ -115,16 +115,9 @@ def room_for_connections(limits: GatewayLimits) -> int:
     """Ask for more open files, and return how many connections may be open.
 
     At most half of the files that this process may open: browsers, recordings and the race need
-    some too, and often a process has 1024 until it asks for more.
+    some too.
     """
-    files, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if files == resource.RLIM_INFINITY:
-        return limits.connections
-    wanted = limits.open_files
-    may = wanted if most == resource.RLIM_INFINITY else min(most, wanted)
-    files = max(files, may)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (files, most))
-    return min(files // 2, limits.connections)
+    return min(raise_open_files(limits.open_files) // 2, limits.connections)
 
 
 def _listen(settings: Settings) -> BoundedSocket:

@@ -27,6 +27,7 @@ class Inbox:
 
     def drain(self) -> None:
         """Receive all that has come since the last call."""
+        self._requests.shut_revoked(self._local_drivers)
         for seat, data in self._link.receive_controls():
             self.receive_control(seat, data)
         self._link.expect_poses(self._session.tracked_karts.trackers.keys())

@@ -1,7 +1,7 @@
 """Answers to requests, and whose link is there."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 
 from race_server.core.messages import Event, Phase
 from race_server.core.rules.items import items
@@ -56,6 +56,9 @@ class RequestHandler:
         self._show_up_s = show_up_s
         self._linked: set[int] = set()  # seats whose driver's link is there
         self._expected: dict[int, float] = {}  # seats whose link is not there yet, since when
+        self._revoked: set[int] = set()  # seats that are shut because their keys were revoked
+        for seat in session.seats.closed:
+            self._bar_if_sent_away(seat)
 
     def answer(self, request: Request) -> None:
         """Answer one request; what cannot be granted is answered with the reason."""
@@ -75,6 +78,20 @@ class RequestHandler:
         else:
             self._linked.discard(seat)
             self._session.drop(seat)
+
+    def shut_revoked(self, local: Container[int]) -> None:
+        """Send away the drivers whose keys have been revoked. local: seats of drivers in here."""
+        for seat in self._link.revoked_seats() - self._revoked:
+            self._revoked.add(seat)
+            race_control = self._session.race_control
+            if self._session.seats[seat].is_taken and seat not in local:
+                race_control.exclude(seat)
+            else:
+                race_control.close_seat(seat)
+            self._link.holders.admit(seat, self._session.seats[seat].key)
+
+    def _bar_if_sent_away(self, seat: int) -> None:
+        self._link.bar_seat(seat, is_barred=self._session.seats.is_sent_away(seat))
 
     def free_deserted_seats(self) -> None:
         """Free the seats in the lobby whose drivers' links have not come in time."""
@@ -147,6 +164,7 @@ class RequestHandler:
         self._steward.decide(decision)
         if 0 <= decision.seat < len(self._session.seats):
             self._link.holders.admit(decision.seat, self._session.seats[decision.seat].key)
+            self._bar_if_sent_away(decision.seat)
         return encode_reply("")
 
     def _welcome(self, seat: Seat, secret: int) -> Welcome:

@@ -3,8 +3,9 @@
 import socket
 import ssl
 
+from race_server.errors import LinkError
 from race_server.net.auth.keys import CA, CERTIFICATE, KEY, ClientKeys
-from race_server.net.auth.settings import host_of, is_encrypted
+from race_server.net.auth.settings import host_of, is_encrypted, port_of
 
 # [s] to wait for a refusal; a server that refuses a certificate sends it at once.
 LISTEN_S = 1.0
@@ -16,8 +17,8 @@ def explain_refusal(address: str, keys: ClientKeys | None) -> str:
     if protocol not in {"tcp", "tls"}:
         return "Is `race serve` running there? A refused login looks the same."
     try:
-        link = socket.create_connection((host_of(place), _port_of(place)), timeout=LISTEN_S)
-    except (OSError, ValueError) as error:
+        link = socket.create_connection((host_of(place), port_of(place)), timeout=LISTEN_S)
+    except (OSError, LinkError) as error:
         return (
             f"Nothing listens there ({error}): is `race serve` running, and is the address right?"
         )
@@ -58,7 +59,3 @@ def _refusal(link: socket.socket, host: str, keys: ClientKeys) -> str:
     except OSError:
         return ""
     return ""
-
-
-def _port_of(place: str) -> int:
-    return int(place.split("#")[0].split("?")[0].rpartition(":")[2])

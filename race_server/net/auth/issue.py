@@ -178,8 +178,8 @@ person.
 
 Drivers connect to `{address}` unless `--connect` is given.
 
-A folder that was lost or copied cannot be revoked while the server runs. The steward closes the
-seat (`race admin close 3 --keys steward`); for the next race make new keys and delete these.
+A folder that was lost or copied is revoked with `race keys revoke . seat-3` on the server's
+machine, while the server runs or before. Make new keys for the next race and delete these.
 """
 
 

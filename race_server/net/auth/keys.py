@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from race_server.errors import KeysError
+from race_server.net.auth.access import common_name
 
 CA, CERTIFICATE, KEY = "ca.pem", "certificate.pem", "key.pem"
-PASSWORDS, ABOUT = "passwords.txt", "keys.json"
+PASSWORDS, ABOUT, REVOKED = "passwords.txt", "keys.json", "revoked.txt"
 
 Held = TypeVar("Held", "ServerKeys", "ClientKeys")
 
@@ -110,6 +111,50 @@ def read_keys(folder: Path) -> ServerKeys | ClientKeys:
         return _read(folder, ClientKeys)
     inner = folder / "server"
     return _read(inner if inner.is_dir() else folder, ServerKeys)
+
+
+def revoke_keys(folder: Path, role: str) -> ServerKeys:
+    """Add a role to the revoked ones of a session and return the session's keys.
+
+    folder: that of `race keys new`, or its `server`. A server that runs obeys within a second.
+
+    Raises:
+        KeysError: the keys of the server cannot be read or written, or there is no such role.
+    """
+    held = read_keys(folder)
+    if not isinstance(held, ServerKeys):
+        raise KeysError(f"{folder} holds the keys of {held.role}: pass the folder of the session")
+    name = common_name(held.session, role)
+    try:
+        users = (held.folder / PASSWORDS).read_text().split()
+        known = [user.split(":")[0] for user in users]
+        if name not in known:
+            raise KeysError(
+                f"{folder} has no keys of {role!r}; choose one of "
+                + ", ".join(user.removeprefix(f"{held.session}-") for user in known)
+            )
+        revoked = read_revoked(held.folder) | {name}
+        fresh = held.folder / f"{REVOKED}.new"
+        write_private(fresh, "".join(f"{name}\n" for name in sorted(revoked)))
+        fresh.replace(held.folder / REVOKED)  # a server reads the old file or the new one
+    except OSError as error:
+        raise KeysError(f"{held.folder}: cannot be written ({error.strerror})") from error
+    return held
+
+
+def read_revoked(folder: Path) -> frozenset[str]:
+    """Return the common names whose keys are revoked. folder: of the server.
+
+    Raises:
+        KeysError: the file is there and cannot be read.
+    """
+    path = folder / REVOKED
+    try:
+        return frozenset(path.read_text().split())
+    except FileNotFoundError:
+        return frozenset()
+    except (OSError, UnicodeDecodeError) as error:
+        raise KeysError(f"{path}: cannot be read ({error})") from error
 
 
 def _read(folder: Path, kind: type[Held]) -> Held:

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from race_server.errors import KeysError, LinkError
-from race_server.net.auth.access import ANYONE, access_control, roles_of
+from race_server.net.auth.access import (
+    ANYONE,
+    SPECTATOR,
+    STEWARD,
+    Role,
+    access_control,
+    common_name,
+    roles_of,
+)
 from race_server.net.auth.keys import CA, CERTIFICATE, KEY, PASSWORDS, ClientKeys, ServerKeys
 from race_server.net.auth.limits import rate_limit, size_filter
 
@@ -24,14 +32,18 @@ QUEUE = {
         "block": {"wait_before_close": 50_000},
     },
 }
-# Beyond seats and spectators: a steward, and links that are closing.
-SPARE_SESSIONS = 4
+# Links of a driver: a second one may replace one that has stalled. Links of the steward.
+SEAT_LINKS, STEWARD_LINKS = 2, 4
+# Sessions for links beyond those of their key, until they are closed a moment later. Without them
+# the holder of one key could keep out the others.
+SPARE_SESSIONS = 128
 # Limit of spectators without keys.
 LOCAL_SPECTATORS = 256
 # No valid message of a client is longer [bytes]; longer ones are dropped before reassembly.
 MOST_MESSAGE = 65536
-# Timeout of the handshake; up to a hundred connections may be in it.
-ACCEPT_MS = 5000
+# Timeout of zenoh's handshake, which follows that of the encryption, and how many connections may
+# be in it.
+ACCEPT_MS, MOST_ACCEPTED = 5000, 1000
 _ENCRYPTED = ("tls", "quic")
 
 
@@ -44,6 +56,7 @@ class ListenSettings:
     seats: int
     keys: ServerKeys | None = None  # None: no credentials, loopback only
     real_time: bool = False  # limits the rate of controls too
+    steward_address: str = ""  # a second one, for the steward alone; "": none
 
 
 def server_settings(settings: ListenSettings) -> dict[str, Any]:
@@ -56,7 +69,7 @@ def server_settings(settings: ListenSettings) -> dict[str, Any]:
     keys, encrypted = settings.keys, is_encrypted(settings.address)
     roles = (ANYONE,) if keys is None else roles_of(settings.seats)
     config: dict[str, Any] = {
-        **_common("router", "listen", settings.address),
+        **_common("router", "listen", settings.address, settings.steward_address),
         **({"transport/link/tx/queue": QUEUE} if settings.real_time else {}),
         "listen/exit_on_failure": True,
         "connect/endpoints": [],
@@ -70,6 +83,7 @@ def server_settings(settings: ListenSettings) -> dict[str, Any]:
         "downsampling": rate_limit(settings.session, settings.seats, real_time=settings.real_time),
         "transport/unicast/max_sessions": most_sessions(settings),
         "transport/unicast/accept_timeout": ACCEPT_MS,
+        "transport/unicast/accept_pending": MOST_ACCEPTED,
         "transport/link/rx/max_message_size": MOST_MESSAGE,
     }
     if keys is not None:
@@ -123,10 +137,10 @@ def client_settings(address: str, keys: ClientKeys | None, timeout_s: float) -> 
     return settings
 
 
-def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict[str, Any]:
+def _common(mode: str, where: str, *addresses: str, timeout_ms: int = 0) -> dict[str, Any]:
     return {
         "mode": mode,
-        f"{where}/endpoints": [address],
+        f"{where}/endpoints": [address for address in addresses if address],
         f"{where}/timeout_ms": timeout_ms,
         "scouting/multicast/enabled": False,
         "scouting/delay": 0,  # no peers are searched for; half a second by default
@@ -139,10 +153,20 @@ def _common(mode: str, where: str, address: str, *, timeout_ms: int = 0) -> dict
     }
 
 
-def most_sessions(settings: ListenSettings) -> int:
-    """Return the limit of connected clients: two per driver, as a stalled link may be replaced."""
+def places_of(settings: ListenSettings) -> dict[str, int]:
+    """Return how many links each common name may have at once."""
     spectators = settings.keys.spectators if settings.keys else LOCAL_SPECTATORS
-    return 2 * settings.seats + spectators + SPARE_SESSIONS
+
+    def places(role: Role) -> int:
+        return {SPECTATOR: spectators, STEWARD: STEWARD_LINKS}.get(role.name, SEAT_LINKS)
+
+    roles = roles_of(settings.seats)
+    return {common_name(settings.session, role.name): places(role) for role in roles}
+
+
+def most_sessions(settings: ListenSettings) -> int:
+    """Return the limit of all connected clients."""
+    return sum(places_of(settings).values()) + SPARE_SESSIONS
 
 
 def check_listen_settings(settings: ListenSettings) -> None:
@@ -157,6 +181,16 @@ def check_listen_settings(settings: ListenSettings) -> None:
             f"could race: make keys with `race keys new {settings.session}` and serve with "
             "--open --keys FOLDER, or listen on this machine only, such as tcp/127.0.0.1:7447"
         )
+    if steward := settings.steward_address:
+        if not (is_encrypted(settings.address) and is_encrypted(steward)):
+            raise LinkError(
+                f"{steward} is for the steward alone, which the server knows by its certificate: "
+                "pass tls/ADDRESS:PORT to both --listen and --steward-listen"
+            )
+        if port_of(steward) == port_of(settings.address):
+            raise LinkError(
+                f"{steward} has the port of {settings.address}: the steward needs another one"
+            )
     if settings.keys is None and is_encrypted(settings.address):
         raise LinkError(
             f"{settings.address} is encrypted and needs certificates: make keys with "
@@ -184,6 +218,18 @@ def is_local(address: str) -> bool:
 def host_of(place: str) -> str:
     """Return the host of ``host:port?options``."""
     return place.split("#")[0].split("?")[0].rpartition(":")[0].strip("[]")
+
+
+def port_of(address: str) -> int:
+    """Return the port of an address.
+
+    Raises:
+        LinkError: it has none.
+    """
+    port = address.split("#")[0].split("?")[0].rpartition(":")[2]
+    if not port.isdecimal():
+        raise LinkError(f"{address} has no port: pass one such as tls/0.0.0.0:7447")
+    return int(port)
 
 
 def as_json(settings: dict[str, Any]) -> list[tuple[str, str]]:

@@ -16,8 +16,8 @@ from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
 
 QUERY_TIMEOUT_S = 2.0
-# [s] between requests on one key: half the rate that the server allows.
-ASK_S = 2.0 / topics.QUERY_HZ
+# Requests on one key come at half the rate that the server allows, or more slowly.
+PACE = 2.0
 
 
 class ClientLink(Link):
@@ -59,14 +59,15 @@ class ClientLink(Link):
         """
         key = key_of(topic, self._name, seat)
         now = time.monotonic()
-        time.sleep(max(self._asked.get(key, 0.0) + ASK_S - now, 0.0))
+        time.sleep(max(self._asked.get(key, 0.0) + PACE / topic.limit_hz - now, 0.0))
         self._asked[key] = time.monotonic()
         for reply in self._session.get(key, payload=payload, timeout=QUERY_TIMEOUT_S):
             if reply.ok is not None:
                 return bytes(reply.ok.payload.to_bytes())
         raise LinkError(
-            f"no answer on {key}: the server has stopped, no session is called {self._name!r}, or "
-            "the server does not allow this request"
+            f"no answer on {key}: the server has stopped, no session is called {self._name!r}, "
+            "the server does not allow this request, or it has closed this link, because too many "
+            "use the same keys or they were revoked"
         )
 
     def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:

@@ -6,16 +6,23 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import zenoh
 
 from race_server.errors import LinkError, Reason
-from race_server.net.auth.access import common_name, seat_name
+from race_server.net.auth.access import STEWARD, common_name, seat_name
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.seat_owners import SeatOwners
-from race_server.net.auth.settings import ListenSettings, server_settings
+from race_server.net.auth.settings import (
+    ListenSettings,
+    is_encrypted,
+    places_of,
+    port_of,
+    server_settings,
+)
+from race_server.net.transport.doorkeeper import Doorkeeper, House
 from race_server.net.transport.inputs import (
     Check,
     Inputs,
@@ -35,24 +42,28 @@ _WITHOUT_BADGE = {
 }
 # More unanswered requests on one key are dropped, and time out.
 MOST_QUERIES = 8
-# At most this many requests are answered at once; the others wait for the next tick.
+# At most this many keys are answered at once; the others wait for the next tick.
 MOST_ANSWERS = 8
+# On keys that all clients ask on one answer is for this many of them: 960 a second, as many as 48
+# sessions may ask for. As many as the second number wait.
+MOST_SHARING, MOST_SHARED = 16, 64
 
 
 @dataclass(frozen=True)
 class Request:
-    """A query that waits for an answer."""
+    """A query that waits for an answer, or several that wait for the same one."""
 
     topic: Topic
     seat: int  # of the client, as the key names it; -1 where it names none
     payload: bytes
-    _query: Any
+    queries: list[Any]
 
     def answer(self, payload: bytes) -> None:
         """Send the answer and end the query."""
-        with suppress(zenoh.ZError):  # the client has gone
-            self._query.reply(self._query.key_expr, payload)
-        self._query.drop()
+        for query in self.queries:
+            with suppress(zenoh.ZError):  # the client has gone
+                query.reply(query.key_expr, payload)
+            query.drop()
 
 
 class ServerLink(Link):
@@ -66,24 +77,27 @@ class ServerLink(Link):
         *,
         keys: ServerKeys | None = None,
         real_time: bool = False,
+        steward_address: str = "",
     ) -> None:
         """Listen on `address`.
 
         keys: without them only this machine is listened to. real_time: no driver needs more than
         one control a tick, so where a seat sends far more only the newest are received.
+        steward_address: a second one, for the steward alone.
 
         Raises:
             LinkError: it cannot be listened on, or would be open to any machine.
             WireError: the session's name is none.
         """
         key_of(topics.SNAPSHOT, session_name)
-        listening = ListenSettings(address, session_name, seats, keys, real_time)
+        listening = ListenSettings(address, session_name, seats, keys, real_time, steward_address)
         settings = server_settings(listening)
         try:
             super().__init__(open_session(settings))
         except zenoh.ZError as error:
             raise LinkError(
-                f"cannot listen on {address}: it is in use or not of this machine; "
+                f"cannot listen on {' and '.join(a for a in (address, steward_address) if a)}: "
+                "it is in use or not of this machine; "
                 "choose another address with --listen, such as tcp/127.0.0.1:7448"
             ) from error
         self.address = address
@@ -101,6 +115,8 @@ class ServerLink(Link):
         self._poses: dict[int, Inputs] = {}  # of real karts, by seat
         self._kept: list[Any] = [self._subscribe_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._subscribe_presence())
+        self._owners = {common_name(session_name, seat_name(seat)): seat for seat in range(seats)}
+        self._doorkeeper = self._doorkeeper_of(listening)
         self._kept.append(self._subscribe_links())
 
     def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -166,10 +182,10 @@ class ServerLink(Link):
                 self.dropped[Reason.OVERSIZED, seat] += 1
                 return
             waiting = self._requests.setdefault(key, deque())
-            if len(waiting) >= MOST_QUERIES:
+            if len(waiting) >= (MOST_SHARED if topic.is_shared else MOST_QUERIES):
                 self.dropped[Reason.TOO_MANY, seat] += 1
                 return
-            waiting.append(Request(topic, seat, payload, query))
+            waiting.append(Request(topic, seat, payload, [query]))
             self._arrived.set()
 
         key = key_of(topic, self._name, topics.EVERY)
@@ -200,11 +216,11 @@ class ServerLink(Link):
     def _subscribe_links(self) -> Any:
         """Count how often a certificate is logged in: a stolen one may only listen."""
         open_links: Counter[str] = Counter()
-        owners = {
-            common_name(self._name, seat_name(seat)): seat for seat in range(len(self._controls))
-        }
+        owners = self._owners
 
         def store(event: zenoh.LinkEvent) -> None:
+            if self._doorkeeper:
+                self._doorkeeper.note(event)
             name = event.link.auth_identifier
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
@@ -215,6 +231,41 @@ class ServerLink(Link):
                     self.dropped[Reason.SECOND_LOGIN, owners[name]] += 1
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
+
+    def _doorkeeper_of(self, listening: ListenSettings) -> Doorkeeper | None:
+        """Return what bounds the links of each certificate; without certificates none can."""
+        if listening.keys is None or not is_encrypted(listening.address):
+            return None
+
+        def turned_away(reason: Reason, name: str) -> None:
+            self.dropped[reason, self._owners.get(name, -1)] += 1
+
+        steward = listening.steward_address
+        house = House(
+            listening.keys,
+            places_of(listening),
+            common_name(self._name, STEWARD),
+            port_of(listening.address),
+            port_of(steward) if steward else 0,
+        )
+        return Doorkeeper(house, turned_away).open()
+
+    def bar_seat(self, seat: int, *, is_barred: bool) -> None:
+        """Close the links of a seat's keys for as long as it is barred."""
+        if self._doorkeeper:
+            self._doorkeeper.bar(common_name(self._name, seat_name(seat)), is_barred=is_barred)
+
+    def revoked_seats(self) -> set[int]:
+        """Return the seats whose keys have been revoked."""
+        revoked = self._doorkeeper.revoked if self._doorkeeper else ()
+        return {self._owners[name] for name in revoked if name in self._owners}
+
+    def close(self) -> None:
+        """Close the session; a second call does nothing."""
+        if self._doorkeeper:
+            self._doorkeeper.close()
+            self._doorkeeper = None
+        super().close()
 
     def receive_controls(self) -> Iterator[tuple[int, bytes]]:
         """Yield the newest controls of each seat since the last call, oldest first."""
@@ -249,7 +300,11 @@ class ServerLink(Link):
         waiting = [requests for requests in list(self._requests.values()) if requests]
         self._turn += 1
         for place in range(min(len(waiting), MOST_ANSWERS)):
-            yield waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)].popleft()
+            requests = waiting[(place + self._turn * MOST_ANSWERS) % len(waiting)]
+            first = requests.popleft()
+            sharing = min(len(requests), MOST_SHARING - 1) if first.topic.is_shared else 0
+            queries = [query for _ in range(sharing) for query in requests.popleft().queries]
+            yield replace(first, queries=first.queries + queries)
 
     def receive_presence(self) -> Iterable[tuple[int, bool]]:
         """Yield seats whose driver's link has come (True) or gone (False)."""

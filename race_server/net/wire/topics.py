@@ -35,6 +35,11 @@ class Topic:
         return "{seat}" in self.key
 
     @property
+    def is_shared(self) -> bool:
+        """Whether all clients ask for the same: one answer is for all that wait."""
+        return self.direction == "query" and not self.is_seats
+
+    @property
     def is_token(self) -> bool:
         """Whether it is a liveliness token, not a message."""
         return not self.identifier
@@ -44,8 +49,9 @@ class Topic:
 CONTROL_HZ = 120.0
 # Twice the highest rate of a real kart.
 POSE_HZ = 200.0
-# Twice the highest rate of `ClientLink`.
+# Twice the highest rates of `ClientLink`: for one client's own keys, and for what all may ask.
 QUERY_HZ = 200.0
+SHARED_HZ = 20.0
 
 
 CONTROL = Topic("in/{seat}", "ControlMessage", b"RCTL", "up", "20 Hz", 256, True, True, CONTROL_HZ)
@@ -75,11 +81,11 @@ READY = Topic(
 LEAVE = Topic(
     "q/leave/{seat}", "SeatRequest → Reply", b"RSRQ", "query", "", 128, False, True, QUERY_HZ
 )
-COURSE = Topic("q/course", "→ Course", b"RCRS", "query", "", 0, False, True, QUERY_HZ)
-RULES = Topic("q/rules", "→ Rules", b"RRUL", "query", "", 0, False, True, QUERY_HZ)
-LINE = Topic("q/line", "→ Line", b"RLIN", "query", "", 0, False, False, QUERY_HZ)
-RECENT = Topic("q/events", "→ Events", b"REVT", "query", "", 0, False, False, QUERY_HZ)
-TABLE = Topic("q/standings", "→ Standings", b"RSTD", "query", "", 0, False, False, QUERY_HZ)
+COURSE = Topic("q/course", "→ Course", b"RCRS", "query", "", 0, False, True, SHARED_HZ)
+RULES = Topic("q/rules", "→ Rules", b"RRUL", "query", "", 0, False, True, SHARED_HZ)
+LINE = Topic("q/line", "→ Line", b"RLIN", "query", "", 0, False, False, SHARED_HZ)
+RECENT = Topic("q/events", "→ Events", b"REVT", "query", "", 0, False, False, SHARED_HZ)
+TABLE = Topic("q/standings", "→ Standings", b"RSTD", "query", "", 0, False, False, SHARED_HZ)
 
 ACT = Topic("admin/act", "AdminRequest → Reply", b"RADM", "admin", "", 512, False, True, QUERY_HZ)
 ACTS = Topic(

@@ -26,7 +26,7 @@ def drill_deny() -> dict[str, Any]:
     findings = list(_closed_doors())
     with Log(stream=said) as log:
         with scene_of(log) as scene:
-            for part in (*_PARTS, logins.try_too_many):
+            for part in (*_PARTS, logins.try_too_many, logins.try_revoked):
                 part(scene)
             refused = dict(scene.served.server.counters.refused)
         findings += scene.findings

@@ -19,6 +19,7 @@ from race_server.tools.drills.damage import Toll, decode_all
 from race_server.tools.drills.report import document_of
 from race_server.tools.drills.server_process import (
     Figures,
+    excess_of_missed,
     milliseconds,
     quantile,
     server_process,
@@ -30,8 +31,6 @@ DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
 QUIET_S = 15.0  # of the same race before, as the baseline
 WORST_MS = 1.0
 MOST_GROWTH = 8_000_000  # bytes of memory, of a decoder's messages after its first ones
-# Missed ticks that other load may cause on any machine, even if the baseline has none.
-SPARE = 0.001
 # Seats of the attacker: one with a simulated kart, one with a real kart.
 INSIDERS = 2
 # Time of the attack in which an honest driver had no fresh control: some is normal.
@@ -122,9 +121,8 @@ def _release(attacker: subprocess.Popen[str], tell: Callable[[int], None]) -> in
 def _compare(before: Figures, middle: Figures, after: Figures, faults: list[str]) -> dict[str, Any]:
     quiet, quiet_missed = ticks_between(before, middle)
     ticks, missed = ticks_between(middle, after)
-    allowed = (quiet_missed / max(quiet, 1.0) + SPARE) * ticks
-    if missed > allowed:
-        faults.append(f"{missed:.0f} of {ticks:.0f} ticks were missed, {allowed:.0f} are allowed")
+    if excess := excess_of_missed((before, middle), (middle, after)):
+        faults.append(excess)
     silent = _silent_s(middle, after)
     if silent > SILENT_SHARE * ticks / TICKS_PER_SECOND:
         faults.append(f"a driver had no fresh control for {silent:.1f} s: its seat was disturbed")

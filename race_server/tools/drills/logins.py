@@ -2,18 +2,17 @@
 
 import contextlib
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import zenoh
-
 from race_server.core.messages import Control
 from race_server.errors import KeysError, Reason
+from race_server.live.client.steward import StewardClient
 from race_server.net.auth.issue import Order, issue_keys
-from race_server.net.auth.keys import ClientKeys, read_client_keys
+from race_server.net.auth.keys import ClientKeys, read_client_keys, revoke_keys
+from race_server.net.transport.doorkeeper import FAREWELL_S, REVOKED_S
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key
@@ -22,6 +21,8 @@ from race_server.tools.drills.requests import refusal_of
 from race_server.tools.drills.scene import Scene
 from race_server.tools.drills.served_session import SESSION, ServedSession
 
+# Connections with the keys of one seat, which has two places.
+MANY = 12
 TLS = "transport/link/tls"
 USER = "transport/auth/usrpwd"
 
@@ -107,24 +108,36 @@ def try_double_login(scene: Scene) -> None:
 
 
 def try_too_many(scene: Scene) -> None:
-    """Try more connections than two for each seat, spectators and spares."""
-    most = 2 * scene.served.seats + 4 + 4
-    keys = scene.served.keys("spectator")
+    """Try more connections with the keys of one seat than there are places for all keys."""
+    served = scene.served
+    keys, link = served.keys("seat-2"), served.server.link
     with contextlib.ExitStack() as stack:
-        count = sum(1 for _ in _connections(scene.served.address, keys, stack, most + 1))
-        # The honest drivers and the spectator are connected already.
-        total = count + len(scene.drivers) + 1
-        scene.deny("more connections than places", "" if total <= most else f"{total} of {most}")
+        for _ in range(MANY):
+            stack.enter_context(Intruder(served.address, keys))
+        time.sleep(FAREWELL_S + SETTLE_S)
+        closed = link.dropped[Reason.TOO_MANY_LINKS, 2]
+        scene.deny("more connections than a key has places", "" if closed else "none was closed")
+        with served.link("steward") as own:
+            log = StewardClient(own, served.keys("steward").token).log()
+            scene.allow("log in as steward meanwhile", "" if log else "no answer")
 
 
-def _connections(
-    address: str, keys: ClientKeys, stack: contextlib.ExitStack, most: int
-) -> Iterator[Intruder]:
-    for _ in range(most):
-        try:
-            yield stack.enter_context(Intruder(address, keys))
-        except zenoh.ZError:
-            return
+def try_revoked(scene: Scene) -> None:
+    """Try keys that are revoked while the server runs."""
+    served, link = scene.served, scene.served.server.link
+    revoke_keys(served.folder, "seat-2")
+    time.sleep(REVOKED_S + SETTLE_S)
+    is_away = served.server.session.seats.is_sent_away(2)
+    scene.deny("race on with revoked keys", "" if is_away else "the driver has its seat")
+    before = link.dropped[Reason.BARRED_LINK, 2]
+    with Intruder(served.address, served.keys("seat-2")):
+        time.sleep(SETTLE_S)
+        scene.deny(
+            "log in with revoked keys",
+            "" if link.dropped[Reason.BARRED_LINK, 2] > before else "stays",
+        )
+    others = all(served.server.session.seats[other].is_taken for other in (0, 1))
+    scene.allow("the others keep their seats", "" if others else "they did not")
 
 
 def try_passwords_only(served: ServedSession) -> list[Finding]:

@@ -29,6 +29,8 @@ from race_server.logs import last_words
 
 SESSION = "drill"
 Figures = dict[str, float]
+# Missed ticks that other load may cause on any machine, even if the quiet time has none.
+SPARE = 0.001
 
 
 def wait_until(is_so: Callable[[], bool], timeout_s: float, what: str) -> None:
@@ -165,6 +167,19 @@ def ticks_between(before: Figures, after: Figures) -> tuple[float, float]:
     """Return the number of ticks between two readings, and of missed ticks."""
     driven, missed = "race_ticks_total", "race_ticks_missed_total"
     return after[driven] - before[driven], after[missed] - before[missed]
+
+
+def excess_of_missed(quiet: tuple[Figures, Figures], attacked: tuple[Figures, Figures]) -> str:
+    """Return in a sentence how many ticks too many were missed under an attack, "" for none.
+
+    The share of a quiet time of the same race is the yardstick.
+    """
+    calm, calm_missed = ticks_between(*quiet)
+    ticks, missed = ticks_between(*attacked)
+    allowed = (calm_missed / max(calm, 1.0) + SPARE) * ticks
+    if missed <= allowed:
+        return ""
+    return f"{missed:.0f} of {ticks:.0f} ticks were missed, {allowed:.0f} are allowed"
 
 
 def tick_times_between(
