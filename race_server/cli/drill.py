@@ -236,6 +236,21 @@ def mixed(
     finish(document, as_json=as_json)
 
 
+@app.command()
+def kart(
+    pause: Annotated[
+        float, typer.Option(min=1.0, max=600.0, help="Time for which the race is paused [s].")
+    ] = 12.0,
+    as_json: AsJson = False,
+) -> None:
+    """Let the link of a real kart (a plant) stall and come back; then pause its race."""
+    with progress("racing", round(40 + pause)) as tell:
+        from race_server.tools.drills.kart import drill_kart
+
+        document = drill_kart(pause, tell=tell)
+    finish(document, as_json=as_json)
+
+
 @contextmanager
 def progress(what: str, total: int | None) -> Iterator[Any]:
     """Show a progress bar on stderr; yields the function that takes the number done."""
