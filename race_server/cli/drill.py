@@ -251,6 +251,25 @@ def kart(
     finish(document, as_json=as_json)
 
 
+@app.command()
+def power(
+    cuts: Annotated[
+        int, typer.Option(min=1, help="Number of cuts of each of the two files.")
+    ] = 100,
+    kills: Annotated[
+        int, typer.Option(min=1, help="Number of times to kill a process that writes them.")
+    ] = 100,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Cut a recording and a results file at random bytes, and read what is left of a race."""
+    with progress("cutting", 2 * cuts + kills) as tell:
+        from race_server.tools.drills.power import drill_power
+
+        document = drill_power(cuts, kills, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
+
+
 @contextmanager
 def progress(what: str, total: int | None) -> Iterator[Any]:
     """Show a progress bar on stderr; yields the function that takes the number done."""

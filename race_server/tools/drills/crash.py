@@ -1,5 +1,8 @@
 """Kill the server in the middle of races, several times; no lap may be lost.
 
+A third of the kills fall at any moment, a third inside a commit to the results file and a third
+inside the write of a chunk of the recording.
+
 Each race is a real server with its guard and eight driver processes; some of the karts may be real
 ones, played by plants, which the server has to trust again each time. A spectator records what is
 announced, and the drill compares every announced lap with the result, the recording and the
@@ -7,13 +10,12 @@ results file at the end.
 """
 
 import json
-import os
 import random
-import signal
 import statistics
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -36,7 +38,9 @@ from race_server.net.wire.spectate import decode_events, decode_snapshot
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.storage.results.queries import all_laps
+from race_server.tools.drills.kill_points import KillPoint, draw_point, kill_at
 from race_server.tools.drills.report import document_of
+from race_server.tools.drills.torn import is_torn
 
 TRACK, LAPS, KARTS = "oval-report", 6, 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
@@ -71,6 +75,11 @@ class CrashSpectator:
             return
         self.tick, self.phase, self.heard_at = frame.tick, frame.phase, time.monotonic()
 
+    def is_nearly_over(self) -> bool:
+        """Return whether at most one kart is still racing: its finish would end the server."""
+        finished = sum(number == LAPS for _, number, _ in self.laps)
+        return self.phase is Phase.FINISHED or finished >= KARTS - 1
+
     def hears_since(self, moment: float) -> bool:
         """Return whether a snapshot arrived after a time of `time.monotonic`."""
         return self.heard_at > moment
@@ -81,6 +90,8 @@ class RaceReport:
     """Report on one race."""
 
     kills: int = 0
+    points: Counter[KillPoint] = field(default_factory=Counter)  # that kills fell into
+    torn: int = 0  # kills that left half a commit or half a chunk
     resume_s: list[float] = field(default_factory=list)
     lost_ticks: list[int] = field(default_factory=list)
     real_laps: int = 0
@@ -112,6 +123,9 @@ def drill_crash(
     return document_of(
         faults,
         kills=sum(report.kills for report in reports),
+        kills_in_commits=sum(report.points[KillPoint.COMMIT] for report in reports),
+        kills_in_chunks=sum(report.points[KillPoint.CHUNK] for report in reports),
+        torn=sum(report.torn for report in reports),
         races=len(reports),
         karts=KARTS,
         real_karts=real,
@@ -140,7 +154,8 @@ def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], Non
             try:
                 spectator, link = _watch(address)
                 with link:
-                    _kill_and_wait(group, spectator, report, most, chance, tell)
+                    guard = group.processes[0].pid
+                    _kill_and_wait(guard, place, spectator, report, most, chance, tell)
                     _wait(lambda: group.processes[0].poll() is not None, START_S, "end")
                 _check(place, spectator, spread(real, KARTS), report)
             except RaceError as error:
@@ -177,24 +192,30 @@ def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
 
 
 def _kill_and_wait(
-    group: ProcessGroup,
+    guard: int,
+    place: Path,
     spectator: CrashSpectator,
     report: RaceReport,
     most: int,
     chance: random.Random,
     tell: Callable[[int], None],
 ) -> None:
-    """Kill the server at random moments, each time after the race resumed."""
-    guard = group.processes[0].pid
+    """Kill the server at random points, each time after the race resumed."""
+    files = {
+        KillPoint.COMMIT: place / "results.sqlite-wal",
+        KillPoint.CHUNK: place / "drill.journal.mcap",
+    }
     _wait(lambda: spectator.phase in {Phase.COUNTDOWN, Phase.RUNNING}, START_S, "start")
     while report.kills < most:
         pause = threading.Event()
         pause.wait(chance.uniform(SOONEST_S, LATEST_S))
-        if spectator.phase is Phase.FINISHED or not (children := _children(guard)):
+        if spectator.is_nearly_over() or not (children := _children(guard)):
             return
-        tick = spectator.tick
-        killed_at = time.monotonic()
-        os.kill(children[0], signal.SIGKILL)
+        point, delay_s = draw_point(chance)
+        is_writing = kill_at(point, children[0], files, delay_s)
+        tick, killed_at = spectator.tick, time.monotonic()
+        report.points[point] += is_writing
+        report.torn += is_writing and is_torn(files[point])
         report.kills += 1
         # A message that was on its way when the server died does not count.
         _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "resume")
