@@ -39,10 +39,12 @@ from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.storage.results.queries import all_laps
 from race_server.tools.drills.kill_points import KillPoint, draw_point, kill_at
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.torn import is_torn
 
-TRACK, LAPS, KARTS = "oval-report", 6, 8
+SMALL = SmallDrill("--times 3 --laps 2", 40, "resume_s_worst")
+
+TRACK, KARTS = "oval-report", 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
 # Time from the start or the resumption of a race to the next kill [s].
 SOONEST_S, LATEST_S = 0.3, 2.0
@@ -56,6 +58,7 @@ Lap = tuple[int, int, int]  # seat, number, time [µs]
 class CrashSpectator:
     """Records what a spectator receives of a race over the network."""
 
+    most_laps: int  # to the finish
     laps: set[Lap] = field(default_factory=set)
     tick: int = -1
     heard_at: float = 0.0
@@ -77,7 +80,7 @@ class CrashSpectator:
 
     def is_nearly_over(self) -> bool:
         """Return whether at most one kart is still racing: its finish would end the server."""
-        finished = sum(number == LAPS for _, number, _ in self.laps)
+        finished = sum(number == self.most_laps for _, number, _ in self.laps)
         return self.phase is Phase.FINISHED or finished >= KARTS - 1
 
     def hears_since(self, moment: float) -> bool:
@@ -99,17 +102,23 @@ class RaceReport:
 
 
 def drill_crash(
-    times: int, *, real: int = 0, seed: int = 1, tell: Callable[[int], None] = lambda _: None
+    times: int,
+    *,
+    laps: int = 6,
+    real: int = 0,
+    seed: int = 1,
+    tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Kill a racing server `times` times and return the figures.
 
-    real: number of real karts; tell: called with the number of kills so far.
+    laps: to the finish of a race; real: number of real karts; tell: called with the number of
+    kills so far.
     """
     chance = random.Random(seed)
     reports: list[RaceReport] = []
     while (done := sum(report.kills for report in reports)) < times:
         tell(done)
-        report = _race(times - done, real, chance, partial(_tell_sum, tell, done))
+        report = _race(times - done, laps, real, chance, partial(_tell_sum, tell, done))
         reports.append(report)
         if report.kills == 0 and not report.faults:
             report.faults.append("a race ended before the server could be killed")
@@ -143,16 +152,18 @@ def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
     tell(before + kills)
 
 
-def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
+def _race(
+    most: int, laps: int, real: int, chance: random.Random, tell: Callable[[int], None]
+) -> RaceReport:
     """Run one race, killing its server at most `most` times, and check what it wrote."""
     report = RaceReport()
     with tempfile.TemporaryDirectory(prefix="drill-") as folder, process_group() as group:
         place = Path(folder)
         address = free_address()
         with (place / "log").open("wb") as log:
-            _start(group, address, real, place, log)
+            _start(group, address, laps, real, place, log)
             try:
-                spectator, link = _watch(address)
+                spectator, link = _watch(address, laps)
                 with link:
                     guard = group.processes[0].pid
                     _kill_and_wait(guard, place, spectator, report, most, chance, tell)
@@ -163,8 +174,8 @@ def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], Non
     return report
 
 
-def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) -> None:
-    serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(LAPS), "--once"]
+def _start(group: ProcessGroup, address: str, laps: int, real: int, place: Path, log: Any) -> None:
+    serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(laps), "--once"]
     serve += ["--listen", address, "--session", "drill", "--record", str(place)]
     serve += ["--results", str(place / "results.sqlite"), "--result", str(place / "result.json")]
     group.start(serve, log)
@@ -176,7 +187,7 @@ def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) 
         group.start([*(plant if seat in spread(real, KARTS) else ["drive", name]), *ask], log)
 
 
-def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
+def _watch(address: str, laps: int) -> tuple[CrashSpectator, ClientLink]:
     deadline = time.monotonic() + START_S
     while True:
         try:
@@ -185,7 +196,7 @@ def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
             if time.monotonic() > deadline:
                 raise
             continue
-        spectator = CrashSpectator()
+        spectator = CrashSpectator(laps)
         link.listen(topics.EVENTS, spectator.hear_events)
         link.listen(topics.SNAPSHOT, spectator.hear_snapshot)
         return spectator, link

@@ -19,7 +19,7 @@ from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.spectate import decode_snapshot
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import (
     SESSION,
     ServerProcess,
@@ -27,6 +27,8 @@ from race_server.tools.drills.server_process import (
     wait_until,
 )
 from race_server.tools.drills.stalled_link import StalledLink
+
+SMALL = SmallDrill("--pause 11", 36, "longest_turn_ms")
 
 TRACK = "oval-report"
 DRIVE_S = 4.0  # of racing before each incident, and after the last

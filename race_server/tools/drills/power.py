@@ -21,10 +21,12 @@ from race_server.storage.recording.reader import Line, read_lines, read_recordin
 from race_server.storage.recording.rerun import Rerun
 from race_server.storage.recording.seekable import SeekableRecording
 from race_server.storage.results.queries import all_laps
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import SESSION, server_process, wait_until
 from race_server.tools.drills.torn import chunk_ends, commit_ends
 from race_server.tools.drills.writer_kills import kill_writers
+
+SMALL = SmallDrill("--cuts 20 --kills 10", 22, "torn_commits")
 
 LAPS = 40  # in the results file, before the server is killed
 RERUN_EVERY = 50  # cuts of a recording after which its race is driven again

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from race_server.storage.recording.seekable import HEAD, MAGIC_BYTES
+from race_server.storage.recording.chunks import HEAD, MAGIC
 
 # Of SQLite's log (sqlite.org/fileformat2.html), in bytes: its head, and the head of a frame. The
 # page size stands in the first, the number of pages after a commit in the second.
@@ -26,14 +26,14 @@ def is_torn(path: Path) -> bool:
     except OSError:
         return False
     if path.suffix == ".mcap":
-        last = max((end for _, end in _record_ends(data)), default=MAGIC_BYTES)
+        last = max((end for _, end in _record_ends(data)), default=len(MAGIC))
     else:
         last = max(commit_ends(data), default=WAL_HEAD) if len(data) > WAL_HEAD else 0
     return last < len(data)
 
 
 def _record_ends(data: bytes) -> Iterator[tuple[int, int]]:
-    at = MAGIC_BYTES
+    at = len(MAGIC)
     while at + HEAD.size <= len(data):
         opcode, length = HEAD.unpack_from(data, at)
         at += HEAD.size + length
