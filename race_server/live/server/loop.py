@@ -266,8 +266,7 @@ class RaceServer:
             self.advance(self.session.decision_ticks)
 
     def _goes_on(self) -> bool:
-        ends = self._stop or self._steward.wants_restart
-        return not ends and self.session.is_on
+        return self.session.is_on and not (self._stop or self._steward.wants_restart)
 
     def _wait_while_paused(self) -> None:
         """Wait while the race is paused; repeat what is sent, so that drivers see a live server."""
