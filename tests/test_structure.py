@@ -1,6 +1,7 @@
 """The shape of the source: small files, short functions, few parameters of kernels, no circles."""
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -72,6 +73,20 @@ def test_no_kernel_has_more_than_8_parameters() -> None:
     assert len(kernels) > 150
     many = {name: count for name, count in kernels.items() if count > MOST_PARAMETERS_OF_A_KERNEL}
     assert many == {}
+
+
+def test_only_stamps_logs_and_keys_read_the_wall_clock() -> None:
+    # A clock that is set by an hour, by hand or by a time server, moves no race.
+    readers = re.compile(r"datetime\.now|utcnow|time\.time\(|time\.time_ns|time\.localtime")
+    assert {path for path, text in sources().items() if readers.search(text)} == {
+        "race_server/competition/time_trial/run.py",  # when a trial began
+        "race_server/live/client/foxglove.py",  # what Foxglove shows beside a message
+        "race_server/live/server/steward.py",  # when a decision was taken
+        "race_server/logs.py",
+        "race_server/net/auth/issue.py",
+        "race_server/net/auth/keys.py",
+        "race_server/storage/results/keeper.py",  # when a race began: its recording's name
+    }
 
 
 def imports_of(path: str, text: str, modules: dict[str, str]) -> set[str]:

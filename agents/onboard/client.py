@@ -1,12 +1,14 @@
 """The program of a real kart: takes a seat, reports poses, applies controls, keeps the kart safe.
 
 `KartProgram` is the kart's end of the link; `ControlUnit` decides. The kart's body, a real one or
-the plant, is a `Hardware`.
+the plant, is a `Hardware`. Nothing in the control loop waits for the network.
 """
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
@@ -17,12 +19,12 @@ from race_server.core.clock import Pacer
 from race_server.core.driver import Driver
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
-from race_server.errors import LinkError, SeatError, WireError
+from race_server.errors import RaceError, WireError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
-from race_server.net.wire.drive import HudFrame, decode_hud, decode_observation
+from race_server.net.wire.drive import HudFrame, decode_hud
 from race_server.net.wire.lobby import CourseSheet, Join, decode_course
 from race_server.net.wire.pose import PoseFrame, encode_pose
 
@@ -60,6 +62,7 @@ class KartProgram:
     sequence: int = 0
     _up: deque[tuple[float, bytes]] = field(default_factory=deque)
     _down: deque[tuple[float, bytes]] = field(default_factory=lambda: deque(maxlen=64))
+    _asking: threading.Thread | None = None
 
     def store(self, data: bytes) -> None:
         """Take a message from the server; called by the transport's thread."""
@@ -79,10 +82,9 @@ class KartProgram:
 
     def see(self) -> Observation | None:
         """Return what the driver sees: the newest observation, if there is a new one."""
-        data = self.seat.mailbox.take(0.0)
-        if data is None or self.is_cut:
+        frame = self.seat.receive(0.0)
+        if frame is None or self.is_cut:
             return None
-        frame = decode_observation(data)
         return Observation(frame.tick, self.seat.layout, frame.values)
 
     def tell(self, unit: ControlUnit, now_s: float) -> None:
@@ -102,6 +104,24 @@ class KartProgram:
             _, data = self._up.popleft()
             if not self.is_cut:
                 self.seat.send(data)
+
+    def ask_again(self) -> None:
+        """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex.
+
+        A thread waits for the answer, which may take seconds: the reflex has none to spare.
+        """
+        if self._asking is None or not self._asking.is_alive():
+            self._asking = threading.Thread(target=self._ask, name="seat")
+            self._asking.start()
+
+    def _ask(self) -> None:
+        with suppress(RaceError):  # the next silence asks again
+            self.seat.ask_again()
+
+    def close(self) -> None:
+        """Wait for the answer that is on its way."""
+        if self._asking is not None:
+            self._asking.join()
 
 
 def take_part(
@@ -172,6 +192,21 @@ def _drive(
     hardware: Hardware,
     goes_on: Callable[[KartProgram, ControlUnit, float], bool],
 ) -> None:
+    """Turn 50 times a second; however the loop ends, the kart is left with its brakes on."""
+    try:
+        _turn(driver, onboard, unit, hardware, goes_on)
+    finally:
+        hardware.act(Command())
+        onboard.close()
+
+
+def _turn(
+    driver: Driver,
+    onboard: KartProgram,
+    unit: ControlUnit,
+    hardware: Hardware,
+    goes_on: Callable[[KartProgram, ControlUnit, float], bool],
+) -> None:
     pacer = Pacer(PERIOD_S)
     pacer.start()
     heard_s = asked = onboard.clock()
@@ -191,13 +226,5 @@ def _drive(
             return
         if now - asked > RETRY_S and not onboard.is_cut and unit.hud is not None:
             asked = now
-            _ask_again(onboard)
+            onboard.ask_again()
         pacer.wait()
-
-
-def _ask_again(onboard: KartProgram) -> None:
-    """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex."""
-    try:
-        onboard.seat.ask_again()
-    except (LinkError, SeatError):
-        return

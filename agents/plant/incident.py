@@ -188,10 +188,12 @@ class IncidentLog:
     _slow_s: float = math.inf  # from then on the kart should be as slow as ordered
     _errors: list[float] = field(default_factory=list)
     _turned_s: float = math.inf
+    _longest_turn_s: float = 0.0
     _pauses: int = 0
 
     def turn(self, onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
         """Note one decision; False once this kart has nothing more to do."""
+        self._longest_turn_s = max(self._longest_turn_s, now_s - self._turned_s)
         self._pauses += now_s - self._turned_s > PAUSE_S
         self._turned_s = now_s
         hud = unit.hud
@@ -238,8 +240,10 @@ class IncidentLog:
             "worst_excess_share": max(
                 (order[2] / max(order[0], 1.0) for order in kept), default=0.0
             ),
+            "worst_excess": max((order[2] for order in kept), default=0.0),
             "scrapes": self.plant.scrapes,
             "pauses": self._pauses,
+            "longest_turn_s": self._longest_turn_s,
             "pedestrian": self.person.figures if self.person else None,
             "cut": self.radio_loss.figures if self.radio_loss else None,
             **self.figures,

@@ -1,16 +1,13 @@
 """`race drill`: provoke failures and attacks, and check that races survive them."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
-from rich.text import Text
 
-from race_server.cli.document import AsJson, print_document
+from race_server.cli.document import AsJson
+from race_server.cli.drill_report import finish, progress, show_drills, show_findings
 from race_server.cli.options import Track, known_drivers
 from race_server.terminal import Console
 
@@ -24,6 +21,7 @@ Seed = Annotated[int, typer.Option(help="Seed of all random draws.")]
 @app.command()
 def crash(
     times: Annotated[int, typer.Option(min=1, help="Number of times to kill the server.")] = 10,
+    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish of each race.")] = 6,
     real: Annotated[
         int,
         typer.Option(min=0, max=4, help="Number of the eight karts that are played as real ones."),
@@ -32,10 +30,10 @@ def crash(
     as_json: AsJson = False,
 ) -> None:
     """Kill the server of a race of eight; check that the race continues and no lap is lost."""
-    from race_server.tools.drills.crash import drill_crash
-
     with progress("killing the server", times) as tell:
-        document = drill_crash(times, real=real, seed=seed, tell=tell)
+        from race_server.tools.drills.crash import drill_crash
+
+        document = drill_crash(times, laps=laps, real=real, seed=seed, tell=tell)
     finish(document, as_json=as_json)
 
 
@@ -47,7 +45,7 @@ def deny(as_json: AsJson = False) -> None:
     with Console(stderr=True).status("trying forbidden acts", spinner="dots"):
         document = drill_deny()
     if not as_json:
-        _show_findings(document["matrix"])
+        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 
@@ -85,7 +83,7 @@ def files(as_json: AsJson = False) -> None:
     with progress("reading", len(BOMBS)) as tell:
         document = drill_files(tell)
     if not as_json:
-        _show_findings(document["matrix"])
+        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 
@@ -97,7 +95,7 @@ def output(as_json: AsJson = False) -> None:
     with progress("racing", 3) as tell:
         document = drill_output(tell)
     if not as_json:
-        _show_findings(document.get("matrix", []))
+        show_findings(document.get("matrix", []))
     finish(document, as_json=as_json)
 
 
@@ -109,7 +107,7 @@ def hang(as_json: AsJson = False) -> None:
     with progress("hanging", 3) as tell:
         document = drill_hang(tell)
     if not as_json:
-        _show_findings(document["matrix"])
+        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 
@@ -216,7 +214,7 @@ def page(
     with progress("racing", round(60 * minutes)) as tell:
         document = drill_page(clients, minutes, tell=tell)
     if not as_json:
-        _show_findings(document["matrix"])
+        show_findings(document["matrix"])
     finish(document, as_json=as_json, columns=("without", "with"))
 
 
@@ -250,56 +248,78 @@ def mixed(
     finish(document, as_json=as_json)
 
 
-@contextmanager
-def progress(what: str, total: int | None) -> Iterator[Any]:
-    """Show a progress bar on stderr; yields the function that takes the number done."""
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda done: bar.update(task, completed=done)
-
-
-def _show_findings(rows: list[dict[str, Any]]) -> None:
-    table = Table("act", "expected", "seen")
-    for row in rows:
-        seen = Text(row["seen"], style="" if row["ok"] else "red")
-        table.add_row(row["act"], row["expected"], seen)
-    Console().print(table)
-
-
-def finish(
-    document: dict[str, Any], *, as_json: bool, columns: tuple[str, ...] = (), rows: str = ""
+@app.command()
+def kart(
+    pause: Annotated[
+        float, typer.Option(min=1.0, max=600.0, help="Time for which the race is paused [s].")
+    ] = 12.0,
+    as_json: AsJson = False,
 ) -> None:
-    """Print the result of a drill; exit with 1 if it failed.
+    """Let the link of a real kart (a plant) stall and come back; then pause its race."""
+    with progress("racing", round(40 + pause)) as tell:
+        from race_server.tools.drills.kart import drill_kart
 
-    columns: parts of the document with the same figures, shown side by side; rows: the part that is
-    a list of such figures, shown in the same way.
-    """
-    if as_json:
-        print_document(document)
-    else:
-        console = Console()
-        table = Table("figure", "value")
-        for name, value in document.items():
-            if not isinstance(value, (list, dict)) and name not in {"ok", "why"}:
-                table.add_row(name.replace("_", " "), str(value))
-        console.print(table)
-        if columns:
-            console.print(_side_by_side({name: document[name] or {} for name in columns}))
-        if document.get(rows):
-            # Only numbers: texts would need a wider terminal, and are in the document.
-            numbers = [
-                {name: value for name, value in row.items() if not isinstance(value, str)}
-                for row in document[rows]
-            ]
-            console.print(_side_by_side({f"{n}": row for n, row in enumerate(numbers)}))
-        is_ok = document["ok"]
-        console.print("passed" if is_ok else document["why"], style="green" if is_ok else "red")
-    if not document["ok"]:
-        raise typer.Exit(1)
+        document = drill_kart(pause, tell=tell)
+    finish(document, as_json=as_json)
 
 
-def _side_by_side(parts: dict[str, dict[str, Any]]) -> Table:
-    table = Table("figure", *(name.replace("_", " ") for name in parts))
-    for name in next(iter(parts.values())):
-        table.add_row(name.replace("_", " "), *(str(part.get(name, "")) for part in parts.values()))
-    return table
+@app.command()
+def power(
+    cuts: Annotated[
+        int, typer.Option(min=1, help="Number of cuts of each of the two files.")
+    ] = 100,
+    kills: Annotated[
+        int, typer.Option(min=1, help="Number of times to kill a process that writes them.")
+    ] = 100,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Cut a recording and a results file at random bytes, and read what is left of a race."""
+    with progress("cutting", 2 * cuts + kills) as tell:
+        from race_server.tools.drills.power import drill_power
+
+        document = drill_power(cuts, kills, seed=seed, tell=tell)
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def readonly(as_json: AsJson = False) -> None:
+    """Serve where recordings, results or the steward's token cannot be written."""
+    with Console(stderr=True).status("serving", spinner="dots"):
+        from race_server.tools.drills.readonly import drill_readonly
+
+        document = drill_readonly()
+    if not as_json:
+        show_findings(document["matrix"])
+    finish(document, as_json=as_json)
+
+
+@app.command()
+def soak(
+    minutes: Annotated[float, typer.Option(min=0.2, help="Minutes of racing.")] = 60.0,
+    karts: Annotated[int, typer.Option(min=1, max=64, help="Number of karts.")] = 32,
+    spectators: Annotated[int, typer.Option(min=1, help="Number of spectators.")] = 100,
+    as_json: AsJson = False,
+) -> None:
+    """Race after race before spectators; see whether the server grows in memory or files."""
+    with progress("racing", round(60 * minutes)) as tell:
+        from race_server.tools.drills.soak import drill_soak
+
+        document = drill_soak(minutes, karts, spectators, tell=tell)
+    finish(document, as_json=as_json)
+
+
+@app.command("all")
+def every(as_json: AsJson = False) -> None:
+    """Run every drill at a small size, one after the other."""
+    with progress("preparing", None) as bar:
+        from race_server.tools.drills.small import run_all, small_drills
+
+        bar(0)
+        sizes = small_drills()
+    total = sum(small.seconds for small in sizes.values())
+    with progress(f"running {len(sizes)} drills", round(total)) as tell:
+        document = run_all(sizes, tell=tell)
+    if not as_json:
+        show_drills(document["drills"])
+    finish(document, as_json=as_json)

@@ -17,7 +17,7 @@ from race_server.cli.document import print_document
 from race_server.cli.outcome import show_result
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
-from race_server.errors import RaceError, RecordingError
+from race_server.errors import KeysError, RaceError, RecordingError
 from race_server.live.driver_processes import Command as DriverCommand
 from race_server.live.driver_processes import DriverProcesses
 from race_server.live.server import REAL, RaceServer
@@ -91,7 +91,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         karts, keys = len(race.seats), service.keys
         address, name = service.listen, service.session
         link = stack.enter_context(_listening(service, karts))
-        token = keys.token if keys else stack.enter_context(local_token(address, name))
+        token = keys.token if keys else steward_token(address, name, log, stack)
         server = RaceServer(
             race,
             link,
@@ -163,6 +163,15 @@ def _survived(log: Log, without: str) -> Iterator[None]:
     except Exception as error:
         why = str(error) if isinstance(error, RaceError) else f"{type(error).__name__}: {error}"
         log.warn(without, why=why)
+
+
+def steward_token(address: str, session: str, log: Log, stack: ExitStack) -> str:
+    """Return the steward's token, whose file goes with `stack`; "" where none can be written."""
+    try:
+        return stack.enter_context(local_token(address, session))
+    except KeysError as error:
+        log.warn("races have no steward", why=str(error))
+        return ""
 
 
 def _logbook(words: str, session: str, log: Log) -> AbstractContextManager[Logbook | None]:

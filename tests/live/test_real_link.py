@@ -3,11 +3,12 @@
 import time
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from race_agents.onboard.client import KartProgram, fence_of, take_part
+from race_agents.onboard.client import KartProgram, fence_of, is_home, take_part
 from race_agents.onboard.control_unit import ControlUnit
 from race_agents.onboard.safety import Command
 from race_agents.plant.body import Body
@@ -15,12 +16,13 @@ from race_agents.plant.incident import FastestSpeed, is_view_clear
 from race_agents.plant.kart import Plant, Sensors
 from race_agents.plant.radar import Person, Surroundings
 from race_server.competition.launch import free_address
-from race_server.core.messages import Control, Trust
+from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
 from race_server.core.vehicles import KART_30, TT02
 from race_server.errors import SeatError
 from race_server.live.client.seat import ClientSeat, take_seat
 from race_server.live.server import LOCKSTEP, REAL, RaceServer
+from race_server.live.server.publisher import hud_of
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join
@@ -84,6 +86,68 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
     assert isinstance(seen["command"], Command)
     assert session.tracked_karts.orders(0).acknowledged >= 1
     assert session.world.racers["yellow"][0, 0] == 1
+
+
+def test_the_control_loop_turns_on_while_the_kart_asks_for_its_seat(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_agents.onboard.client.RETRY_S", 0.1)
+    monkeypatch.setattr("race_server.net.transport.client.QUERY_TIMEOUT_S", 0.8)
+    session, address = session_on_ring("race", karts=1, countdown_s=5.0), free_address()
+    turns: list[float] = []
+    with ServerLink(address, "race", 1) as link, running(RaceServer(session, link), 1) as live:
+
+        def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+            del onboard
+            if unit.hud is not None and not turns:
+                live.server.stop()  # the link stays, and no request is answered
+            if unit.hud is not None:
+                turns.append(now_s)
+            return len(turns) < 40
+
+        take_part(Gentle(), hardware_of, name="real", address=address, each_turn=turn)
+    # 40 turns of 20 ms, in which a request waits for 0.8 s.
+    assert max(later - now for now, later in pairwise(turns)) < 0.5
+
+
+def test_a_real_kart_stands_through_a_pause_and_drives_on_after_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_agents.onboard.client.GIVE_UP_S", 0.5)
+    session, address = session_on_ring("race", karts=1, countdown_s=0.0), free_address()
+    caps: list[float] = []
+    paused_at: list[float] = []
+    with ServerLink(address, "race", 1) as link, running(RaceServer(session, link), 1):
+
+        def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+            del onboard
+            if unit.hud is None or session.tick < 3:
+                return True
+            if not paused_at:
+                session.race_control.pause()
+                paused_at.append(now_s)
+            elif now_s > paused_at[0] + 1.0:
+                session.race_control.pause(is_paused=False)
+            if not caps or caps[-1] != unit.hud.speed_cap:
+                caps.append(unit.hud.speed_cap)
+            return caps[1:] != [0.0, caps[0]] and not is_home(unit)
+
+        take_part(Gentle(), hardware_of, name="real", address=address, each_turn=turn)
+    assert caps == [10.0, 0.0, 10.0]
+
+
+def test_the_orders_of_a_pause_have_their_own_number() -> None:
+    session = session_on_ring("race", karts=1)
+    session.join("real", "track", tracked=True)
+    session.start()
+    session.follow(0)
+    told = [hud_of(session, session.seats[0])]
+    for is_paused in (True, False):
+        session.race_control.pause(is_paused=is_paused)
+        session.tracked_karts.give_orders(session.world, 0, is_paused=is_paused)
+        told.append(hud_of(session, session.seats[0]))
+    assert [hud.sequence for hud in told] == [1, 2, 3]
+    assert [hud.flag for hud in told] == [Flag.GREEN, Flag.RED, Flag.GREEN]
 
 
 def test_a_real_kart_gets_no_seat_where_the_world_waits() -> None:

@@ -1,10 +1,8 @@
 """A driver whose link stalls goes on over a new one, as the same driver."""
 
-import socket
 import threading
 import time
 from collections import Counter
-from contextlib import suppress
 
 import pytest
 
@@ -18,47 +16,8 @@ from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
+from race_server.tools.drills.stalled_link import StalledLink
 from support.courses import ring
-
-
-class Stall:
-    """Carries bytes between clients and a server, until the links that exist are frozen."""
-
-    def __init__(self, server: str) -> None:
-        self._server = _place_of(server)
-        self.address = free_address()
-        self._open = socket.create_server(_place_of(self.address))
-        self._sockets: list[socket.socket] = [self._open]
-        self._frozen: set[socket.socket] = set()
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                here, _ = self._open.accept()
-                there = socket.create_connection(self._server)
-                self._sockets += [here, there]
-                for ends in ((here, there), (there, here)):
-                    threading.Thread(target=self._carry, args=ends, daemon=True).start()
-
-    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
-        with suppress(OSError):
-            while data := source.recv(65536):
-                if source not in self._frozen:
-                    sink.sendall(data)
-
-    def freeze(self) -> None:
-        """Carry nothing more on the links that exist; they stay open."""
-        self._frozen.update(self._sockets)
-
-    def close(self) -> None:
-        for end in self._sockets:
-            end.close()
-
-
-def _place_of(address: str) -> tuple[str, int]:
-    host, port = address.removeprefix("tcp/").split(":")
-    return host, int(port)
 
 
 class Stepper:
@@ -66,7 +25,7 @@ class Stepper:
 
     preset = "track"
 
-    def __init__(self, stall: Stall) -> None:
+    def __init__(self, stall: StalledLink) -> None:
         self._stall, self.ticks = stall, []
 
     def reset(self, briefing: object) -> None:
@@ -91,7 +50,7 @@ def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one() -> None:
         server = RaceServer(session, link, REAL)
         race = threading.Thread(target=server.run, args=(1,))
         race.start()
-        stall = Stall(address)
+        stall = StalledLink(address)
         driver = Stepper(stall)
         began = time.monotonic()
         run_driver(

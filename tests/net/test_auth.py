@@ -5,12 +5,13 @@ import json
 import stat
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from race_server.cli.service import steward_token
 from race_server.competition.launch import free_address
 from race_server.core.messages import Event, EventKind, Phase
 from race_server.credentials import badge_of, key_of, key_of_badge
@@ -242,6 +243,20 @@ def test_the_token_of_a_closed_session_lies_there_while_it_is_served(
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
     with pytest.raises(KeysError, match="no token of a steward"):
         read_token("tcp/127.0.0.1:7447", "cup")
+
+
+def test_a_server_whose_token_cannot_be_written_races_without_a_steward(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "file" / "folder"))
+    said = io.StringIO()
+    with Log(stream=said) as log, ExitStack() as stack:
+        token = steward_token("tcp/127.0.0.1:7447", "cup", log, stack)
+    assert token == ""
+    assert said.getvalue().count("races have no steward") == 1
+    with pytest.raises(SeatError, match="the token does not fit"):
+        Steward(session_on_ring("cup"), token).check(Decision(token, "log"))
 
 
 # The steward

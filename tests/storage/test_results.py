@@ -4,6 +4,7 @@ import json
 import sqlite3
 import threading
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,16 @@ def test_a_change_that_fails_takes_the_whole_transaction_back(path: Path) -> Non
         assert races(path) == []
         store.write([a_race("ann"), lap])
     assert len(all_laps(path)) == 1
+
+
+def test_a_lap_that_is_driven_again_after_a_kill_replaces_the_one_before(path: Path) -> None:
+    begun = a_race("ann")
+    fill(path, begun, Lap(0, 1, 8_000_000, (8_000_000,), True))
+    # Its server was killed before that lap was in the recording; driven again it took longer.
+    fill(path, replace(begun, is_taken_up=True), Lap(0, 1, 9_000_000, (9_000_000,), False))
+    (row,) = all_laps(path)
+    assert (row["time_us"], row["is_clean"]) == (9_000_000, False)
+    assert json.loads(row["sectors"]) == [9_000_000]
 
 
 def test_a_file_of_version_1_is_migrated_and_keeps_its_rows(path: Path) -> None:

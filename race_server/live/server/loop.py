@@ -266,15 +266,15 @@ class RaceServer:
             self.advance(self.session.decision_ticks)
 
     def _goes_on(self) -> bool:
-        ends = self._stop or self._steward.wants_restart
-        return not ends and self.session.is_on
+        return self.session.is_on and not (self._stop or self._steward.wants_restart)
 
     def _wait_while_paused(self) -> None:
-        """Wait while the race is paused; repeat observations, so that drivers see a live server."""
+        """Wait while the race is paused; repeat what is sent, so that drivers see a live server."""
         again = 0.0
         while self.session.race_control.is_paused and self._goes_on():
             self.poll()
             self._persistence.record_interventions()
+            self._publisher.order_stop(_now_us())
             if time.monotonic() > again:
                 again = time.monotonic() + self.timing.repeat_s
                 self._publisher.repeat(self.session.seats, but=self._local_drivers)

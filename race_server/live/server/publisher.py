@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from race_server.core import codes
-from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
 from race_server.core.state import EFFECTS, field_of
 from race_server.live.server.timing import ServerTiming
@@ -50,6 +50,7 @@ class Publisher:
         self._link = link
         self._sinks: tuple[Sink, ...] = (link, recording)
         self._orders_s = orders_s
+        self._order_stop_us = 0  # due again
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
 
@@ -71,6 +72,20 @@ class Publisher:
         for number, tracker in self._session.tracked_karts.trackers.items():
             seat = self._session.seats[number]
             if tracker.orders.is_open and seat.is_present:
+                self._publish_hud(seat)
+
+    def order_stop(self, now_us: int) -> None:
+        """Tell the real karts to stand while the race is paused, ten times as often as they need.
+
+        now_us: the time of the clock by which they are followed.
+        """
+        if now_us < self._order_stop_us:
+            return
+        self._order_stop_us = now_us + round(0.1 * self._orders_s * MICROSECONDS)
+        tracked = self._session.tracked_karts
+        tracked.give_orders(self._session.world, now_us, is_paused=True)
+        for number in tracked.trackers:
+            if (seat := self._session.seats[number]).is_present:
                 self._publish_hud(seat)
 
     def _publish_hud(self, seat: Seat) -> None:
@@ -122,11 +137,14 @@ def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s
         row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
     immune = max(int(player.immune_until), int(player.shield_until)) - tick
     race, tracker = session.world.races[0], session.tracked_karts.trackers.get(seat.number)
+    is_paused = session.race_control.is_paused
+    flag = Flag(max(int(race.flag), int(racer.yellow)))
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
-        # A kart that has finished or retired is to stop, from that tick on.
-        speed_cap=float(body.speed_cap) if body.status == codes.RACING else 0.0,
+        # A kart that has finished or retired is to stop, from that tick on. Where the clock stands
+        # all stop, under red: a kart that is told to stop under another flag takes itself home.
+        speed_cap=0.0 if is_paused or body.status != codes.RACING else float(body.speed_cap),
         thrust_scale=float(body.thrust_scale),
         grip_scale=float(body.grip_scale),
         item=int(player.held),
@@ -136,7 +154,7 @@ def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s
         valid_s=orders_s,
         monotonic_us=time.monotonic_ns() // 1000,
         lights_s=lights_s(session),
-        flag=Flag(max(int(race.flag), int(racer.yellow))),
+        flag=Flag.RED if is_paused else flag,
         trust=tracker.trust if tracker else Trust.SIMULATED,
         fault=tracker.doubt if tracker else PoseFault.NONE,
     )

@@ -92,6 +92,11 @@ class TrackedKarts:
 
     def follow(self, world: World, now_us: int) -> Floats:
         """Return where the real karts are now, shape (n, 10), see state.PLACEMENT."""
+        statuses = world.bodies["status"][0]
+        for seat, tracker in self.trackers.items():
+            if statuses[seat] != codes.ABSENT:
+                tracker.follow(now_us, is_racing=bool(statuses[seat] == codes.RACING))
+        self.give_orders(world, now_us)
         rows = [
             row
             for seat, tracker in self.trackers.items()
@@ -99,6 +104,21 @@ class TrackedKarts:
         ]
         # As it may be recorded, so that a recording holds exactly what acted.
         return np.array(rows, np.float32).reshape(-1, len(PLACEMENT)).astype(np.float64)
+
+    def give_orders(self, world: World, now_us: int, *, is_paused: bool = False) -> None:
+        """Give each kart new orders where they are others than before.
+
+        is_paused: the clock of the race stands, and every kart with it.
+        """
+        flag = int(world.races[0].flag)
+        for seat, tracker in self.trackers.items():
+            body, racer = world.bodies[0, seat], world.racers[0, seat]
+            if body.status == codes.ABSENT:
+                continue
+            caps = float(body.speed_cap), float(body.thrust_scale)
+            stops = is_paused or body.status != codes.RACING
+            what = (*caps, flag, int(racer.yellow), tracker.trust, stops)
+            tracker.orders.change(what, now_us)
 
     def orders(self, seat: int) -> Orders:
         """Return the orders of a real kart."""
@@ -138,13 +158,9 @@ def _place_of(world: World, seat: int) -> Pose:
 
 def _placement(seat: int, tracker: Tracker, world: World, now_us: int) -> tuple[float, ...] | None:
     """Return the row of one kart; None before its first pose."""
-    body, racer, flag = world.bodies[0, seat], world.racers[0, seat], int(world.races[0].flag)
+    body = world.bodies[0, seat]
     if body.status == codes.ABSENT:
         return None
-    stops = body.status != codes.RACING
-    tracker.follow(now_us, is_racing=not stops)
-    what = (float(body.speed_cap), float(body.thrust_scale), flag, int(racer.yellow), tracker.trust)
-    tracker.orders.change((*what, stops), now_us)
     # A kart that was trusted before its server was killed is not moved by the simulation since.
     trust = tracker.trust or Trust(int(body.trust))
     pose = tracker.pose_at(now_us)

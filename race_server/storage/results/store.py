@@ -151,8 +151,10 @@ class Store:
     def _add_lap(self, race: int, lap: Lap) -> None:
         sectors = json.dumps(lap.sectors)
         self._connection.execute(
-            # Of a race that is taken up the same laps come again.
-            "insert into lap values (?, ?, ?, ?, ?, ?) on conflict do nothing",
+            # Of a race that is taken up the laps come again. One that was committed right before
+            # its server was killed, and is in no recording, may have become another one.
+            "insert into lap values (?, ?, ?, ?, ?, ?) on conflict do update set "
+            "time_us = excluded.time_us, sectors = excluded.sectors, is_clean = excluded.is_clean",
             (race, lap.seat, lap.number, lap.time_us, sectors, int(lap.is_clean)),
         )
 

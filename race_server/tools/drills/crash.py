@@ -1,5 +1,8 @@
 """Kill the server in the middle of races, several times; no lap may be lost.
 
+A third of the kills fall at any moment, a third inside a commit to the results file and a third
+inside the write of a chunk of the recording.
+
 Each race is a real server with its guard and eight driver processes; some of the karts may be real
 ones, played by plants, which the server has to trust again each time. A spectator records what is
 announced, and the drill compares every announced lap with the result, the recording and the
@@ -7,13 +10,12 @@ results file at the end.
 """
 
 import json
-import os
 import random
-import signal
 import statistics
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -36,9 +38,13 @@ from race_server.net.wire.spectate import decode_events, decode_snapshot
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.storage.results.queries import all_laps
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.kill_points import KillPoint, draw_point, kill_at
+from race_server.tools.drills.report import SmallDrill, document_of
+from race_server.tools.drills.torn import is_torn
 
-TRACK, LAPS, KARTS = "oval-report", 6, 8
+SMALL = SmallDrill("--times 3 --laps 2", 40, "resume_s_worst")
+
+TRACK, KARTS = "oval-report", 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
 # Time from the start or the resumption of a race to the next kill [s].
 SOONEST_S, LATEST_S = 0.3, 2.0
@@ -52,6 +58,7 @@ Lap = tuple[int, int, int]  # seat, number, time [µs]
 class CrashSpectator:
     """Records what a spectator receives of a race over the network."""
 
+    most_laps: int  # to the finish
     laps: set[Lap] = field(default_factory=set)
     tick: int = -1
     heard_at: float = 0.0
@@ -71,6 +78,11 @@ class CrashSpectator:
             return
         self.tick, self.phase, self.heard_at = frame.tick, frame.phase, time.monotonic()
 
+    def is_nearly_over(self) -> bool:
+        """Return whether at most one kart is still racing: its finish would end the server."""
+        finished = sum(number == self.most_laps for _, number, _ in self.laps)
+        return self.phase is Phase.FINISHED or finished >= KARTS - 1
+
     def hears_since(self, moment: float) -> bool:
         """Return whether a snapshot arrived after a time of `time.monotonic`."""
         return self.heard_at > moment
@@ -81,6 +93,8 @@ class RaceReport:
     """Report on one race."""
 
     kills: int = 0
+    points: Counter[KillPoint] = field(default_factory=Counter)  # that kills fell into
+    torn: int = 0  # kills that left half a commit or half a chunk
     resume_s: list[float] = field(default_factory=list)
     lost_ticks: list[int] = field(default_factory=list)
     real_laps: int = 0
@@ -88,17 +102,23 @@ class RaceReport:
 
 
 def drill_crash(
-    times: int, *, real: int = 0, seed: int = 1, tell: Callable[[int], None] = lambda _: None
+    times: int,
+    *,
+    laps: int = 6,
+    real: int = 0,
+    seed: int = 1,
+    tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Kill a racing server `times` times and return the figures.
 
-    real: number of real karts; tell: called with the number of kills so far.
+    laps: to the finish of a race; real: number of real karts; tell: called with the number of
+    kills so far.
     """
     chance = random.Random(seed)
     reports: list[RaceReport] = []
     while (done := sum(report.kills for report in reports)) < times:
         tell(done)
-        report = _race(times - done, real, chance, partial(_tell_sum, tell, done))
+        report = _race(times - done, laps, real, chance, partial(_tell_sum, tell, done))
         reports.append(report)
         if report.kills == 0 and not report.faults:
             report.faults.append("a race ended before the server could be killed")
@@ -112,6 +132,9 @@ def drill_crash(
     return document_of(
         faults,
         kills=sum(report.kills for report in reports),
+        kills_in_commits=sum(report.points[KillPoint.COMMIT] for report in reports),
+        kills_in_chunks=sum(report.points[KillPoint.CHUNK] for report in reports),
+        torn=sum(report.torn for report in reports),
         races=len(reports),
         karts=KARTS,
         real_karts=real,
@@ -129,18 +152,21 @@ def _tell_sum(tell: Callable[[int], None], before: int, kills: int) -> None:
     tell(before + kills)
 
 
-def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], None]) -> RaceReport:
+def _race(
+    most: int, laps: int, real: int, chance: random.Random, tell: Callable[[int], None]
+) -> RaceReport:
     """Run one race, killing its server at most `most` times, and check what it wrote."""
     report = RaceReport()
     with tempfile.TemporaryDirectory(prefix="drill-") as folder, process_group() as group:
         place = Path(folder)
         address = free_address()
         with (place / "log").open("wb") as log:
-            _start(group, address, real, place, log)
+            _start(group, address, laps, real, place, log)
             try:
-                spectator, link = _watch(address)
+                spectator, link = _watch(address, laps)
                 with link:
-                    _kill_and_wait(group, spectator, report, most, chance, tell)
+                    guard = group.processes[0].pid
+                    _kill_and_wait(guard, place, spectator, report, most, chance, tell)
                     _wait(lambda: group.processes[0].poll() is not None, START_S, "end")
                 _check(place, spectator, spread(real, KARTS), report)
             except RaceError as error:
@@ -148,8 +174,8 @@ def _race(most: int, real: int, chance: random.Random, tell: Callable[[int], Non
     return report
 
 
-def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) -> None:
-    serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(LAPS), "--once"]
+def _start(group: ProcessGroup, address: str, laps: int, real: int, place: Path, log: Any) -> None:
+    serve = ["serve", "--track", TRACK, "--karts", str(KARTS), "--laps", str(laps), "--once"]
     serve += ["--listen", address, "--session", "drill", "--record", str(place)]
     serve += ["--results", str(place / "results.sqlite"), "--result", str(place / "result.json")]
     group.start(serve, log)
@@ -161,7 +187,7 @@ def _start(group: ProcessGroup, address: str, real: int, place: Path, log: Any) 
         group.start([*(plant if seat in spread(real, KARTS) else ["drive", name]), *ask], log)
 
 
-def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
+def _watch(address: str, laps: int) -> tuple[CrashSpectator, ClientLink]:
     deadline = time.monotonic() + START_S
     while True:
         try:
@@ -170,31 +196,37 @@ def _watch(address: str) -> tuple[CrashSpectator, ClientLink]:
             if time.monotonic() > deadline:
                 raise
             continue
-        spectator = CrashSpectator()
+        spectator = CrashSpectator(laps)
         link.listen(topics.EVENTS, spectator.hear_events)
         link.listen(topics.SNAPSHOT, spectator.hear_snapshot)
         return spectator, link
 
 
 def _kill_and_wait(
-    group: ProcessGroup,
+    guard: int,
+    place: Path,
     spectator: CrashSpectator,
     report: RaceReport,
     most: int,
     chance: random.Random,
     tell: Callable[[int], None],
 ) -> None:
-    """Kill the server at random moments, each time after the race resumed."""
-    guard = group.processes[0].pid
+    """Kill the server at random points, each time after the race resumed."""
+    files = {
+        KillPoint.COMMIT: place / "results.sqlite-wal",
+        KillPoint.CHUNK: place / "drill.journal.mcap",
+    }
     _wait(lambda: spectator.phase in {Phase.COUNTDOWN, Phase.RUNNING}, START_S, "start")
     while report.kills < most:
         pause = threading.Event()
         pause.wait(chance.uniform(SOONEST_S, LATEST_S))
-        if spectator.phase is Phase.FINISHED or not (children := _children(guard)):
+        if spectator.is_nearly_over() or not (children := _children(guard)):
             return
-        tick = spectator.tick
-        killed_at = time.monotonic()
-        os.kill(children[0], signal.SIGKILL)
+        point, delay_s = draw_point(chance)
+        is_writing = kill_at(point, children[0], files, delay_s)
+        tick, killed_at = spectator.tick, time.monotonic()
+        report.points[point] += is_writing
+        report.torn += is_writing and is_torn(files[point])
         report.kills += 1
         # A message that was on its way when the server died does not count.
         _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "resume")

@@ -14,9 +14,11 @@ from race_server.errors import LinkError, Reason
 from race_server.logs import FIRST, Log
 from race_server.net.auth.settings import ListenSettings, check_listen_settings
 from race_server.tools.drills import logins, messages, requests
-from race_server.tools.drills.report import Finding, matrix_of
+from race_server.tools.drills.report import Finding, SmallDrill, matrix_of
 from race_server.tools.drills.scene import Scene, scene_of
 from race_server.tools.drills.served_session import served_session
+
+SMALL = SmallDrill("", 18, "acts")
 
 
 def drill_deny() -> dict[str, Any]:

@@ -28,7 +28,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.topics import key_of
 from race_server.tools.drills.front import front_of, missing_front
 from race_server.tools.drills.intruder import Intruder
-from race_server.tools.drills.report import document_of, skipped
+from race_server.tools.drills.report import SmallDrill, document_of, skipped
 from race_server.tools.drills.server_process import (
     SESSION,
     ServerProcess,
@@ -38,6 +38,7 @@ from race_server.tools.drills.server_process import (
 )
 from race_server.tools.drills.strangers import HELLO, IDLE, JUNK
 
+SMALL = SmallDrill("--seconds 3", 40, "login_s")
 TRACK, KARTS, FILLERS = "oval-report", 8, "pure_pursuit"
 QUIET_S = 15.0  # of the same race before, as the yardstick
 SETTLE_S = 1.0  # after the attack has begun, before the first login

@@ -19,8 +19,10 @@ from typing import Any
 
 from race_server.core.messages import Phase
 from race_server.live.watchdog import HUNG_S
-from race_server.tools.drills.report import Finding, matrix_of
+from race_server.tools.drills.report import Finding, SmallDrill, matrix_of
 from race_server.tools.drills.server_process import ServerProcess, server_process, wait_until
+
+SMALL = SmallDrill("", 30, "ok")
 
 # It decides for two seconds, then waits in C with the interpreter lock.
 DRIVER = """

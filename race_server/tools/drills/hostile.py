@@ -16,7 +16,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
 from race_server.errors import RaceError, Reason
 from race_server.tools.drills.damage import Toll, decode_all
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import (
     Figures,
     excess_of_missed,
@@ -25,6 +25,8 @@ from race_server.tools.drills.server_process import (
     server_process,
     ticks_between,
 )
+
+SMALL = SmallDrill("--messages 20000", 26, "sent")
 
 TRACK, KARTS = "oval-report", 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")

@@ -19,7 +19,7 @@ from race_server.competition.launch import free_port
 from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.live.server.counters import DURATIONS, LATENESSES
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import (
     Figures,
     ServerProcess,
@@ -27,6 +27,8 @@ from race_server.tools.drills.server_process import (
     tick_times_between,
     ticks_between,
 )
+
+SMALL = SmallDrill("--karts 16 --spectators 20 --minutes 0.05", 20, "race_server.missed_share")
 
 TRACK = "covapsy-test-2023"
 MISSED = 0.001  # share of ticks

@@ -18,8 +18,13 @@ from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.terminal import Console
-from race_server.tools.drills.report import document_of
+from race_server.tools.drills.report import SmallDrill, document_of
 
+SMALL = SmallDrill(
+    "--track oval-report --vehicle tt02 --karts 4 --laps 4 --pedestrian 4 --cut-link 24",
+    40,
+    "missed_ticks",
+)
 # A kart without a link drives on for this time: 60 % of the time for which the last message holds,
 # and the lag of its brakes. Then it brakes with this share of its nominal force: 60 %
 # of the brakes of a kart that is heavier and has weaker ones.

@@ -25,8 +25,10 @@ from race_server.tools.drills.lossy_link import (
     why_not,
     within,
 )
-from race_server.tools.drills.report import document_of, skipped
+from race_server.tools.drills.report import SmallDrill, document_of, skipped
 from race_server.tools.drills.server_process import SESSION
+
+SMALL = SmallDrill("--loss 0.05 --delay 20 --jitter 5 --laps 1", 22, "packets_lost")
 
 TRACK, LAPS, KARTS = "oval-report", 3, 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")

@@ -29,9 +29,10 @@ from race_server.live.client.driver import run_driver
 from race_server.net.wire.strict import MOST_NAME
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.results.queries import all_laps, best_laps, finished_races, races
-from race_server.tools.drills.report import Finding, matrix_of, skipped
+from race_server.tools.drills.report import Finding, SmallDrill, matrix_of, skipped
 from race_server.tools.drills.server_process import wait_until
 
+SMALL = SmallDrill("", 35, "acts")
 TRACK, SESSION, DRIVER = "oval", "drill", "pure_pursuit"
 MARKUP, FORMULA, LONG = "[/x]", "=1+1", "名" * MOST_NAME
 NAMES = (MARKUP, FORMULA, LONG)

@@ -21,7 +21,7 @@ from race_server.errors import RaceError
 from race_server.tools.drills.browsers import RATE, socket_of, welcomed
 from race_server.tools.drills.load import LATENESS, MISSED, load_clients
 from race_server.tools.drills.raw_requests import crowd_in, smuggle
-from race_server.tools.drills.report import Finding, matrix_of
+from race_server.tools.drills.report import Finding, SmallDrill, matrix_of
 from race_server.tools.drills.server_process import (
     SESSION,
     ServerProcess,
@@ -29,6 +29,8 @@ from race_server.tools.drills.server_process import (
     tick_times_between,
 )
 from race_server.tools.drills.slow_reader import read_slowly
+
+SMALL = SmallDrill("--clients 10 --minutes 0.1", 24, "with.missed_share")
 
 TRACK, KARTS = "covapsy-test-2023", 8
 # Baseline without browsers [s].

@@ -15,6 +15,15 @@ class Finding:
     ok: bool
 
 
+@dataclass(frozen=True)
+class SmallDrill:
+    """The small size of a drill, for `race drill all`: its module names one as `SMALL`."""
+
+    options: str  # after `race drill NAME`
+    seconds: float  # that it takes on two cores, about
+    figure: str  # of its document, the main one; PART.FIGURE of a part
+
+
 def document_of(faults: Sequence[str], **figures: Any) -> dict[str, Any]:
     """Return the document of a drill: `ok`, `why` not, and its figures."""
     return {"ok": not faults, "why": "; ".join(faults), **figures}

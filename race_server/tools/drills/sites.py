@@ -22,7 +22,9 @@ from race_server.tools.drills.lossy_link import (
     why_not,
 )
 from race_server.tools.drills.network import PORT, start_within, wait_for_end
-from race_server.tools.drills.report import document_of, skipped
+from race_server.tools.drills.report import SmallDrill, document_of, skipped
+
+SMALL = SmallDrill("--laps 1", 18, "laps")
 
 TRACK, SESSIONS = "oval-report", ("north", "south")
 # Seats that are driven at each site; the others are relayed.

@@ -1,0 +1,51 @@
+"""The drills as a whole, and the parts of them that need no race."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from race_server.cli import drill
+from race_server.tools.drills.report import SmallDrill
+from race_server.tools.drills.small import run_all, small_drills
+from race_server.tools.drills.soak import memory_slope
+from race_server.tools.drills.torn import commit_ends, is_torn
+
+MOST_S = 420.0
+
+
+def test_every_drill_takes_part_in_all_of_them_within_seven_minutes() -> None:
+    commands = {
+        command.name or command.callback.__name__ for command in drill.app.registered_commands
+    }
+    sizes = small_drills()
+    assert set(sizes) == commands - {"all"}
+    assert sum(small.seconds for small in sizes.values()) <= MOST_S
+
+
+def test_a_drill_that_fails_to_run_is_a_row_that_says_why() -> None:
+    told: list[int] = []
+    document = run_all({"nonesuch": SmallDrill("", 2.0, "figure")}, tell=told.append)
+    (row,) = document["drills"]
+    assert not document["ok"]
+    assert (row["name"], row["ok"], row["figure"]) == ("nonesuch", False, "figure = None")
+    assert row["why"]
+    assert told[-1] == 2
+
+
+def test_memory_that_gains_1_mb_in_36_s_gains_100_mb_in_an_hour() -> None:
+    samples = np.array([(36.0 * turn, 200.0 + turn, 30.0, 12.0) for turn in range(5)])
+    assert memory_slope(samples) == pytest.approx(100.0)
+
+
+def test_a_log_is_torn_where_frames_follow_its_last_commit(tmp_path: Path) -> None:
+    page = 512
+    head = struct.pack(">8xI20x", page)
+    frame, commit = (struct.pack(">4xI16x", pages) + bytes(page) for pages in (0, 7))
+    log = tmp_path / "results.sqlite-wal"
+    log.write_bytes(head + frame + commit + frame)
+    assert commit_ends(log.read_bytes()) == [32 + 2 * (24 + page)]
+    assert is_torn(log)
+    log.write_bytes(head + frame + commit)
+    assert not is_torn(log)
