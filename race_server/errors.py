@@ -20,7 +20,7 @@ class Reason(StrEnum):
     SECOND_LOGIN = "second login"
     TOO_MANY_LINKS = "link beyond those of its key"
     BARRED_LINK = "link of a key that is barred"
-    STEWARDS_DOOR = "link of another at the steward's door"
+    STEWARD_ADDRESS = "link of another at the steward's address"
     AGAIN = "again"
     EPOCH = "of another epoch"
     FUTURE = "answer to the future"

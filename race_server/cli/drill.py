@@ -117,7 +117,7 @@ def flood(
     seconds: Annotated[float, typer.Option(min=3.0, help="Seconds of each attack.")] = 8.0,
     as_json: AsJson = False,
 ) -> None:
-    """Flood the door of a racing server; check that clients with keys still log in."""
+    """Flood a racing server with connections; check that clients with keys still log in."""
     from race_server.tools.drills.flood import ATTACKS, drill_flood
 
     with progress("flooding", len(ATTACKS)) as tell:

@@ -22,7 +22,6 @@ from race_server.net.auth.settings import (
     port_of,
     server_settings,
 )
-from race_server.net.transport.doorkeeper import Doorkeeper, House
 from race_server.net.transport.inputs import (
     Check,
     Inputs,
@@ -31,6 +30,7 @@ from race_server.net.transport.inputs import (
     Subscribe,
 )
 from race_server.net.transport.link import Link, open_session
+from race_server.net.transport.link_limiter import LinkLimiter, LinkLimits
 from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
 
@@ -116,7 +116,7 @@ class ServerLink(Link):
         self._kept: list[Any] = [self._subscribe_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._subscribe_presence())
         self._owners = {common_name(session_name, seat_name(seat)): seat for seat in range(seats)}
-        self._doorkeeper = self._doorkeeper_of(listening)
+        self._link_limiter = self._link_limiter_of(listening)
         self._kept.append(self._subscribe_links())
 
     def _counted(self, store: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -219,8 +219,8 @@ class ServerLink(Link):
         owners = self._owners
 
         def store(event: zenoh.LinkEvent) -> None:
-            if self._doorkeeper:
-                self._doorkeeper.note(event)
+            if self._link_limiter:
+                self._link_limiter.note(event)
             name = event.link.auth_identifier
             if name in owners:
                 is_new = event.kind == zenoh.SampleKind.PUT
@@ -232,39 +232,39 @@ class ServerLink(Link):
 
         return self._session.info.declare_link_events_listener(self._counted(store), history=True)
 
-    def _doorkeeper_of(self, listening: ListenSettings) -> Doorkeeper | None:
+    def _link_limiter_of(self, listening: ListenSettings) -> LinkLimiter | None:
         """Return what bounds the links of each certificate; without certificates none can."""
         if listening.keys is None or not is_encrypted(listening.address):
             return None
 
-        def turned_away(reason: Reason, name: str) -> None:
+        def count(reason: Reason, name: str) -> None:
             self.dropped[reason, self._owners.get(name, -1)] += 1
 
         steward = listening.steward_address
-        house = House(
+        limits = LinkLimits(
             listening.keys,
             places_of(listening),
             common_name(self._name, STEWARD),
             port_of(listening.address),
             port_of(steward) if steward else 0,
         )
-        return Doorkeeper(house, turned_away).open()
+        return LinkLimiter(limits, count).open()
 
     def bar_seat(self, seat: int, *, is_barred: bool) -> None:
         """Close the links of a seat's keys for as long as it is barred."""
-        if self._doorkeeper:
-            self._doorkeeper.bar(common_name(self._name, seat_name(seat)), is_barred=is_barred)
+        if self._link_limiter:
+            self._link_limiter.bar(common_name(self._name, seat_name(seat)), is_barred=is_barred)
 
     def revoked_seats(self) -> set[int]:
         """Return the seats whose keys have been revoked."""
-        revoked = self._doorkeeper.revoked if self._doorkeeper else ()
+        revoked = self._link_limiter.revoked if self._link_limiter else ()
         return {self._owners[name] for name in revoked if name in self._owners}
 
     def close(self) -> None:
         """Close the session; a second call does nothing."""
-        if self._doorkeeper:
-            self._doorkeeper.close()
-            self._doorkeeper = None
+        if self._link_limiter:
+            self._link_limiter.close()
+            self._link_limiter = None
         super().close()
 
     def receive_controls(self) -> Iterator[tuple[int, bytes]]:

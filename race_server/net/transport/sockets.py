@@ -1,7 +1,7 @@
-"""The TCP sockets of this process, whichever library opened them: closed, counted, shut.
+"""The TCP sockets of this process, whichever library opened them: closed, counted, paused.
 
 zenoh has no call that closes a link or stops accepting. Both can be done one level below, by the
-process that owns the sockets. Elsewhere than on Linux a listening socket cannot be shut.
+process that owns the sockets. Elsewhere than on Linux a listening socket cannot be paused.
 """
 
 import ctypes
@@ -52,20 +52,20 @@ def listeners(port: int) -> list[socket.socket]:
     return found
 
 
-def shut_door(door: socket.socket, *, is_shut: bool) -> None:
+def pause_listener(listener: socket.socket, *, is_paused: bool) -> None:
     """Let the system drop what opens a connection to a listening socket, or let it pass again.
 
     Connections that are open are not touched.
     """
     if sys.platform != "linux":
         return
-    if is_shut:
+    if is_paused:
         program = ctypes.create_string_buffer(_DROP_ALL)
         where = struct.pack("HL", 1, ctypes.addressof(program))
-        door.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, where)
+        listener.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, where)
     else:
         with suppress(OSError):  # none was attached
-            door.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
+            listener.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
 
 
 def _sockets() -> Iterator[socket.socket]:

@@ -25,7 +25,7 @@ def drill_deny() -> dict[str, Any]:
     """Return the document of `race drill deny`."""
     begun = time.perf_counter()
     said = io.StringIO()
-    findings = list(_closed_doors())
+    findings = list(_refused_logins())
     with Log(stream=said) as log:
         with scene_of(log) as scene:
             for part in (*_PARTS, logins.try_too_many, logins.try_revoked):
@@ -54,7 +54,7 @@ _PARTS: tuple[Callable[[Scene], None], ...] = (
 )
 
 
-def _closed_doors() -> Iterator[Finding]:
+def _refused_logins() -> Iterator[Finding]:
     """Yield how a server without keys treats addresses that other machines can reach."""
     for address in ("tcp/0.0.0.0:7447", "tcp/192.168.1.10:7447", "tls/127.0.0.1:7447"):
         try:

@@ -81,7 +81,7 @@ class _Site:
 
     keys: Path
     place: ServerProcess
-    ports: tuple[int, int, int, int]  # server, its steward's door, and both of the front
+    ports: tuple[int, int, int, int]  # server, its steward's address, and both of the front
     faults: list[str] = field(default_factory=list)
 
     def login_s(self, role: str, port: int) -> float:
@@ -109,15 +109,15 @@ def drill_flood(
     """Open `junk` connections a second for `seconds` of each kind, and return the figures."""
     if reason := missing_front():
         return skipped(reason)
-    ports = server, door, public, steward = free_port(), free_port(), free_port(), free_port()
+    ports = server, own, public, steward = free_port(), free_port(), free_port(), free_port()
     with tempfile.TemporaryDirectory(prefix="drill-") as folder:
         keys = Path(folder, "keys")
         issue_keys(Order(SESSION, KARTS), keys)
         words = ["--track", TRACK, "--karts", str(KARTS), "--laps", "1000", "--record", "none"]
         words += ["--open", "--keys", str(keys), "--fill", FILLERS, "--wait-for", "0"]
         words += ["--listen", f"tls/127.0.0.1:{server}"]
-        words += ["--steward-listen", f"tls/127.0.0.1:{door}"]
-        with server_process(words) as place, front_of(server, door, public, steward):
+        words += ["--steward-listen", f"tls/127.0.0.1:{own}"]
+        with server_process(words) as place, front_of(server, own, public, steward):
             site = _Site(keys, place, ports)
             try:
                 place.wait_for(Phase.RUNNING)
@@ -222,6 +222,6 @@ def _judge(site: _Site, name: str, row: dict[str, Any]) -> None:
     for who in ("login_s", "steward_login_s"):
         if (row[who] or 0.0) > MOST_LOGIN_S:
             site.faults.append(f"{name}: {who} {row[who]:g} s, {MOST_LOGIN_S:g} s are allowed")
-    # A door that is shut after the attack before lets none of the next one in.
+    # A listener that is paused after the attack before lets none of the next one in.
     if not row["opened"] + row["failed"]:
         site.faults.append(f"{name}: no connection was tried")

@@ -12,7 +12,7 @@ from race_server.errors import KeysError, Reason
 from race_server.live.client.steward import StewardClient
 from race_server.net.auth.issue import Order, issue_keys
 from race_server.net.auth.keys import ClientKeys, read_client_keys, revoke_keys
-from race_server.net.transport.doorkeeper import FAREWELL_S, REVOKED_S
+from race_server.net.transport.link_limiter import FAREWELL_S, REVOKED_S
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.tools.drills.intruder import SETTLE_S, Intruder, is_let_in, key

@@ -2,9 +2,8 @@
 
 zenoh has one bound on all links together, and accepts connections for as long as there are files.
 So this thread counts: links beyond those of a key are closed, and links of keys that are barred.
-Where too many connections wait for their handshake, the public door is shut until there are fewer.
-The steward's own door, if there is one, stays open, and all who are not the steward are sent away
-from it.
+Where too many connections wait for their handshake, the public listener is paused until there are
+fewer. The steward's own address, if there is one, stays open; links of others are closed there.
 """
 
 import threading
@@ -24,7 +23,7 @@ from race_server.net.transport.sockets import (
     close_connections,
     count_files,
     listeners,
-    shut_door,
+    pause_listener,
 )
 
 # Files that the server asks for. Connections in their handshake may have `HANDSHAKES` of those,
@@ -36,15 +35,15 @@ QUEUE = 64
 # Between two rounds [s]; many links begin one at once.
 PERIOD_S = 0.1
 REVOKED_S = 0.5  # between two looks at what is revoked
-# A driver that is sent away hears why before its link is closed [s]. As long are links beyond the
+# A driver that is excluded hears why before its link is closed [s]. As long are links beyond the
 # places of their key held, up to this number, because a client comes back at once.
 FAREWELL_S = 1.0
 MOST_HELD = 32
 
 
 @dataclass(frozen=True)
-class House:
-    """What a doorkeeper keeps.
+class LinkLimits:
+    """What a limiter holds.
 
     places: how many links each common name may have; steward: the one of the steward.
     """
@@ -52,8 +51,8 @@ class House:
     keys: ServerKeys
     places: Mapping[str, int]
     steward: str
-    port: int  # of the public door
-    steward_port: int = 0  # of the steward's own door; 0: none
+    port: int  # of the public address
+    steward_port: int = 0  # of the steward's own address; 0: none
 
 
 @dataclass(frozen=True)
@@ -67,15 +66,15 @@ class OpenLink:
 
 
 @dataclass
-class Doorkeeper:
-    """Keeps the doors of an open session from `open` to `close`.
+class LinkLimiter:
+    """Bounds the links of an open session from `open` to `close`.
 
-    turned_away: called with the reason and the common name of each link that is closed.
+    on_closed: called with the reason and the common name of each link that is closed.
     """
 
-    house: House
-    turned_away: Callable[[Reason, str], None]
-    is_shut: bool = False  # the public door
+    limits: LinkLimits
+    on_closed: Callable[[Reason, str], None]
+    is_paused: bool = False  # the public listener
     _links: dict[tuple[str, int], OpenLink] = field(default_factory=dict)
     _barred: set[str] = field(default_factory=set)  # by the steward, until it lets them in again
     _revoked: frozenset[str] = frozenset()
@@ -84,26 +83,26 @@ class Doorkeeper:
 
     def __post_init__(self) -> None:
         """Count the places."""
-        self._most_links = sum(self.house.places.values())
+        self._most_links = sum(self.limits.places.values())
 
     def open(self) -> Self:
-        """Begin to keep the doors."""
+        """Begin to watch."""
         files = raise_open_files(OPEN_FILES)
         self._most_files = min(count_files() + self._most_links + HANDSHAKES, files // 2)
-        self._doors = listeners(self.house.port)
-        for door in self._doors:
-            door.listen(QUEUE)
-        self._thread = threading.Thread(target=self._keep, name="doorkeeper", daemon=True)
+        self._listeners = listeners(self.limits.port)
+        for listener in self._listeners:
+            listener.listen(QUEUE)
+        self._thread = threading.Thread(target=self._watch, name="link-limiter", daemon=True)
         self._thread.start()
         return self
 
     def close(self) -> None:
-        """Keep them no longer."""
+        """Stop watching."""
         self._closing = True
         self._news.set()
         self._thread.join()
-        for door in self._doors:
-            door.close()
+        for listener in self._listeners:
+            listener.close()
 
     def note(self, event: zenoh.LinkEvent) -> None:
         """Record that a link has opened or closed; runs in a thread of zenoh."""
@@ -118,7 +117,7 @@ class Doorkeeper:
             self._links.pop((peer, port), None)
 
     def bar(self, name: str, *, is_barred: bool = True) -> None:
-        """Send away the links of a common name until it is let in again."""
+        """Close the links of a common name until it is let in again."""
         (self._barred.add if is_barred else self._barred.discard)(name)
 
     @property
@@ -126,37 +125,37 @@ class Doorkeeper:
         """The common names whose keys have been revoked."""
         return self._revoked
 
-    def _keep(self) -> None:
+    def _watch(self) -> None:
         looked = 0.0
         while not self._closing:
             # Looking needs a file too. Without one the next round looks again.
             with suppress(OSError, KeysError):
-                self._send_away()
+                self._close_unwanted()
                 self._watch_files()
                 if time.monotonic() > looked + REVOKED_S:
                     looked = time.monotonic()
-                    self._revoked = read_revoked(self.house.keys.folder)
+                    self._revoked = read_revoked(self.limits.keys.folder)
             self._news.wait(PERIOD_S)
             self._news.clear()
 
-    def _send_away(self) -> None:
+    def _close_unwanted(self) -> None:
         unwanted = {link.peer: (reason, link.name) for link, reason in self._unwanted()}
         if unwanted and close_connections(set(unwanted)):
             for reason, name in unwanted.values():
-                self.turned_away(reason, name)
+                self.on_closed(reason, name)
 
     def _unwanted(self) -> list[tuple[OpenLink, Reason]]:
         """Return the links to close, each with the reason."""
         now, taken, unwanted, held = time.monotonic(), Counter[str](), [], 0
         for link in sorted(self._links.copy().values(), key=lambda link: link.since):
-            house, reason = self.house, None
+            limits, reason = self.limits, None
             taken[link.name] += 1
             has_heard = now > link.since + FAREWELL_S
             if link.name in self._revoked or (link.name in self._barred and has_heard):
                 reason = Reason.BARRED_LINK
-            elif link.port == house.steward_port and link.name != house.steward:
-                reason = Reason.STEWARDS_DOOR
-            elif taken[link.name] > house.places.get(link.name, 0):
+            elif link.port == limits.steward_port and link.name != limits.steward:
+                reason = Reason.STEWARD_ADDRESS
+            elif taken[link.name] > limits.places.get(link.name, 0):
                 held += 1
                 reason = Reason.TOO_MANY_LINKS if has_heard or held > MOST_HELD else None
             if reason:
@@ -165,10 +164,10 @@ class Doorkeeper:
 
     def _watch_files(self) -> None:
         files = count_files()
-        if self.is_shut != (files > self._most_files):
-            self.is_shut = not self.is_shut
-            for door in self._doors:
-                shut_door(door, is_shut=self.is_shut)
+        if self.is_paused != (files > self._most_files):
+            self.is_paused = not self.is_paused
+            for listener in self._listeners:
+                pause_listener(listener, is_paused=self.is_paused)
 
 
 def _place(locator: Any) -> str:

@@ -27,7 +27,7 @@ from race_server.net.auth.keys import (
     revoke_keys,
 )
 from race_server.net.auth.settings import ListenSettings, check_listen_settings, places_of
-from race_server.net.transport import ClientLink, ServerLink, doorkeeper
+from race_server.net.transport import ClientLink, ServerLink, link_limiter
 from race_server.net.transport.sockets import close_connections
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
@@ -144,23 +144,23 @@ def test_keys_of_a_driver_sent_away_are_let_in_again_when_its_seat_is_opened(key
 
 
 @pytest.mark.net
-def test_only_the_steward_is_let_in_by_the_stewards_door(keys: Path) -> None:
-    door = free_address().replace("tcp", "tls")
+def test_only_the_steward_is_let_in_at_the_stewards_address(keys: Path) -> None:
+    stewards = free_address().replace("tcp", "tls")
     steward = read_client_keys(keys / "steward")
-    with opened(keys, steward_address=door) as server:
-        with linked(server, read_client_keys(keys / "seat-0"), door):
-            wait_until(lambda: server.link.dropped[Reason.STEWARDS_DOOR, 0] > 0)
-        with linked(server, steward, door) as link:
+    with opened(keys, steward_address=stewards) as server:
+        with linked(server, read_client_keys(keys / "seat-0"), stewards):
+            wait_until(lambda: server.link.dropped[Reason.STEWARD_ADDRESS, 0] > 0)
+        with linked(server, steward, stewards) as link:
             assert StewardClient(link, steward.token).log() == []
 
 
-def test_a_stewards_door_needs_certificates_and_a_second_port(keys: Path) -> None:
+def test_a_stewards_address_needs_certificates_and_a_second_port(keys: Path) -> None:
     held = read_server_keys(keys, "cup", 2)
-    for public, door, message in (
+    for public, stewards, message in (
         ("tcp/0.0.0.0:7447", "tls/0.0.0.0:7448", "knows by its certificate"),
         ("tls/0.0.0.0:7447", "tls/127.0.0.1:7447", "the steward needs another one"),
     ):
-        settings = ListenSettings(public, "cup", 2, held, steward_address=door)
+        settings = ListenSettings(public, "cup", 2, held, steward_address=stewards)
         with pytest.raises(LinkError, match=message):
             check_listen_settings(settings)
 
@@ -200,22 +200,22 @@ def test_new_keys_replace_the_old_ones_when_the_session_is_served_again(
 
 
 @pytest.mark.net
-def test_the_public_door_is_shut_while_too_many_connections_wait(
+def test_the_public_door_is_paused_while_too_many_connections_wait(
     keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(doorkeeper, "HANDSHAKES", 20)
-    door = free_address().replace("tcp", "tls")
+    monkeypatch.setattr(link_limiter, "HANDSHAKES", 20)
+    stewards = free_address().replace("tcp", "tls")
     own, steward = read_client_keys(keys / "spectator"), read_client_keys(keys / "steward")
-    with opened(keys, steward_address=door) as server, contextlib.ExitStack() as stack:
+    with opened(keys, steward_address=stewards) as server, contextlib.ExitStack() as stack:
         place = ("127.0.0.1", int(server.link.address.rpartition(":")[2]))
-        keeper = server.link._doorkeeper
-        assert keeper is not None
+        limiter = server.link._link_limiter
+        assert limiter is not None
         for _ in range(60):
             idle = stack.enter_context(socket.socket())
             idle.setblocking(False)
             idle.connect_ex(place)
-        wait_until(lambda: keeper.is_shut)
-        with linked(server, steward, door) as link:
+        wait_until(lambda: limiter.is_paused)
+        with linked(server, steward, stewards) as link:
             assert is_answered(link)
         with pytest.raises(LinkError):
             ClientLink(server.link.address, "cup", keys=own, timeout_s=0.3)
@@ -279,12 +279,12 @@ def test_a_spectator_is_answered_while_others_ask_without_end(keys: Path, tmp_pa
 @pytest.mark.net
 @pytest.mark.skipif(bool(missing_front()), reason=missing_front() or "it is there")
 def test_a_front_keeps_junk_away_and_a_login_takes_less_than_a_second(keys: Path) -> None:
-    server_port, door, public, steward_port = (free_port() for _ in range(4))
+    server_port, stewards, public, steward_port = (free_port() for _ in range(4))
     own, steward = read_client_keys(keys / "spectator"), read_client_keys(keys / "steward")
-    address, own_door = f"tls/127.0.0.1:{server_port}", f"tls/127.0.0.1:{door}"
+    address, own_address = f"tls/127.0.0.1:{server_port}", f"tls/127.0.0.1:{stewards}"
     with (
-        opened(keys, address=address, steward_address=own_door) as server,
-        front_of(server_port, door, public, steward_port),
+        opened(keys, address=address, steward_address=own_address) as server,
+        front_of(server_port, stewards, public, steward_port),
         contextlib.ExitStack() as stack,
     ):
         for _ in range(200):
@@ -301,7 +301,7 @@ def test_a_front_keeps_junk_away_and_a_login_takes_less_than_a_second(keys: Path
 @pytest.mark.net
 @pytest.mark.slow
 @pytest.mark.skipif(bool(missing_front()), reason=missing_front() or "it is there")
-def test_the_drill_lets_clients_in_within_a_second_while_strangers_flood_the_door() -> None:
+def test_the_drill_lets_clients_in_within_a_second_while_strangers_flood_it() -> None:
     document = drill_flood(200, 3.0)
     assert document["ok"], document["why"]
     assert document["login_s"] <= 1.0
