@@ -49,7 +49,8 @@ def limit(
         row = {"track": course.name, "vehicle": vehicle, "speed_cap": speed_cap, **times}
         print_document({**row, "solve_s": round(found.solve_s, 3)})
         return
-    table = Table("line", title=f"{course.name}, {vehicle}{capped}", title_justify="left")
+    table = Table(title=f"{course.name}, {vehicle}{capped}", title_justify="left")
+    table.add_column("line", no_wrap=True)
     for column in ("lap [s]", "length [m]", "slowest [m/s]", "fastest [m/s]", "braking zones"):
         table.add_column(column, justify="right")
     for name, line in lines.items():

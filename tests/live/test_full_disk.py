@@ -61,6 +61,7 @@ def service(folder: Path, result: Path) -> Service:
         as_json=True,
         keys=None,
         is_guarded=False,
+        steward_listen="",
     )
 
 

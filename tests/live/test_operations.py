@@ -132,7 +132,7 @@ def test_a_sender_cannot_make_up_reasons_for_refusals(racing: RaceServer) -> Non
     # A backslash before the quote once made the words of the sender part of the reason.
     joins = [encode_join(Join("thief", f"{letter}\\", 0)) for letter in "abcdefgh"]
     for data in (*joins, b"x" * 5000):
-        asked = Request(topics.JOIN, 0, data, Mock())
+        asked = Request(topics.JOIN, 0, data, [Mock()])
         racing.inbox._requests.answer(asked)
     assert racing.refusals() == {"unknown observation": 8, "damaged": 1, "oversized": 1}
     with exposed(racing, 0) as port:
