@@ -108,6 +108,7 @@ def wild(action: str, turn: int, agent: str) -> Any:
     return numbers[:2] if action in ADDED_UP else numbers
 
 
+@pytest.mark.slow
 def test_two_remote_karts_race_a_scripted_one_to_the_end_and_leave() -> None:
     with (
         served(scenario(3), drivers=2, fillers=("pure_pursuit",)) as live,
@@ -147,7 +148,16 @@ def test_remote_karts_see_what_their_seats_see_in_a_local_session() -> None:
             seen, *_ = race.step({f"kart_{k}": (0.5 + 0.1 * k, 0.2, 0.0) for k in range(2)})
 
 
-@pytest.mark.parametrize("action", ["continuous", "discrete", *ADDED_UP, "control"])
+@pytest.mark.parametrize(
+    "action",
+    [
+        *ADDED_UP,
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in ("continuous", "discrete", "control")
+        ),
+    ],
+)
 def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
     # The wire carries controls as float32; what an action adds up to is then not quite the same.
     tolerance = 1e-3 if action in ADDED_UP else 0.0

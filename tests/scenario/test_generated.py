@@ -40,6 +40,7 @@ def plans() -> dict[str, list[TrackSpec]]:
     }
 
 
+@pytest.mark.slow
 def test_a_hundred_block_courses_close_and_leave_room_for_a_kart(
     plans: dict[str, list[TrackSpec]],
 ) -> None:
