@@ -108,9 +108,10 @@ def _compiled(function: Function, *, inlined: bool, **more: Any) -> Function:
         return function
     import numba
 
+    from race_server.core.kernels.disk_cache import DiskCache
+
     numba.config.CACHE_DIR = str(kernel_cache())  # type: ignore[attr-defined]  # untyped setting
     settings: dict[str, Any] = {
-        "cache": True,
         "nogil": True,
         "error_model": "numpy",
         "boundscheck": _bounds_checked(),
@@ -118,7 +119,9 @@ def _compiled(function: Function, *, inlined: bool, **more: Any) -> Function:
         "_nrt": False,
         **more,
     }
-    return cast("Function", numba.njit(**settings)(function))
+    dispatcher = numba.njit(**settings)(function)
+    dispatcher._cache = DiskCache(function)  # as its `enable_caching`, which knows no other cache
+    return cast("Function", dispatcher)
 
 
 def bind(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
