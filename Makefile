@@ -29,8 +29,7 @@ check-page: page
 	@if $(NODE_IS_THERE); then cd web && npm run --silent check && npm test --silent && npm run --silent size; fi
 
 # Files of tests side by side. What takes minutes is `test-slow`: pages run, sites built, trainings compared.
-# One more process than there are cores, because tests of live races wait.
-PYTEST  = $(BIN)/python -m pytest --numprocesses $$($(BIN)/python -c 'import os; print(min((os.cpu_count() or 1) + 1, 4))') --dist loadfile
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 test: $(VENV)/.installed-test
 	@$(PYTEST) -m 'not slow'
