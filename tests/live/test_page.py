@@ -150,7 +150,6 @@ def _keys_for(kart: dict[str, float], way: list[list[float]]) -> set[str]:
     return keys
 
 
-@pytest.mark.slow
 def test_a_lap_is_driven_by_pressing_keys(driving: Page, watching: Page) -> None:
     row = watching.locator(f"[data-testid=leaderboard] tr[data-seat='{OWN}']")
     drive_by_keys(driving, lambda: karts(driving)[OWN]["laps"] >= 1, timeout_s=150.0)
