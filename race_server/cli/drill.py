@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson
-from race_server.cli.drill_report import finish, progress, show_drills, show_findings
+from race_server.cli.drill_report import finish, progress, show_drills
 from race_server.cli.options import Track, known_drivers
 from race_server.terminal import Console
 
@@ -44,8 +44,6 @@ def deny(as_json: AsJson = False) -> None:
 
     with Console(stderr=True).status("trying forbidden acts", spinner="dots"):
         document = drill_deny()
-    if not as_json:
-        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 
@@ -82,8 +80,6 @@ def files(as_json: AsJson = False) -> None:
 
     with progress("reading", len(BOMBS)) as tell:
         document = drill_files(tell)
-    if not as_json:
-        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 
@@ -94,8 +90,6 @@ def output(as_json: AsJson = False) -> None:
 
     with progress("racing", 3) as tell:
         document = drill_output(tell)
-    if not as_json:
-        show_findings(document.get("matrix", []))
     finish(document, as_json=as_json)
 
 
@@ -106,8 +100,6 @@ def hang(as_json: AsJson = False) -> None:
 
     with progress("hanging", 3) as tell:
         document = drill_hang(tell)
-    if not as_json:
-        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 
@@ -213,8 +205,6 @@ def page(
 
     with progress("racing", round(60 * minutes)) as tell:
         document = drill_page(clients, minutes, tell=tell)
-    if not as_json:
-        show_findings(document["matrix"])
     finish(document, as_json=as_json, columns=("without", "with"))
 
 
@@ -289,8 +279,6 @@ def readonly(as_json: AsJson = False) -> None:
         from race_server.tools.drills.readonly import drill_readonly
 
         document = drill_readonly()
-    if not as_json:
-        show_findings(document["matrix"])
     finish(document, as_json=as_json)
 
 

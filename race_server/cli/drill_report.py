@@ -21,7 +21,7 @@ def progress(what: str, total: int | None) -> Iterator[Any]:
         yield lambda done: bar.update(task, completed=done)
 
 
-def show_findings(rows: list[dict[str, Any]]) -> None:
+def _show_findings(rows: list[dict[str, Any]]) -> None:
     """Print one row for each act that was tried."""
     table = Table("act", "expected", "seen")
     for row in rows:
@@ -33,7 +33,7 @@ def show_findings(rows: list[dict[str, Any]]) -> None:
 def finish(
     document: dict[str, Any], *, as_json: bool, columns: tuple[str, ...] = (), rows: str = ""
 ) -> None:
-    """Print the result of a drill; exit with 1 if it failed.
+    """Print the result of a drill, its acts first; exit with 1 if it failed.
 
     columns: parts of the document with the same figures, shown side by side; rows: the part that is
     a list of such figures, shown in the same way.
@@ -41,6 +41,8 @@ def finish(
     if as_json:
         print_document(document)
     else:
+        if document.get("matrix"):
+            _show_findings(document["matrix"])
         console = Console()
         table = Table("figure", "value")
         for name, value in document.items():

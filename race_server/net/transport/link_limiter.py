@@ -43,7 +43,7 @@ MOST_HELD = 32
 
 @dataclass(frozen=True)
 class LinkLimits:
-    """What a limiter holds.
+    """The limits that a link limiter holds each peer to.
 
     places: how many links each common name may have; steward: the one of the steward.
     """

@@ -124,10 +124,12 @@ def drill_load(
     )
 
 
-def _load_race_server(
-    karts: int, spectators: int, seconds: float, tell: Callable[[int], None]
-) -> dict[str, Any]:
-    words = ["--track", TRACK, "--karts", str(karts), "--laps", "1000", "--record", "none"]
+@contextmanager
+def crowded_server(
+    words: Sequence[str], karts: int, spectators: int
+) -> Iterator[tuple[ServerProcess, LoadClients, LoadClients]]:
+    """Yield a server in a race, its spectators and its drivers. words: of `race serve`."""
+    words = ["--track", TRACK, "--karts", str(karts), "--laps", "1000", *words]
     clients = "race_server.tools.drills.load_clients"
     with (
         server_process(words) as place,
@@ -139,6 +141,13 @@ def _load_race_server(
         watching.wait_until_ready()
         driving.wait_until_ready()
         place.wait_for(Phase.RUNNING)
+        yield place, watching, driving
+
+
+def _load_race_server(
+    karts: int, spectators: int, seconds: float, tell: Callable[[int], None]
+) -> dict[str, Any]:
+    with crowded_server(["--record", "none"], karts, spectators) as (place, watching, driving):
         time.sleep(WARM_UP_S)
         before, begun = _mark(place, (watching, driving))
         busy = _pass_time(seconds, tell)

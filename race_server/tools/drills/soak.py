@@ -12,22 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from race_server.core.messages import Phase
 from race_server.live.client.steward import StewardClient
 from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
-from race_server.tools.drills.load import load_clients
+from race_server.tools.drills.load import crowded_server
 from race_server.tools.drills.report import SmallDrill, document_of
-from race_server.tools.drills.server_process import (
-    SESSION,
-    ServerProcess,
-    server_process,
-    ticks_between,
-)
+from race_server.tools.drills.server_process import SESSION, ServerProcess, ticks_between
 
 SMALL = SmallDrill("--minutes 0.2 --karts 8 --spectators 10", 20, "memory_slope_mb_per_h")
 
-TRACK = "covapsy-test-2023"
 # The steward restarts the race this often [s], or after a third of a shorter drill.
 RACE_S = 120.0
 PERIOD_S = 2.0  # between two readings
@@ -54,20 +47,8 @@ def drill_soak(
     """
     tell(0)
     with tempfile.TemporaryDirectory(prefix="drill-") as folder:
-        words = ["--track", TRACK, "--karts", str(karts), "--laps", "1000"]
-        words += ["--record", folder]
-        words += ["--results", str(Path(folder, "results.sqlite"))]
-        clients = "race_server.tools.drills.load_clients"
-        with (
-            server_process(words) as place,
-            load_clients(
-                [clients, "spectators", place.address, str(spectators)],
-                [clients, "drivers", place.address, str(karts)],
-            ) as (watching, driving),
-        ):
-            watching.wait_until_ready()
-            driving.wait_until_ready()
-            place.wait_for(Phase.RUNNING)
+        words = ["--record", folder, "--results", str(Path(folder, "results.sqlite"))]
+        with crowded_server(words, karts, spectators) as (place, _, _):
             before = place.figures()
             samples = _sample(place, 60.0 * minutes, tell)
             after = place.figures()
