@@ -43,6 +43,10 @@ class TrackError(RaceError):
     """A course file cannot be read, or describes no course."""
 
 
+class LotError(TrackError):
+    """The file of a car park cannot be read, or describes none."""
+
+
 class VehicleError(RaceError):
     """A vehicle is unknown, or its figures make no vehicle."""
 

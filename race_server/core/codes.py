@@ -22,7 +22,7 @@ BUMP, RETIRE, GHOST = 0, 1, 2
 CONTACT_POLICIES = {"bump": BUMP, "retire": RETIRE, "ghost": GHOST}
 
 # What a ray hits.
-NOTHING, BORDER, OBSTACLE, HAZARD_HIT, KART_HIT = (int(hit) for hit in RayHit)
+NOTHING, BORDER, OBSTACLE, HAZARD_HIT, KART_HIT, PERSON = (int(hit) for hit in RayHit)
 
 # Sensors that a kart carries.
 LIDAR, RADAR = 1, 2
@@ -46,6 +46,8 @@ STOPPED = int(Retirement.STOPPED)
 TIME_OUT = int(Retirement.TIME_OUT)
 RAMMING = int(Retirement.RAMMING)
 LOST = int(Retirement.LOST)
+LEFT_LOT = int(Retirement.LEFT_LOT)
+HIT_PERSON = int(Retirement.HIT_PERSON)
 
 EVENT_GREEN = int(EventKind.GREEN)
 EVENT_LAP = int(EventKind.LAP)
@@ -70,3 +72,5 @@ EVENT_FLAG = int(EventKind.FLAG)
 EVENT_RACE_OVER = int(EventKind.RACE_OVER)
 EVENT_WARNING = int(EventKind.WARNING)
 EVENT_POSE = int(EventKind.POSE)
+EVENT_PARKED = int(EventKind.PARKED)
+EVENT_HIT_PERSON = int(EventKind.HIT_PERSON)

@@ -61,6 +61,7 @@ class RayHit(IntEnum):
     OBSTACLE = 2
     HAZARD = 3
     KART = 4
+    PERSON = 5
 
 
 class EventKind(IntEnum):
@@ -90,6 +91,8 @@ class EventKind(IntEnum):
     RACE_OVER = 22
     WARNING = 23  # drove into a kart from behind; value: warnings so far; other: that kart
     POSE = 24  # of a real kart; value: PoseFault; other: Trust from now on
+    PARKED = 25  # value: heading against the slot's [mrad]; other: number of the slot, or -1
+    HIT_PERSON = 26  # value: speed [mm/s]; other: number of the person
 
 
 class Cleanness(IntEnum):
@@ -110,6 +113,8 @@ class Retirement(IntEnum):
     TIME_OUT = 5
     RAMMING = 6
     LOST = 7  # a real kart whose poses stayed bad for too long
+    LEFT_LOT = 8  # too far from the slot
+    HIT_PERSON = 9
 
 
 class Trust(IntEnum):

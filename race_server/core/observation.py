@@ -56,8 +56,8 @@ lidar                rays   m     0     100    kart   range of each ray, right t
                                                       nothing came back
 lidar_before         rays   m     0     100    kart   the scan before the newest
 radar                radar  m     0     80     kart   range of each ray, right to left
-radar_kind           radar  Hit   0     4      kart   what each ray hit: 0 nothing, 1 border, 2
-                                                      obstacle, 3 hazard, 4 kart
+radar_kind           radar  Hit   0     5      kart   what each ray hit: 0 nothing, 1 border, 2
+                                                      obstacle, 3 hazard, 4 kart, 5 person
 speed                1      m/s   -5    40     kart   forward speed
 lateral_speed        1      m/s   -20   20     kart   speed to the left
 yaw_rate             1      rad/s -20   20     kart   turning rate, left positive
@@ -127,6 +127,31 @@ karts_across         karts  m     -1000 1000   line   their offsets from it, lef
 item_use             uses   -     0     1      race   1 for what the item held does: acts on the
                                                       kart itself, is left behind, guards, acts on
                                                       the kart ahead
+radar_before         radar  m     0     80     kart   the radar scan before the newest
+goal_x               1      m     -1000 1000   kart   middle of the slot to park in, from the middle
+                                                      of the body; all parts of a goal are 0 where
+                                                      there is none
+goal_y               1      m     -1000 1000   kart   the same, to the left
+goal_cos             1      -     -1    1      kart   cosine of the slot's heading against the
+                                                      kart's
+goal_sin             1      -     -1    1      kart   its sine
+goal_distance        1      m     0     1000   kart   distance to the middle of the slot
+goal_proximity       1      -     0     1      kart   1 / (1 + that distance in metres)
+goal_bearing         1      rad   -pi   pi     kart   direction of the slot, left positive
+parked_for           1      s     0     100    race   time spent in the slot, within its tolerances
+position_x           1      m     -1000 1000   lot    middle of the body
+position_y           1      m     -1000 1000   lot    middle of the body
+heading              1      rad   -pi   pi     lot    heading of the kart
+heading_cos          1      -     -1    1      lot    its cosine
+heading_sin          1      -     -1    1      lot    its sine
+slot_x               1      m     -1000 1000   lot    middle of the slot
+slot_y               1      m     -1000 1000   lot    middle of the slot
+slot_heading         1      rad   -pi   pi     lot    heading of a kart parked in it
+to_slot_x            1      m     -1000 1000   lot    from the middle of the body to that of the
+                                                      slot
+to_slot_y            1      m     -1000 1000   lot    the same
+velocity_x           1      m/s   -40   40     lot    velocity of the kart
+velocity_y           1      m/s   -40   40     lot    velocity of the kart
 """
 
 
@@ -169,7 +194,19 @@ _WORLD = (
     *("boxes_x", "boxes_y", "hazards_x", "hazards_y"),
 )
 _RIVALS = ("karts_along", "karts_across")
+_GOAL = (
+    *("goal_x", "goal_y", "goal_cos", "goal_sin", "goal_distance", "goal_proximity"),
+    *("goal_bearing", "parked_for"),
+)
+_LOT = (
+    *("position_x", "position_y", "heading", "heading_cos", "heading_sin"),
+    *("slot_x", "slot_y", "slot_heading", "to_slot_x", "to_slot_y", "velocity_x", "velocity_y"),
+)
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
+
+_REPORT_A = (
+    *("position_x", "position_y", "slot_x", "slot_y", "heading", "velocity_x", "velocity_y"),
+)
 
 PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -182,6 +219,8 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, *_GAPS),
         # The line, and where other karts are beside it: for policies that race.
         "rivals": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_RIVALS, *_GAME, "item_use", *_GAPS),
+        # For drivers that park: where the slot is, and what the radar sees.
+        "lot": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL, *_LOT, *_GAME),
         "full": tuple(part.name for part in PARTS),
     }
 )
@@ -192,6 +231,13 @@ LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         # Report of the 1/10 race, 2024: the scan now and before, speed and steering.
         "report_b": ("lidar", "lidar_before", "speed", "steering"),
+        # Report on automatic parking of a kart, 2022: its first configuration, its second, and with
+        # the radar the final one.
+        "report_a_1": _REPORT_A,
+        "report_a_2": (*_REPORT_A, "to_slot_x", "to_slot_y"),
+        "report_a": (*_REPORT_A, "to_slot_x", "to_slot_y", "radar", "radar_kind"),
+        # Nothing here depends on where the lot lies.
+        "park": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL),
     }
 )
 

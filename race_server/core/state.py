@@ -7,16 +7,17 @@ R rays.
 """
 
 import hashlib
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.lots import Parking, bytes_of, part_of_parking
+from race_server.core.records import Record as Record
+from race_server.core.records import Records as Records
+from race_server.core.records import fields_of, record_of
 from race_server.core.vehicles import VEHICLE
 
-# Arrays of records: kernels read fields as attributes, other code as `bodies["x"]`.
-Records = NDArray[Any]
-Record = Any  # one record: its fields are attributes
 Floats = NDArray[np.float64]
 Float32s = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -28,23 +29,12 @@ EVENTS = 512  # events that one call of `advance` can report per world
 RADAR_RAYS = 9
 
 
-def _fields(floats: str, ints: str) -> list[tuple[str, Any]]:
-    return [
-        *((name, np.float64) for name in floats.split()),
-        *((name, np.int64) for name in ints.split()),
-    ]
-
-
-def _record(fields: list[Any]) -> np.dtype[Any]:
-    return np.dtype((np.record, fields))
-
-
-EFFECT = _record(_fields("speed_scale thrust_scale grip_scale", "source until_tick"))
+EFFECT = record_of(fields_of("speed_scale thrust_scale grip_scale", "source until_tick"))
 
 # One body: what moves, steers, meets others and carries sensors, in a race as in a car park. Angles
 # [rad], lengths [m], speeds [m/s]; fields ending in _tick or _until are ticks.
-BODY = _record(
-    _fields(
+BODY = record_of(
+    fields_of(
         # Motion: position of the centre of gravity; speeds along and across the body.
         "x y heading speed lateral_speed yaw_rate steering "
         # What the driver asked for last: shares of the limits.
@@ -59,8 +49,8 @@ BODY = _record(
 
 # One kart's race: its place on the course, gates, laps and what the stewards watch. Fields ending
 # in _us are microseconds since tick 0.
-RACER = _record(
-    _fields(
+RACER = record_of(
+    fields_of(
         # `distance` counts on over the laps, from a negative start; `ranked` is the part of it
         # that counts.
         "progress lateral_offset heading_error distance ranked start_x start_y backward",
@@ -75,9 +65,9 @@ RACER = _record(
 )
 
 # One kart's game: the item it holds and the effects on it.
-PLAYER = _record(
+PLAYER = record_of(
     [
-        *_fields("", "held items_used immune_until shield_until hits buttons_before"),
+        *fields_of("", "held items_used immune_until shield_until hits buttons_before"),
         ("effects", EFFECT, (EFFECTS,)),
     ]
 )
@@ -96,23 +86,23 @@ HASHED = (
     "sensors trust yellow effects"
 )
 
-RACE = _record(
-    _fields("", "seed tick start_tick hold_until flag over finishers winner_tick sequence")
+RACE = record_of(
+    fields_of("", "seed tick start_tick hold_until flag over finishers winner_tick sequence")
 )
 
-BOX = _record(_fields("x y", "ready_tick"))
-HAZARD = _record(_fields("x y radius", "source owner until_tick owner_safe_tick"))
+BOX = record_of(fields_of("x y", "ready_tick"))
+HAZARD = record_of(fields_of("x y radius", "source owner until_tick owner_safe_tick"))
 # Where a real kart is, as it is put into the world before a tick: columns of an array (n, 10).
 PLACEMENT = (
     *("kart", "trust", "doubt", "x", "y", "heading"),
     *("speed", "lateral_speed", "yaw_rate", "steering"),
 )
 
-EVENT = _record(_fields("", "sequence tick kind kart other value detail"))
+EVENT = record_of(fields_of("", "sequence tick kind kart other value detail"))
 
 # What is fixed for one race. Zero switches a limit off.
-RULES = _record(
-    _fields(
+RULES = record_of(
+    fields_of(
         "yellow_speed restitution wall_friction pick_up_radius stuck_speed wrong_way_limit "
         "wrong_way_removal ram_speed",
         "laps course wall_contact kart_contact items catch_up standing_start ram_warnings "
@@ -122,16 +112,16 @@ RULES = _record(
 )
 
 # One item, as the rules read it; see `core/rules/items`.
-ITEM = _record(
-    _fields(
+ITEM = record_of(
+    fields_of(
         "leader_weight last_weight speed_scale thrust_scale grip_scale radius",
         "use effect_ticks immunity_ticks life_ticks owner_grace_ticks",
     )
 )
 
 # The sensors of a race. Angles in the kart frame, ray 0 is the rightmost.
-SENSORS = _record(
-    _fields(
+SENSORS = record_of(
+    fields_of(
         "lidar_reach lidar_ahead lidar_field lidar_noise lidar_dropout "
         "radar_reach radar_ahead radar_field radar_noise",
         "lidar_period_ticks radar_period_ticks",
@@ -139,25 +129,25 @@ SENSORS = _record(
 )
 
 # One place that walls stand around, and the grid over them: see `scenario/track/walls.py`.
-SITE = _record(
-    _fields(
+SITE = record_of(
+    fields_of(
         "cell x0 y0",
         "wall_start wall_count cell_start columns rows group_start group_count",
     )
 )
-GROUP = _record(_fields("x y radius", "first last"))
+GROUP = record_of(fields_of("x y radius", "first last"))
 # What is driven along at a site: see `scenario/track/route.py`.
-COURSE = _record(
-    _fields(
+COURSE = record_of(
+    fields_of(
         "spacing length kerb verge reference_spacing",
         "line_start line_count gate_start gate_count grid_start grid_count spot_start spot_count",
     )
 )
-LINE = _record(_fields("x y heading cos sin curvature left right", ""))
+LINE = record_of(fields_of("x y heading cos sin curvature left right", ""))
 # A line to drive along, sampled at equal steps along itself, as many as of the centre line;
 # `beside` is its sample abreast of the centre line's. Without one `reference_spacing` is zero.
-REFERENCE = _record(_fields("x y heading cos sin curvature speed left right", "beside"))
-GATE = _record(_fields("progress", "sector"))
+REFERENCE = record_of(fields_of("x y heading cos sin curvature speed left right", "beside"))
+GATE = record_of(fields_of("progress", "sector"))
 
 
 class Walls(NamedTuple):
@@ -192,6 +182,7 @@ class SensorData(NamedTuple):
 
     lidar: Float32s  # (W, K, 2, R) [m] newest scan, scan before
     radar: Float32s  # (W, K, 9) [m]
+    radar_before: Float32s  # (W, K, 9) [m] the scan before
     radar_kinds: Bytes  # (W, K, 9) Hit
     lidar_rays: Floats  # (R, 2) cosine and sine of each ray in the kart frame
     radar_rays: Floats  # (9, 2)
@@ -213,8 +204,9 @@ class World(NamedTuple):
     items: Records  # (N,) ITEM; number 0 is no item
     sensors: Records  # (1,) SENSORS
     sight: SensorData
-    walls: Walls  # `rules[w].course` is the number of a world's site and of its course
+    walls: Walls  # `rules[w].course` is the number of a world's site, its course and its lot
     route: Route
+    parking: Parking
 
 
 def empty_world(
@@ -226,6 +218,7 @@ def empty_world(
     sight: SensorData,
     walls: Walls,
     route: Route,
+    parking: Parking,
 ) -> World:
     """Return a world in which nothing is placed yet."""
     return World(
@@ -244,6 +237,7 @@ def empty_world(
         sight=sight,
         walls=walls,
         route=route,
+        parking=parking,
     )
 
 
@@ -253,6 +247,7 @@ def part_of(world: World, first: int, last: int) -> World:
     sight = world.sight._replace(
         lidar=world.sight.lidar[cut],
         radar=world.sight.radar[cut],
+        radar_before=world.sight.radar_before[cut],
         radar_kinds=world.sight.radar_kinds[cut],
     )
     return world._replace(
@@ -267,6 +262,7 @@ def part_of(world: World, first: int, last: int) -> World:
         events=world.events[cut],
         event_counts=world.event_counts[cut],
         sight=sight,
+        parking=part_of_parking(world.parking, cut),
     )
 
 
@@ -312,4 +308,6 @@ def digest(world: World, index: int = 0) -> str:
     result.update(hashed_karts(world, index).tobytes())
     for records in (world.boxes, world.hazards):
         result.update(np.ascontiguousarray(records[index]).tobytes())
+    for content in bytes_of(world.parking, index):
+        result.update(content)
     return result.hexdigest()

@@ -15,9 +15,11 @@ from race_server.core.stages.events import report, retire
 from race_server.core.stages.items import end_effects, use_items
 from race_server.core.stages.judging import touch_karts, touch_walls
 from race_server.core.stages.motion import move_bodies
+from race_server.core.stages.parking import park
+from race_server.core.stages.people import walk
 from race_server.core.stages.pick_ups import pick_up_items
 from race_server.core.stages.placement import place
-from race_server.core.stages.progress import follow_course
+from race_server.core.stages.progress import follow_course, has_line
 from race_server.core.stages.sensing import sense
 from race_server.core.stages.standings import close_race, rank
 from race_server.core.stages.stewarding import steward
@@ -55,13 +57,16 @@ def step(world: World, w: int) -> None:
     set_allowances(world, w)
     use_items(world, w)
     find_contact_pairs(bodies, vehicles)
+    walk(world, w)
     for _ in range(SUBSTEPS):
         move_bodies(bodies, vehicles)
         touch_karts(world, w)
         touch_walls(world, w)
-    follow_course(world, w)
-    steward(world, w)
-    pick_up_items(world, w)
+    if has_line(world, w):
+        follow_course(world, w)
+        steward(world, w)
+        pick_up_items(world, w)
+    park(world, w)
     rank(world, w)
     close_race(world, w)
     race.tick += 1

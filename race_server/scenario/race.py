@@ -9,12 +9,15 @@ from race_server.core import codes
 from race_server.core.clock import ticks_of
 from race_server.core.rules.items import item_table
 from race_server.core.stages.grid import line_up
+from race_server.core.stages.lot_draw import draw_lot
 from race_server.core.state import RADAR_RAYS, Record, SensorData, World, empty_world
 from race_server.core.vehicles import TT02, Vehicle, vehicle_record
 from race_server.errors import ScenarioError
+from race_server.scenario.level import Level, level_named
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.line import ReferenceLine
+from race_server.scenario.track.lots import make_parking
 from race_server.scenario.track.route import pack_route
 from race_server.scenario.track.walls import fence_of, pack_walls
 
@@ -58,7 +61,8 @@ class Rules:
 class Scenario:
     """One race: where, who, and by which rules.
 
-    line: along which drivers may race; see `race_server.scenario.raceline.attach`.
+    line: along which drivers may race; see `race_server.scenario.raceline.attach`. level: how well
+    a vehicle has to park, on a course with slots; as its lot says, unless given.
     """
 
     course: Course
@@ -71,6 +75,7 @@ class Scenario:
     seed: int = 0
     grid_order: tuple[int, ...] = field(default=())  # grid place of each kart; empty: in order
     line: ReferenceLine | None = None
+    level: Level | None = None
 
     def vehicle_of(self, kart: int) -> Vehicle:
         """Return the vehicle of a kart."""
@@ -114,6 +119,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
     sight = SensorData(
         lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
         radar=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
+        radar_before=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
         radar_kinds=np.zeros((worlds, first.karts, RADAR_RAYS), np.uint8),
         lidar_rays=fan(first.lidar.rays, first.lidar.field),
         radar_rays=radar_fan(first.radar),
@@ -127,6 +133,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
         sight,
         pack_walls([fence_of(course) for course, _ in lanes]),
         pack_route([course for course, _ in lanes], [line for _, line in lanes]),
+        make_parking([course.lot for course, _ in lanes], worlds, first.karts),
     )
     for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         for k in range(scenario.karts):
@@ -140,7 +147,7 @@ def _check(scenario: Scenario) -> None:
     karts, course, rules = scenario.karts, scenario.course, scenario.rules
     if not 1 <= karts <= MOST_KARTS:
         raise ScenarioError(f"{karts} karts: choose 1 to {MOST_KARTS}")
-    if karts > len(course.grid):
+    if karts > len(course.grid) and not is_lot(course):
         raise ScenarioError(
             f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
         )
@@ -191,12 +198,16 @@ def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
     world.boxes["x"][w, : len(spots)] = spots[:, 0]
     world.boxes["y"][w, : len(spots)] = spots[:, 1]
     world.boxes["ready_tick"][w, len(spots) :] = NEVER
-    for seen in (world.sight.lidar, world.sight.radar, world.sight.radar_kinds):
+    sight = world.sight
+    for seen in (sight.lidar, sight.radar, sight.radar_before, sight.radar_kinds):
         seen[w] = 0
     for k in range(scenario.karts):
         place = scenario.grid_order[k] if scenario.grid_order else k
         fitted = scenario.fitted[k % len(scenario.fitted)]
         _put_on_grid(world, w, k, place, fitted)
+        _clear_parker(world, w, k, scenario)
+    if is_lot(scenario.course):
+        draw_lot(world, w)
     line_up(world, w)
 
 
@@ -210,4 +221,18 @@ def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
     racer.grid_place = place
     body.sensors = fitted
     course = world.route.courses[world.rules[w].course]
-    body.x, body.y, body.heading = world.route.grid[course.grid_start + place]
+    if course.grid_count > 0:
+        body.x, body.y, body.heading = world.route.grid[course.grid_start + place]
+
+
+def _clear_parker(world: World, w: int, k: int, scenario: Scenario) -> None:
+    """Set the tolerances of a vehicle that parks; whether it goes to a slot is still open."""
+    if scenario.course.lot is not None:
+        world.parking.parkers[w, k] = np.zeros((), world.parking.parkers.dtype)
+        parker = world.parking.parkers[w, k]
+        (scenario.level or level_named(scenario.course.lot.level)).fill(parker)
+
+
+def is_lot(course: Course) -> bool:
+    """Return whether a course is a car park alone: nothing to race along."""
+    return course.lot is not None and not len(course.line)

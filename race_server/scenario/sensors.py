@@ -76,4 +76,4 @@ def sensors_for(parts: Iterable[str]) -> int:
     """Return the sensors that an observation of these parts needs, as bits of `codes`."""
     names = set(parts)
     lidar = codes.LIDAR if names & {"lidar", "lidar_before"} else 0
-    return lidar | (codes.RADAR if names & {"radar", "radar_kind"} else 0)
+    return lidar | (codes.RADAR if names & {"radar", "radar_kind", "radar_before"} else 0)

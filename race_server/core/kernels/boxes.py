@@ -64,6 +64,13 @@ def hull_of(vehicle: Record, body: Record, number: int) -> Hull:
 
 
 @kernel
+def grown(hull: Hull, room: float) -> Hull:
+    """Return a hull with `room` [m] more on every side."""
+    half_length, half_width = hull.half_length + room, hull.half_width + room
+    return Hull(hull.x, hull.y, hull.heading, hull.offset, half_length, half_width, hull.number)
+
+
+@kernel
 def box_of(hull: Hull) -> Box:
     """Return where a hull stands."""
     cos, sin = cos_sin(hull.heading)

@@ -1,16 +1,14 @@
-"""Where bodies meet walls and each other: finding, separating, impulses. Free of rules of the game.
+"""Where bodies meet each other: finding, separating, impulses. Free of rules of the game.
 
 What happened is returned as blows, one at a time, so that a game can judge each before the next: a
 stage asks for the next blow until there is none.
 """
 
-import math
 from typing import NamedTuple
 
 from race_server.core import codes
 from race_server.core.kernels.boxes import (
     Box,
-    Hull,
     box_count,
     box_of,
     hull_of,
@@ -22,13 +20,11 @@ from race_server.core.kernels.boxes import (
 from race_server.core.kernels.contacts import (
     Material,
     box_on_box,
-    box_on_segment,
     impulse,
     touching_point,
 )
-from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Record, Records, Walls
+from race_server.core.state import Record, Records
 
 
 class Blow(NamedTuple):
@@ -43,12 +39,13 @@ class Blow(NamedTuple):
     ny: float
     first_approach: float  # [m/s] the first body's own part of `closing`
     second_approach: float  # [m/s]
+    kind: int  # RayHit of what the first body met
 
 
 @kernel
 def no_blow() -> Blow:
     """Return the blow that means that there was none."""
-    return Blow(-1, -1, -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Blow(-1, -1, -1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, codes.NOTHING)
 
 
 @kernel
@@ -205,143 +202,5 @@ def _strike(
         push(b, vb, box_b, bx, by, -jx, -jy)
     cursor = first * len(bodies) + second + 1
     approach_a, approach_b = -(vax * nx + vay * ny), vbx * nx + vby * ny
-    return Blow(cursor, first, second, along, -closing, nx, ny, approach_a, approach_b)
-
-
-@kernel
-def next_wall_blow(
-    bodies: Records,
-    vehicles: Records,
-    walls: Walls,
-    site: Record,
-    material: Material,
-    softest: float,
-    cursor: int,
-) -> Blow:
-    """Return the next body's first blow on a wall that is harder than `softest` [m/s].
-
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; site: SITE of the world; cursor: 0 at
-    the start of a substep, then that of the blow before. Bodies are pushed off all walls that they
-    touch.
-    """
-    for k in range(cursor, len(bodies)):
-        body = bodies[k]
-        if body.trust >= codes.DOUBTFUL:
-            continue
-        if body.status == codes.RACING or body.status == codes.FINISHED:
-            for number in range(box_count(vehicles[k])):
-                if _is_clear(walls, site, hull_of(vehicles[k], body, number)):
-                    continue
-                hit = _meet_walls(body, vehicles[k], number, walls, site, material, softest)
-                if is_blow(hit):
-                    speed = hit.closing
-                    return Blow(k + 1, k, -1, hit.impulse, speed, hit.nx, hit.ny, speed, 0.0)
-    return no_blow()
-
-
-@kernel
-def _is_clear(walls: Walls, site: Record, hull: Hull) -> bool:
-    """Return whether the place of a hull alone shows that it touches no wall.
-
-    First as a disc around the whole box, then as two, one around either half.
-    """
-    quarter, half_width = 0.5 * hull.half_length, hull.half_width
-    whole = hull.half_length + abs(hull.offset)
-    if _is_disc_clear(walls, site, hull.x, hull.y, whole * whole + half_width * half_width):
-        return True
-    cos, sin = cos_sin(hull.heading)
-    square = quarter * quarter + half_width * half_width
-    front, rear = hull.offset + quarter, hull.offset - quarter
-    return _is_disc_clear(
-        walls, site, hull.x + front * cos, hull.y + front * sin, square
-    ) and _is_disc_clear(walls, site, hull.x + rear * cos, hull.y + rear * sin, square)
-
-
-@kernel
-def _is_disc_clear(walls: Walls, site: Record, x: float, y: float, square: float) -> bool:
-    """Return whether no wall comes near a place.
-
-    site: SITE; x, y: the place [m]; square: of the distance to keep free [m²].
-    """
-    column = math.floor((x - site.x0) / site.cell)
-    row = math.floor((y - site.y0) / site.cell)
-    if column < 0 or row < 0 or column >= site.columns or row >= site.rows:
-        return True
-    clear = float(walls.cell_clear[site.cell_start + row * site.columns + column])
-    return bool(clear * clear >= square)
-
-
-@kernel
-def _meet_walls(
-    body: Record,
-    vehicle: Record,
-    number: int,
-    walls: Walls,
-    site: Record,
-    material: Material,
-    softest: float,
-) -> Blow:
-    """Push a body off the walls that one of its boxes touches; return the first hard blow.
-
-    body: BODY; vehicle: VEHICLE; number: of the box; site: SITE; softest: closing speed above which
-    a blow is hard [m/s].
-    """
-    first = no_blow()
-    box = box_of(hull_of(vehicle, body, number))
-    reach_x = box.half_length * abs(box.cos) + box.half_width * abs(box.sin)
-    reach_y = box.half_length * abs(box.sin) + box.half_width * abs(box.cos)
-    scale = 1.0 / site.cell
-    first_column = max(math.floor((box.x - reach_x - site.x0) * scale), 0)
-    last_column = min(math.floor((box.x + reach_x - site.x0) * scale), site.columns - 1)
-    first_row = max(math.floor((box.y - reach_y - site.y0) * scale), 0)
-    last_row = min(math.floor((box.y + reach_y - site.y0) * scale), site.rows - 1)
-    for row in range(first_row, last_row + 1):
-        for column in range(first_column, last_column + 1):
-            cell = site.cell_start + row * site.columns + column
-            for entry in range(walls.cell_first[cell], walls.cell_first[cell + 1]):
-                wall = site.wall_start + walls.cell_walls[entry]
-                x0, y0 = walls.segments[wall, 0], walls.segments[wall, 1]
-                x1, y1 = walls.segments[wall, 2], walls.segments[wall, 3]
-                depth, nx, ny = box_on_segment(box, x0, y0, x1, y1)
-                if depth > 0.0:
-                    blow = _meet_wall(body, vehicle, box, depth, nx, ny, material)
-                    if first.impulse == 0.0 and blow.closing > softest:
-                        first = blow
-                    box = box_of(hull_of(vehicle, body, number))
-    return first
-
-
-@kernel
-def _meet_wall(
-    body: Record,
-    vehicle: Record,
-    box: Box,
-    depth: float,
-    nx: float,
-    ny: float,
-    material: Material,
-) -> Blow:
-    """Push a body `depth` [m] off a wall along the normal and return the blow.
-
-    body: BODY; vehicle: VEHICLE; box: that touched; nx, ny: unit normal, towards the body.
-    """
-    # A real kart is where it is: its touch counts, but no blow moves it.
-    is_free = body.trust == codes.SIMULATED
-    if is_free:
-        body.x += depth * nx
-        body.y += depth * ny
-    offset = hull_of(vehicle, body, box.number).offset
-    px, py = touching_point(box, nx, ny)
-    px, py = px + offset * box.cos, py + offset * box.sin
-    vx, vy = velocity_at(body, box, px, py)
-    closing, sliding = vx * nx + vy * ny, vy * nx - vx * ny
-    lever_n, lever_t = px * ny - py * nx, px * nx + py * ny
-    mass, inertia = inertia_of(vehicle, box.number)
-    mass_n = 1.0 / (1.0 / mass + lever_n * lever_n / inertia)
-    mass_t = 1.0 / (1.0 / mass + lever_t * lever_t / inertia)
-    along, across = impulse(closing, sliding, mass_n, mass_t, material)
-    if along <= 0.0:
-        return no_blow()
-    if is_free:
-        push(body, vehicle, box, px, py, along * nx - across * ny, along * ny + across * nx)
-    return Blow(-1, -1, -1, along, -closing, nx, ny, -closing, 0.0)
+    kind = codes.KART_HIT
+    return Blow(cursor, first, second, along, -closing, nx, ny, approach_a, approach_b, kind)

@@ -4,6 +4,7 @@ from race_server.core import codes
 from race_server.core.kernels.course import nearest_sample_anywhere, progress_of
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.stages.progress import has_line
 from race_server.core.stages.sensing import sense
 from race_server.core.stages.standings import rank
 from race_server.core.state import World
@@ -27,7 +28,12 @@ def place_kart(world: World, w: int, k: int) -> None:
     body, racer = world.bodies[w, k], world.racers[w, k]
     course = world.route.courses[world.rules[w].course]
     body.status = codes.RACING
+    body.speed_cap = world.vehicles[w, k].top_speed
+    body.thrust_scale = 1.0
+    body.grip_scale = 1.0
     racer.start_x, racer.start_y = body.x, body.y
+    if not has_line(world, w):
+        return
     racer.line_index = nearest_sample_anywhere(world.route, course, body.x, body.y)
     progress, offset = progress_of(world.route, course, body.x, body.y, racer.line_index)
     racer.progress, racer.lateral_offset = progress, offset
@@ -40,6 +46,3 @@ def place_kart(world: World, w: int, k: int) -> None:
         following = world.route.gates[course.gate_start + gate + 1].progress
         if first <= progress < following:
             racer.zone = gate
-    body.speed_cap = world.vehicles[w, k].top_speed
-    body.thrust_scale = 1.0
-    body.grip_scale = 1.0

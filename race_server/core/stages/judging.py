@@ -7,8 +7,9 @@ from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.contacts import Material
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.conduct import is_new_touch, is_ramming
-from race_server.core.stages.contacts import Blow, is_blow, next_body_blow, next_wall_blow
+from race_server.core.stages.contacts import Blow, is_blow, next_body_blow
 from race_server.core.stages.events import report, retire
+from race_server.core.stages.wall_contacts import next_wall_blow
 from race_server.core.state import World
 
 # A touch softer than this closing speed [m/s] is no event.
@@ -36,13 +37,15 @@ def touch_walls(world: World, w: int) -> None:
     """Resolve contacts with borders and obstacles; judge the first hard blow of each kart."""
     rules = world.rules[w]
     site = world.walls.sites[rules.course]
-    bodies, vehicles = world.bodies[w], world.vehicles[w]
+    bodies, vehicles, blocks = world.bodies[w], world.vehicles[w], world.parking.blocks[w]
     material = Material(rules.restitution, rules.wall_friction)
     # Where a touch ends the race, the softest one does.
     softest = 0.0 if rules.wall_contact == codes.RETIRE else TOUCH_SPEED
     cursor = 0
     while cursor >= 0:
-        blow = next_wall_blow(bodies, vehicles, world.walls, site, material, softest, cursor)
+        blow = next_wall_blow(
+            bodies, vehicles, world.walls, site, blocks, material, softest, cursor
+        )
         cursor = blow.cursor
         if is_blow(blow):
             _judge_wall_contact(world, w, blow)
@@ -63,6 +66,8 @@ def _judge_contact(world: World, w: int, blow: Blow) -> None:
         if rules.ram_speed > 0.0:
             _judge_ramming(world, w, blow, is_first=True)
             _judge_ramming(world, w, blow, is_first=False)
+    note_touch(world, w, blow.first, blow.kind)
+    note_touch(world, w, blow.second, blow.kind)
     if rules.kart_contact == codes.RETIRE:
         retire(world, w, blow.first, codes.CRASH)
         retire(world, w, blow.second, codes.CRASH)
@@ -79,8 +84,17 @@ def _judge_wall_contact(world: World, w: int, blow: Blow) -> None:
             racer.wall_contacts += 1
             racer.lap_clean = 0
             report(world, w, codes.EVENT_CONTACT_WALL, k, -1, round(blow.impulse * 1000.0))
+    note_touch(world, w, k, blow.kind)
     if world.rules[w].wall_contact == codes.RETIRE:
         retire(world, w, k, codes.CRASH)
+
+
+@kernel
+def note_touch(world: World, w: int, k: int, kind: int) -> None:
+    """Record what a vehicle on its way to a slot ran into last. kind: RayHit."""
+    parkers = world.parking.parkers[w]
+    if len(parkers) > 0 and world.bodies[w, k].status == codes.RACING:
+        parkers[k].touched = kind
 
 
 @kernel

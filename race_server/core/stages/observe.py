@@ -10,6 +10,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.observation import AHEAD, USES
 from race_server.core.stages import observed_parts as part
 from race_server.core.stages.observe_around import fill_karts, fill_things, offset_from
+from race_server.core.stages.observe_lot import fill_goal, fill_lot
 from race_server.core.stages.observed_parts import KartFrame, put, put_all, shows, to_frame
 from race_server.core.state import Float32s, Ints, Record, World
 
@@ -37,6 +38,10 @@ def observe(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
         _fill_line(world, w, k, here, frame, offsets, out)
     if shows(offsets, part.KARTS):
         fill_karts(world, w, k, here, frame, offsets, out)
+    if shows(offsets, part.LOT):
+        fill_lot(world, w, k, frame, offsets, out)
+    if shows(offsets, part.GOAL):
+        fill_goal(world, w, k, frame, offsets, out)
     if shows(offsets, part.BOXES):
         fill_things(world, w, frame, True, offsets, out)
     if shows(offsets, part.HAZARDS_AHEAD):
@@ -75,6 +80,7 @@ def _fill_scans(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> N
     put_all(out, offsets[part.LIDAR_BEFORE], sight.lidar[w, k, 1])
     put_all(out, offsets[part.RADAR], sight.radar[w, k])
     put_all(out, offsets[part.RADAR_KIND], sight.radar_kinds[w, k])
+    put_all(out, offsets[part.RADAR_BEFORE], sight.radar_before[w, k])
 
 
 @kernel
@@ -143,6 +149,9 @@ def _fill_course(
 ) -> None:
     """Fill the centre line at the look-ahead distances, and the asphalt on both sides of it."""
     course = world.route.courses[world.rules[w].course]
+    if course.line_count == 0:
+        _fill_no_course(offsets, out)
+        return
     step = look_ahead_of(world.vehicles[w, k]) / course.spacing
     here = world.racers[w, k].progress / course.spacing
     for index in range(AHEAD):
@@ -154,6 +163,14 @@ def _fill_course(
         put(out, offsets[part.PATH_Y], index, left)
         put(out, offsets[part.LEFT], index, line.left)
         put(out, offsets[part.RIGHT], index, line.right)
+
+
+@kernel
+def _fill_no_course(offsets: Ints, out: Float32s) -> None:
+    """Fill zeros where a course would lie ahead: a car park has none."""
+    for number in part.COURSE:
+        for index in range(AHEAD):
+            put(out, offsets[number], index, 0.0)
 
 
 @kernel

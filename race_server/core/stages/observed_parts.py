@@ -11,8 +11,8 @@ from race_server.core.observation import numbers_of
 from race_server.core.state import Float32s, Ints, Records
 
 # The groups, and the number of each part in them.
-SCANS = numbers_of("lidar lidar_before radar radar_kind")
-LIDAR, LIDAR_BEFORE, RADAR, RADAR_KIND = SCANS
+SCANS = numbers_of("lidar lidar_before radar radar_kind radar_before")
+LIDAR, LIDAR_BEFORE, RADAR, RADAR_KIND, RADAR_BEFORE = SCANS
 
 MOTION = numbers_of("speed lateral_speed yaw_rate steering")
 SPEED, LATERAL_SPEED, YAW_RATE, STEERING = MOTION
@@ -43,7 +43,20 @@ KARTS_ON_LINE = (KARTS_ALONG, KARTS_ACROSS)
 BOXES = BOXES_X, BOXES_Y = numbers_of("boxes_x boxes_y")
 HAZARDS_AHEAD = HAZARDS_X, HAZARDS_Y = numbers_of("hazards_x hazards_y")
 
-GROUPS = (SCANS, MOTION, GAME, RACE, PLACE, COURSE, LINE, KARTS, BOXES, HAZARDS_AHEAD)
+GOAL = numbers_of(
+    "goal_x goal_y goal_cos goal_sin goal_distance goal_proximity goal_bearing parked_for "
+    "slot_x slot_y slot_heading to_slot_x to_slot_y"
+)
+GOAL_X, GOAL_Y, GOAL_COS, GOAL_SIN, GOAL_DISTANCE, GOAL_PROXIMITY, GOAL_BEARING = GOAL[:7]
+PARKED_FOR, SLOT_X, SLOT_Y, SLOT_HEADING, TO_SLOT_X, TO_SLOT_Y = GOAL[7:]
+
+LOT = numbers_of("position_x position_y heading heading_cos heading_sin velocity_x velocity_y")
+POSITION_X, POSITION_Y, HEADING, HEADING_COS, HEADING_SIN, VELOCITY_X, VELOCITY_Y = LOT
+
+GROUPS = (
+    *(SCANS, MOTION, GAME, RACE, PLACE, COURSE, LINE, KARTS, BOXES, HAZARDS_AHEAD),
+    *(GOAL, LOT),
+)
 
 
 class KartFrame(NamedTuple):

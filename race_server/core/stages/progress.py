@@ -11,6 +11,12 @@ from race_server.core.state import Record, World
 
 
 @kernel
+def has_line(world: World, w: int) -> bool:
+    """Return whether one world has a course to follow; a car park has none."""
+    return bool(world.route.courses[world.rules[w].course].line_count > 0)
+
+
+@kernel
 def follow_course(world: World, w: int) -> None:
     """Update progress, surface and laps of every kart."""
     route = world.route

@@ -1,13 +1,14 @@
 """After the tick: the scans of each kart's sensors, each at its own rate."""
 
 from race_server.core import codes
-from race_server.core.kernels.boxes import box_count, hull_of
+from race_server.core.kernels.boxes import Hull, box_count, hull_of
 from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rays import Fan
 from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.core.kernels.sensors import cast_fan, disturb, see_body, see_disc
 from race_server.core.kernels.wall_scan import FEW_RAYS, scan_body
+from race_server.core.stages.wall_contacts import block_hull, is_near_block
 from race_server.core.state import HAZARDS, Bytes, Float32s, Record, World
 
 
@@ -28,6 +29,8 @@ def sense(world: World, w: int) -> None:
                 world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
             scan_lidar(world, w, k)
         if radar_due and body.sensors & codes.RADAR:
+            for ray in range(len(world.sight.radar_rays)):
+                world.sight.radar_before[w, k, ray] = world.sight.radar[w, k, ray]
             scan_radar(world, w, k)
 
 
@@ -40,6 +43,8 @@ def sense_first(world: World, w: int, k: int) -> None:
             world.sight.lidar[w, k, 1, ray] = world.sight.lidar[w, k, 0, ray]
     if world.bodies[w, k].sensors & codes.RADAR:
         scan_radar(world, w, k)
+        for ray in range(len(world.sight.radar_rays)):
+            world.sight.radar_before[w, k, ray] = world.sight.radar[w, k, ray]
 
 
 @kernel
@@ -83,13 +88,26 @@ def _scan(world: World, w: int, k: int, fan: Fan, ranges: Float32s, kinds: Bytes
             continue
         vehicle = world.vehicles[w, other]
         for number in range(box_count(vehicle)):
-            hull = hull_of(vehicle, rival, number)
-            if len(fan.rays) > FEW_RAYS and len(kinds) == 0:
-                scan_body(fan, hull, ranges)
-            else:
-                see_body(fan, hull, codes.KART_HIT, ranges, kinds)
+            _see(fan, hull_of(vehicle, rival, number), codes.KART_HIT, ranges, kinds)
+    blocks = world.parking.blocks[w]
+    for number in range(len(blocks)):
+        block = blocks[number]
+        # Block k is the body of vehicle k itself.
+        if number != k and is_near_block(block, fan.x, fan.y, fan.reach):
+            _see(fan, block_hull(block), block.kind, ranges, kinds)
+    for walker in world.parking.walkers[w]:
+        see_disc(fan, walker.x, walker.y, walker.radius, codes.PERSON, ranges, kinds)
     tick = world.races[w].tick
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]
         if tick < hazard.until_tick:
             see_disc(fan, hazard.x, hazard.y, hazard.radius, codes.HAZARD_HIT, ranges, kinds)
+
+
+@kernel
+def _see(fan: Fan, hull: Hull, kind: int, ranges: Float32s, kinds: Bytes) -> None:
+    """Shorten the rays that meet a box of a given kind; ranges, kinds: see `_scan`."""
+    if len(fan.rays) > FEW_RAYS and len(kinds) == 0:
+        scan_body(fan, hull, ranges)
+    else:
+        see_body(fan, hull, kind, ranges, kinds)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.scenario.track.lot import Lot
+
 Floats = NDArray[np.float64]
 
 
@@ -22,6 +24,8 @@ class Obstacle:
 @dataclass(frozen=True, eq=False)
 class Course:
     """A closed course. East x, north y; travel along the line is forward; left is positive.
+
+    A car park is a course without a line, whose borders go around it.
 
     The centre line is sampled at equal steps: sample i lies at progress `i * spacing`, the last
     joins the first, and `length` is `len(line) * spacing`.
@@ -45,6 +49,7 @@ class Course:
     width_mean: float  # [m]
     width_max: float  # [m]
     digest: str  # of the file's contents
+    lot: Lot | None = None  # slots to park in, if it has some
 
     @property
     def length(self) -> float:

@@ -4,7 +4,6 @@ import hashlib
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
+from race_server.scenario.toml_reader import TomlReader, is_number
 from race_server.scenario.track.blocks import Loop
 from race_server.scenario.track.build import GATES, SCALES, SECTORS, TrackSpec, build
 from race_server.scenario.track.cache import cached
@@ -29,7 +29,6 @@ from race_server.scenario.track.limits import (
 )
 
 FORMS = ("blocks", "line", "spline")
-FARTHEST = 1e5  # [m] of any coordinate
 MOST_ROWS = {
     "points": MOST_POINTS,
     "items": MOST_ITEMS,
@@ -109,7 +108,7 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
         words = parse_toml(data.decode())
     except ValueError as error:
         raise TrackError(f"{file}: no TOML: {error}") from error
-    reader = _TrackReader(file, words)
+    reader = _TrackReader(file, words, TrackError, "tracks/README.md", MOST_ROWS)
     form = reader.choice("form", FORMS, "")
     plan = TrackSpec(
         name=name,
@@ -137,93 +136,33 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
     return plan
 
 
-@dataclass
-class _TrackReader:
-    """The values of a track file, taken out one by one."""
-
-    file: str
-    words: dict[str, Any]
-
-    def _wrong(self, key: str, value: object, way_out: str) -> TrackError:
-        return TrackError(f"{self.file}: {key} = {str(value)[:60]!r}: {way_out}")
-
-    def _take(self, key: str, default: Any) -> Any:
-        return self.words.pop(key, default)
-
-    def text(self, key: str, default: str) -> str:
-        value = self._take(key, default)
-        if not isinstance(value, str) or not 0 < len(value) <= 64:
-            raise self._wrong(key, value, "give a text of up to 64 characters")
-        return value
-
-    def choice(self, key: str, choices: Iterable[str], default: str) -> str:
-        value = self._take(key, default)
-        if value not in tuple(choices):
-            raise self._wrong(key, value, f"choose one of {', '.join(choices)}")
-        return str(value)
-
-    def yes(self, key: str) -> bool:
-        value = self._take(key, False)
-        if not isinstance(value, bool):
-            raise self._wrong(key, value, "say true or false")
-        return value
-
-    def number(self, key: str, default: float, low: float, high: float) -> float:
-        value = self._take(key, default)
-        if not _is_number(value) or not low <= value <= high:
-            raise self._wrong(key, value, f"give a number from {low:g} to {high:g}")
-        return float(value)
-
-    def pair(self, key: str) -> tuple[float, float] | None:
-        value = self._take(key, None)
-        if value is None:
-            return None
-        row = self._row(key, value, 2)
-        return row[0], row[1]
-
-    def _row(self, key: str, value: object, columns: int) -> list[float]:
-        fits = isinstance(value, list) and len(value) == columns and all(map(_is_number, value))
-        if not isinstance(value, list) or not fits or max(map(abs, value)) > FARTHEST:
-            raise self._wrong(key, value, f"give {columns} numbers, each up to {FARTHEST:g}")
-        return [float(number) for number in value]
-
-    def rows(self, key: str, columns: int, default: Floats) -> Floats:
-        value = self._take(key, None)
-        if value is None:
-            return default
-        if not isinstance(value, list) or len(value) > MOST_ROWS[key]:
-            raise self._wrong(
-                key, value, f"give a list of up to {MOST_ROWS[key]} rows of {columns} numbers"
-            )
-        rows = [self._row(f"{key}[{n}]", row, columns) for n, row in enumerate(value, start=1)]
-        return np.array(rows).reshape(-1, columns)
+class _TrackReader(TomlReader):
+    """The values of a track file."""
 
     def points(self) -> Floats:
-        half_width = self._take("half_width", None)
+        half_width = self.take("half_width", None)
         if half_width is None:
             points = self.rows("points", 4, np.zeros((0, 4)))
         else:
-            if not _is_number(half_width):
-                raise self._wrong("half_width", half_width, "give a number in metres")
+            if not is_number(half_width):
+                raise self.wrong("half_width", half_width, "give a number in metres")
             places = self.rows("points", 2, np.zeros((0, 2)))
             points = np.hstack([places, np.full((len(places), 2), float(half_width))])
         if len(points) and points[:, 2:].min() <= 0.0:
             row = int(np.argmin(points[:, 2:].min(axis=1))) + 1
-            raise self._wrong(
-                f"points[{row}]", points[row - 1].tolist(), "half-widths are positive"
-            )
+            raise self.wrong(f"points[{row}]", points[row - 1].tolist(), "half-widths are positive")
         return points
 
     def loop(self, key: str) -> Loop:
-        value = self._take(key, None)
+        value = self.take(key, None)
         if not isinstance(value, dict):
-            raise self._wrong(key, value, "give a table with start, heading and blocks")
-        row = self._row(f"{key}.start", value.get("start"), 2)
+            raise self.wrong(key, value, "give a table with start, heading and blocks")
+        row = self.row(f"{key}.start", value.get("start"), 2)
         heading, blocks = value.get("heading", ""), value.get("blocks")
-        if not _is_number(heading):
-            raise self._wrong(f"{key}.heading", heading, "give a number in degrees")
+        if not is_number(heading):
+            raise self.wrong(f"{key}.heading", heading, "give a number in degrees")
         if not isinstance(blocks, str) or not blocks.strip():
-            raise self._wrong(f"{key}.blocks", blocks, "give a list such as 'S L 2xS R'")
+            raise self.wrong(f"{key}.blocks", blocks, "give a list such as 'S L 2xS R'")
         return Loop(key, row[0], row[1], math.radians(float(heading)), blocks)
 
     def items(self) -> tuple[tuple[float, float], ...] | None:
@@ -234,17 +173,8 @@ class _TrackReader:
     def obstacles(self) -> Iterable[Obstacle]:
         for x, y, degrees, length, width in self.rows("obstacles", 5, np.zeros((0, 5))):
             if min(length, width) <= 0.0:
-                raise self._wrong("obstacles", (length, width), "length and width are positive")
+                raise self.wrong("obstacles", (length, width), "length and width are positive")
             yield Obstacle(x, y, math.radians(degrees), length, width)
-
-    def no_more(self) -> None:
-        if self.words:
-            key = next(iter(self.words))
-            raise self._wrong(key, self.words[key], "no such key; see tracks/README.md")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def summary(course: Course) -> dict[str, Any]:

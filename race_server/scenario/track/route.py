@@ -65,6 +65,8 @@ def _reference_of(course: Course, reference: ReferenceLine | None) -> Records:
 def _gates_of(course: Course) -> Records:
     gates = np.zeros(len(course.gates), GATE)
     gates["progress"] = course.gates
+    if not len(gates):
+        return gates  # of a car park
     # A gate that ends a sector carries the sector's number; the timing line ends the last.
     ends = [gate for gate in course.sectors if gate != 0]
     for sector, gate in enumerate([*ends, 0], start=1):

@@ -21,6 +21,8 @@ from race_server.scenario.track.polyline import (
 
 # A cell is about this share of the free width: small enough that few walls share one.
 CELL_SHARE = 0.18
+# A cell of a car park [m]: about a third of a vehicle.
+LOT_CELL = 1.0
 # A wall is listed in every cell that comes this close to it [m]; see `core/kernels/rays.py`.
 MARGIN = 1e-6
 # Longest side of a free box, in cells, that is worth knowing.
@@ -80,11 +82,14 @@ def fence_of(course: Course) -> Fence:
     segments = np.concatenate([_facing_the_track(course), *boxes])
     kinds = np.full(len(segments), codes.BORDER, np.uint8)
     kinds[len(course.borders) :] = codes.OBSTACLE
-    return Fence(segments, kinds, CELL_SHARE * course.width_mean)
+    cell = CELL_SHARE * course.width_mean if len(course.line) else LOT_CELL
+    return Fence(segments, kinds, cell)
 
 
 def _facing_the_track(course: Course) -> Floats:
     """Return the borders, turned so that the drivable side is on the left of each segment."""
+    if not len(course.line):
+        return course.borders  # of a car park: counter-clockwise already
     inner = course.line[:1, :2]
     turned = []
     for loop in loops_of(course.borders):

@@ -1,0 +1,245 @@
+"""The start in a car park: slots, blocks, people and vehicles, drawn from the seed of a world.
+
+Each use of chance has a stream and counters for itself, so that one more block changes nothing
+else. What would stand in a wall, or in something drawn before it, is drawn again.
+"""
+
+import math
+
+from race_server.core import codes
+from race_server.core.kernels.boxes import Hull, box_of, grown, hull_of
+from race_server.core.kernels.contacts import box_on_box
+from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.rng import (
+    BLOCK_STREAM,
+    PLACE_STREAM,
+    SLOT_STREAM,
+    TAKEN_STREAM,
+    uniform,
+)
+from race_server.core.lots import BLOCKS, GOAL, START
+from race_server.core.stages.people import place_walker
+from race_server.core.stages.wall_contacts import block_hull, is_free_of_walls, is_near_block
+from race_server.core.stages.zones import point_in, zone_for
+from race_server.core.state import Record, World
+
+# Something is drawn at most this many times; then the last draw stays.
+TRIES = 32
+# Room around a vehicle at its start, and around a slot [m].
+START_ROOM, SLOT_ROOM = 0.3, 0.6
+# Numbers drawn for each try.
+DRAWS = 8
+
+
+@large_kernel
+def draw_lot(world: World, w: int) -> None:
+    """Draw the slots, blocks, starts and people of one world. Its seed decides all of them."""
+    parking = world.parking
+    for b in range(parking.blocks.shape[1]):
+        parking.blocks[w, b].kind = codes.NOTHING
+    for k in range(parking.parkers.shape[1]):
+        _draw_slot(world, w, k)
+    following = _take_slots(world, w, parking.parkers.shape[1])
+    _draw_blocks(world, w, following)
+    for k in range(parking.parkers.shape[1]):
+        if world.bodies[w, k].status != codes.ABSENT:
+            _draw_start(world, w, k)
+    for p in range(parking.walkers.shape[1]):
+        place_walker(world, w, p)
+
+
+@kernel
+def _draw_slot(world: World, w: int, k: int) -> None:
+    """Draw the slot of a vehicle that no vehicle before it has, out of the lot's or in a zone."""
+    lots, seed, parker = world.parking.lots, world.races[w].seed, world.parking.parkers[w, k]
+    lot = lots.lots[world.rules[w].course]
+    for attempt in range(TRIES):
+        first = attempt * DRAWS
+        chance = uniform(seed, SLOT_STREAM, k, first)
+        if lot.slot_count > 0:
+            parker.slot = int(chance * lot.slot_count)
+            slot = lots.slots[lot.slot_start + parker.slot]
+            parker.x, parker.y, parker.heading = slot.x, slot.y, slot.heading
+            parker.length, parker.width = slot.length, slot.width
+        else:
+            zone = lots.zones[zone_for(world, w, GOAL, chance)]
+            share_x = uniform(seed, SLOT_STREAM, k, first + 1)
+            share_y = uniform(seed, SLOT_STREAM, k, first + 2)
+            turn = 2.0 * uniform(seed, SLOT_STREAM, k, first + 3) - 1.0
+            parker.slot = -1
+            parker.x, parker.y = point_in(zone, share_x, share_y)
+            parker.heading = zone.heading + turn * zone.spread
+            parker.length, parker.width = lot.slot_length, lot.slot_width
+        if _is_slot_free(world, w, k):
+            return
+
+
+@kernel
+def slot_hull(parker: Record, room: float) -> Hull:
+    """Return the rectangle of a vehicle's slot, with `room` [m] around it. parker: PARKER."""
+    half_length, half_width = 0.5 * parker.length, 0.5 * parker.width
+    slot = Hull(parker.x, parker.y, parker.heading, 0.0, half_length, half_width, 0)
+    return grown(slot, room)
+
+
+@kernel
+def _overlap(one: Hull, other: Hull) -> bool:
+    """Return whether two rectangles overlap."""
+    dx, dy = one.x - other.x, one.y - other.y
+    near = one.half_length + one.half_width + other.half_length + other.half_width
+    near += abs(one.offset) + abs(other.offset)
+    if dx * dx + dy * dy >= near * near:
+        return False
+    return bool(box_on_box(box_of(one), box_of(other))[0] > 0.0)
+
+
+@kernel
+def _is_slot_free(world: World, w: int, k: int) -> bool:
+    """Return whether the slot of a vehicle overlaps none before it, and no wall if drawn freely."""
+    parkers = world.parking.parkers[w]
+    mine = slot_hull(parkers[k], 0.0)
+    for other in range(k):
+        if parkers[k].slot >= 0:
+            if parkers[other].slot == parkers[k].slot:
+                return False
+        elif _overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
+            return False
+    site = world.walls.sites[world.rules[w].course]
+    return parkers[k].slot >= 0 or is_free_of_walls(world.walls, site, mine)
+
+
+@kernel
+def _take_slots(world: World, w: int, first: int) -> int:
+    """Put vehicles into slots that are nobody's goal; return the next free block.
+
+    first: number of the first block to use.
+    """
+    parking, seed = world.parking, world.races[w].seed
+    lot = parking.lots.lots[world.rules[w].course]
+    following = first
+    for number in range(lot.slot_count):
+        is_goal = False
+        for k in range(parking.parkers.shape[1]):
+            is_goal = is_goal or parking.parkers[w, k].slot == number
+        is_taken = uniform(seed, TAKEN_STREAM, number, 0) < lot.taken
+        if is_goal or not is_taken or following >= parking.blocks.shape[1]:
+            continue
+        slot, block = parking.lots.slots[lot.slot_start + number], parking.blocks[w, following]
+        block.x, block.y, block.heading = slot.x, slot.y, slot.heading
+        block.half_length, block.half_width = 0.5 * lot.taken_length, 0.5 * lot.taken_width
+        block.kind = codes.KART_HIT
+        following += 1
+    return following
+
+
+@kernel
+def _draw_blocks(world: World, w: int, first: int) -> None:
+    """Draw the loose blocks of one world, clear of slots and of each other.
+
+    first: number of the first block to use.
+    """
+    parking, seed = world.parking, world.races[w].seed
+    lot = parking.lots.lots[world.rules[w].course]
+    more = lot.blocks_most - lot.blocks_least + 1
+    wanted = lot.blocks_least + int(uniform(seed, BLOCK_STREAM, 0, 0) * more)
+    for number in range(first, min(first + wanted, parking.blocks.shape[1])):
+        _draw_block(world, w, number)
+
+
+@kernel
+def _draw_block(world: World, w: int, number: int) -> None:
+    """Draw one block; one that finds no room in all tries stays away."""
+    parking, seed = world.parking, world.races[w].seed
+    lot = parking.lots.lots[world.rules[w].course]
+    block = parking.blocks[w, number]
+    for attempt in range(TRIES):
+        first = attempt * DRAWS
+        zone = zone_for(world, w, BLOCKS, uniform(seed, BLOCK_STREAM, number, first))
+        if zone < 0:
+            return
+        share_x = uniform(seed, BLOCK_STREAM, number, first + 1)
+        share_y = uniform(seed, BLOCK_STREAM, number, first + 2)
+        block.x, block.y = point_in(parking.lots.zones[zone], share_x, share_y)
+        block.heading = (2.0 * uniform(seed, BLOCK_STREAM, number, first + 3) - 1.0) * math.pi
+        span = 0.5 * (lot.block_most - lot.block_least)
+        least = 0.5 * lot.block_least
+        block.half_length = least + span * uniform(seed, BLOCK_STREAM, number, first + 4)
+        block.half_width = least + span * uniform(seed, BLOCK_STREAM, number, first + 5)
+        if _has_block_room(world, w, number):
+            block.kind = codes.OBSTACLE
+            return
+
+
+@kernel
+def _has_block_room(world: World, w: int, number: int) -> bool:
+    """Return whether a block overlaps no slot that is a goal and no block before it."""
+    parking, mine = world.parking, block_hull(world.parking.blocks[w, number])
+    for k in range(parking.parkers.shape[1]):
+        if _overlap(mine, slot_hull(parking.parkers[w, k], SLOT_ROOM)):
+            return False
+    for other in range(number):
+        block = parking.blocks[w, other]
+        if block.kind != codes.NOTHING and _overlap(mine, block_hull(block)):
+            return False
+    return True
+
+
+@kernel
+def _draw_start(world: World, w: int, k: int) -> None:
+    """Put a vehicle into one of the lot's start zones, clear of all that stands there."""
+    seed = world.races[w].seed
+    for attempt in range(TRIES):
+        first = attempt * DRAWS
+        number = zone_for(world, w, START, uniform(seed, PLACE_STREAM, k, first))
+        if number < 0:
+            return
+        zone = world.parking.lots.zones[number]
+        share_x = uniform(seed, PLACE_STREAM, k, first + 1)
+        share_y = uniform(seed, PLACE_STREAM, k, first + 2)
+        x, y = point_in(zone, share_x, share_y)
+        turn = 2.0 * uniform(seed, PLACE_STREAM, k, first + 3) - 1.0
+        put_body(world, w, k, x, y, zone.heading + turn * zone.spread)
+        if _is_far_enough(world, w, k, x, y) and has_room(world, w, k, START_ROOM):
+            return
+
+
+@kernel
+def put_body(world: World, w: int, k: int, x: float, y: float, heading: float) -> None:
+    """Put a vehicle so that the middle of its body is at (x, y) [m]."""
+    body, offset = world.bodies[w, k], world.vehicles[w, k].box_offset
+    cos, sin = cos_sin(heading)
+    body.x, body.y, body.heading = x - offset * cos, y - offset * sin, heading
+
+
+@kernel
+def _is_far_enough(world: World, w: int, k: int, x: float, y: float) -> bool:
+    """Return whether a start [m] is as far from the slot as the lot asks, and no farther."""
+    parker = world.parking.parkers[w, k]
+    lot = world.parking.lots.lots[world.rules[w].course]
+    dx, dy = x - parker.x, y - parker.y
+    square = dx * dx + dy * dy
+    if square < lot.nearest * lot.nearest:
+        return False
+    return lot.farthest <= 0.0 or square < lot.farthest * lot.farthest
+
+
+@kernel
+def has_room(world: World, w: int, k: int, room: float) -> bool:
+    """Return whether a vehicle, with `room` [m] around it, touches no wall, block or vehicle.
+
+    Of the vehicles only those with smaller numbers count: the others are not placed yet.
+    """
+    mine = grown(hull_of(world.vehicles[w, k], world.bodies[w, k], 0), room)
+    if not is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine):
+        return False
+    reach = mine.half_length + mine.half_width + abs(mine.offset)
+    for block in world.parking.blocks[w]:
+        if is_near_block(block, mine.x, mine.y, reach) and _overlap(mine, block_hull(block)):
+            return False
+    for other in range(k):
+        rival = world.bodies[w, other]
+        if rival.status != codes.ABSENT:
+            if _overlap(mine, hull_of(world.vehicles[w, other], rival, 0)):
+                return False
+    return True

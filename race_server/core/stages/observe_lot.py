@@ -1,0 +1,60 @@
+"""What one seat sees of a car park: its own place, and the slot that it goes to."""
+
+import math
+
+from race_server.core.clock import TICK_S
+from race_server.core.kernels.geometry import wrap_angle
+from race_server.core.kernels.jit import kernel
+from race_server.core.stages import observed_parts as part
+from race_server.core.stages.observed_parts import KartFrame, put
+from race_server.core.state import Float32s, Ints, Record, World
+
+
+@kernel
+def fill_lot(world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out: Float32s) -> None:
+    """Fill where the middle of the body is, and how it moves, in the frame of the lot."""
+    body, offset = world.bodies[w, k], world.vehicles[w, k].box_offset
+    cos, sin = frame.cos, frame.sin
+    put(out, offsets[part.POSITION_X], 0, body.x + offset * cos)
+    put(out, offsets[part.POSITION_Y], 0, body.y + offset * sin)
+    put(out, offsets[part.HEADING], 0, body.heading)
+    put(out, offsets[part.HEADING_COS], 0, cos)
+    put(out, offsets[part.HEADING_SIN], 0, sin)
+    put(out, offsets[part.VELOCITY_X], 0, body.speed * cos - body.lateral_speed * sin)
+    put(out, offsets[part.VELOCITY_Y], 0, body.speed * sin + body.lateral_speed * cos)
+
+
+@kernel
+def fill_goal(world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out: Float32s) -> None:
+    """Fill the slot that a vehicle goes to; zeros where it goes to none."""
+    parkers = world.parking.parkers[w]
+    if len(parkers) == 0 or parkers[k].length <= 0.0:
+        for number in part.GOAL:
+            put(out, offsets[number], 0, 0.0)
+        return
+    _fill_slot(parkers[k], world.bodies[w, k], world.vehicles[w, k], frame, offsets, out)
+
+
+@kernel
+def _fill_slot(
+    parker: Record, body: Record, vehicle: Record, frame: KartFrame, offsets: Ints, out: Float32s
+) -> None:
+    """Fill a slot, seen from the middle of the body. parker: PARKER."""
+    dx = parker.x - body.x - vehicle.box_offset * frame.cos
+    dy = parker.y - body.y - vehicle.box_offset * frame.sin
+    ahead, left = dx * frame.cos + dy * frame.sin, dy * frame.cos - dx * frame.sin
+    distance = math.sqrt(dx * dx + dy * dy)
+    turn = wrap_angle(parker.heading - body.heading)
+    put(out, offsets[part.GOAL_X], 0, ahead)
+    put(out, offsets[part.GOAL_Y], 0, left)
+    put(out, offsets[part.GOAL_COS], 0, math.cos(turn))
+    put(out, offsets[part.GOAL_SIN], 0, math.sin(turn))
+    put(out, offsets[part.GOAL_DISTANCE], 0, distance)
+    put(out, offsets[part.GOAL_PROXIMITY], 0, 1.0 / (1.0 + distance))
+    put(out, offsets[part.GOAL_BEARING], 0, math.atan2(left, ahead))
+    put(out, offsets[part.PARKED_FOR], 0, parker.held_ticks * TICK_S)
+    put(out, offsets[part.SLOT_X], 0, parker.x)
+    put(out, offsets[part.SLOT_Y], 0, parker.y)
+    put(out, offsets[part.SLOT_HEADING], 0, parker.heading)
+    put(out, offsets[part.TO_SLOT_X], 0, dx)
+    put(out, offsets[part.TO_SLOT_Y], 0, dy)

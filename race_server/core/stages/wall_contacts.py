@@ -1,0 +1,252 @@
+"""Where bodies meet walls and blocks: finding, separating, impulses. Free of rules of the game."""
+
+import math
+
+from race_server.core import codes
+from race_server.core.kernels.boxes import (
+    Box,
+    Hull,
+    box_count,
+    box_of,
+    hull_of,
+    inertia_of,
+    push,
+    reach_of,
+    velocity_at,
+)
+from race_server.core.kernels.contacts import (
+    Material,
+    box_on_box,
+    box_on_segment,
+    impulse,
+    touching_point,
+)
+from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.jit import kernel
+from race_server.core.stages.contacts import Blow, is_blow, no_blow
+from race_server.core.state import Record, Records, Walls
+
+
+@kernel
+def next_wall_blow(
+    bodies: Records,
+    vehicles: Records,
+    walls: Walls,
+    site: Record,
+    blocks: Records,
+    material: Material,
+    softest: float,
+    cursor: int,
+) -> Blow:
+    """Return the next body's first blow on a wall or block that is harder than `softest` [m/s].
+
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; site: SITE of the world; blocks: (B,)
+    BLOCK of the world; cursor: 0 at the start of a substep, then that of the blow before. Bodies
+    are pushed off all that they touch.
+    """
+    for k in range(cursor, len(bodies)):
+        body = bodies[k]
+        if body.trust >= codes.DOUBTFUL:
+            continue
+        if body.status == codes.RACING or body.status == codes.FINISHED:
+            for number in range(box_count(vehicles[k])):
+                hit = no_blow()
+                if not _is_clear(walls, site, hull_of(vehicles[k], body, number)):
+                    hit = _meet_walls(body, vehicles[k], number, walls, site, material, softest)
+                if len(blocks) > 0:
+                    other = _meet_blocks(bodies, vehicles, k, number, blocks, material, softest)
+                    hit = hit if is_blow(hit) else other
+                if is_blow(hit):
+                    return Blow(
+                        k + 1,
+                        k,
+                        -1,
+                        hit.impulse,
+                        hit.closing,
+                        hit.nx,
+                        hit.ny,
+                        hit.closing,
+                        0.0,
+                        hit.kind,
+                    )
+    return no_blow()
+
+
+@kernel
+def is_free_of_walls(walls: Walls, site: Record, hull: Hull) -> bool:
+    """Return whether a hull touches no wall. site: SITE."""
+    if _is_clear(walls, site, hull):
+        return True
+    box = box_of(hull)
+    first_column, last_column, first_row, last_row = _cells_under(site, box)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            cell = site.cell_start + row * site.columns + column
+            for entry in range(walls.cell_first[cell], walls.cell_first[cell + 1]):
+                wall = walls.segments[site.wall_start + walls.cell_walls[entry]]
+                if box_on_segment(box, wall[0], wall[1], wall[2], wall[3])[0] > 0.0:
+                    return False
+    return True
+
+
+@kernel
+def block_hull(block: Record) -> Hull:
+    """Return the box of a block. block: BLOCK."""
+    return Hull(block.x, block.y, block.heading, 0.0, block.half_length, block.half_width, 0)
+
+
+@kernel
+def is_near_block(block: Record, x: float, y: float, reach: float) -> bool:
+    """Return whether a block is there and comes within `reach` [m] of a place [m]."""
+    if block.kind == codes.NOTHING:
+        return False
+    dx, dy, near = block.x - x, block.y - y, reach + block.half_length + block.half_width
+    return bool(dx * dx + dy * dy < near * near)
+
+
+@kernel
+def _is_clear(walls: Walls, site: Record, hull: Hull) -> bool:
+    """Return whether the place of a hull alone shows that it touches no wall.
+
+    First as a disc around the whole box, then as two, one around either half.
+    """
+    quarter, half_width = 0.5 * hull.half_length, hull.half_width
+    whole = hull.half_length + abs(hull.offset)
+    if _is_disc_clear(walls, site, hull.x, hull.y, whole * whole + half_width * half_width):
+        return True
+    cos, sin = cos_sin(hull.heading)
+    square = quarter * quarter + half_width * half_width
+    front, rear = hull.offset + quarter, hull.offset - quarter
+    return _is_disc_clear(
+        walls, site, hull.x + front * cos, hull.y + front * sin, square
+    ) and _is_disc_clear(walls, site, hull.x + rear * cos, hull.y + rear * sin, square)
+
+
+@kernel
+def _is_disc_clear(walls: Walls, site: Record, x: float, y: float, square: float) -> bool:
+    """Return whether no wall comes near a place.
+
+    site: SITE; x, y: the place [m]; square: of the distance to keep free [m²].
+    """
+    column = math.floor((x - site.x0) / site.cell)
+    row = math.floor((y - site.y0) / site.cell)
+    if column < 0 or row < 0 or column >= site.columns or row >= site.rows:
+        return True
+    clear = float(walls.cell_clear[site.cell_start + row * site.columns + column])
+    return bool(clear * clear >= square)
+
+
+@kernel
+def _meet_walls(
+    body: Record,
+    vehicle: Record,
+    number: int,
+    walls: Walls,
+    site: Record,
+    material: Material,
+    softest: float,
+) -> Blow:
+    """Push a body off the walls that one of its boxes touches; return the first hard blow.
+
+    body: BODY; vehicle: VEHICLE; number: of the box; site: SITE; softest: closing speed above which
+    a blow is hard [m/s].
+    """
+    first = no_blow()
+    box = box_of(hull_of(vehicle, body, number))
+    first_column, last_column, first_row, last_row = _cells_under(site, box)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            cell = site.cell_start + row * site.columns + column
+            for entry in range(walls.cell_first[cell], walls.cell_first[cell + 1]):
+                wall = site.wall_start + walls.cell_walls[entry]
+                x0, y0 = walls.segments[wall, 0], walls.segments[wall, 1]
+                x1, y1 = walls.segments[wall, 2], walls.segments[wall, 3]
+                depth, nx, ny = box_on_segment(box, x0, y0, x1, y1)
+                if depth > 0.0:
+                    kind = int(walls.kinds[wall])
+                    blow = _meet_solid(body, vehicle, box, (depth, nx, ny), kind, material)
+                    if first.impulse == 0.0 and blow.closing > softest:
+                        first = blow
+                    box = box_of(hull_of(vehicle, body, number))
+    return first
+
+
+@kernel
+def _cells_under(site: Record, box: Box) -> tuple[int, int, int, int]:
+    """Return the first and last column, and the first and last row, of cells under a box."""
+    reach_x = box.half_length * abs(box.cos) + box.half_width * abs(box.sin)
+    reach_y = box.half_length * abs(box.sin) + box.half_width * abs(box.cos)
+    scale = 1.0 / site.cell
+    first_column = max(math.floor((box.x - reach_x - site.x0) * scale), 0)
+    last_column = min(math.floor((box.x + reach_x - site.x0) * scale), site.columns - 1)
+    first_row = max(math.floor((box.y - reach_y - site.y0) * scale), 0)
+    last_row = min(math.floor((box.y + reach_y - site.y0) * scale), site.rows - 1)
+    return first_column, last_column, first_row, last_row
+
+
+@kernel
+def _meet_blocks(
+    bodies: Records,
+    vehicles: Records,
+    k: int,
+    number: int,
+    blocks: Records,
+    material: Material,
+    softest: float,
+) -> Blow:
+    """Push body k off the blocks that one of its boxes touches; return the first hard blow.
+
+    bodies: (K,) BODY; vehicles: (K,) VEHICLE; number: of the box; blocks: (B,) BLOCK, of which
+    block k is the body itself; softest: closing speed above which a blow is hard [m/s].
+    """
+    first = no_blow()
+    body, vehicle = bodies[k], vehicles[k]
+    reach = reach_of(vehicle)
+    for b in range(len(blocks)):
+        if b == k or not is_near_block(blocks[b], body.x, body.y, reach):
+            continue
+        box = box_of(hull_of(vehicle, body, number))
+        depth, nx, ny = box_on_box(box, box_of(block_hull(blocks[b])))
+        if depth > 0.0:
+            kind = blocks[b].kind
+            blow = _meet_solid(body, vehicle, box, (depth, nx, ny), kind, material)
+            if first.impulse == 0.0 and blow.closing > softest:
+                first = blow
+    return first
+
+
+@kernel
+def _meet_solid(
+    body: Record,
+    vehicle: Record,
+    box: Box,
+    touch: tuple[float, float, float],
+    kind: int,
+    material: Material,
+) -> Blow:
+    """Push a body off something that does not move and return the blow.
+
+    body: BODY; vehicle: VEHICLE; box: that touched; touch: depth [m] and unit normal, towards the
+    body; kind: RayHit of what was met.
+    """
+    depth, nx, ny = touch
+    # A real kart is where it is: its touch counts, but no blow moves it.
+    is_free = body.trust == codes.SIMULATED
+    if is_free:
+        body.x += depth * nx
+        body.y += depth * ny
+    offset = hull_of(vehicle, body, box.number).offset
+    px, py = touching_point(box, nx, ny)
+    px, py = px + offset * box.cos, py + offset * box.sin
+    vx, vy = velocity_at(body, box, px, py)
+    closing, sliding = vx * nx + vy * ny, vy * nx - vx * ny
+    lever_n, lever_t = px * ny - py * nx, px * nx + py * ny
+    mass, inertia = inertia_of(vehicle, box.number)
+    mass_n = 1.0 / (1.0 / mass + lever_n * lever_n / inertia)
+    mass_t = 1.0 / (1.0 / mass + lever_t * lever_t / inertia)
+    along, across = impulse(closing, sliding, mass_n, mass_t, material)
+    if along <= 0.0:
+        return no_blow()
+    if is_free:
+        push(body, vehicle, box, px, py, along * nx - across * ny, along * ny + across * nx)
+    return Blow(-1, -1, -1, along, -closing, nx, ny, -closing, 0.0, kind)

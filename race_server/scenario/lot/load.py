@@ -1,0 +1,235 @@
+"""Files of car parks: found by name, read value by value."""
+
+import hashlib
+import math
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from race_server.core.kernels.boxes import Box
+from race_server.core.kernels.contacts import box_on_box
+from race_server.core.lots import ROLES
+from race_server.core.vehicles import vehicle_named
+from race_server.errors import LotError, VehicleError
+from race_server.scenario.level import LEVELS
+from race_server.scenario.lot.site import course_of_lot
+from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
+from race_server.scenario.toml_reader import TomlReader
+from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.limits import MOST_OBSTACLES
+from race_server.scenario.track.lot import Blocks, Floats, Lot, People, Taken, Zone
+from race_server.scenario.track.polyline import corners_of_box
+
+MOST_ROWS = {"obstacles": MOST_OBSTACLES, "walls": MOST_OBSTACLES, "rows": 64, "zones": 32}
+MOST_SLOTS, MOST_BLOCKS, MOST_PEOPLE = 1024, 64, 32
+LARGEST = 500.0  # [m] of one side of the area
+TOUCH = 0.05  # [m] an obstacle may reach so far into a slot
+WALL = 0.1  # [m] thickness of a wall
+
+
+def lot_folders() -> list[Path]:
+    """Return the folders of lots: those in $RACE_LOTS first, then the bundled one."""
+    chosen = os.environ.get("RACE_LOTS", "")
+    folders = [Path(name) for name in chosen.split(os.pathsep) if name]
+    package = Path(__file__).parents[2] / "lots"
+    return [*folders, package if package.is_dir() else Path(__file__).parents[3] / "lots"]
+
+
+def lot_names() -> list[str]:
+    """Return the names of all lots that can be found."""
+    return sorted({path.stem for folder in lot_folders() for path in folder.glob("*.toml")})
+
+
+def load_lot(name: str) -> Course:
+    """Return the car park of a name, or of a path that ends in ``.toml``, as a course.
+
+    Raises:
+        LotError: there is no such lot, or its file is not valid.
+    """
+    paths = [folder / f"{name}.toml" for folder in lot_folders()]
+    for path in [Path(name)] if name.endswith(".toml") else paths:
+        if path.is_file() or name.endswith(".toml"):
+            return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
+    known = ", ".join(lot_names())
+    raise LotError(f"lot {name!r} is unknown; choose one of {known}, or give a .toml file")
+
+
+@cache
+def _lot_of(name: str, file: str, text: str) -> Course:
+    try:
+        words = parse_toml(text)
+    except ValueError as error:
+        raise LotError(f"{file}: no TOML: {error}") from error
+    reader = TomlReader(file, words, LotError, "lots/README.md", MOST_ROWS)
+    title = reader.text("title", name)
+    area = _area(reader)
+    obstacles = (*_walls(reader), *_obstacles(reader))
+    lot = Lot(
+        slots=_slots(reader),
+        zones=tuple(_zone(one, area) for one in reader.tables("zones")),
+        slot_size=reader.pair("slot") or (3.0, 2.0),
+        distance=reader.pair("distance") or (0.0, 0.0),
+        taken=_taken(reader.table("taken")),
+        blocks=_blocks(reader.table("blocks")),
+        people=_people(reader.table("people")),
+        vehicle=reader.text("vehicle", "kart-13"),
+        limit_s=reader.number("limit_s", 60.0, 1.0, 3600.0),
+        level=reader.choice("level", tuple(LEVELS), "parked"),
+    )
+    reader.no_more()
+    digest = hashlib.sha256(name.encode() + text.encode()).hexdigest()[:16]
+    course = course_of_lot(name, title, area, obstacles, lot, digest)
+    _check(file, course)
+    return course
+
+
+def _area(reader: TomlReader) -> tuple[float, float, float, float]:
+    x0, x1, y0, y1 = reader.row("area", reader.take("area", None), 4)
+    for low, high in ((x0, x1), (y0, y1)):
+        if not 1.0 <= high - low <= LARGEST:
+            way_out = f"give x0, x1, y0, y1 with sides of 1 to {LARGEST:g} m"
+            raise reader.wrong("area", [x0, x1, y0, y1], way_out)
+    return x0, x1, y0, y1
+
+
+def _walls(reader: TomlReader) -> list[Obstacle]:
+    walls = []
+    for x0, y0, x1, y1 in reader.rows("walls", 4, np.zeros((0, 4))):
+        length = math.hypot(x1 - x0, y1 - y0)
+        heading = math.atan2(y1 - y0, x1 - x0)
+        walls.append(Obstacle(0.5 * (x0 + x1), 0.5 * (y0 + y1), heading, length + WALL, WALL))
+    return walls
+
+
+def _obstacles(reader: TomlReader) -> list[Obstacle]:
+    rows = reader.rows("obstacles", 5, np.zeros((0, 5)))
+    for row in rows:
+        if min(row[3], row[4]) <= 0.0:
+            raise reader.wrong("obstacles", row[3:].tolist(), "length and width are positive")
+    return [Obstacle(x, y, math.radians(turn), *size) for x, y, turn, *size in rows.tolist()]
+
+
+def _slots(reader: TomlReader) -> Floats:
+    """Return the slots of all rows, shape (S, 5)."""
+    slots = []
+    for row in reader.tables("rows"):
+        x, y = row.pair("at") or (0.0, 0.0)
+        towards, heading = (math.radians(row.number(name, 0.0, -360.0, 360.0)) for name in _TURNS)
+        length, width = row.number("length", 5.0, 0.5, 50.0), row.number("width", 2.5, 0.3, 20.0)
+        pitch = row.number("pitch", width, 0.3, 60.0)
+        for number in range(round(row.number("count", 1, 1, MOST_SLOTS))):
+            at_x = x + number * pitch * math.cos(towards)
+            at_y = y + number * pitch * math.sin(towards)
+            slots.append((at_x, at_y, heading, length, width))
+        row.no_more()
+    if len(slots) > MOST_SLOTS:
+        raise reader.wrong("rows", f"{len(slots)} slots", f"give up to {MOST_SLOTS}")
+    return np.array(slots).reshape(-1, 5)
+
+
+# Of a row of slots: the direction in which they follow each other, and their own headings.
+_TURNS = ("towards", "heading")
+
+
+def _zone(reader: TomlReader, area: tuple[float, float, float, float]) -> Zone:
+    role = reader.choice("role", tuple(ROLES), "")
+    x, y = reader.pair("x") or area[:2], reader.pair("y") or area[2:]
+    for name, (low, high), (least, most) in (("x", x, area[:2]), ("y", y, area[2:])):
+        if not least <= low <= high <= most:
+            raise reader.wrong(name, [low, high], f"stay within the area, {least:g} to {most:g}")
+    heading, spread = (
+        math.radians(reader.number(name, 0.0, -360.0, 360.0)) for name in ("heading", "spread")
+    )
+    reader.no_more()
+    return Zone(role, x, y, heading, abs(spread))
+
+
+def _taken(reader: TomlReader) -> Taken:
+    taken = Taken(
+        reader.number("share", 0.0, 0.0, 1.0),
+        reader.number("length", 4.7, 0.1, 50.0),
+        reader.number("width", 1.9, 0.1, 20.0),
+    )
+    reader.no_more()
+    return taken
+
+
+def _blocks(reader: TomlReader) -> Blocks:
+    fewest, most = reader.pair("count") or (0.0, 0.0)
+    if not 0 <= fewest <= most <= MOST_BLOCKS:
+        raise reader.wrong("count", [fewest, most], f"give fewest and most, 0 to {MOST_BLOCKS}")
+    shortest, longest = reader.pair("side") or (1.0, 2.0)
+    if not 0.05 <= shortest <= longest <= 50.0:
+        raise reader.wrong("side", [shortest, longest], "give shortest and longest, 0.05 to 50 m")
+    reader.no_more()
+    return Blocks((round(fewest), round(most)), (shortest, longest))
+
+
+def _people(reader: TomlReader) -> People:
+    slowest, fastest = reader.pair("speed") or (0.8, 1.6)
+    if not 0.0 < slowest <= fastest <= 10.0:
+        raise reader.wrong("speed", [slowest, fastest], "give slowest and fastest, up to 10 m/s")
+    people = People(
+        round(reader.number("count", 0, 0, MOST_PEOPLE)),
+        (slowest, fastest),
+        reader.number("radius", 0.3, 0.05, 1.0),
+        reader.number("stops", 0.5, 0.0, 1.0),
+        reader.number("rest_s", 3.0, 0.0, 60.0),
+    )
+    reader.no_more()
+    return people
+
+
+def _check(file: str, course: Course) -> None:
+    """Check that a lot can be parked in by the vehicle that it is made for.
+
+    Raises:
+        LotError: it cannot.
+    """
+    lot = course.lot
+    assert lot is not None
+    roles = {zone.role for zone in lot.zones}
+    if not len(lot.slots) and "goal" not in roles:
+        raise LotError(f"{file}: no slot: give [[rows]] of slots or a zone with role = 'goal'")
+    if "start" not in roles:
+        raise LotError(f"{file}: no start: give a zone with role = 'start'")
+    for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):
+        if count and role not in roles:
+            raise LotError(f"{file}: [{role}] count = {count}: give a zone with role = {role!r}")
+    try:
+        vehicle = vehicle_named(lot.vehicle)
+    except VehicleError as error:
+        raise LotError(f"{file}: {error}") from error
+    sizes = lot.slots[:, 3:] if len(lot.slots) else np.array([lot.slot_size])
+    for length, width in sizes.tolist():
+        if length < vehicle.length or width < vehicle.width:
+            raise LotError(
+                f"{file}: a slot of {length:g} by {width:g} m is too small for {vehicle.name}, "
+                f"which is {vehicle.length:g} by {vehicle.width:g} m; make it larger, or choose "
+                "another vehicle"
+            )
+    _check_slots(file, course)
+
+
+def _check_slots(file: str, course: Course) -> None:
+    """Check that every slot lies in the area and under no obstacle."""
+    assert course.lot is not None
+    low, high = course.borders[:, :2].min(axis=0), course.borders[:, :2].max(axis=0)
+    for number, (x, y, heading, length, width) in enumerate(course.lot.slots.tolist()):
+        corners = corners_of_box(x, y, heading, length, width)
+        where = f"{file}: slot {number} at ({x:.2f}, {y:.2f}) m"
+        if (corners < low - 1e-6).any() or (corners > high + 1e-6).any():
+            raise LotError(f"{where} reaches out of the area; move its row")
+        for obstacle in course.obstacles:
+            block = _box(obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width)
+            if box_on_box(_box(x, y, heading, length, width), block)[0] > TOUCH:
+                raise LotError(
+                    f"{where} lies under the obstacle at ({obstacle.x:.2f}, {obstacle.y:.2f}) m; "
+                    "move one of the two"
+                )
+
+
+def _box(x: float, y: float, heading: float, length: float, width: float) -> Box:
+    return Box(x, y, math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width, 0)

@@ -1,0 +1,44 @@
+"""A car park as a course: walls around it, no line to drive along."""
+
+import numpy as np
+
+from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.lot import Lot
+from race_server.scenario.track.polyline import segments_of
+
+NO_PLACES = np.zeros((0, 3))
+
+
+def course_of_lot(
+    name: str,
+    title: str,
+    area: tuple[float, float, float, float],
+    obstacles: tuple[Obstacle, ...],
+    lot: Lot,
+    digest: str,
+) -> Course:
+    """Return a car park as a course without a line. area: x0, x1, y0, y1 [m]."""
+    x0, x1, y0, y1 = area
+    corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+    width = min(x1 - x0, y1 - y0)
+    return Course(
+        name=name,
+        title=title,
+        spacing=1.0,
+        line=np.zeros((0, 4)),
+        half_widths=np.zeros((0, 2)),
+        kerb=0.0,
+        grass=0.0,
+        borders=segments_of(corners),
+        gates=np.zeros(0),
+        sectors=(),
+        grid=NO_PLACES,
+        spots=np.zeros((0, 2)),
+        obstacles=obstacles,
+        starts=np.zeros((0, 6)),
+        width_min=width,
+        width_mean=width,
+        width_max=max(x1 - x0, y1 - y0),
+        digest=digest,
+        lot=lot,
+    )
