@@ -64,7 +64,7 @@ class Lots(NamedTuple):
     zones: Records  # (Z,) ZONE
 
 
-class Parking(NamedTuple):
+class CarPark(NamedTuple):
     """What each world of a batch has of a car park."""
 
     lots: Lots
@@ -73,9 +73,9 @@ class Parking(NamedTuple):
     walkers: Records  # (W, P) WALKER
 
 
-def empty_parking(worlds: int, vehicles: int, blocks: int, people: int, lots: Lots) -> Parking:
+def empty_parking(worlds: int, vehicles: int, blocks: int, people: int, lots: Lots) -> CarPark:
     """Return the car parks of `worlds` worlds, in which nothing stands yet."""
-    return Parking(
+    return CarPark(
         lots=lots,
         parkers=np.zeros((worlds, vehicles), PARKER),
         blocks=np.zeros((worlds, blocks), BLOCK),
@@ -83,14 +83,14 @@ def empty_parking(worlds: int, vehicles: int, blocks: int, people: int, lots: Lo
     )
 
 
-def part_of_parking(parking: Parking, cut: slice) -> Parking:
+def part_of_parking(parking: CarPark, cut: slice) -> CarPark:
     """Return some of the worlds as a view that shares their memory."""
     return parking._replace(
         parkers=parking.parkers[cut], blocks=parking.blocks[cut], walkers=parking.walkers[cut]
     )
 
 
-def bytes_of(parking: Parking, index: int) -> list[bytes]:
+def bytes_of(parking: CarPark, index: int) -> list[bytes]:
     """Return what the digest of one world takes of its car park; nothing in a race."""
     rows: tuple[Any, ...] = (parking.parkers, parking.blocks, parking.walkers)
     return [np.ascontiguousarray(records[index]).tobytes() for records in rows]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.core.lots import Parking, bytes_of, part_of_parking
+from race_server.core.lots import CarPark, bytes_of, part_of_parking
 from race_server.core.records import Record as Record
 from race_server.core.records import Records as Records
 from race_server.core.records import fields_of, record_of
@@ -206,7 +206,7 @@ class World(NamedTuple):
     sight: SensorData
     walls: Walls  # `rules[w].course` is the number of a world's site, its course and its lot
     route: Route
-    parking: Parking
+    parking: CarPark
 
 
 def empty_world(
@@ -218,7 +218,7 @@ def empty_world(
     sight: SensorData,
     walls: Walls,
     route: Route,
-    parking: Parking,
+    parking: CarPark,
 ) -> World:
     """Return a world in which nothing is placed yet."""
     return World(

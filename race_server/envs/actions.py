@@ -10,7 +10,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.state import Float32s, Floats, Record
 from race_server.errors import ScenarioError
 
-CONTINUOUS, RISING, DISCRETE, CONTROL, RESIDUAL, INCREMENTS = range(6)
+CONTINUOUS, RISING, DISCRETE, CONTROL, RESIDUAL, INCREMENTS, PEDAL, MOTOR, BRAKED = range(9)
 ACTIONS = {
     "continuous": CONTINUOUS,
     "report_b": RISING,
@@ -18,9 +18,22 @@ ACTIONS = {
     "discrete": DISCRETE,
     "control": CONTROL,
     "residual": RESIDUAL,
+    "park": PEDAL,
+    "report_a_1": MOTOR,
+    "report_a": BRAKED,
 }
 # Numbers of an action, by kind.
-WIDTHS = {CONTINUOUS: 3, RISING: 2, DISCRETE: 1, CONTROL: 4, RESIDUAL: 6, INCREMENTS: 2}
+WIDTHS = {
+    CONTINUOUS: 3,
+    RISING: 2,
+    DISCRETE: 1,
+    CONTROL: 4,
+    RESIDUAL: 6,
+    INCREMENTS: 2,
+    PEDAL: 2,
+    MOTOR: 2,
+    BRAKED: 3,
+}
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
 # speed that is set is at least 0.1 m/s, so that a policy cannot stall. It prints 0 to 1 for the
@@ -111,6 +124,9 @@ def read_action(
         for index in range(4):
             control[index] = float(action[index])
         return
+    if kind in (PEDAL, MOTOR, BRAKED):
+        _drive_in_lot(kind, action, kart, control)
+        return
     drive, steering, item = 0.0, 0.0, 0.0
     if kind == CONTINUOUS:
         drive, steering, item = float(action[0]), float(action[1]), float(action[2])
@@ -126,6 +142,21 @@ def read_action(
     if kart.rescue_offered:
         buttons |= codes.ACCEPT_RESCUE
     control[3] = buttons
+
+
+@kernel
+def _drive_in_lot(kind: int, action: Float32s, kart: Driven, control: Floats) -> None:
+    """Fill `control`, (4,), from pedals and steering, (A,), without a button.
+
+    With one pedal a vehicle brakes before it turns round; with a motor, it only pushes.
+    """
+    control[0] = float(action[1])
+    control[1], control[2] = float(action[0]), 0.0
+    control[3] = 0.0
+    if kind == PEDAL:
+        _press(float(action[0]), kart, control)
+    elif kind == BRAKED:
+        control[2] = max(float(action[2]), 0.0)
 
 
 @kernel

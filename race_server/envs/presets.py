@@ -1,11 +1,13 @@
-"""Tasks to begin with: a race among all, a race among scripted karts, a time trial."""
+"""Tasks to begin with: a race among all or among scripted karts, a time trial, parking."""
 
 from dataclasses import replace
 from typing import Any
 
 from race_server.core.vehicles import vehicle_named
+from race_server.envs.parking import Parking
 from race_server.envs.racing import Racing
 from race_server.envs.task import Task
+from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
@@ -108,3 +110,28 @@ def time_trial_task(
     }
     scenario = scenario_on(track, karts=1, vehicle=vehicle, rules=rules, lidar=lidar)
     return task_on((scenario,), **{**defaults, **options})
+
+
+def parking_task(
+    lot: str = "yard-70",
+    *,
+    vehicles: int = 1,
+    vehicle: str = "",
+    level: str = "",
+    limit_s: float = 0.0,
+    **options: Any,
+) -> Task:
+    """Return vehicles that drive to slots of a lot; options as for `Task` and `Parking`.
+
+    vehicle, level, limit_s: as the lot says, unless given. A decision takes 0.1 s.
+    """
+    scenario = parking_scenario(
+        lot, vehicles=vehicles, vehicle=vehicle, level=level, limit_s=limit_s
+    )
+    defaults: dict[str, Any] = {
+        "observation": "park",
+        "action": "park",
+        "reward": "park",
+        "decision_ticks": 6,
+    }
+    return Task((scenario,), Parking()).with_options(**{**defaults, **options})

@@ -7,9 +7,12 @@ from gymnasium import spaces
 
 from race_server.core.observation import Layout
 from race_server.envs.actions import (
+    BRAKED,
     CONTINUOUS,
     CONTROL,
     INCREMENTS,
+    MOTOR,
+    PEDAL,
     RESIDUAL,
     RISING,
     action_kind,
@@ -31,6 +34,8 @@ def action_space(action: str) -> spaces.Space[Any]:
     control: what a driver sends, steering [-1, 1], throttle [-1, 1], brake [0, 1], buttons 0 to 3.
     residual: advice to a scripted driver, each [-1, 1]: aside (left positive), faster, item, and,
     above zero alone, faster where no bend forbids it, closer to the kart ahead, fetch a box.
+    park: one pedal [-1, 1] (ahead, or back; it brakes first) and steering [-1, 1]. report_a_1:
+    motor [-1, 1] and steering [-1, 1]; report_a: a brake [0, 1] besides.
     """
     kind = action_kind(action)
     if kind == RESIDUAL:
@@ -40,6 +45,10 @@ def action_space(action: str) -> spaces.Space[Any]:
     if kind in (RISING, INCREMENTS):
         lows = np.array([0 if kind == RISING else -1, -1], np.float32)
         return spaces.Box(lows, np.ones(2, np.float32))
+    if kind in (PEDAL, MOTOR):
+        return spaces.Box(-np.ones(2, np.float32), np.ones(2, np.float32))
+    if kind == BRAKED:
+        return spaces.Box(np.array([-1, -1, 0], np.float32), np.ones(3, np.float32))
     if kind == CONTROL:
         highs = np.array([1, 1, 1, 3], np.float32)
         return spaces.Box(np.array([-1, -1, 0, 0], np.float32), highs)

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from race_server.core import codes
 from race_server.core.kernels.boxes import (
     Box,
@@ -163,7 +165,8 @@ def _meet_walls(
                 x1, y1 = walls.segments[wall, 2], walls.segments[wall, 3]
                 depth, nx, ny = box_on_segment(box, x0, y0, x1, y1)
                 if depth > 0.0:
-                    kind = int(walls.kinds[wall])
+                    # Of one type with the kinds of blocks.
+                    kind = int(np.int64(walls.kinds[wall]))
                     blow = _meet_solid(body, vehicle, box, (depth, nx, ny), kind, material)
                     if first.impulse == 0.0 and blow.closing > softest:
                         first = blow

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from race_server.core.clock import ticks_of
-from race_server.core.lots import LOT, ROLES, SLOT, ZONE, Lots, Parking, empty_parking
+from race_server.core.lots import LOT, ROLES, SLOT, ZONE, CarPark, Lots, empty_parking
 from race_server.core.records import Records
 from race_server.scenario.track.lot import Lot
 
@@ -24,7 +24,7 @@ def pack_lots(lots: Sequence[Lot | None]) -> Lots:
     return Lots(headers, np.concatenate(slots), np.concatenate(zones))
 
 
-def make_parking(lots: Sequence[Lot | None], worlds: int, karts: int) -> Parking:
+def make_parking(lots: Sequence[Lot | None], worlds: int, karts: int) -> CarPark:
     """Return the car parks of `worlds` worlds that may be at any of these lots, still empty."""
     real = [lot for lot in lots if lot is not None]
     if not real:

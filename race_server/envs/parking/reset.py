@@ -1,0 +1,56 @@
+"""New rounds of parking: another lot is drawn, and every vehicle begins again."""
+
+from typing import NamedTuple
+
+from race_server.core import codes
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.stages.grid import line_up
+from race_server.core.stages.lot_draw import draw_lot
+from race_server.core.state import Records, World
+from race_server.envs.buffers import Buffers
+from race_server.envs.rounds import begin_episode, forget_kart, next_round, seed_of_round
+
+
+class LotTemplates(NamedTuple):
+    """What each scenario's world looks like before its lot is drawn."""
+
+    races: Records  # (S,) RACE
+    rules: Records  # (S,) RULES
+    bodies: Records  # (S, K) BODY
+    racers: Records  # (S, K) RACER
+    players: Records  # (S, K) PLAYER
+    vehicles: Records  # (S, K) VEHICLE
+    parkers: Records  # (S, K) PARKER
+
+
+@large_kernel
+def begin_round(world: World, buffers: Buffers, templates: LotTemplates, w: int) -> None:
+    """Draw a scenario for one world, then its lot, and put every vehicle at its start."""
+    scenario = next_round(buffers, w)
+    world.races[w] = templates.races[scenario]
+    world.rules[w] = templates.rules[scenario]
+    world.races[w].seed = seed_of_round(buffers, w)
+    for k in range(world.bodies.shape[1]):
+        world.bodies[w, k] = templates.bodies[scenario, k]
+        world.racers[w, k] = templates.racers[scenario, k]
+        world.players[w, k] = templates.players[scenario, k]
+        world.vehicles[w, k] = templates.vehicles[scenario, k]
+        world.parking.parkers[w, k] = templates.parkers[scenario, k]
+        forget_kart(buffers, w, k)
+    draw_lot(world, w)
+    line_up(world, w)
+    for k in range(buffers.rewards.shape[1]):
+        _begin_way(world, buffers, w, k)
+
+
+@kernel
+def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
+    """Begin a new episode of one learning vehicle."""
+    begin_episode(world, buffers, w, k, world.bodies[w, k].status == codes.ABSENT)
+    episode = buffers.episodes[w, k]
+    episode.parked = 0
+    episode.ending = 0
+    episode.walked_into = 0
+    episode.moves = 0
+    episode.ticks = 0
+    episode.turn = episode.way = episode.reversed = 0.0

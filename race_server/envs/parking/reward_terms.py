@@ -1,0 +1,177 @@
+"""Reward terms of parking: their names, the tables that weigh them, and how they are measured."""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from race_server.core import codes
+from race_server.core.kernels.boxes import hull_of
+from race_server.core.kernels.jit import kernel
+from race_server.core.rules.parking import stand_in
+from race_server.core.state import World
+from race_server.envs.buffers import Buffers
+from race_server.envs.decision import close_episode, weigh_terms
+
+# What each term measures over one decision of one vehicle. The order is that of the numbers below;
+# a test holds the two together. A share is the part of the time limit that a decision takes, so
+# that what adds up over an episode does not depend on how long it may last.
+TERMS: Mapping[str, str] = MappingProxyType(
+    {
+        "parked": "1 if the vehicle is parked now",
+        "aligned": "1 if it is parked now, within 10° of its slot's heading",
+        "misparked": "1 if it is parked now, further off",
+        "crash": "1 if it ran into a wall, a block, a vehicle or a person and is out",
+        "person": "1 if that was a person",
+        "left": "1 if it is too far from its slot and out",
+        "late": "1 if the time is up",
+        "time": "share of the time limit",
+        "reversing": "that share while the throttle is negative",
+        "steering_wide": "that share while the wheels are turned by more than 15°",
+        "standing": "that share while it stands",
+        "goal_distance": "distance to the slot [m], times that share",
+        "goal_progress": "metres gained towards the slot",
+        "goal_turn": "radians gained towards the slot's heading, the more the nearer: "
+        "divided by 1 + the distance [m]",
+        "steering_change": "change of the wanted steering, as a share of the limit",
+    }
+)
+
+_REPORT_A = {"parked": 1.0, "late": -1.0, "left": -1.0, "time": -1.0}
+REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        # Report on automatic parking of a kart, 2022. Its first configuration; its second, whose
+        # penalties of 0.001 a step are 0.6 of a minute of 600 steps; its final one, with the
+        # penalty of the distance in metres, and without.
+        "report_a_1": _REPORT_A,
+        "report_a_2": {
+            **_REPORT_A,
+            "reversing": -0.6,
+            "steering_wide": -0.6,
+            "misparked": -0.5,
+        },
+        "report_a_distance": {
+            "parked": 1.0,
+            "late": -1.0,
+            "reversing": -1.0,
+            "steering_wide": -1.0,
+            "goal_distance": -1.0,
+            "misparked": -1.0,
+        },
+        "report_a": {
+            "parked": 1.0,
+            "late": -1.0,
+            "reversing": -1.0,
+            "steering_wide": -1.0,
+            "misparked": -1.0,
+        },
+        # A crash costs more than what is left of all penalties, or crashing would pay.
+        "park": {
+            "parked": 1.0,
+            "aligned": 1.0,
+            "crash": -1.5,
+            "left": -1.5,
+            "late": -0.5,
+            "time": -0.5,
+            "goal_progress": 0.03,
+            "goal_turn": 0.1,
+        },
+    }
+)
+
+PARKED, ALIGNED, MISPARKED, CRASH, PERSON, LEFT, LATE, TIME, REVERSING = range(9)
+STEERING_WIDE, STANDING, GOAL_DISTANCE, GOAL_PROGRESS, GOAL_TURN, STEERING_CHANGE = range(9, 15)
+
+# A parked vehicle is aligned within this angle, and steers widely beyond the other [rad].
+ALIGNED_WITHIN, WIDE = math.radians(10.0), math.radians(15.0)
+STANDS_BELOW = 0.05  # [m/s]
+
+# How an episode ended, by `episode.ending`.
+ENDINGS = ("open", "parked", "late", "left", "wall", "block", "vehicle", "person")
+OPEN, IS_PARKED, IS_LATE, HAS_LEFT, MET_WALL, MET_BLOCK, MET_VEHICLE, MET_PERSON = range(8)
+
+
+@kernel
+def snapshot(world: World, buffers: Buffers, w: int) -> None:
+    """Record where the learning vehicles stand before a decision."""
+    for k in range(buffers.rewards.shape[1]):
+        before, parker = buffers.before[w, k], world.parking.parkers[w, k]
+        stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
+        before.distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
+        before.turn = abs(stand.turn)
+
+
+@kernel
+def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
+    """Compute terms, reward and end of a learning vehicle's decision; return whether it is over.
+
+    Fills `buffers.terms[w, k]`, (T,), in the order of TERMS.
+    """
+    ending = _ending_of(world, w, k)
+    _measure(world, buffers, w, k, ending)
+    weigh_terms(buffers, w, k)
+    _record_figures(world, buffers, w, k, ending)
+    # Time that runs out cuts an episode off, unless the task calls it an end.
+    is_late = ending == IS_LATE and buffers.settings[0].late_ends == 0.0
+    return close_episode(buffers, w, k, ending != OPEN and not is_late, is_late)
+
+
+@kernel
+def _ending_of(world: World, w: int, k: int) -> int:
+    """Return how a vehicle's way has ended, see ENDINGS."""
+    body, racer, parker = world.bodies[w, k], world.racers[w, k], world.parking.parkers[w, k]
+    if body.status == codes.FINISHED:
+        return IS_PARKED
+    if body.status != codes.RETIRED:
+        return OPEN
+    if racer.retired_for == codes.TIME_OUT:
+        return IS_LATE
+    if racer.retired_for == codes.LEFT_LOT:
+        return HAS_LEFT
+    if racer.retired_for == codes.HIT_PERSON:
+        return MET_PERSON
+    if parker.touched == codes.KART_HIT:
+        return MET_VEHICLE
+    return MET_BLOCK if parker.touched == codes.OBSTACLE else MET_WALL
+
+
+@kernel
+def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int) -> None:
+    """Measure the terms of one learning vehicle. ending: see ENDINGS."""
+    body, parker = world.bodies[w, k], world.parking.parkers[w, k]
+    before, terms = buffers.before[w, k], buffers.terms[w, k]
+    stand = stand_in(parker, hull_of(world.vehicles[w, k], body, 0))
+    distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
+    turn = abs(stand.turn)
+    limit = max(world.rules[w].limit_ticks, 1)
+    share = buffers.settings[0].decision_ticks / limit
+    is_aligned = turn <= ALIGNED_WITHIN
+    terms[PARKED] = 1.0 if ending == IS_PARKED else 0.0
+    terms[ALIGNED] = 1.0 if ending == IS_PARKED and is_aligned else 0.0
+    terms[MISPARKED] = 1.0 if ending == IS_PARKED and not is_aligned else 0.0
+    terms[CRASH] = 1.0 if ending >= MET_WALL else 0.0
+    terms[PERSON] = 1.0 if ending == MET_PERSON else 0.0
+    terms[LEFT] = 1.0 if ending == HAS_LEFT else 0.0
+    terms[LATE] = 1.0 if ending == IS_LATE else 0.0
+    terms[TIME] = share
+    terms[REVERSING] = share if body.throttle < 0.0 else 0.0
+    terms[STEERING_WIDE] = share if abs(body.steering) > WIDE else 0.0
+    terms[STANDING] = share if abs(body.speed) < STANDS_BELOW else 0.0
+    terms[GOAL_DISTANCE] = distance * share
+    terms[GOAL_PROGRESS] = before.distance - distance
+    terms[GOAL_TURN] = (before.turn - turn) / (1.0 + distance)
+    terms[STEERING_CHANGE] = abs(body.steering_command - before.steering)
+    before.steering = body.steering_command
+
+
+@kernel
+def _record_figures(world: World, buffers: Buffers, w: int, k: int, ending: int) -> None:
+    """Record what a learning vehicle's episode has come to so far."""
+    parker, episode = world.parking.parkers[w, k], buffers.episodes[w, k]
+    stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
+    episode.parked = 1 if ending == IS_PARKED else 0
+    episode.ending = ending
+    episode.turn = abs(stand.turn)
+    episode.way, episode.reversed = parker.way, parker.reversed
+    episode.moves = parker.moves
+    episode.walked_into = parker.walked_into
+    episode.ticks = world.races[w].tick - world.races[w].start_tick
