@@ -15,7 +15,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
 from race_server.envs.kart_agents import KartAgents, Vector
-from race_server.envs.presets import race_task
+from race_server.envs.presets import parking_task, race_task
 from race_server.envs.spaces import observation_space
 from race_server.envs.task import Task
 
@@ -133,3 +133,17 @@ def parallel_env(**options: Any) -> KartRace:
 def env(**options: Any) -> AECEnv[str, Vector, Any]:
     """Return a race as a PettingZoo environment in which agents take turns."""
     return parallel_to_aec(parallel_env(**options))
+
+
+def parallel_lot(
+    lot: str = "yard-70", vehicles: int = 4, max_cycles: int = 0, **options: Any
+) -> KartRace:
+    """Return vehicles that park, each in its slot; options as for `parking_task`."""
+    render_mode = options.pop("render_mode", None)
+    task = parking_task(lot, vehicles=vehicles, **options)
+    return KartRace(task, max_cycles=max_cycles, render_mode=render_mode)
+
+
+def lot(**options: Any) -> AECEnv[str, Vector, Any]:
+    """Return the same as a PettingZoo environment in which agents take turns."""
+    return parallel_to_aec(parallel_lot(**options))

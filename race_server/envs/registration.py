@@ -7,22 +7,32 @@ import gymnasium
 
 RACE = "Kart/Race-v0"
 TIME_TRIAL = "Kart/TimeTrial-v0"
+PARK, PARK_GOAL, LOT = "Kart/Park-v0", "Kart/ParkGoal-v0", "Kart/Lot-v0"
+# What makes one environment, and what makes a vector of them, by id.
+MAKERS = {
+    TIME_TRIAL: ("single:time_trial", "vector:time_trial_vector"),
+    RACE: ("single:race", "vector:race_vector"),
+    PARK: ("parking.single:park", "parking.single:park_vector"),
+    PARK_GOAL: ("parking.single:park_goal", None),
+}
 
 
 def register_gymnasium() -> None:
     """Make the ids known to Gymnasium, once."""
-    for name, function in ((TIME_TRIAL, "time_trial"), (RACE, "race")):
+    for name, (one, many) in MAKERS.items():
         if name not in gymnasium.registry:
             gymnasium.register(
                 name,
-                entry_point=f"race_server.envs.single:{function}",
-                vector_entry_point=f"race_server.envs.vector:{function}_vector",
+                entry_point=f"race_server.envs.{one}",
+                vector_entry_point=f"race_server.envs.{many}" if many else None,
             )
 
 
 def register_pettingzoo() -> None:
-    """Make the race known to PettingZoo, as a parallel and as a turn-based environment."""
+    """Make races and car parks known to PettingZoo, parallel and turn by turn."""
     from pettingzoo.env_registry.registration import register
 
     register("parallel", RACE, entry_point="race_server.envs.parallel:parallel_env")
     register("aec", RACE, entry_point="race_server.envs.parallel:env")
+    register("parallel", LOT, entry_point="race_server.envs.parallel:parallel_lot")
+    register("aec", LOT, entry_point="race_server.envs.parallel:lot")

@@ -58,7 +58,10 @@ class OneKart(gymnasium.Env[Any, Any]):
             "reward_terms": dict(zip(batch.terms, buffers.terms[0, 0].tolist(), strict=True))
         }
         if is_over or is_cut:
-            info["lap_times"] = batch.episode_of(0, 0)
+            outcome = batch.episode_of(0, 0)
+            info[batch.task.discipline.outcome] = outcome
+            if "is_success" in outcome:
+                info["is_success"] = outcome["is_success"]
         return (
             buffers.observations[0, 0].copy(),
             float(buffers.rewards[0, 0]),

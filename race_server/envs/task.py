@@ -48,6 +48,10 @@ class Discipline(Protocol):
     def sensors(self) -> int:
         """Sensors that rewards and ends need on learning karts, bits of `codes`."""
 
+    @property
+    def outcome(self) -> str:
+        """The key of an episode's figures in what Gymnasium calls `info`."""
+
     def scenarios_of(self, task: "Task") -> tuple[Scenario, ...]:
         """Return all scenarios that a reset may draw."""
 

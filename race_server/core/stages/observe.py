@@ -6,7 +6,7 @@ from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.kernels.course import place_on_reference
 from race_server.core.kernels.geometry import wrap_angle
-from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, USES
 from race_server.core.stages import observed_parts as part
 from race_server.core.stages.observe_around import fill_karts, fill_things, offset_from
@@ -18,7 +18,7 @@ from race_server.core.state import Float32s, Ints, Record, World
 LOOK_AHEAD_S = 0.1
 
 
-@kernel
+@large_kernel
 def observe(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
     """Fill `out` (size,) with what kart k of world w sees.
 

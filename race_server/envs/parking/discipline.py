@@ -33,6 +33,7 @@ class Parking:
     terms: ClassVar[Mapping[str, str]] = TERMS
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = REWARDS
     figures: ClassVar[Figures] = Figures(BEFORE, EPISODE)
+    outcome: ClassVar[str] = "parking"
     sensors: ClassVar[int] = 0
 
     @property

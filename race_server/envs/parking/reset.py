@@ -54,3 +54,4 @@ def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
     episode.moves = 0
     episode.ticks = 0
     episode.turn = episode.way = episode.reversed = 0.0
+    buffers.before[w, k].steering = 0.0

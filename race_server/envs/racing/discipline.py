@@ -45,6 +45,7 @@ class Racing:
     terms: ClassVar[Mapping[str, str]] = TERMS
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = REWARDS
     figures: ClassVar[Figures] = Figures(BEFORE, EPISODE)
+    outcome: ClassVar[str] = "lap_times"
 
     @property
     def settings(self) -> Mapping[str, float]:

@@ -1,0 +1,123 @@
+"""Goals apart from observations, as hindsight experience replay needs them.
+
+A goal is a pose in the frame of the lot, with the speed there: (x, y, cos, sin, speed), lengths in
+tens of metres, speed as a share of the vehicle's top speed. The reward is a plain function of two
+such goals, so that a replay buffer may ask what it would have been for another one.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from race_server.core.observation import Layout
+from race_server.envs.task import Task
+from race_server.errors import ScenarioError
+from race_server.scenario.level import Level, level_named
+
+Array = NDArray[Any]
+
+OWN = (
+    *("radar", "radar_before", "speed", "lateral_speed", "yaw_rate", "steering"),
+    *("heading_cos", "heading_sin"),
+)
+POSE = ("position_x", "position_y")
+SLOT = ("slot_x", "slot_y", "slot_heading")
+PARTS = (*OWN, *POSE, *SLOT)
+METRES = 10.0  # that make 1 in a goal
+# Of the dense reward: how much each number of a goal counts.
+WEIGHTS = np.array([1.0, 1.0, 0.2, 0.2, 0.05])
+REWARDS = ("sparse", "dense")
+CRASH = -5.0
+
+
+@dataclass(frozen=True)
+class GoalView:
+    """Splits what a vehicle sees into observation, achieved goal and desired goal."""
+
+    layout: Layout
+    level: Level
+    top_speed: float  # [m/s]
+    reward: str = "sparse"
+
+    @staticmethod
+    def of(task: Task, layout: Layout, reward: str) -> "GoalView":
+        """Return the view of a task whose observation is `PARTS`.
+
+        Raises:
+            ScenarioError: there is no such reward.
+        """
+        if reward not in REWARDS:
+            raise ScenarioError(f"reward {reward!r}: choose one of {', '.join(REWARDS)}")
+        scenario = task.scenarios[0]
+        assert scenario.course.lot is not None
+        level = scenario.level or level_named(scenario.course.lot.level)
+        return GoalView(layout, level, scenario.vehicle_of(0).top_speed, reward)
+
+    @property
+    def space(self) -> spaces.Dict:
+        """The space of what `split` returns."""
+        own = np.concatenate([np.arange(self.layout.size)[self.layout.slices[n]] for n in OWN])
+        low, high = self.layout.lows()[own], self.layout.highs()[own]
+        goal = np.array([100.0, 100.0, 1.0, 1.0, 10.0], np.float32)
+        return spaces.Dict(
+            {
+                "observation": spaces.Box(low, high, dtype=np.float32),
+                "achieved_goal": spaces.Box(-goal, goal, dtype=np.float32),
+                "desired_goal": spaces.Box(-goal, goal, dtype=np.float32),
+            }
+        )
+
+    def split(self, seen: Array) -> dict[str, Array]:
+        """Return what is seen, (..., size), by name; goals have the shape (..., 5)."""
+        part = {name: seen[..., place] for name, place in self.layout.slices.items()}
+        heading = part["slot_heading"]
+        achieved = [part[name] / METRES for name in POSE]
+        achieved += [part["heading_cos"], part["heading_sin"], part["speed"] / self.top_speed]
+        desired = [part["slot_x"] / METRES, part["slot_y"] / METRES]
+        desired += [np.cos(heading), np.sin(heading), np.zeros_like(heading)]
+        own = [part[name] for name in OWN]
+        columns = {"observation": own, "achieved_goal": achieved, "desired_goal": desired}
+        return {
+            name: np.concatenate(parts, axis=-1).astype(np.float32)
+            for name, parts in columns.items()
+        }
+
+    def rewards(
+        self, achieved: Array, desired: Array, infos: Mapping[str, Any] | Sequence[Any]
+    ) -> Array:
+        """Return the rewards, shape (n,), or a number for goals of the shape (5,).
+
+        achieved, desired: (n, 5) or (5,); infos: of each step; one with `crashed` costs more,
+        whatever the goal.
+        """
+        if self.reward == "sparse":
+            reward = self._is_reached(achieved, desired).astype(np.float64) - 1.0
+        else:
+            reward = -np.sqrt(np.abs(achieved - desired) @ WEIGHTS)
+        if isinstance(infos, Mapping):
+            return np.asarray(reward + CRASH * bool(infos.get("crashed", False)))
+        crashed = np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
+        return np.asarray(reward + CRASH * crashed)
+
+    def _is_reached(self, achieved: Array, desired: Array) -> Array:
+        """Return where a goal is reached within the tolerances of the level."""
+        dx, dy = np.moveaxis(METRES * (achieved - desired)[..., :2], -1, 0)
+        cos, sin = np.moveaxis(desired[..., 2:4], -1, 0)
+        along, across = dx * cos + dy * sin, dy * cos - dx * sin
+        straight = achieved[..., 2] * cos + achieved[..., 3] * sin  # cosine of the turn
+        level, holds = self.level, np.ones(np.shape(dx), np.bool_)
+        if level.within:
+            holds &= np.hypot(along, across) < level.within
+        if level.along:
+            holds &= np.abs(along) < level.along
+        if level.across:
+            holds &= np.abs(across) < level.across
+        if level.turn:
+            holds &= straight >= np.cos(level.turn)
+        if level.still:
+            holds &= np.abs(achieved[..., 4]) * self.top_speed < level.still
+        return holds

@@ -1,0 +1,85 @@
+"""Gymnasium: one vehicle that parks (`Kart/Park-v0`), and with goals apart (`Kart/ParkGoal-v0`)."""
+
+from typing import Any
+
+import gymnasium
+from numpy.typing import NDArray
+
+from race_server.envs.parking.goal import PARTS, GoalView
+from race_server.envs.presets import parking_task
+from race_server.envs.single import OneKart
+from race_server.envs.vector import KartVectorEnv
+
+Goals = dict[str, NDArray[Any]]
+
+
+class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
+    """One vehicle that drives to its slot; observations are dictionaries with goals."""
+
+    metadata = OneKart.metadata
+
+    def __init__(self, kart: OneKart, reward: str) -> None:
+        """Take the only vehicle of a task.
+
+        reward: sparse (0 within the tolerances, otherwise -1) or dense.
+
+        Raises:
+            ScenarioError: there is no such reward.
+        """
+        self.kart = kart
+        self.render_mode = kart.render_mode
+        self.view = GoalView.of(kart.batch.task, kart.batch.layout, reward)
+        self.observation_space: gymnasium.Space[Any] = self.view.space
+        self.action_space = kart.action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Goals, dict[str, Any]]:
+        """Begin a new way; with a seed the same one again. Options are not used."""
+        super().reset(seed=seed)
+        seen, info = self.kart.reset(seed=seed)
+        return self.view.split(seen), info
+
+    def step(self, action: Any) -> tuple[Goals, float, bool, bool, dict[str, Any]]:
+        """Move the vehicle on by one decision."""
+        seen, _, is_over, is_cut, info = self.kart.step(action)
+        info["crashed"] = bool(info["reward_terms"]["crash"])
+        split = self.view.split(seen)
+        reward = self.compute_reward(split["achieved_goal"], split["desired_goal"], info)
+        return split, float(reward), is_over, is_cut, info
+
+    def compute_reward(
+        self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
+    ) -> NDArray[Any]:
+        """Return the reward for goals (n, 5) or (5,); see `GoalView.rewards`."""
+        return self.view.rewards(achieved_goal, desired_goal, info)
+
+    def render(self) -> Any:
+        """Return the lot as a picture (`rgb_array`), or show it in a window (`human`)."""
+        return self.kart.render()
+
+    def close(self) -> None:
+        """Close the window."""
+        self.kart.close()
+
+
+def park(lot: str = "yard-70", render_mode: str | None = None, **options: Any) -> OneKart:
+    """Return one vehicle that drives to its slot; options as for `parking_task`."""
+    return OneKart(parking_task(lot, **options), render_mode=render_mode)
+
+
+def park_vector(num_envs: int = 1, lot: str = "yard-70", **options: Any) -> KartVectorEnv:
+    """Return `num_envs` vehicles, each alone in its lot."""
+    return KartVectorEnv(parking_task(lot, **options), worlds=num_envs)
+
+
+def park_goal(
+    lot: str = "zone-30",
+    render_mode: str | None = None,
+    reward: str = "sparse",
+    level: str = "goal",
+    **options: Any,
+) -> ParkGoal:
+    """Return one vehicle with goals apart from observations; options as for `parking_task`."""
+    task = parking_task(lot, level=level, **{**options, "observation": PARTS})
+    return ParkGoal(OneKart(task, render_mode=render_mode), reward)
