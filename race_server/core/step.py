@@ -7,7 +7,7 @@ compiled decision calls it for each world, between reading actions and computing
 
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
-from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.jit import kernel, large_kernel, written_out
 from race_server.core.stages.allowances import set_allowances
 from race_server.core.stages.contacts import find_contact_pairs
 from race_server.core.stages.controls import take_controls
@@ -39,7 +39,7 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
         advance_world(world, w, controls[w], ticks)
 
 
-@kernel
+@written_out
 def advance_world(world: World, w: int, controls: Floats, ticks: int) -> None:
     """Move one world on by `ticks` ticks under the same controls, shape (K, 4)."""
     take_controls(world.bodies[w], controls)

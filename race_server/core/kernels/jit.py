@@ -99,6 +99,8 @@ def written_out(function: Function) -> Function:
     """Compile `function` only where it is called, as if it were written there.
 
     For what returns a record inside a tuple, which numba cannot return from a compiled function.
+    And for what only calls something large: a kernel is optimised together with all that it calls,
+    so that each rung of a ladder of calls costs seconds of compiling.
     """
     return _compiled(function, inlined=True, inline="always")
 
@@ -106,11 +108,8 @@ def written_out(function: Function) -> Function:
 def _compiled(function: Function, *, inlined: bool, **more: Any) -> Function:
     if INTERPRET:
         return function
-    import numba
+    from race_server.core.kernels.dispatcher import Kernel
 
-    from race_server.core.kernels.disk_cache import DiskCache
-
-    numba.config.CACHE_DIR = str(kernel_cache())  # type: ignore[attr-defined]  # untyped setting
     settings: dict[str, Any] = {
         "nogil": True,
         "error_model": "numpy",
@@ -119,9 +118,7 @@ def _compiled(function: Function, *, inlined: bool, **more: Any) -> Function:
         "_nrt": False,
         **more,
     }
-    dispatcher = numba.njit(**settings)(function)
-    dispatcher._cache = DiskCache(function)  # as its `enable_caching`, which knows no other cache
-    return cast("Function", dispatcher)
+    return cast("Function", Kernel(function, settings, str(kernel_cache())))
 
 
 def bind(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
@@ -132,10 +129,5 @@ def bind(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
     """
     if INTERPRET:
         return partial(function, *arguments)
-    import numba
-
-    dispatcher: Any = function
-    typeof: Any = numba.typeof
-    signature = tuple(typeof(argument) for argument in arguments)
-    dispatcher.compile(signature)
-    return partial(dispatcher.overloads[signature].entry_point, *arguments)
+    kernel_object: Any = function
+    return partial(kernel_object.entry_for(arguments), *arguments)

@@ -1,7 +1,7 @@
 """One decision of every race, in order: the training world's counterpart of `core/step.py`."""
 
 from race_server.core import codes
-from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.jit import kernel, written_out
 from race_server.core.state import World
 from race_server.core.step import advance_world
 from race_server.envs.buffers import REENTER, RESET_WORLD, Buffers
@@ -36,7 +36,7 @@ def restart(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
         write_observations(world, buffers, w)
 
 
-@kernel
+@written_out
 def _replace_what_is_over(world: World, buffers: Buffers, templates: RaceTemplates, w: int) -> None:
     """Begin a new round, or let single karts re-enter, as `settings.after` says."""
     after = buffers.settings[0].after

@@ -18,12 +18,17 @@ from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.toml_reader import TomlReader
 from race_server.scenario.track.course import Course, Obstacle
-from race_server.scenario.track.limits import MOST_OBSTACLES
+from race_server.scenario.track.limits import (
+    MOST_BLOCKS,
+    MOST_OBSTACLES,
+    MOST_PEOPLE,
+    MOST_SLOTS,
+    MOST_ZONES,
+)
 from race_server.scenario.track.lot import Blocks, Floats, Lot, People, Taken, Zone
 from race_server.scenario.track.polyline import corners_of_box
 
-MOST_ROWS = {"obstacles": MOST_OBSTACLES, "walls": MOST_OBSTACLES, "rows": 64, "zones": 32}
-MOST_SLOTS, MOST_BLOCKS, MOST_PEOPLE = 1024, 64, 32
+MOST_ROWS = {"obstacles": MOST_OBSTACLES, "walls": MOST_OBSTACLES, "rows": 64, "zones": MOST_ZONES}
 LARGEST = 500.0  # [m] of one side of the area
 TOUCH = 0.05  # [m] an obstacle may reach so far into a slot
 WALL = 0.1  # [m] thickness of a wall

@@ -9,11 +9,13 @@ import numpy as np
 
 from race_server.core.vehicles import Vehicle
 from race_server.errors import RecordingError
+from race_server.scenario.level import Level
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course, Obstacle
 from race_server.scenario.track.limits import check_sizes
 from race_server.scenario.track.line import ReferenceLine
+from race_server.scenario.track.lot import Blocks, Lot, People, Taken, Zone
 from race_server.storage.arrays import read_arrays
 
 # Of a course and a line of the largest size, when they are unpacked.
@@ -36,11 +38,39 @@ def pack_scenario(scenario: Scenario) -> tuple[str, bytes]:
         "fitted": scenario.fitted,
         "seed": scenario.seed,
         "grid_order": scenario.grid_order,
+        "level": scenario.level and asdict(scenario.level),
     }
     words["course"]["obstacles"] = [asdict(one) for one in scenario.course.obstacles]
+    lot = scenario.course.lot
+    words["course"]["lot"] = lot and _lot_taken_apart(lot, arrays)
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **arrays)
     return json.dumps(words), file.getvalue()
+
+
+def _lot_taken_apart(lot: Lot, arrays: Arrays) -> dict[str, Any]:
+    """Return the plain fields of a car park, and put its slots into `arrays`."""
+    plain = _taken_apart(lot, "lot", arrays)
+    plain["zones"] = [asdict(zone) for zone in lot.zones]
+    for name in _LOT_TABLES:
+        plain[name] = asdict(plain[name])
+    return plain
+
+
+# What a car park has as one table each.
+_LOT_TABLES = {"taken": Taken, "blocks": Blocks, "people": People}
+
+
+def _lot_of(words: dict[str, Any], arrays: Arrays) -> Lot:
+    """Return the car park that `_lot_taken_apart` took apart."""
+    zones = tuple(Zone(**_with_tuples(zone)) for zone in words.pop("zones"))
+    tables = {name: kind(**_with_tuples(words.pop(name))) for name, kind in _LOT_TABLES.items()}
+    return Lot(zones=zones, **tables, **_with_tuples(words), **_of("lot", arrays))
+
+
+def _with_tuples(words: dict[str, Any]) -> dict[str, Any]:
+    """Return the same with tuples in place of JSON's lists."""
+    return {key: tuple(one) if isinstance(one, list) else one for key, one in words.items()}
 
 
 def _taken_apart(whole: Any, name: str, arrays: Arrays) -> dict[str, Any]:
@@ -67,8 +97,10 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
         course = words["course"]
         course["obstacles"] = tuple(Obstacle(**one) for one in course["obstacles"])
         course["sectors"] = tuple(course["sectors"])
+        lot = course.pop("lot", None)
+        level = words.get("level")
         line = words["line"] and ReferenceLine(**words["line"], **_of("line", arrays))
-        whole = Course(**course, **_of("course", arrays))
+        whole = Course(**course, lot=lot and _lot_of(lot, arrays), **_of("course", arrays))
         check_sizes(whole)
         return Scenario(
             course=whole,
@@ -81,6 +113,7 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
             seed=words["seed"],
             grid_order=tuple(words["grid_order"]),
             line=line or None,
+            level=Level(**level) if level else None,
         )
     # Whatever the damage makes json, zip and numpy trip over.
     except Exception as error:

@@ -1,0 +1,152 @@
+"""Parking as a discipline of the training world."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test
+
+from race_server.envs import registration
+from race_server.envs.batch import Batch
+from race_server.envs.buffers import STAY
+from race_server.envs.parallel import parallel_lot
+from race_server.envs.parking import reward_terms
+from race_server.envs.parking.goal import CRASH, METRES
+from race_server.envs.parking.reward_terms import ENDINGS, TERMS
+from race_server.envs.presets import parking_task
+from race_server.errors import ScenarioError
+
+AHEAD, BACK, STAND = (1.0, 0.0), (-1.0, 0.0), (0.0, 0.0)
+
+
+def face_to_face(**options: object) -> Batch:
+    """Return a kart whose slot is straight ahead, 5 m from middle to middle."""
+    return Batch(parking_task("face-to-face", **options), after=STAY)
+
+
+def drive(batch: Batch, action: tuple[float, float], decisions: int) -> float:
+    """Drive on until the episode is over; return what that was worth."""
+    total = 0.0
+    for _ in range(decisions):
+        batch.step(np.array(action, np.float32))
+        total += float(batch.rewards[0, 0])
+        if batch.buffers.idle[0, 0]:
+            break
+    return total
+
+
+def test_every_term_has_the_number_of_its_place() -> None:
+    assert [getattr(reward_terms, name.upper()) for name in TERMS] == list(range(len(TERMS)))
+
+
+def test_a_kart_that_drives_straight_ahead_parks_in_the_slot_before_it() -> None:
+    batch = face_to_face(reward={"parked": 1.0, "goal_progress": 1.0})
+    total = drive(batch, AHEAD, 100)
+    episode = batch.episode_of(0, 0)
+    assert episode["is_success"]
+    assert episode["aligned"]
+    assert episode["ending"] == "parked"
+    assert episode["direction_changes"] == 0
+    # Closer than 0.5 m is parked: it has driven the 4.5 m before that, and a tick more at most.
+    assert 4.5 < episode["path_m"] < 4.6
+    assert total == pytest.approx(1.0 + episode["path_m"], abs=1e-3)
+
+
+def test_a_kart_that_reverses_meets_the_wall_behind_it() -> None:
+    batch = face_to_face(reward={"crash": -1.0, "reversing": -60.0})
+    total = drive(batch, BACK, 100)
+    episode = batch.episode_of(0, 0)
+    assert episode["ending"] == "wall"
+    # A share of 60 s for each decision of 0.1 s, all of them in reverse.
+    assert total == pytest.approx(-1.0 - 0.1 * episode["l"], abs=1e-3)
+    assert episode["reversed_m"] == episode["path_m"]
+
+
+@pytest.mark.parametrize("late_ends", [False, True])
+def test_time_that_runs_out_is_a_cut_unless_the_task_calls_it_an_end(late_ends: bool) -> None:
+    batch = face_to_face(limit_s=2.0, reward={"late": -1.0}, late_ends=late_ends)
+    assert drive(batch, STAND, 30) == -1.0
+    assert batch.episode_of(0, 0)["l"] == 20
+    assert bool(batch.terminated[0, 0]) is late_ends
+    assert bool(batch.truncated[0, 0]) is not late_ends
+
+
+def test_the_goal_is_seen_5_metres_ahead_and_in_the_frame_of_the_lot() -> None:
+    batch = face_to_face()
+    seen = {name: batch.observations[0, 0][place] for name, place in batch.layout.slices.items()}
+    assert seen["goal_x"][0] == pytest.approx(5.0)
+    assert seen["goal_y"][0] == pytest.approx(0.0)
+    assert seen["goal_cos"][0] == pytest.approx(1.0)
+    assert seen["goal_proximity"][0] == pytest.approx(1.0 / 6.0)
+    # The wall is 16 m from the middle of the body; the radar sits at the centre of gravity.
+    assert seen["radar"][4] == pytest.approx(16.0, abs=0.2)
+
+
+def test_worlds_of_a_batch_park_as_each_would_alone() -> None:
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 4, 1, 2)).astype(np.float32)
+    many = Batch(parking_task("yard-70"), worlds=4, seed=7)
+    alone = Batch(parking_task("yard-70"), worlds=1, seed=9)
+    for row in actions:
+        many.step(row)
+        alone.step(row[2:3])
+    assert many.digest(2) == alone.digest()
+    assert np.array_equal(many.observations[2], alone.observations[0])
+
+
+def test_gymnasium_knows_the_ids_and_finds_nothing_wrong() -> None:
+    for name in (registration.PARK, registration.PARK_GOAL):
+        env = gymnasium.make(name, disable_env_checker=True).unwrapped
+        check_env(env, skip_render_check=True)
+
+
+def test_the_reward_of_goals_is_a_plain_function_of_them() -> None:
+    for kind in ("sparse", "dense"):
+        env = gymnasium.make(registration.PARK_GOAL, reward=kind, disable_env_checker=True)
+        seen, _ = env.reset(seed=3)
+        achieved, desired = [], []
+        rewards, infos = [], []
+        for _ in range(40):
+            seen, reward, is_over, is_cut, info = env.step(env.action_space.sample())
+            achieved.append(seen["achieved_goal"])
+            desired.append(seen["desired_goal"])
+            rewards.append(reward)
+            infos.append(info)
+            if is_over or is_cut:
+                env.reset()
+        again = env.unwrapped.compute_reward(np.array(achieved), np.array(desired), infos)  # type: ignore[attr-defined]
+        assert again.tolist() == rewards
+
+
+def test_a_goal_is_reached_within_half_a_metre_and_10_degrees() -> None:
+    env = gymnasium.make(registration.PARK_GOAL, disable_env_checker=True).unwrapped
+    goal = np.array([1.0, 2.0, 1.0, 0.0, 0.0])
+
+    def reward(x: float, degrees: float, **info: object) -> float:
+        turn = np.radians(degrees)
+        pose = np.array([1.0 + x / METRES, 2.0, np.cos(turn), np.sin(turn), 0.3])
+        return float(env.compute_reward(pose, goal, info))  # type: ignore[attr-defined]
+
+    assert reward(0.4, 9.0) == 0.0
+    assert reward(0.6, 0.0) == -1.0
+    assert reward(0.0, 11.0) == -1.0
+    assert reward(0.0, 180.0) == -1.0
+    assert reward(0.6, 0.0, crashed=True) == -1.0 + CRASH
+
+
+def test_pettingzoo_finds_nothing_wrong_with_vehicles_that_park() -> None:
+    parallel_api_test(parallel_lot(vehicles=3), num_cycles=60)
+
+
+def test_a_vehicle_that_is_done_leaves_the_agents_and_stays_in_the_way() -> None:
+    env = parallel_lot(vehicles=2)
+    env.reset(seed=1)
+    while len(env.agents) == 2:
+        *_, infos = env.step(dict.fromkeys(env.agents, np.array([1.0, 0.0], np.float32)))
+    gone = next(k for k in range(2) if f"kart_{k}" not in env.agents)
+    assert infos[f"kart_{gone}"]["episode"]["ending"] in ENDINGS[1:]
+    assert env.batch.world.parking.blocks["kind"][0, gone] > 0
+
+
+def test_a_reward_for_goals_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"'dnse': choose one of sparse, dense"):
+        gymnasium.make(registration.PARK_GOAL, reward="dnse")
