@@ -49,7 +49,8 @@ def test_a_kart_that_drives_straight_ahead_parks_in_the_slot_before_it() -> None
     assert episode["direction_changes"] == 0
     # Closer than 0.5 m is parked: it has driven the 4.5 m before that, and a tick more at most.
     assert 4.5 < episode["path_m"] < 4.6
-    assert total == pytest.approx(1.0 + episode["path_m"], abs=1e-3)
+    # The way counts the speed at the end of each tick, which is a little more while it gains speed.
+    assert total == pytest.approx(1.0 + episode["path_m"], abs=0.02)
 
 
 def test_a_kart_that_reverses_meets_the_wall_behind_it() -> None:
@@ -66,7 +67,8 @@ def test_a_kart_that_reverses_meets_the_wall_behind_it() -> None:
 def test_time_that_runs_out_is_a_cut_unless_the_task_calls_it_an_end(late_ends: bool) -> None:
     batch = face_to_face(limit_s=2.0, reward={"late": -1.0}, late_ends=late_ends)
     assert drive(batch, STAND, 30) == -1.0
-    assert batch.episode_of(0, 0)["l"] == 20
+    # The first tick after two seconds is too late: one decision more than the 20 before it.
+    assert batch.episode_of(0, 0)["l"] == 21
     assert bool(batch.terminated[0, 0]) is late_ends
     assert bool(batch.truncated[0, 0]) is not late_ends
 

@@ -97,7 +97,8 @@ class GoalView:
         if self.reward == "sparse":
             reward = self._is_reached(achieved, desired).astype(np.float64) - 1.0
         else:
-            reward = -np.sqrt(np.abs(achieved - desired) @ WEIGHTS)
+            # Not a matrix product, which rounds a single goal differently.
+            reward = -np.sqrt((np.abs(achieved - desired) * WEIGHTS).sum(axis=-1))
         if isinstance(infos, Mapping):
             return np.asarray(reward + CRASH * bool(infos.get("crashed", False)))
         crashed = np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
