@@ -16,7 +16,7 @@ Course = Annotated[
 ]
 VehicleName = Annotated[
     str,
-    typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60."),
+    typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car."),
 ]
 Results = Annotated[
     str,

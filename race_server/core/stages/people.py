@@ -1,4 +1,4 @@
-"""People in a car park: they walk to and fro, yield to no vehicle, and may be hit."""
+"""People in a car park: they walk from place to place, yield to no vehicle, and may be hit."""
 
 import math
 
@@ -58,8 +58,11 @@ def place_walker(world: World, w: int, p: int) -> None:
     """Put a person where they begin, on their first leg."""
     walker, seed = world.parking.walkers[w, p], world.races[w].seed
     lot = world.parking.lots.lots[world.rules[w].course]
-    walker.leg, walker.against = 0, 0
+    walker.leg = walker.against = walker.rest_ticks = 0
+    walker.x = walker.y = walker.to_x = walker.to_y = walker.speed = walker.rest_at = 0.0
     walker.radius = lot.walker_radius if p < lot.walkers else 0.0
+    if p >= lot.walkers:
+        return
     zone = zone_for(world, w, PEOPLE, uniform(seed, WALKER_STREAM, p, 0))
     if zone >= 0:
         share_x = uniform(seed, WALKER_STREAM, p, 1)
@@ -86,7 +89,7 @@ def _begin_leg(world: World, w: int, p: int) -> None:
             break
     faster = uniform(seed, WALKER_STREAM, p, first)
     walker.speed = lot.walker_slowest + faster * (lot.walker_fastest - lot.walker_slowest)
-    walker.rest_ticks = 0
+    walker.rest_ticks, walker.rest_at = 0, 0.0
     if uniform(seed, WALKER_STREAM, p, first + 1) < lot.walker_stops:
         dx, dy = walker.to_x - walker.x, walker.to_y - walker.y
         share = uniform(seed, WALKER_STREAM, p, first + 2)
