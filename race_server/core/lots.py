@@ -32,7 +32,7 @@ PARKER = record_of(
 # An obstacle of one world: drawn for a round, or a vehicle that stands. `kind`: RayHit; NOTHING
 # where there is none. Block k is the body of vehicle k once it has parked or crashed.
 BLOCK = record_of(fields_of("x y heading half_length half_width", "kind"))
-# A person who walks from place to place. `rest_at`: way left [m] of this leg at which a stop begins;
+# A person who walks from place to place. `rest_at`: way left [m] of this leg where a stop begins;
 # `against`: 1 + number of the vehicle that they touched in the tick before, 0 for none.
 WALKER = record_of(fields_of("x y to_x to_y speed radius rest_at", "leg rest_ticks against"))
 
