@@ -1,8 +1,10 @@
 """A car park as a course: walls around it, no line to drive along."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.lot import Lot
 from race_server.scenario.track.polyline import segments_of
 
@@ -16,8 +18,13 @@ def course_of_lot(
     obstacles: tuple[Obstacle, ...],
     lot: Lot,
     digest: str,
+    polygons: Sequence[Floats] = (),
 ) -> Course:
-    """Return a car park as a course without a line. area: x0, x1, y0, y1 [m]."""
+    """Return a car park as a course without a line.
+
+    area: x0, x1, y0, y1 [m]; polygons: obstacles by their corners (N, 2) [m], clockwise. They
+    become borders, as the area's own.
+    """
     x0, x1, y0, y1 = area
     corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     width = min(x1 - x0, y1 - y0)
@@ -29,7 +36,7 @@ def course_of_lot(
         half_widths=np.zeros((0, 2)),
         kerb=0.0,
         grass=0.0,
-        borders=segments_of(corners),
+        borders=np.concatenate([segments_of(loop) for loop in (corners, *polygons)]),
         gates=np.zeros(0),
         sectors=(),
         grid=NO_PLACES,
