@@ -1,6 +1,8 @@
 """Files of car parks: those that are shipped, those drawn by a seed, and those that are wrong."""
 
 import math
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.generated import generated_file
 from race_server.scenario.lot.load import load_lot, lot_names, summary
 from race_server.scenario.lot.ways import cut_off
+from race_server.scenario.places import own_folder
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Lot
 from race_server.scenario.track.polyline import is_inside, loops_of
@@ -146,6 +149,25 @@ def test_the_free_side_of_a_polygon_is_on_the_left_of_each_of_its_sides(tmp_path
         assert not is_inside(middle + 0.01 * left, polygon).any()
         assert is_inside(middle - 0.01 * left, polygon).all()
         assert len(fence_of(course).segments) == 8
+
+
+# The manual
+
+
+def test_the_example_of_the_manual_has_every_key_that_it_describes(tmp_path: Path) -> None:
+    manual = (own_folder("lots") / "README.md").read_text(encoding="utf-8")
+    example = manual.split("```text\n")[1].split("```")[0]
+    lot = lot_of(load(tmp_path, example))
+    assert (len(lot.slots), lot.people.count, lot.blocks.count) == (6, 2, (1, 3))
+    cells = [row.split("|")[1] for row in manual.splitlines() if row.startswith("| `")]
+    described = {word for cell in cells for word in re.findall(r"`\[*([\w.]+)", cell)}
+    words = tomllib.loads(example)
+    keys = {*words}
+    for name in ("rows", "zones"):
+        keys |= {*words[name][0]}
+    for name in ("taken", "blocks", "people"):
+        keys |= {f"{name}.{key}" for key in words[name]}
+    assert described == keys
 
 
 # What is wrong

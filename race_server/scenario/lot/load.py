@@ -2,9 +2,7 @@
 
 import hashlib
 import math
-import os
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.generated import FORMS, generated_file
 from race_server.scenario.lot.site import course_of_lot
+from race_server.scenario.places import names_of, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.toml_reader import TomlReader
 from race_server.scenario.track.course import Course, Obstacle
@@ -44,17 +43,9 @@ WALL = 0.1  # [m] thickness of a wall
 LEAST_SQUARE = 1e-4  # [m²] of a polygon
 
 
-def lot_folders() -> list[Path]:
-    """Return the folders of lots: those in $RACE_LOTS first, then the bundled one."""
-    chosen = os.environ.get("RACE_LOTS", "")
-    folders = [Path(name) for name in chosen.split(os.pathsep) if name]
-    package = Path(__file__).parents[2] / "lots"
-    return [*folders, package if package.is_dir() else Path(__file__).parents[3] / "lots"]
-
-
 def lot_names() -> list[str]:
     """Return the names of all lots that can be found."""
-    return sorted({path.stem for folder in lot_folders() for path in folder.glob("*.toml")})
+    return names_of("lots")
 
 
 def load_lot(name: str) -> Course:
@@ -67,10 +58,9 @@ def load_lot(name: str) -> Course:
     """
     if name.startswith(PREFIX):
         return _lot_of(name, name, generated_file(name))
-    paths = [folder / f"{name}.toml" for folder in lot_folders()]
-    for path in [Path(name)] if name.endswith(".toml") else paths:
-        if path.is_file() or name.endswith(".toml"):
-            return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
+    path = path_of("lots", name)
+    if path is not None:
+        return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
     known = ", ".join(lot_names())
     raise LotError(
         f"lot {name!r} is unknown; choose one of {known}, give a .toml file, or a generated lot: "
