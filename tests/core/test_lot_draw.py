@@ -10,8 +10,11 @@ from race_server.core.messages import RayHit
 from race_server.core.state import World, digest
 from race_server.core.step import advance
 from race_server.scenario.lot.load import load_lot
+from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import line_up_race, make_world, make_worlds
+from race_server.scenario.track.course import Obstacle
+from race_server.scenario.track.lot import Blocks, Lot, People, Zone
 from race_server.scenario.track.polyline import corners_of_box
 from support.lots import AHEAD, open_lot, park_world
 
@@ -90,6 +93,39 @@ def test_everything_is_drawn_in_its_zone(yards: World) -> None:
     assert 16.0 <= walkers["x"].min() < walkers["x"].max() <= 48.0
     # Headings all around.
     assert np.histogram(parkers["heading"], 4, (-np.pi, np.pi))[0].min() > SEEDS * 3 / 8
+
+
+def test_no_person_begins_in_a_block_and_no_way_leads_through_one(yards: World) -> None:
+    for w in range(SEEDS):
+        (walker,) = yards.parking.walkers[w]
+        share = np.linspace(0.0, 1.0, 200)[:, None]
+        way = np.array([walker.x, walker.y]) + share * (walker.to_x - walker.x, 0.0)
+        way[:, 1] += share[:, 0] * (walker.to_y - walker.y)
+        for one in yards.parking.blocks[w]:
+            if one.kind == RayHit.NOTHING:
+                continue
+            dx, dy = (way - (one.x, one.y)).T
+            cos, sin = np.cos(one.heading), np.sin(one.heading)
+            ahead = np.maximum(abs(dx * cos + dy * sin) - one.half_length, 0.0)
+            aside = np.maximum(abs(dy * cos - dx * sin) - one.half_width, 0.0)
+            assert np.hypot(ahead, aside).min() >= walker.radius - 1e-9
+
+
+def test_people_do_not_walk_through_walls_and_blocks_do_not_stand_in_them() -> None:
+    zones = [Zone("start", (-20.0, -20.0), (0.0, 0.0)), Zone("people", (-9.0, 9.0), (-9.0, 9.0))]
+    zones.append(Zone("blocks", (-9.0, 9.0), (-9.0, 9.0)))
+    slots = np.array([(20.0, 0.0, 0.0, 3.0, 2.0)])
+    lot = Lot(slots, tuple(zones), people=People(count=1), blocks=Blocks((4, 4), (1.0, 1.0)))
+    wall = Obstacle(0.0, 0.0, 0.0, 0.2, 30.0)
+    course = course_of_lot("wall", "Wall", (-25.0, 25.0, -20.0, 20.0), (wall,), lot, "wall")
+    for seed in range(20):
+        world = park_world(course, seed=seed)
+        (walker,) = world.parking.walkers[0]
+        assert abs(walker.x) > 0.4
+        assert walker.x * walker.to_x > 0.0
+        for corners in blocks_of(world, 0):
+            assert abs(corners[:, 0]).min() > 0.1
+            assert abs(np.sign(corners[:, 0]).sum()) == 4
 
 
 def test_the_same_seed_gives_the_same_lot_and_another_seed_another(yards: World) -> None:

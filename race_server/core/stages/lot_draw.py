@@ -195,7 +195,7 @@ def _draw_block(world: World, w: int, number: int) -> None:
 
 @kernel
 def _has_block_room(world: World, w: int, number: int) -> bool:
-    """Return whether a block overlaps no slot that is a goal and no block before it."""
+    """Return whether a block overlaps no wall, no slot that is a goal and no block before it."""
     parking, mine = world.parking, block_hull(world.parking.blocks[w, number])
     for k in range(parking.parkers.shape[1]):
         if _overlap(mine, slot_hull(parking.parkers[w, k], SLOT_ROOM)):
@@ -204,7 +204,7 @@ def _has_block_room(world: World, w: int, number: int) -> bool:
         block = parking.blocks[w, other]
         if block.kind != codes.NOTHING and _overlap(mine, block_hull(block)):
             return False
-    return True
+    return is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
 
 @kernel
