@@ -13,11 +13,12 @@ from race_server.errors import LotError
 from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.generated import generated_file
 from race_server.scenario.lot.load import load_lot, lot_names, summary
+from race_server.scenario.lot.site import polygons_in
 from race_server.scenario.lot.ways import cut_off
 from race_server.scenario.places import own_folder
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Lot
-from race_server.scenario.track.polyline import is_inside, loops_of
+from race_server.scenario.track.polyline import is_inside
 from race_server.scenario.track.walls import fence_of
 
 BASE = """
@@ -140,7 +141,7 @@ def test_the_free_side_of_a_polygon_is_on_the_left_of_each_of_its_sides(tmp_path
     there = load(tmp_path, f"polygons = [{corners}]\n{BASE}")
     back = load(tmp_path, f"polygons = [{corners[:1]}[16, 9], [20, 8], [20, 5], [15, 5]]]\n{BASE}")
     for course in (there, back):
-        _, polygon = loops_of(course.borders)
+        (polygon,) = polygons_in(course)
         assert len(polygon) == 4
         x0, y0, x1, y1 = polygon.T
         along = np.stack([x1 - x0, y1 - y0], axis=1)
@@ -151,12 +152,25 @@ def test_the_free_side_of_a_polygon_is_on_the_left_of_each_of_its_sides(tmp_path
         assert len(fence_of(course).segments) == 8
 
 
+def test_a_polygon_in_the_corner_of_the_area_leaves_the_area_as_it_is(tmp_path: Path) -> None:
+    course = load(
+        tmp_path, f"polygons = [[[0, 0], [0, -9], [-9, 0]], [[0, 0], [4, 0], [0, 4]]]\n{BASE}"
+    )
+    assert summary(course)["size_m"] == [40.0, 20.0]
+    assert cut_off(course, CAR) == []
+
+
 # The manual
 
 
-def test_the_example_of_the_manual_has_every_key_that_it_describes(tmp_path: Path) -> None:
+def example_of_the_manual() -> tuple[str, str]:
+    """Return the manual, and the example in it."""
     manual = (own_folder("lots") / "README.md").read_text(encoding="utf-8")
-    example = manual.split("```text\n")[1].split("```")[0]
+    return manual, manual.split("```text\n")[1].split("```")[0]
+
+
+def test_the_example_of_the_manual_has_every_key_that_it_describes(tmp_path: Path) -> None:
+    manual, example = example_of_the_manual()
     lot = lot_of(load(tmp_path, example))
     assert (len(lot.slots), lot.people.count, lot.blocks.count) == (6, 2, (1, 3))
     cells = [row.split("|")[1] for row in manual.splitlines() if row.startswith("| `")]
@@ -256,6 +270,23 @@ def test_what_is_wrong_with_a_lot_is_one_sentence(fault: str, tmp_path: Path) ->
     with pytest.raises(LotError, match=r"^lot.toml.*" + sentence) as told:
         load(tmp_path, text)
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("number", ["0", "-1", "1e9", "-1e300", "nan", "inf", "true", "'x'", "[]"])
+def test_any_number_in_place_of_another_makes_a_lot_or_one_sentence(
+    number: str, tmp_path: Path
+) -> None:
+    _, example = example_of_the_manual()
+    refused = []
+    places = list(re.finditer(r"(?<=[\[ ])-?\d+(\.\d+)?(?=[\],\n])", example))
+    assert len(places) > 50
+    for place in places:
+        try:
+            load(tmp_path, example[: place.start()] + number + example[place.end() :])
+        except LotError as error:
+            refused.append(str(error))
+    assert len(refused) > 3
+    assert "\n" not in "".join(refused)
 
 
 def test_the_lot_that_they_differ_from_is_good(tmp_path: Path) -> None:

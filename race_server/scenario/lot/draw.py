@@ -11,10 +11,10 @@ from race_server.scenario.lot.check import body_at, slot_at
 from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.footprint import Footprint
 from race_server.scenario.lot.load import load_lot
+from race_server.scenario.lot.site import area_in, polygons_in
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 from race_server.scenario.track.course import Course, Floats
-from race_server.scenario.track.polyline import loops_of
 from race_server.scenario.track.sheet import INK, draw_into, draw_obstacles, finish
 
 GROUND, WALL, LINE = "#5b5f66", "#c62828", "white"
@@ -53,7 +53,7 @@ def draw_lot(name: str, seed: int, path: Path, vehicle: str = "") -> None:
 
 def _draw_site(axes: Any, course: Course) -> None:
     """Draw what is the same in every round: ground, walls, slots, zones."""
-    area, *polygons = loops_of(course.borders)
+    area, polygons = area_in(course), polygons_in(course)
     axes.fill(area[:, 0], area[:, 1], color=GROUND, zorder=1)
     for loop in (area, *polygons):
         closed = _closed(loop)

@@ -6,8 +6,8 @@ import numpy as np
 
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.lot.footprint import Footprint, wall_under
+from race_server.scenario.lot.site import area_in
 from race_server.scenario.track.course import Course
-from race_server.scenario.track.polyline import loops_of
 
 TOUCH = 0.05  # [m] an obstacle or another slot may reach so far into a slot
 
@@ -52,7 +52,7 @@ def _small_slots(course: Course, vehicle: Vehicle) -> Iterator[str]:
 
 
 def _hidden_slots(course: Course) -> Iterator[str]:
-    area = loops_of(course.borders)[0][:, :2]
+    area = area_in(course)[:, :2]
     for number, slot in enumerate(slots_of(course)):
         where = f"slot {number} at ({slot.x:.2f}, {slot.y:.2f}) m"
         corners = slot.corners

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.scenario.lot.site import area_in, polygons_in
 from race_server.scenario.track.course import Course, Floats
-from race_server.scenario.track.polyline import corners_of_box, is_inside, loops_of
+from race_server.scenario.track.polyline import corners_of_box, is_inside
 from race_server.scenario.track.walls import fence_of
 
 
@@ -63,12 +64,12 @@ class Footprint:
 
 def wall_under(course: Course, place: Footprint) -> str:
     """Return the name of what a rectangle in a car park touches or lies in; empty for nothing."""
-    area, *polygons = loops_of(course.borders)
+    area = area_in(course)
     boxes = np.split(fence_of(course).segments[len(course.borders) :], len(course.obstacles) or 1)
     middle = np.array([[place.x, place.y]])
     if place.crosses(area).any() or not is_inside(middle, area)[0]:
         return "the border of the area"
-    for polygon in polygons:
+    for polygon in polygons_in(course):
         if place.crosses(polygon).any() or is_inside(middle, polygon)[0]:
             return f"the polygon with a corner at ({polygon[0, 0]:.2f}, {polygon[0, 1]:.2f}) m"
     for obstacle, sides in zip(course.obstacles, boxes, strict=False):

@@ -13,7 +13,7 @@ from race_server.errors import LotError, VehicleError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.generated import FORMS, generated_file
-from race_server.scenario.lot.site import course_of_lot
+from race_server.scenario.lot.site import area_in, course_of_lot, polygons_in
 from race_server.scenario.places import names_of, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.toml_reader import TomlReader
@@ -27,7 +27,7 @@ from race_server.scenario.track.limits import (
     MOST_ZONES,
 )
 from race_server.scenario.track.lot import Blocks, Floats, Lot, People, Taken, Zone
-from race_server.scenario.track.polyline import area_of, crossings, loops_of, segments_of
+from race_server.scenario.track.polyline import area_of, crossings, segments_of
 
 MOST_ROWS = {
     "obstacles": MOST_OBSTACLES,
@@ -226,18 +226,17 @@ def summary(course: Course) -> dict[str, Any]:
     """Return the figures of a car park as plain data."""
     lot = course.lot
     assert lot is not None
-    area, *polygons = loops_of(course.borders)
     return {
         "name": course.name,
         "title": course.title,
         "vehicle": lot.vehicle,
         "level": lot.level,
         "limit_s": lot.limit_s,
-        "size_m": [round(float(side), 3) for side in np.ptp(area[:, :2], axis=0)],
+        "size_m": [round(float(side), 3) for side in np.ptp(area_in(course)[:, :2], axis=0)],
         "slots": len(lot.slots),
         "taken": lot.taken.share,
         "blocks": list(lot.blocks.count),
         "people": lot.people.count,
         "obstacles": len(course.obstacles),
-        "polygons": len(polygons),
+        "polygons": len(polygons_in(course)),
     }

@@ -6,7 +6,7 @@ import numpy as np
 
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.lot import Lot
-from race_server.scenario.track.polyline import segments_of
+from race_server.scenario.track.polyline import loops_of, segments_of
 
 NO_PLACES = np.zeros((0, 3))
 
@@ -49,3 +49,13 @@ def course_of_lot(
         digest=digest,
         lot=lot,
     )
+
+
+def area_in(course: Course) -> Floats:
+    """Return the four sides of a car park's area: its first borders."""
+    return course.borders[:4]
+
+
+def polygons_in(course: Course) -> list[Floats]:
+    """Return the sides of a car park's polygons; two that begin in one point come as one."""
+    return loops_of(course.borders[4:]) if len(course.borders) > 4 else []

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.lot.faults import slots_of
+from race_server.scenario.lot.site import area_in
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Zone
-from race_server.scenario.track.polyline import loops_of
 from race_server.scenario.track.walls import clearances_of, fence_of
 
 # Cells across a vehicle: what is narrower than it by two of them is found.
@@ -44,7 +44,7 @@ class Ways:
 def ways_in(course: Course, vehicle: Vehicle) -> Ways:
     """Return where a vehicle can get to from the start zones of a car park."""
     assert course.lot is not None
-    area = loops_of(course.borders)[0][:, :2]
+    area = area_in(course)[:, :2]
     (x0, y0), (width, height) = area.min(axis=0), np.ptp(area, axis=0)
     cell = max(vehicle.width / ACROSS, math.sqrt(width * height / MOST_CELLS))
     columns, rows = math.ceil(width / cell), math.ceil(height / cell)

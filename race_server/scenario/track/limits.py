@@ -102,7 +102,7 @@ def _check_lot(lot: Lot) -> None:
     shares = (lot.taken.share, lot.taken.length, lot.taken.width, lot.people.radius)
     if not np.isfinite([*np.ravel(places), *np.ravel(sizes), *shares]).all():
         raise TrackError("the lot holds other than finite numbers")
-    if {zone.role for zone in lot.zones} - set(ROLES) or not 0 <= min(lot.blocks.count):
+    if {zone.role for zone in lot.zones} - set(ROLES) or min(lot.blocks.count) < 0:
         raise TrackError("the lot has zones or blocks that there cannot be")
 
 
