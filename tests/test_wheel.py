@@ -40,9 +40,10 @@ def test_a_wheel_owns_two_import_names_and_neither_is_agents(names: set[str]) ->
     assert {top for top in tops if not top.endswith(".dist-info")} == {"race_server", "race_agents"}
 
 
-def test_a_wheel_holds_tracks_schemas_policies_and_presets(names: set[str]) -> None:
+def test_a_wheel_holds_tracks_lots_schemas_policies_and_presets(names: set[str]) -> None:
     for folder, inside, pattern in (
         ("tracks", "race_server/tracks", "*.toml"),
+        ("lots", "race_server/lots", "*.toml"),
         ("tracks/limits", "race_server/tracks/limits", "*.npz"),
         ("schemas", "race_server/schemas", "*.fbs"),
         ("race_server/net/wire/generated", "race_server/net/wire/generated", "*.bfbs"),

@@ -23,7 +23,7 @@ def demonstrate(
     ] = "covapsy-train-2023",
     laps: Annotated[int, typer.Option(min=1, help="Laps on each track.")] = 5,
     vehicle: Annotated[
-        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60.")
+        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car.")
     ] = "tt02",
     seed: Annotated[int, typer.Option(min=0, help="Seed of sensors, start and noise.")] = 1,
     noise: Annotated[

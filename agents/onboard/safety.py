@@ -115,7 +115,12 @@ class Echoes:
 
     def of_people(self) -> "Echoes":
         """Return what is neither a kart nor a border."""
-        return self._kept(self.kinds == codes.OBSTACLE)
+        return self._kept(self.may_be_people)
+
+    @property
+    def may_be_people(self) -> NDArray[np.bool_]:
+        """Which echoes may be of a person, shape (n,): not every radar tells one from a thing."""
+        return (self.kinds == codes.OBSTACLE) | (self.kinds == codes.PERSON)
 
     def _kept(self, kept: NDArray[np.bool_]) -> "Echoes":
         return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
@@ -167,7 +172,7 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
     time_s = braking_time(echoes.closing, limits)
     berth = limits.berth + 0.5 * limits.swerve * time_s**2
-    beside = np.where(echoes.kinds == codes.OBSTACLE, berth, 0.0)
+    beside = np.where(echoes.may_be_people, berth, 0.0)
     ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
     return ahead & (gap < echoes.closing * time_s)
 
@@ -202,7 +207,7 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
     """Hold a kart that stands right before a person from driving on. room: [m] to be free."""
     along, aside = way_along(echoes.x, echoes.y, wanted)
-    beside = np.where(echoes.kinds == codes.OBSTACLE, limits.berth, 0.0)
+    beside = np.where(echoes.may_be_people, limits.berth, 0.0)
     close = is_on_way(along, aside, beside, wanted, limits)
     close &= (along - limits.nose < room) & (echoes.kinds != codes.BORDER)
     return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()

@@ -23,7 +23,18 @@ FOREIGN_OPTIONS = {"-c", "-e", "-k", "-n", "-m", "--no-deps", "--constraint"}
 _DOTTED = re.compile(r"^(race_server|race_agents)(\.\w+)+")
 _MEMBER = re.compile(r"^([A-Z]\w+)\.([a-z_A-Z]\w*)$")
 _PLACE = re.compile(r"^([\w.-]+(?:/[\w.*-]+)*/?)(?::([A-Za-z_][\w.]*))?$")
-_TOP = ("race_server", "agents", "schemas", "tracks", "tests", "web", "docs", "examples", ".ci")
+_TOP = (
+    "race_server",
+    "agents",
+    "schemas",
+    "tracks",
+    "lots",
+    "tests",
+    "web",
+    "docs",
+    "examples",
+    ".ci",
+)
 _SUFFIXES = (".py", ".toml", ".fbs", ".md", ".ts", ".svelte", ".cpp", ".hpp")
 _HISTORY = ("docs/design/",)  # what was true on the day of its date
 
@@ -228,7 +239,10 @@ def _wrong_place(code: str, page: Page, root: Path) -> str:
     folders = (
         root,
         (root / page.path).parent,
-        *(root / name for name in ("race_server", "agents", "docs", "web", "web/src", "tracks")),
+        *(
+            root / name
+            for name in ("race_server", "agents", "docs", "web", "web/src", "tracks", "lots")
+        ),
     )
     found = [place for folder in folders for place in sorted(folder.glob(path.rstrip("/")))]
     if not found:

@@ -14,6 +14,7 @@ BROUGHT = {
     "CONTRIBUTING.md": "contributing",
     "CHANGELOG.md": "changelog",
     "tracks/README.md": "tracks",
+    "lots/README.md": "lots",
     "agents/policies/README.md": "policies",
     "web/README.md": "web",
     "examples/driver_js/README.md": "driver-js",

@@ -14,7 +14,7 @@ from race_server.terminal import Console, say
 def limit(
     track: Course,
     vehicle: Annotated[
-        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60.")
+        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car.")
     ] = "tt02",
     speed_cap: Annotated[
         float | None,

@@ -15,6 +15,7 @@ from race_server.cli import (
     gateway,
     keys,
     limit,
+    lot,
     recording,
     relay,
     results,
@@ -46,6 +47,7 @@ app.command()(trial.trial)
 app.command()(recording.replay)
 app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
+app.add_typer(lot.app, name="lot")
 app.add_typer(bench.app, name="bench")
 app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")

@@ -1,5 +1,6 @@
 """Options and arguments that several commands share."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,7 +17,10 @@ Course = Annotated[
 ]
 VehicleName = Annotated[
     str,
-    typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60."),
+    typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car."),
+]
+Picture = Annotated[
+    Path | None, typer.Option("--to", help="File to write: .png or .svg. Default: NAME.png.")
 ]
 Results = Annotated[
     str,
@@ -25,6 +29,11 @@ Results = Annotated[
         "$RACE_SERVER_RESULTS, else ~/.local/share/race-server/results.sqlite."
     ),
 ]
+
+
+def picture_of(name: str) -> Path:
+    """Return the file that a picture of a course or a car park is written to by default."""
+    return Path(f"{name.replace(':', '-')}.png")
 
 
 def names_in(text: str) -> tuple[str, ...]:

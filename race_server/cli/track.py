@@ -7,7 +7,8 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import Course
+from race_server.cli.findings import print_findings
+from race_server.cli.options import Course, Picture, VehicleName, picture_of
 from race_server.errors import TrackError
 from race_server.terminal import Console, say
 
@@ -42,16 +43,14 @@ def list_tracks(as_json: AsJson = False) -> None:
 @app.command()
 def show(
     name: Course,
-    to: Annotated[
-        Path | None, typer.Option("--to", help="File to write: .png or .svg. Default: NAME.png.")
-    ] = None,
+    to: Picture = None,
 ) -> None:
     """Draw a course into a .png or .svg file."""
     from race_server.scenario.track.draw import draw_course
     from race_server.scenario.track.load import load_course
 
     course = load_course(name)
-    path = to or Path(f"{course.name.replace(':', '-')}.png")
+    path = to or picture_of(course.name)
     draw_course(course, path)
     say(path)
 
@@ -59,9 +58,7 @@ def show(
 @app.command()
 def check(
     name: Course,
-    vehicle: Annotated[
-        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30 or kart-60.")
-    ] = "tt02",
+    vehicle: VehicleName = "tt02",
     as_json: AsJson = False,
 ) -> None:
     """Check whether a vehicle can race on a course. Exit code 1 if it cannot."""
@@ -71,16 +68,7 @@ def check(
 
     course = load_course(name)
     findings = check_course(course, vehicle_named(vehicle))
-    good = all(finding.level != "error" for finding in findings)
-    if as_json:
-        rows = [{"level": finding.level, "what": finding.what} for finding in findings]
-        print_document({"track": course.name, "vehicle": vehicle, "ok": good, "findings": rows})
-    else:
-        for finding in findings:
-            say(f"{finding.level}: {finding.what}")
-        say(f"{course.name} is {'good' if good else 'not fit'} for {vehicle}")
-    if not good:
-        raise typer.Exit(1)
+    print_findings("track", course.name, vehicle, findings, as_json)
 
 
 @app.command("import")

@@ -32,14 +32,14 @@ PARKER = record_of(
 # An obstacle of one world: drawn for a round, or a vehicle that stands. `kind`: RayHit; NOTHING
 # where there is none. Block k is the body of vehicle k once it has parked or crashed.
 BLOCK = record_of(fields_of("x y heading half_length half_width", "kind"))
-# A person who walks to and fro. `rest_at`: way left [m] of this leg at which a stop begins;
+# A person who walks from place to place. `rest_at`: way left [m] of this leg where a stop begins;
 # `against`: 1 + number of the vehicle that they touched in the tick before, 0 for none.
 WALKER = record_of(fields_of("x y to_x to_y speed radius rest_at", "leg rest_ticks against"))
 
 # What is fixed about one lot. Shares are of 1, sizes in metres, times in ticks.
 LOT = record_of(
     fields_of(
-        # Of slots that nobody goes to, this share holds a vehicle.
+        # Of slots that no vehicle goes to, this share holds a vehicle.
         "taken taken_length taken_width "
         "block_least block_most slot_length slot_width nearest farthest "
         "walker_slowest walker_fastest walker_radius walker_stops",

@@ -164,8 +164,40 @@ KART_60 = Vehicle(
 KART_30 = replace(KART_60, name="kart-30", top_speed=30.0 * KMH)
 KART_13 = replace(KART_60, name="kart-13", top_speed=13.0 * KMH)
 
+# The car of the benchmark TPCAP (trajectory planning competition for automated parking, 2022,
+# tpcap.github.io): wheelbase 2.80 m, overhangs 0.96 and 0.929 m, 1.942 m wide, steering up to
+# 0.75 rad at 0.5 rad/s, 2.5 m/s and 1 m/s² both ways, no slip, no losses. Mass, the place of its
+# centre half way between the axles, inertia of a uniform box, grip: our choice; the motor's power
+# is never the limit.
+CAR = Vehicle(
+    name="car",
+    length=4.689,
+    width=1.942,
+    box_offset=0.5 * (0.96 - 0.929),
+    front_axle=1.40,
+    rear_axle=1.40,
+    mass=1400.0,
+    yaw_inertia=1400.0 * (4.689**2 + 1.942**2) / 12.0,
+    steering_limit=0.75,
+    steering_rate=0.5,
+    motor_force=1400.0,
+    motor_power=1400.0 * 2.5,
+    brake_force=1400.0,
+    front_drive=1.0,
+    front_brake=0.6,
+    top_speed=2.5,
+    reverse_speed=2.5,
+    rolling=0.0,
+    drag=0.0,
+    grip=0.8,
+    cornering=10.0,
+    kinematic_below=1e9,
+    dynamic_above=2e9,
+)
+
 VEHICLES = {
-    vehicle.name: vehicle for vehicle in (TT02, TT02_DRIFT, TT02_FACTS, KART_13, KART_30, KART_60)
+    vehicle.name: vehicle
+    for vehicle in (TT02, TT02_DRIFT, TT02_FACTS, KART_13, KART_30, KART_60, CAR)
 }
 
 

@@ -20,7 +20,7 @@ class Level:
     turn: float = 0.0  # [rad] between the headings
     still: float = 0.0  # [m/s] slower than this
     fits: bool = False  # all corners inside the slot
-    hold_s: float = 0.0  # for so long
+    hold_s: float = 0.0  # [s] for this time
     leave: float = 0.0  # [m] from the slot; farther away it has left
 
     def fill(self, parker: Record) -> None:

@@ -151,6 +151,11 @@ def _check(scenario: Scenario) -> None:
         raise ScenarioError(
             f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
         )
+    if course.lot is not None and 0 < len(course.lot.slots) < karts:
+        raise ScenarioError(
+            f"{karts} vehicles on {course.name}: it has {len(course.lot.slots)} slots; two "
+            "vehicles cannot share one"
+        )
     if rules.laps < 0:
         raise ScenarioError(f"{rules.laps} laps: choose 1 or more, or 0 for no limit")
     for policy in (rules.wall_contact, rules.kart_contact):

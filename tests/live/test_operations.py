@@ -18,6 +18,7 @@ from race_server.core.clock import TICK_S
 from race_server.core.messages import Control, Event, EventKind, Retirement
 from race_server.errors import LinkError
 from race_server.live.client.clock_offset import ClockOffset
+from race_server.live.client.leaderboard import event_text
 from race_server.live.client.link_stats import LinkStats
 from race_server.live.server import RaceServer, ServerTiming
 from race_server.live.server.counters import Counters, Histogram
@@ -240,6 +241,32 @@ def test_a_driver_is_told_why_it_is_out() -> None:
     assert link_stats.outcome == ""
     link_stats.record_event(Event(2, 9, EventKind.RETIRED, 3, Retirement.STOPPED, 0), seat=3)
     assert link_stats.outcome == "out: stood for too long"
+
+
+@pytest.mark.parametrize("reason", Retirement)
+def test_every_reason_to_be_out_has_words_for_the_driver(reason: Retirement) -> None:
+    link_stats = LinkStats()
+    link_stats.record_event(Event(1, 9, EventKind.RETIRED, 3, reason, 0), seat=3)
+    assert len(link_stats.outcome) > len("out: ")
+
+
+@pytest.mark.parametrize(
+    ("event", "sentence"),
+    [
+        (Event(1, 9, EventKind.PARKED, 1, 7, 12), "bea is parked in slot 7"),
+        (Event(1, 9, EventKind.PARKED, 1, -1, 12), "bea is parked"),
+        (Event(1, 9, EventKind.HIT_PERSON, 1, 0, 2500), "bea hits a person"),
+        (Event(1, 9, EventKind.RETIRED, 1, Retirement.LEFT_LOT, 0), "bea is out (left lot)"),
+    ],
+)
+def test_what_happens_in_a_car_park_is_told_on_the_terminal(event: Event, sentence: str) -> None:
+    assert event_text(event, ["ada", "bea"], []) == sentence
+
+
+def test_a_driver_is_told_that_it_is_parked() -> None:
+    link_stats = LinkStats()
+    link_stats.record_event(Event(1, 9, EventKind.PARKED, 3, 7, 12), seat=3)
+    assert link_stats.outcome == "parked"
 
 
 # What is damaged

@@ -48,5 +48,6 @@ def test_the_kernels_have_the_numbers_of_the_enumerations() -> None:
             assert getattr(codes, f"EVENT_{kind.name}") == kind
     assert tuple(messages.RayHit)[:3] == (codes.NOTHING, codes.BORDER, codes.OBSTACLE)
     assert (codes.HAZARD_HIT, codes.KART_HIT) == (messages.RayHit.HAZARD, messages.RayHit.KART)
+    assert codes.PERSON == messages.RayHit.PERSON
     for trust in messages.Trust:
         assert getattr(codes, trust.name) == trust

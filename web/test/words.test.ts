@@ -36,6 +36,23 @@ test('a yellow flag is a warning, and around whom is told', () => {
   });
 });
 
+test('who is parked is told with the slot, if it has a number', () => {
+  const parked = event({ kind: EventKind.PARKED, kart: 3, other: 7 });
+  expect(messageOf(parked, cast, en)).toMatchObject({
+    tone: 'good',
+    text: 'Ada 3 is parked in slot 7',
+  });
+  const anywhere = event({ kind: EventKind.PARKED, kart: 3, other: -1 });
+  expect(messageOf(anywhere, cast, fr)?.text).toBe('Ada 3 est garé');
+});
+
+test('a person who is hit is a danger', () => {
+  const hit = event({ kind: EventKind.HIT_PERSON, kart: 3, other: 0 });
+  expect(messageOf(hit, cast, en)).toMatchObject({ tone: 'danger', text: 'Ada 3 hits a person' });
+  const out = event({ kind: EventKind.RETIRED, kart: 3, other: 9 });
+  expect(messageOf(out, cast, en)?.text).toBe('Ada 3 is out (hit a person)');
+});
+
 test('sectors are not told one by one', () => {
   expect(messageOf(event({ kind: EventKind.SECTOR }), cast, en)).toBeNull();
 });

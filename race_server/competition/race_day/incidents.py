@@ -57,5 +57,8 @@ def _removal(reason: Retirement, rules: Rules) -> str:
         Retirement.STOPPED: f"stood for {rules.stopped_limit_s:g} s",
         Retirement.TIME_OUT: "out of time",
         Retirement.RAMMING: f"rammed others {rules.ram_warnings} times",
+        Retirement.LOST: "position lost",
+        Retirement.LEFT_LOT: "left the car park",
+        Retirement.HIT_PERSON: "hit a person",
     }
     return words.get(reason, "withdrew")

@@ -14,7 +14,8 @@ from race_server.core.state import Floats
 from race_server.errors import TrackError
 from race_server.pictures import save
 from race_server.scenario.track.course import Course
-from race_server.scenario.track.draw import SUFFIXES, draw_on
+from race_server.scenario.track.draw import draw_on
+from race_server.scenario.track.sheet import SUFFIXES
 
 _COLOURS = ("#1565c0", "#d84315", "#2e7d32", "#6a1b9a", "#00838f", "#ad1457", "#9e9d24", "#5d4037")
 _REFERENCE = "#20242a"

@@ -37,7 +37,7 @@ def draw_lot(world: World, w: int) -> None:
     """Draw the slots, blocks, starts and people of one world. Its seed decides all of them."""
     parking = world.parking
     for b in range(parking.blocks.shape[1]):
-        parking.blocks[w, b].kind = codes.NOTHING
+        _clear_block(parking.blocks[w, b])
     for k in range(parking.parkers.shape[1]):
         _draw_slot(world, w, k)
     following = _take_slots(world, w, parking.parkers.shape[1])
@@ -50,6 +50,13 @@ def draw_lot(world: World, w: int) -> None:
 
 
 @kernel
+def _clear_block(block: Record) -> None:
+    """Forget a block of the round before: the digest is one of this round alone."""
+    block.x = block.y = block.heading = block.half_length = block.half_width = 0.0
+    block.kind = codes.NOTHING
+
+
+@kernel
 def _draw_slot(world: World, w: int, k: int) -> None:
     """Draw the slot of a vehicle that no vehicle before it has, out of the lot's or in a zone."""
     lots, seed, parker = world.parking.lots, world.races[w].seed, world.parking.parkers[w, k]
@@ -58,7 +65,7 @@ def _draw_slot(world: World, w: int, k: int) -> None:
         first = attempt * DRAWS
         chance = uniform(seed, SLOT_STREAM, k, first)
         if lot.slot_count > 0:
-            parker.slot = int(chance * lot.slot_count)
+            parker.slot = _free_slot(world, w, k, chance)
             slot = lots.slots[lot.slot_start + parker.slot]
             parker.x, parker.y, parker.heading = slot.x, slot.y, slot.heading
             parker.length, parker.width = slot.length, slot.width
@@ -73,6 +80,23 @@ def _draw_slot(world: World, w: int, k: int) -> None:
             parker.length, parker.width = lot.slot_length, lot.slot_width
         if _is_slot_free(world, w, k):
             return
+
+
+@kernel
+def _free_slot(world: World, w: int, k: int, chance: float) -> int:
+    """Return one of the lot's slots that no vehicle before vehicle k has. chance: in [0, 1)."""
+    lot = world.parking.lots.lots[world.rules[w].course]
+    parkers = world.parking.parkers[w]
+    wanted = int(chance * (lot.slot_count - k))
+    for number in range(lot.slot_count):
+        is_free = True
+        for other in range(k):
+            is_free = is_free and parkers[other].slot != number
+        if is_free:
+            if wanted == 0:
+                return number
+            wanted -= 1
+    return -1
 
 
 @kernel
@@ -99,19 +123,17 @@ def _is_slot_free(world: World, w: int, k: int) -> bool:
     """Return whether the slot of a vehicle overlaps none before it, and no wall if drawn freely."""
     parkers = world.parking.parkers[w]
     mine = slot_hull(parkers[k], 0.0)
+    if parkers[k].slot >= 0:
+        return True
     for other in range(k):
-        if parkers[k].slot >= 0:
-            if parkers[other].slot == parkers[k].slot:
-                return False
-        elif _overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
+        if _overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
             return False
-    site = world.walls.sites[world.rules[w].course]
-    return parkers[k].slot >= 0 or is_free_of_walls(world.walls, site, mine)
+    return is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
 
 @kernel
 def _take_slots(world: World, w: int, first: int) -> int:
-    """Put vehicles into slots that are nobody's goal; return the next free block.
+    """Put vehicles into slots that are the goal of no vehicle; return the next free block.
 
     first: number of the first block to use.
     """
@@ -173,7 +195,7 @@ def _draw_block(world: World, w: int, number: int) -> None:
 
 @kernel
 def _has_block_room(world: World, w: int, number: int) -> bool:
-    """Return whether a block overlaps no slot that is a goal and no block before it."""
+    """Return whether a block overlaps no wall, no slot that is a goal and no block before it."""
     parking, mine = world.parking, block_hull(world.parking.blocks[w, number])
     for k in range(parking.parkers.shape[1]):
         if _overlap(mine, slot_hull(parking.parkers[w, k], SLOT_ROOM)):
@@ -182,7 +204,7 @@ def _has_block_room(world: World, w: int, number: int) -> bool:
         block = parking.blocks[w, other]
         if block.kind != codes.NOTHING and _overlap(mine, block_hull(block)):
             return False
-    return True
+    return is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
 
 @kernel

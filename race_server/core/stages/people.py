@@ -1,22 +1,22 @@
-"""People in a car park: they walk to and fro, yield to no vehicle, and may be hit."""
+"""People in a car park: they walk from place to place, yield to no vehicle, and may be hit."""
 
 import math
 
 from race_server.core import codes
 from race_server.core.clock import TICK_S
-from race_server.core.kernels.boxes import Box, box_count, box_of, grown, hull_of, reach_of
+from race_server.core.kernels.boxes import Box, Hull, box_count, box_of, grown, hull_of, reach_of
 from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import WALKER_STREAM, uniform
 from race_server.core.lots import PEOPLE
 from race_server.core.stages.events import report, retire
-from race_server.core.stages.wall_contacts import block_hull, is_near_block
+from race_server.core.stages.wall_contacts import block_hull, is_free_of_walls, is_near_block
 from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
 
 # A vehicle slower than this [m/s] stands: a person who walks into it was not hit by it.
 STANDING = 0.1
-# Where a person goes next is drawn at most this many times, so that no block is in the way.
+# Where a person goes next is drawn at most this many times, so that no block or wall is in the way.
 LEG_TRIES = 8
 # Numbers for each leg of a walk.
 DRAWS = 4 + 3 * LEG_TRIES
@@ -58,14 +58,22 @@ def place_walker(world: World, w: int, p: int) -> None:
     """Put a person where they begin, on their first leg."""
     walker, seed = world.parking.walkers[w, p], world.races[w].seed
     lot = world.parking.lots.lots[world.rules[w].course]
-    walker.leg, walker.against = 0, 0
+    walker.leg = walker.against = walker.rest_ticks = 0
+    walker.x = walker.y = walker.to_x = walker.to_y = walker.speed = walker.rest_at = 0.0
     walker.radius = lot.walker_radius if p < lot.walkers else 0.0
-    zone = zone_for(world, w, PEOPLE, uniform(seed, WALKER_STREAM, p, 0))
-    if zone >= 0:
-        share_x = uniform(seed, WALKER_STREAM, p, 1)
-        share_y = uniform(seed, WALKER_STREAM, p, 2)
+    if p >= lot.walkers:
+        return
+    for attempt in range(LEG_TRIES):
+        chances = 3 * attempt
+        zone = zone_for(world, w, PEOPLE, uniform(seed, WALKER_STREAM, p, chances))
+        if zone < 0:
+            return
+        share_x = uniform(seed, WALKER_STREAM, p, chances + 1)
+        share_y = uniform(seed, WALKER_STREAM, p, chances + 2)
         walker.x, walker.y = point_in(world.parking.lots.zones[zone], share_x, share_y)
-        _begin_leg(world, w, p)
+        if _is_free(world, w, walker.x, walker.y, walker.radius):
+            break
+    _begin_leg(world, w, p)
 
 
 @kernel
@@ -84,9 +92,11 @@ def _begin_leg(world: World, w: int, p: int) -> None:
         walker.to_x, walker.to_y = point_in(world.parking.lots.zones[zone], share_x, share_y)
         if not _is_leg_blocked(world, w, walker):
             break
+        # Without a free way they stay, and look for one again in the next tick.
+        walker.to_x, walker.to_y = walker.x, walker.y
     faster = uniform(seed, WALKER_STREAM, p, first)
     walker.speed = lot.walker_slowest + faster * (lot.walker_fastest - lot.walker_slowest)
-    walker.rest_ticks = 0
+    walker.rest_ticks, walker.rest_at = 0, 0.0
     if uniform(seed, WALKER_STREAM, p, first + 1) < lot.walker_stops:
         dx, dy = walker.to_x - walker.x, walker.to_y - walker.y
         share = uniform(seed, WALKER_STREAM, p, first + 2)
@@ -97,7 +107,7 @@ def _begin_leg(world: World, w: int, p: int) -> None:
 
 @kernel
 def _is_leg_blocked(world: World, w: int, walker: Record) -> bool:
-    """Return whether a block stands on the straight way of a person. walker: WALKER."""
+    """Return whether a block or a wall stands on the straight way of a person. walker: WALKER."""
     mx, my = 0.5 * (walker.x + walker.to_x), 0.5 * (walker.y + walker.to_y)
     half = math.sqrt((mx - walker.x) * (mx - walker.x) + (my - walker.y) * (my - walker.y))
     for block in world.parking.blocks[w]:
@@ -105,7 +115,32 @@ def _is_leg_blocked(world: World, w: int, walker: Record) -> bool:
             box = box_of(grown(block_hull(block), walker.radius))
             if box_on_segment(box, walker.x, walker.y, walker.to_x, walker.to_y)[0] > 0.0:
                 return True
+    steps = int(half / walker.radius) + 1
+    site = world.walls.sites[world.rules[w].course]
+    for step in range(steps + 1):
+        share = step / steps
+        x = walker.x + share * (walker.to_x - walker.x)
+        y = walker.y + share * (walker.to_y - walker.y)
+        if not is_free_of_walls(world.walls, site, _square_around(x, y, walker.radius)):
+            return True
     return False
+
+
+@kernel
+def _is_free(world: World, w: int, x: float, y: float, radius: float) -> bool:
+    """Return whether a disc touches no block and, as a square, no wall. All in metres."""
+    for block in world.parking.blocks[w]:
+        if is_near_block(block, x, y, radius):
+            if is_disc_on_box(box_of(block_hull(block)), x, y, radius):
+                return False
+    site = world.walls.sites[world.rules[w].course]
+    return is_free_of_walls(world.walls, site, _square_around(x, y, radius))
+
+
+@kernel
+def _square_around(x: float, y: float, radius: float) -> Hull:
+    """Return the square around a disc. All in metres."""
+    return Hull(x, y, 0.0, 0.0, radius, radius, 0)
 
 
 @kernel

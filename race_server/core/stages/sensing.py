@@ -96,7 +96,8 @@ def _scan(world: World, w: int, k: int, fan: Fan, ranges: Float32s, kinds: Bytes
         if number != k and is_near_block(block, fan.x, fan.y, fan.reach):
             _see(fan, block_hull(block), block.kind, ranges, kinds)
     for walker in world.parking.walkers[w]:
-        see_disc(fan, walker.x, walker.y, walker.radius, codes.PERSON, ranges, kinds)
+        if walker.radius > 0.0:
+            see_disc(fan, walker.x, walker.y, walker.radius, codes.PERSON, ranges, kinds)
     tick = world.races[w].tick
     for index in range(HAZARDS):
         hazard = world.hazards[w, index]

@@ -22,7 +22,7 @@ def decide(world: World, buffers: Buffers, templates: LotTemplates) -> None:
         for k in range(buffers.rewards.shape[1]):
             if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):
                 write_terminal(world, buffers, w, k)
-        # Who is done stays as a block, so that a round ends when all are.
+        # A vehicle that is done stays as a block, so that a round ends when all are.
         if buffers.settings[0].after == RESET_WORLD and all_are_idle(buffers, w):
             begin_round(world, buffers, templates, w)
         write_observations(world, buffers, w)

@@ -117,6 +117,8 @@ def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
         EventKind.PENALTY: f"{who}: {seconds_of(event.value):g} s penalty",
         EventKind.RACE_OVER: "the race is over",
         EventKind.WARNING: f"{who} is warned for driving into {other}",
+        EventKind.PARKED: f"{who} is parked{_slot(event.other)}",
+        EventKind.HIT_PERSON: f"{who} hits a person",
     }
     if event.kind is EventKind.FLAG:
         around = f" around {who}" if event.kart >= 0 else ""
@@ -132,6 +134,10 @@ def _name(kart: int, names: Sequence[str]) -> str:
 
 def _item(number: int, items: Sequence[str]) -> str:
     return items[number - 1] if 1 <= number <= len(items) else f"item {number}"
+
+
+def _slot(number: int) -> str:
+    return f" in slot {number}" if number >= 0 else ""
 
 
 def _pose(event: Event) -> str:

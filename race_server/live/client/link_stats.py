@@ -25,6 +25,9 @@ _RETIREMENTS = {
     Retirement.STOPPED: "stood for too long",
     Retirement.TIME_OUT: "the time was over",
     Retirement.RAMMING: "drove into others",
+    Retirement.LOST: "its position was lost for too long",
+    Retirement.LEFT_LOT: "too far from its slot",
+    Retirement.HIT_PERSON: "hit a person",
 }
 
 
@@ -82,6 +85,8 @@ class LinkStats:
             self.laps += 1
         elif event.kind is EventKind.FINISH:
             self.outcome = "finished"
+        elif event.kind is EventKind.PARKED:
+            self.outcome = "parked"
         elif event.kind is EventKind.RETIRED:
             known = event.other in {int(reason) for reason in Retirement}
             reason = Retirement(event.other) if known else Retirement.WITHDREW

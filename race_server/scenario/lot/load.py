@@ -2,22 +2,23 @@
 
 import hashlib
 import math
-import os
 from functools import cache
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from race_server.core.kernels.boxes import Box
-from race_server.core.kernels.contacts import box_on_box
 from race_server.core.lots import ROLES
 from race_server.core.vehicles import vehicle_named
 from race_server.errors import LotError, VehicleError
 from race_server.scenario.level import LEVELS
-from race_server.scenario.lot.site import course_of_lot
+from race_server.scenario.lot.faults import faults_of
+from race_server.scenario.lot.generated import FORMS, generated_file
+from race_server.scenario.lot.site import area_in, course_of_lot, polygons_in
+from race_server.scenario.places import names_of, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.toml_reader import TomlReader
 from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.generated import PREFIX
 from race_server.scenario.track.limits import (
     MOST_BLOCKS,
     MOST_OBSTACLES,
@@ -26,39 +27,45 @@ from race_server.scenario.track.limits import (
     MOST_ZONES,
 )
 from race_server.scenario.track.lot import Blocks, Floats, Lot, People, Taken, Zone
-from race_server.scenario.track.polyline import corners_of_box
+from race_server.scenario.track.polyline import area_of, crossings, segments_of
 
-MOST_ROWS = {"obstacles": MOST_OBSTACLES, "walls": MOST_OBSTACLES, "rows": 64, "zones": MOST_ZONES}
+MOST_ROWS = {
+    "obstacles": MOST_OBSTACLES,
+    "walls": MOST_OBSTACLES,
+    "polygons": MOST_OBSTACLES,
+    "rows": 64,
+    "zones": MOST_ZONES,
+}
+MOST_CORNERS = 64  # of a polygon
+BEYOND = 50.0  # [m] that a polygon may reach out of the area
 LARGEST = 500.0  # [m] of one side of the area
-TOUCH = 0.05  # [m] an obstacle may reach so far into a slot
 WALL = 0.1  # [m] thickness of a wall
-
-
-def lot_folders() -> list[Path]:
-    """Return the folders of lots: those in $RACE_LOTS first, then the bundled one."""
-    chosen = os.environ.get("RACE_LOTS", "")
-    folders = [Path(name) for name in chosen.split(os.pathsep) if name]
-    package = Path(__file__).parents[2] / "lots"
-    return [*folders, package if package.is_dir() else Path(__file__).parents[3] / "lots"]
+LEAST_SQUARE = 1e-4  # [m²] of a polygon
 
 
 def lot_names() -> list[str]:
     """Return the names of all lots that can be found."""
-    return sorted({path.stem for folder in lot_folders() for path in folder.glob("*.toml")})
+    return names_of("lots")
 
 
 def load_lot(name: str) -> Course:
     """Return the car park of a name, or of a path that ends in ``.toml``, as a course.
 
+    ``generated:yard:17`` is a random one, see `race_server.scenario.lot.generated`.
+
     Raises:
         LotError: there is no such lot, or its file is not valid.
     """
-    paths = [folder / f"{name}.toml" for folder in lot_folders()]
-    for path in [Path(name)] if name.endswith(".toml") else paths:
-        if path.is_file() or name.endswith(".toml"):
-            return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
+    if name.startswith(PREFIX):
+        return _lot_of(name, name, generated_file(name))
+    path = path_of("lots", name)
+    if path is not None:
+        return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
     known = ", ".join(lot_names())
-    raise LotError(f"lot {name!r} is unknown; choose one of {known}, or give a .toml file")
+    raise LotError(
+        f"lot {name!r} is unknown; choose one of {known}, give a .toml file, or a generated lot: "
+        f"{', '.join(FORMS)}"
+    )
 
 
 @cache
@@ -70,7 +77,7 @@ def _lot_of(name: str, file: str, text: str) -> Course:
     reader = TomlReader(file, words, LotError, "lots/README.md", MOST_ROWS)
     title = reader.text("title", name)
     area = _area(reader)
-    obstacles = (*_walls(reader), *_obstacles(reader))
+    obstacles, polygons = (*_walls(reader), *_obstacles(reader)), _polygons(reader, area)
     lot = Lot(
         slots=_slots(reader),
         zones=tuple(_zone(one, area) for one in reader.tables("zones")),
@@ -85,8 +92,13 @@ def _lot_of(name: str, file: str, text: str) -> Course:
     )
     reader.no_more()
     digest = hashlib.sha256(name.encode() + text.encode()).hexdigest()[:16]
-    course = course_of_lot(name, title, area, obstacles, lot, digest)
-    _check(file, course)
+    course = course_of_lot(name, title, area, obstacles, lot, digest, polygons)
+    try:
+        vehicle = vehicle_named(lot.vehicle)
+    except VehicleError as error:
+        raise LotError(f"{file}: {error}") from error
+    for fault in faults_of(course, vehicle):
+        raise LotError(f"{file}: {fault}")
     return course
 
 
@@ -114,6 +126,29 @@ def _obstacles(reader: TomlReader) -> list[Obstacle]:
         if min(row[3], row[4]) <= 0.0:
             raise reader.wrong("obstacles", row[3:].tolist(), "length and width are positive")
     return [Obstacle(x, y, math.radians(turn), *size) for x, y, turn, *size in rows.tolist()]
+
+
+def _polygons(reader: TomlReader, area: tuple[float, float, float, float]) -> list[Floats]:
+    """Return the corners of all polygons, each clockwise: what is free is on the left of a side."""
+    loops = reader.take("polygons", [])
+    most = MOST_ROWS["polygons"]
+    if not isinstance(loops, list) or len(loops) > most:
+        raise reader.wrong("polygons", loops, f"give a list of up to {most} lists of points")
+    polygons = []
+    for number, loop in enumerate(loops, start=1):
+        key = f"polygons[{number}]"
+        if not isinstance(loop, list) or not 3 <= len(loop) <= MOST_CORNERS:
+            raise reader.wrong(key, loop, f"give 3 to {MOST_CORNERS} points [x, y]")
+        corners = np.array([reader.row(f"{key}[{n}]", one, 2) for n, one in enumerate(loop, 1)])
+        low, high = np.array(area[::2]) - BEYOND, np.array(area[1::2]) + BEYOND
+        if (corners < low).any() or (corners > high).any():
+            raise reader.wrong(key, loop, f"stay within {BEYOND:g} m of the area")
+        if abs(area_of(corners)) < LEAST_SQUARE:
+            raise reader.wrong(key, loop, "its corners lie on one line; give an area, or a wall")
+        if len(crossings(segments_of(corners), first_only=True)):
+            raise reader.wrong(key, loop, "its sides cross; give its corners in order")
+        polygons.append(corners[::-1] if area_of(corners) > 0.0 else corners)
+    return polygons
 
 
 def _slots(reader: TomlReader) -> Floats:
@@ -187,54 +222,21 @@ def _people(reader: TomlReader) -> People:
     return people
 
 
-def _check(file: str, course: Course) -> None:
-    """Check that a lot can be parked in by the vehicle that it is made for.
-
-    Raises:
-        LotError: it cannot.
-    """
+def summary(course: Course) -> dict[str, Any]:
+    """Return the figures of a car park as plain data."""
     lot = course.lot
     assert lot is not None
-    roles = {zone.role for zone in lot.zones}
-    if not len(lot.slots) and "goal" not in roles:
-        raise LotError(f"{file}: no slot: give [[rows]] of slots or a zone with role = 'goal'")
-    if "start" not in roles:
-        raise LotError(f"{file}: no start: give a zone with role = 'start'")
-    for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):
-        if count and role not in roles:
-            raise LotError(f"{file}: [{role}] count = {count}: give a zone with role = {role!r}")
-    try:
-        vehicle = vehicle_named(lot.vehicle)
-    except VehicleError as error:
-        raise LotError(f"{file}: {error}") from error
-    sizes = lot.slots[:, 3:] if len(lot.slots) else np.array([lot.slot_size])
-    for length, width in sizes.tolist():
-        if length < vehicle.length or width < vehicle.width:
-            raise LotError(
-                f"{file}: a slot of {length:g} by {width:g} m is too small for {vehicle.name}, "
-                f"which is {vehicle.length:g} by {vehicle.width:g} m; make it larger, or choose "
-                "another vehicle"
-            )
-    _check_slots(file, course)
-
-
-def _check_slots(file: str, course: Course) -> None:
-    """Check that every slot lies in the area and under no obstacle."""
-    assert course.lot is not None
-    low, high = course.borders[:, :2].min(axis=0), course.borders[:, :2].max(axis=0)
-    for number, (x, y, heading, length, width) in enumerate(course.lot.slots.tolist()):
-        corners = corners_of_box(x, y, heading, length, width)
-        where = f"{file}: slot {number} at ({x:.2f}, {y:.2f}) m"
-        if (corners < low - 1e-6).any() or (corners > high + 1e-6).any():
-            raise LotError(f"{where} reaches out of the area; move its row")
-        for obstacle in course.obstacles:
-            block = _box(obstacle.x, obstacle.y, obstacle.heading, obstacle.length, obstacle.width)
-            if box_on_box(_box(x, y, heading, length, width), block)[0] > TOUCH:
-                raise LotError(
-                    f"{where} lies under the obstacle at ({obstacle.x:.2f}, {obstacle.y:.2f}) m; "
-                    "move one of the two"
-                )
-
-
-def _box(x: float, y: float, heading: float, length: float, width: float) -> Box:
-    return Box(x, y, math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width, 0)
+    return {
+        "name": course.name,
+        "title": course.title,
+        "vehicle": lot.vehicle,
+        "level": lot.level,
+        "limit_s": lot.limit_s,
+        "size_m": [round(float(side), 3) for side in np.ptp(area_in(course)[:, :2], axis=0)],
+        "slots": len(lot.slots),
+        "taken": lot.taken.share,
+        "blocks": list(lot.blocks.count),
+        "people": lot.people.count,
+        "obstacles": len(course.obstacles),
+        "polygons": len(polygons_in(course)),
+    }

@@ -1,10 +1,12 @@
 """A car park as a course: walls around it, no line to drive along."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from race_server.scenario.track.course import Course, Obstacle
+from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.lot import Lot
-from race_server.scenario.track.polyline import segments_of
+from race_server.scenario.track.polyline import loops_of, segments_of
 
 NO_PLACES = np.zeros((0, 3))
 
@@ -16,8 +18,13 @@ def course_of_lot(
     obstacles: tuple[Obstacle, ...],
     lot: Lot,
     digest: str,
+    polygons: Sequence[Floats] = (),
 ) -> Course:
-    """Return a car park as a course without a line. area: x0, x1, y0, y1 [m]."""
+    """Return a car park as a course without a line.
+
+    area: x0, x1, y0, y1 [m]; polygons: obstacles by their corners (N, 2) [m], clockwise. They
+    become borders, as the area's own.
+    """
     x0, x1, y0, y1 = area
     corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     width = min(x1 - x0, y1 - y0)
@@ -29,7 +36,7 @@ def course_of_lot(
         half_widths=np.zeros((0, 2)),
         kerb=0.0,
         grass=0.0,
-        borders=segments_of(corners),
+        borders=np.concatenate([segments_of(loop) for loop in (corners, *polygons)]),
         gates=np.zeros(0),
         sectors=(),
         grid=NO_PLACES,
@@ -42,3 +49,13 @@ def course_of_lot(
         digest=digest,
         lot=lot,
     )
+
+
+def area_in(course: Course) -> Floats:
+    """Return the four sides of a car park's area: its first borders."""
+    return course.borders[:4]
+
+
+def polygons_in(course: Course) -> list[Floats]:
+    """Return the sides of a car park's polygons; two that begin in one point come as one."""
+    return loops_of(course.borders[4:]) if len(course.borders) > 4 else []

@@ -9,7 +9,8 @@ from race_server.errors import TrackError
 from race_server.pictures import save
 from race_server.scenario.raceline.result import Limit, Raceline
 from race_server.scenario.track.course import Course
-from race_server.scenario.track.draw import SUFFIXES, draw_on
+from race_server.scenario.track.draw import draw_on
+from race_server.scenario.track.sheet import SUFFIXES
 
 _OTHERS = (
     ("centre_line", "centre line", "#ffffff", "--"),

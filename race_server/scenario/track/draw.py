@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from race_server.errors import TrackError
-from race_server.pictures import save
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.polyline import area_of, loops_of
+from race_server.scenario.track.sheet import INK, draw_into, draw_obstacles, finish
 
-SUFFIXES = (".png", ".svg")
-_GRASS, _ASPHALT, _KERB, _INK = "#cfe3c4", "#5b5f66", "#d9534f", "#20242a"
+_GRASS, _ASPHALT, _KERB = "#cfe3c4", "#5b5f66", "#d9534f"
 _LEFT, _RIGHT = "#c62828", "#2e7d32"
 
 
@@ -21,32 +19,7 @@ def draw_course(course: Course, path: Path) -> None:
     Raises:
         TrackError: the file's suffix is neither .png nor .svg, or it cannot be written.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise TrackError(f"{path}: write the picture as .png or .svg")
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    low, high = _box(course)
-    size = high - low
-    width = 9.0
-    figure, axes = pyplot.subplots(figsize=(width, max(width * size[1] / size[0], 3.0) + 0.6))
-    draw_on(axes, course)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    try:
-        save(figure, path, dpi=140, bbox_inches="tight", facecolor="white")
-    except OSError as error:
-        raise TrackError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        pyplot.close(figure)
-
-
-def _box(course: Course) -> tuple[Floats, Floats]:
-    points = course.borders.reshape(-1, 2)
-    margin = 0.06 * float((points.max(axis=0) - points.min(axis=0)).max())
-    return points.min(axis=0) - margin, points.max(axis=0) + margin
+    draw_into(path, course, lambda axes: draw_on(axes, course))
 
 
 def draw_on(axes: Any, course: Course) -> None:
@@ -64,24 +37,10 @@ def draw_on(axes: Any, course: Course) -> None:
     _draw_borders(axes, course)
     _draw_gates(axes, course)
     _draw_places(axes, course)
-    for obstacle in course.obstacles:
-        cos, sin = np.cos(obstacle.heading), np.sin(obstacle.heading)
-        box = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
-        box *= (0.5 * obstacle.length, 0.5 * obstacle.width)
-        box = box @ np.array([[cos, sin], [-sin, cos]]) + np.array([obstacle.x, obstacle.y])
-        axes.fill(box[:, 0], box[:, 1], color="#f0ad4e", zorder=4)
-    axes.set_aspect("equal")
-    axes.tick_params(labelsize=7, colors="#888888")
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    draw_obstacles(axes, course.obstacles)
     narrow, wide = course.width_min, course.width_max
     across = f"{narrow:.2f} m" if wide - narrow < 0.01 else f"{narrow:.2f} to {wide:.2f} m"
-    axes.set_title(
-        f"{course.title}   {course.length:.1f} m, {across} wide",
-        loc="left",
-        fontsize=11,
-        color=_INK,
-    )
+    finish(axes, f"{course.title}   {course.length:.1f} m, {across} wide")
 
 
 def _ribbon(axes: Any, left: Floats, right: Floats, colour: str) -> None:
@@ -130,7 +89,7 @@ def _draw_gates(axes: Any, course: Course) -> None:
         ends_y = [left[index, 1], right[index, 1]]
         if gate == 0:
             axes.plot(ends_x, ends_y, color="white", linewidth=3.0, zorder=4)
-            axes.plot(ends_x, ends_y, color=_INK, linewidth=3.0, dashes=(1, 1), zorder=4)
+            axes.plot(ends_x, ends_y, color=INK, linewidth=3.0, dashes=(1, 1), zorder=4)
             x, y, heading, _ = course.line[(index + 6) % len(course.line)]
             size = 0.6 * course.width_mean
             arrow = {"arrowstyle": "-|>", "color": "white", "lw": 1.6}

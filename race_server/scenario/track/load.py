@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import os
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
+from race_server.scenario.places import names_of, own_folder, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.toml_reader import TomlReader, is_number
 from race_server.scenario.track.blocks import Loop
@@ -37,23 +37,14 @@ MOST_ROWS = {
 }
 
 
-def track_folders() -> list[Path]:
-    """Return the folders of tracks: those in $RACE_TRACKS first, then the bundled one."""
-    chosen = os.environ.get("RACE_TRACKS", "")
-    folders = [Path(name) for name in chosen.split(os.pathsep) if name]
-    return [*folders, own_tracks()]
-
-
 def own_tracks() -> Path:
     """Return the folder of the bundled tracks."""
-    package = Path(__file__).parents[2] / "tracks"
-    return package if package.is_dir() else Path(__file__).parents[3] / "tracks"
+    return own_folder("tracks")
 
 
 def track_names() -> list[str]:
     """Return the names of all tracks that can be found."""
-    files = (path for folder in track_folders() for path in folder.glob("*.toml"))
-    return sorted({path.stem for path in files})
+    return names_of("tracks")
 
 
 def load_course(name: str) -> Course:
@@ -64,14 +55,11 @@ def load_course(name: str) -> Course:
     Raises:
         TrackError: there is no such course, or its file is not valid.
     """
-    if name.endswith(".toml"):
-        return read_course(Path(name))
-    if name.startswith(PREFIX):
+    if name.startswith(PREFIX) and not name.endswith(".toml"):
         return _course_of(name, name, generated_file(name))
-    for folder in track_folders():
-        path = folder / f"{name}.toml"
-        if path.is_file():
-            return read_course(path)
+    path = path_of("tracks", name)
+    if path is not None:
+        return read_course(path)
     known = ", ".join(track_names())
     raise TrackError(
         f"track {name!r} is unknown; choose one of {known}, give a .toml file, "

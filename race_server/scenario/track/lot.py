@@ -21,7 +21,7 @@ class Zone:
 
 @dataclass(frozen=True)
 class Taken:
-    """Slots that hold a vehicle, other than those that somebody drives to."""
+    """Slots that hold a vehicle, other than those that a vehicle drives to."""
 
     share: float = 0.0  # of the slots, on average
     length: float = 0.0  # [m] of each vehicle
@@ -38,7 +38,7 @@ class Blocks:
 
 @dataclass(frozen=True)
 class People:
-    """People who walk to and fro in the zones of their role."""
+    """People who walk from place to place in the zones of their role."""
 
     count: int = 0
     speed: tuple[float, float] = (0.8, 1.6)  # [m/s] slowest and fastest

@@ -49,7 +49,7 @@ def pack_walls(fences: Sequence[Fence]) -> Walls:
     groups, firsts, members, clears, frees = [], [], [], [], []
     walls = cells = circles = listed = 0
     for site, (segments, _, cell) in zip(sites, fences, strict=True):
-        origin, columns, rows = _grid_over(segments, cell)
+        origin, columns, rows = grid_over(segments, cell)
         first, entries = _list_walls(segments, origin, cell, columns, rows)
         groups.append(_groups_of(segments, walls))
         site.cell, site.columns, site.rows = cell, columns, rows
@@ -59,7 +59,7 @@ def pack_walls(fences: Sequence[Fence]) -> Walls:
         site.cell_start = cells
         firsts.append(first[:-1] + listed)
         members.append(entries)
-        clears.append(_clearances(segments, origin, cell, columns, rows))
+        clears.append(clearances_of(segments, origin, cell, columns, rows))
         frees.append(_free_boxes(first, columns, rows))
         walls, cells = walls + len(segments), cells + columns * rows
         circles, listed = circles + len(groups[-1]), listed + len(entries)
@@ -122,7 +122,7 @@ def _groups_of(segments: Floats, first_wall: int) -> Records:
     return groups
 
 
-def _grid_over(segments: Floats, cell: float) -> tuple[tuple[float, float], int, int]:
+def grid_over(segments: Floats, cell: float) -> tuple[tuple[float, float], int, int]:
     """Return corner [m], columns and rows of a grid that reaches a cell beyond the walls.
 
     Raises:
@@ -174,11 +174,19 @@ def _span(a: float, b: float, cell: float, count: int, margin: float = MARGIN) -
     return max(int(low // cell), 0), min(int(high // cell), count - 1)
 
 
-def _clearances(
-    segments: Floats, origin: tuple[float, float], cell: float, columns: int, rows: int
+def clearances_of(
+    segments: Floats,
+    origin: tuple[float, float],
+    cell: float,
+    columns: int,
+    rows: int,
+    cells: int = CLEAR_CELLS,
 ) -> NDArray[np.float32]:
-    """Return for each cell how far [m] every point of it is from any wall, at least."""
-    most = CLEAR_CELLS * cell
+    """Return for each cell how far [m] every point of it is from any wall, at least.
+
+    cells: beyond this number of them it does not matter how far.
+    """
+    most = cells * cell
     clear = np.full((rows, columns), most)
     x, y = (np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell
     for x0, y0, x1, y1 in segments - np.array([*origin, *origin]):

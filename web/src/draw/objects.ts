@@ -13,6 +13,7 @@ const RADAR_COLOURS: Record<RayHit, string> = {
   [RayHit.OBSTACLE]: '#e0b25a',
   [RayHit.HAZARD]: '#ff8a5c',
   [RayHit.KART]: '#7fd4ff',
+  [RayHit.PERSON]: '#f27ba5',
 };
 
 /** Draws the item boxes: filled where ready, an empty frame while not. */

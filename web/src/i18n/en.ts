@@ -51,6 +51,8 @@ export const en = {
     'time out',
     'ramming',
     'position lost',
+    'left the car park',
+    'hit a person',
   ],
   trusts: ['simulated', 'trusted', 'doubtful', 'suspended', 'out'],
   poseFaults: [
@@ -103,6 +105,8 @@ export const en = {
     warning: (who: string, other: string) => `${who} is warned for driving into ${other}`,
     pose: (who: string, trust: string, fault: string) =>
       `${who} is ${trust}${fault ? ` (${fault})` : ''}`,
+    parked: (who: string, slot: number) => `${who} is parked${slot >= 0 ? ` in slot ${slot}` : ''}`,
+    hitPerson: (who: string) => `${who} hits a person`,
   },
 
   board: {

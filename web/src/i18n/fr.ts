@@ -55,6 +55,8 @@ export const fr: Words = {
     'délai dépassé',
     'percussions',
     'position perdue',
+    'sorti du parking',
+    'personne heurtée',
   ],
   trusts: ['simulé', 'fiable', 'douteux', 'suspendu', 'exclu'],
   poseFaults: [
@@ -100,6 +102,8 @@ export const fr: Words = {
     raceOver: 'La course est terminée',
     warning: (who, other) => `${who} est averti pour avoir percuté ${other}`,
     pose: (who, trust, fault) => `${who} est ${trust}${fault ? ` (${fault})` : ''}`,
+    parked: (who, slot) => `${who} est garé${slot >= 0 ? ` à la place ${slot}` : ''}`,
+    hitPerson: (who) => `${who} heurte une personne`,
   },
 
   board: {

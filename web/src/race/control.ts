@@ -39,6 +39,8 @@ const TONES = new Map<number, Tone>([
   [EventKind.STUCK, 'warning'],
   [EventKind.PENALTY, 'danger'],
   [EventKind.WARNING, 'danger'],
+  [EventKind.PARKED, 'good'],
+  [EventKind.HIT_PERSON, 'danger'],
 ]);
 
 /** Returns an event as a message, null for one that is not shown. */
@@ -107,6 +109,10 @@ function textOf(event: EventFrame, cast: Cast, words: Words): string {
       return say.warning(who, other);
     case EventKind.POSE:
       return say.pose(who, words.trusts[event.other] ?? '', words.poseFaults[event.value] ?? '');
+    case EventKind.PARKED:
+      return say.parked(who, event.other);
+    case EventKind.HIT_PERSON:
+      return say.hitPerson(who);
     default:
       return '';
   }

@@ -28,3 +28,5 @@ class EventKind(object):
     RACE_OVER = 22
     WARNING = 23
     POSE = 24
+    PARKED = 25
+    HIT_PERSON = 26

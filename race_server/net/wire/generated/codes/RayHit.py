@@ -8,3 +8,4 @@ class RayHit(object):
     OBSTACLE = 2
     HAZARD = 3
     KART = 4
+    PERSON = 5

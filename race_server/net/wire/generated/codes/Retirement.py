@@ -10,3 +10,5 @@ class Retirement(object):
     TIME_OUT = 5
     RAMMING = 6
     LOST = 7
+    LEFT_LOT = 8
+    HIT_PERSON = 9

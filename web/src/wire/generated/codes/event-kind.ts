@@ -27,5 +27,7 @@ export enum EventKind {
   PHASE = 21,
   RACE_OVER = 22,
   WARNING = 23,
-  POSE = 24
+  POSE = 24,
+  PARKED = 25,
+  HIT_PERSON = 26
 }

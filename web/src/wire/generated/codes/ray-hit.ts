@@ -7,5 +7,6 @@ export enum RayHit {
   BORDER = 1,
   OBSTACLE = 2,
   HAZARD = 3,
-  KART = 4
+  KART = 4,
+  PERSON = 5
 }

@@ -9,5 +9,7 @@ export enum Retirement {
   STOPPED = 4,
   TIME_OUT = 5,
   RAMMING = 6,
-  LOST = 7
+  LOST = 7,
+  LEFT_LOT = 8,
+  HIT_PERSON = 9
 }

@@ -1,0 +1,31 @@
+"""What a check of a course or of a car park found, as lines or as a document."""
+
+from collections.abc import Sequence
+
+import typer
+
+from race_server.cli.document import print_document
+from race_server.scenario.track.check import CourseIssue
+from race_server.terminal import say
+
+
+def print_findings(
+    kind: str, name: str, vehicle: str, findings: Sequence[CourseIssue], as_json: bool
+) -> None:
+    """Print errors and warnings, and whether a place is good for a vehicle.
+
+    kind: of the place, the key of its name in the document.
+
+    Raises:
+        typer.Exit: with code 1 if there is an error.
+    """
+    good = all(finding.level != "error" for finding in findings)
+    if as_json:
+        rows = [{"level": finding.level, "what": finding.what} for finding in findings]
+        print_document({kind: name, "vehicle": vehicle, "ok": good, "findings": rows})
+    else:
+        for finding in findings:
+            say(f"{finding.level}: {finding.what}")
+        say(f"{name} is {'good' if good else 'not fit'} for {vehicle}")
+    if not good:
+        raise typer.Exit(1)

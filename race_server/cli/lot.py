@@ -1,0 +1,104 @@
+"""`race lot list | show | check | import`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.findings import print_findings
+from race_server.cli.options import Picture, picture_of
+from race_server.errors import LotError
+from race_server.terminal import Console, say
+
+app = typer.Typer(help="List, draw, check and import car parks.", no_args_is_help=True)
+
+LotName = Annotated[
+    str,
+    typer.Argument(
+        help="A name from `race lot list`, a .toml file, or a generated lot: generated:yard:SEED, "
+        "generated:aisle:SEED."
+    ),
+]
+Vehicle = Annotated[
+    str, typer.Option(help="Vehicle: kart-13, kart-30, kart-60 or car. Default: that of the lot.")
+]
+
+
+@app.command("list")
+def list_lots(as_json: AsJson = False) -> None:
+    """List all car parks with size, slots, vehicle, blocks and people."""
+    from race_server.scenario.lot.load import load_lot, lot_names, summary
+
+    rows = [summary(load_lot(name)) for name in lot_names()]
+    if as_json:
+        print_document(rows)
+        return
+    table = Table("name", "title", "vehicle")
+    for column in ("size [m]", "slots", "taken", "blocks", "people"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        fewest, most = row["blocks"]
+        table.add_row(
+            row["name"],
+            row["title"],
+            row["vehicle"],
+            f"{row['size_m'][0]:g} × {row['size_m'][1]:g}",
+            str(row["slots"] or "in a zone"),
+            f"{row['taken']:.0%}",
+            f"{fewest} – {most}" if most else "–",
+            str(row["people"] or "–"),
+        )
+    Console().print(table)
+
+
+@app.command()
+def show(
+    name: LotName,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the round to draw.")] = 0,
+    vehicle: Vehicle = "",
+    to: Picture = None,
+) -> None:
+    """Draw a car park, and one round in it, into a .png or .svg file."""
+    from race_server.scenario.lot.draw import draw_lot
+
+    path = to or picture_of(name.removesuffix(".toml"))
+    draw_lot(name, seed, path, vehicle)
+    say(path)
+
+
+@app.command()
+def check(
+    name: LotName,
+    vehicle: Vehicle = "",
+    seeds: Annotated[
+        int, typer.Option(min=0, max=10_000, help="Rounds to draw, under the seeds from 0.")
+    ] = 200,
+    as_json: AsJson = False,
+) -> None:
+    """Check whether a vehicle can park in a car park. Exit code 1 if it cannot."""
+    from race_server.scenario.lot.check import check_lot
+    from race_server.scenario.lot.load import load_lot, summary
+
+    findings = check_lot(name, vehicle, seeds)
+    lot = summary(load_lot(name))
+    print_findings("lot", lot["name"], vehicle or lot["vehicle"], findings, as_json)
+
+
+@app.command("import")
+def import_lot(
+    source: Annotated[Path, typer.Argument(help="Case of the TPCAP benchmark (.csv).")],
+    to: Annotated[Path, typer.Option("--to", help="File to write (.toml).")],
+    title: Annotated[
+        str, typer.Option(help="Title of the lot. Default: the name of the source file.")
+    ] = "",
+) -> None:
+    """Convert a case of the TPCAP benchmark into a car park."""
+    from race_server.scenario.lot.load import summary
+    from race_server.scenario.lot.tpcap import import_case
+
+    if to.suffix != ".toml":
+        raise LotError(f"{to}: write the lot as .toml")
+    lot = summary(import_case(source, to, title=title or source.stem))
+    say(f"{to}: {lot['size_m'][0]:g} × {lot['size_m'][1]:g} m, {lot['polygons']} obstacles")

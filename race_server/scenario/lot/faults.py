@@ -1,0 +1,78 @@
+"""What makes it impossible to park in a lot, as sentences: seen without a drawn round."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from race_server.core.vehicles import Vehicle
+from race_server.scenario.lot.footprint import Footprint, wall_under
+from race_server.scenario.lot.site import area_in
+from race_server.scenario.track.course import Course
+
+TOUCH = 0.05  # [m] an obstacle or another slot may reach so far into a slot
+
+
+def faults_of(course: Course, vehicle: Vehicle) -> Iterator[str]:
+    """Yield a sentence for everything that keeps a vehicle from parking in a car park."""
+    yield from _missing(course)
+    yield from _small_slots(course, vehicle)
+    yield from _hidden_slots(course)
+    yield from _shared_slots(course)
+
+
+def slots_of(course: Course) -> list[Footprint]:
+    """Return the slots of a car park; none where goals lie in a zone."""
+    assert course.lot is not None
+    return [Footprint(*row) for row in course.lot.slots.tolist()]
+
+
+def _missing(course: Course) -> Iterator[str]:
+    lot = course.lot
+    assert lot is not None
+    roles = {zone.role for zone in lot.zones}
+    if not len(lot.slots) and "goal" not in roles:
+        yield "no slot: give [[rows]] of slots or a zone with role = 'goal'"
+    if "start" not in roles:
+        yield "no start: give a zone with role = 'start'"
+    for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):
+        if count and role not in roles:
+            yield f"[{role}] count = {count}: give a zone with role = {role!r}"
+
+
+def _small_slots(course: Course, vehicle: Vehicle) -> Iterator[str]:
+    assert course.lot is not None
+    sizes = course.lot.slots[:, 3:] if len(course.lot.slots) else np.array([course.lot.slot_size])
+    for length, width in dict.fromkeys(map(tuple, sizes.tolist())):
+        if length < vehicle.length or width < vehicle.width:
+            yield (
+                f"a slot of {length:g} by {width:g} m is too small for {vehicle.name}, which is "
+                f"{vehicle.length:g} by {vehicle.width:g} m; make it larger, or choose another "
+                "vehicle"
+            )
+
+
+def _hidden_slots(course: Course) -> Iterator[str]:
+    area = area_in(course)[:, :2]
+    for number, slot in enumerate(slots_of(course)):
+        where = f"slot {number} at ({slot.x:.2f}, {slot.y:.2f}) m"
+        corners = slot.corners
+        if (corners < area.min(axis=0) - 1e-6).any() or (corners > area.max(axis=0) + 1e-6).any():
+            yield f"{where} reaches out of the area; move its row"
+        elif wall := wall_under(course, slot.grown(-TOUCH)):
+            yield f"{where} lies under {wall}; move one of the two"
+
+
+def _shared_slots(course: Course) -> Iterator[str]:
+    slots = slots_of(course)
+    if not slots:
+        return
+    middles = np.array([(slot.x, slot.y) for slot in slots])
+    reach = np.array([0.5 * np.hypot(slot.length, slot.width) for slot in slots])
+    gaps = np.hypot(*(middles[:, None] - middles[None]).transpose(2, 0, 1))
+    pairs = np.argwhere(np.triu(gaps < reach[:, None] + reach[None], k=1))
+    for one, other in pairs.tolist():
+        if slots[one].grown(-0.5 * TOUCH).overlaps(slots[other].grown(-0.5 * TOUCH)):
+            yield (
+                f"slots {one} and {other} overlap near ({slots[other].x:.2f}, "
+                f"{slots[other].y:.2f}) m: two vehicles with one place; move a row"
+            )

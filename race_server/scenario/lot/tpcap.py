@@ -1,0 +1,190 @@
+"""Cases of the benchmark TPCAP as car parks: one start, one goal, polygons in between.
+
+Trajectory planning competition for automated parking, 2022 (tpcap.github.io). A case is one list of
+numbers: start x, y, heading; goal x, y, heading; the number of obstacles n; n numbers of corners;
+then x, y of all corners. Poses are those of the rear axle, in metres and radians.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from race_server.core.vehicles import CAR
+from race_server.errors import LotError
+from race_server.scenario.lot.footprint import Footprint, wall_under
+from race_server.scenario.lot.load import MOST_CORNERS, MOST_ROWS, load_lot
+from race_server.scenario.lot.site import course_of_lot
+from race_server.scenario.text_files import read_text
+from race_server.scenario.track.course import Course, Floats
+from race_server.scenario.track.lot import Lot
+from race_server.scenario.track.polyline import area_of
+
+MOST_POLYGONS = MOST_ROWS["polygons"]
+# Poses, counts, and corners of the largest case; a number takes at most 32 characters here.
+MOST_NUMBERS = 7 + MOST_POLYGONS * (1 + 2 * MOST_CORNERS)
+MOST_BYTES = 32 * MOST_NUMBERS
+FARTHEST = 1000.0  # [m] of any coordinate
+# The area reaches this far beyond start and goal [m], as in the benchmark's own pictures.
+MARGIN = 8.0
+# Room around the vehicle in its slot [m], the most that obstacles leave.
+ROOMS = (0.15, 0.1, 0.05, 0.02, 0.005)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One case: poses of the middle of the body, and obstacles."""
+
+    start: tuple[float, float, float]  # x, y [m], heading [rad]
+    goal: tuple[float, float, float]
+    polygons: tuple[Floats, ...]  # corners (N, 2) [m] of each, clockwise
+
+    @property
+    def area(self) -> tuple[float, float, float, float]:
+        """x0, x1, y0, y1 [m] of the area, rounded outwards to 0.1 m."""
+        places = np.array([self.start[:2], self.goal[:2]])
+        low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
+        low, high = np.floor(10.0 * low) / 10.0, np.ceil(10.0 * high) / 10.0
+        return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def import_case(source: Path, target: Path, *, title: str) -> Course:
+    """Write a case as the file of a car park, and return that.
+
+    Raises:
+        LotError: the source is no case, or start or goal lies in an obstacle; no file is written
+            then.
+    """
+    case = read_case(source)
+    slot = _room_for(source, case)
+    try:
+        target.write_text(_file_of(case, slot, source.name, title))
+    except OSError as error:
+        raise LotError(f"{target}: cannot be written: {error.strerror}") from error
+    try:
+        return load_lot(str(target))
+    except LotError:
+        target.unlink()
+        raise
+
+
+def read_case(path: Path) -> Case:
+    """Return the case of a file.
+
+    Raises:
+        LotError: it cannot be read, is too long, or holds something else.
+    """
+    numbers = _numbers_in(path, read_text(path, MOST_BYTES, LotError))
+    if len(numbers) < 7:
+        raise LotError(
+            f"{path}: {len(numbers)} numbers; a case begins with 7: start x, y, heading, goal x, "
+            "y, heading, number of obstacles"
+        )
+    count = _count(path, numbers[6], "number of obstacles", 0, MOST_POLYGONS)
+    if len(numbers) < 7 + count:
+        raise LotError(f"{path}: {count} obstacles, but the numbers of their corners are missing")
+    corners = [
+        _count(path, number, f"corners of obstacle {place}", 3, MOST_CORNERS)
+        for place, number in enumerate(numbers[7 : 7 + count], start=1)
+    ]
+    points = np.array(numbers[7 + count :])
+    if len(points) != 2 * sum(corners):
+        raise LotError(
+            f"{path}: {len(points)} numbers for {sum(corners)} corners; give x and y of each, and "
+            "nothing behind them"
+        )
+    loops = np.split(points.reshape(-1, 2), np.cumsum(corners)[:-1]) if count else []
+    return Case(
+        _middle_of((numbers[0], numbers[1], numbers[2])),
+        _middle_of((numbers[3], numbers[4], numbers[5])),
+        tuple(loop[::-1] if area_of(loop) > 0.0 else loop for loop in map(_open, loops)),
+    )
+
+
+def _numbers_in(path: Path, text: str) -> list[float]:
+    numbers: list[float] = []
+    for line, row in enumerate(text.splitlines(), start=1):
+        for word in row.replace(",", " ").replace(";", " ").split():
+            try:
+                number = float(word)
+            except ValueError as error:
+                raise LotError(f"{path}, line {line}: {word[:40]!r} is no number") from error
+            if not abs(number) <= FARTHEST:
+                raise LotError(f"{path}, line {line}: {word[:40]}: give up to {FARTHEST:g}")
+            numbers.append(number)
+        if len(numbers) > MOST_NUMBERS:
+            raise LotError(f"{path}: more than {MOST_NUMBERS} numbers")
+    return numbers
+
+
+def _count(path: Path, number: float, what: str, least: int, most: int) -> int:
+    if number != round(number) or not least <= number <= most:
+        raise LotError(f"{path}: {what} = {number:g}: give a whole number, {least} to {most}")
+    return int(number)
+
+
+def _middle_of(pose: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the pose of the middle of the body for one of the rear axle."""
+    ahead = CAR.rear_axle + CAR.box_offset
+    x, y, heading = pose
+    turn = math.remainder(heading, 2.0 * math.pi)
+    return x + ahead * math.cos(heading), y + ahead * math.sin(heading), turn
+
+
+def _open(loop: Floats) -> Floats:
+    """Return a loop without its last corner if that repeats the first."""
+    is_closed = len(loop) > 3 and bool(np.hypot(*(loop[0] - loop[-1])) < 1e-9)
+    return loop[:-1] if is_closed else loop
+
+
+def _room_for(path: Path, case: Case) -> tuple[float, float]:
+    """Return length and width of the slot [m]: the body, and room that no obstacle takes.
+
+    Raises:
+        LotError: the body touches an obstacle at its start or its goal.
+    """
+    course = course_of_lot("case", "case", case.area, (), _NO_LOT, "", case.polygons)
+    bodies = {"start": Footprint(*case.start, CAR.length, CAR.width)}
+    bodies["goal"] = Footprint(*case.goal, CAR.length, CAR.width)
+    for name, body in bodies.items():
+        if wall := wall_under(course, body):
+            raise LotError(f"{path}: at the {name} the car of the benchmark touches {wall}")
+    for room in ROOMS:
+        if not wall_under(course, bodies["goal"].grown(room)):
+            return CAR.length + 2.0 * room, CAR.width + 2.0 * room
+    return CAR.length, CAR.width
+
+
+_NO_LOT = Lot(np.zeros((0, 5)))
+
+
+def _file_of(case: Case, slot: tuple[float, float], source: str, title: str) -> str:
+    clean = "".join(letter for letter in title if letter.isprintable() and letter not in '"\\')
+    name = "".join(letter for letter in source if letter.isprintable())
+    words = [
+        f"# Imported from {name}, a case of the benchmark TPCAP (tpcap.github.io).",
+        f'title = "{clean[:64] or "Imported"}"',
+        f"area = [{', '.join(f'{side:g}' for side in case.area)}]",
+        f"slot = [{slot[0]:.3f}, {slot[1]:.3f}]",
+        f'vehicle = "{CAR.name}"',
+        "limit_s = 180",
+        'level = "parked"',
+        "polygons = [",
+        *(f"    [{', '.join(map(_point, polygon))}]," for polygon in case.polygons),
+        "]",
+    ]
+    for role, (x, y, heading) in (("start", case.start), ("goal", case.goal)):
+        words += [
+            "",
+            "[[zones]]",
+            f'role = "{role}"',
+            f"x = [{x:.6f}, {x:.6f}]",
+            f"y = [{y:.6f}, {y:.6f}]",
+            f"heading = {math.degrees(heading):.6f}",
+        ]
+    return "\n".join([*words, ""])
+
+
+def _point(corner: Floats) -> str:
+    return f"[{corner[0]:.6f}, {corner[1]:.6f}]"

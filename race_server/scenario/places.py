@@ -1,0 +1,29 @@
+"""Where files of courses and car parks are: in own folders, and beside the program."""
+
+import os
+from pathlib import Path
+
+
+def own_folder(kind: str) -> Path:
+    """Return the folder that comes with the program. kind: tracks or lots."""
+    package = Path(__file__).parents[1] / kind
+    return package if package.is_dir() else Path(__file__).parents[2] / kind
+
+
+def folders_of(kind: str) -> list[Path]:
+    """Return all folders: those in $RACE_TRACKS or $RACE_LOTS first, then the program's."""
+    chosen = os.environ.get(f"RACE_{kind.upper()}", "")
+    return [*(Path(name) for name in chosen.split(os.pathsep) if name), own_folder(kind)]
+
+
+def names_of(kind: str) -> list[str]:
+    """Return the names of all files that can be found."""
+    return sorted({path.stem for folder in folders_of(kind) for path in folder.glob("*.toml")})
+
+
+def path_of(kind: str, name: str) -> Path | None:
+    """Return the file of a name, or of a path that ends in ``.toml``; None if there is none."""
+    if name.endswith(".toml"):
+        return Path(name)
+    paths = (folder / f"{name}.toml" for folder in folders_of(kind))
+    return next((path for path in paths if path.is_file()), None)

@@ -1,0 +1,219 @@
+"""What a check of a car park finds: rectangles, ways, rounds. And its command."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from race_server.cli.lot import app
+from race_server.core.vehicles import CAR, KART_13
+from race_server.scenario.lot.check import check_lot
+from race_server.scenario.lot.footprint import Footprint, wall_under
+from race_server.scenario.lot.load import load_lot
+from race_server.scenario.lot.ways import cut_off, ways_in
+
+GATE = """
+area = [0, 40, 0, 20]
+walls = [[20, 0, 20, {low}], [20, {high}, 20, 20]]
+vehicle = "car"
+[[rows]]
+at = [30, 10]
+length = 5.2
+width = 2.5
+[[zones]]
+role = "start"
+x = [5, 10]
+y = [5, 15]
+"""
+
+rectangles = st.builds(
+    Footprint,
+    *(st.floats(-3.0, 3.0) for _ in range(2)),
+    st.floats(-math.pi, math.pi),
+    *(st.floats(0.5, 4.0) for _ in range(2)),
+)
+
+
+def write(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "lot.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def gate(tmp_path: Path, gap: float) -> str:
+    """Return the file of a lot with a gap of this width [m] between start and slot."""
+    low, high = 10.0 - 0.5 * gap - 0.05, 10.0 + 0.5 * gap + 0.05
+    return write(tmp_path, GATE.format(low=low, high=high))
+
+
+def points_in(place: Footprint) -> np.ndarray:
+    """Return 41 by 41 points of a rectangle."""
+    u, v = np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-0.5, 0.5, 41))
+    cos, sin = math.cos(place.heading), math.sin(place.heading)
+    along, across = u.ravel() * place.length, v.ravel() * place.width
+    return np.stack(
+        [place.x + along * cos - across * sin, place.y + along * sin + across * cos], axis=1
+    )
+
+
+def holds(place: Footprint, points: np.ndarray) -> np.ndarray:
+    """Return which points lie inside a rectangle."""
+    cos, sin = math.cos(place.heading), math.sin(place.heading)
+    dx, dy = (points - (place.x, place.y)).T
+    ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
+    return (abs(ahead) < 0.5 * place.length) & (abs(aside) < 0.5 * place.width)
+
+
+# Rectangles
+
+
+@given(rectangles, rectangles)
+def test_rectangles_overlap_where_a_point_of_one_lies_in_the_other(
+    one: Footprint, other: Footprint
+) -> None:
+    if holds(other, points_in(one)).any():
+        assert one.overlaps(other)
+    # What points 0.1 m apart may miss is no deeper than that.
+    elif not holds(other.grown(0.15), points_in(one)).any():
+        assert not one.overlaps(other)
+
+
+@given(rectangles, *(st.floats(-5.0, 5.0) for _ in range(4)))
+def test_a_segment_crosses_a_rectangle_where_one_of_its_points_lies_inside(
+    place: Footprint, x0: float, y0: float, x1: float, y1: float
+) -> None:
+    share = np.linspace(0.0, 1.0, 501)[:, None]
+    points = np.array([x0, y0]) + share * np.array([x1 - x0, y1 - y0])
+    crosses = bool(place.crosses(np.array([[x0, y0, x1, y1]]))[0])
+    if holds(place.grown(-1e-6), points).any():
+        assert crosses
+    elif not holds(place.grown(0.02), points).any():
+        assert not crosses
+
+
+def test_segments_along_the_sides_of_a_rectangle_do_not_cross_it() -> None:
+    place = Footprint(0.0, 0.0, 0.0, 4.0, 2.0)
+    along = np.array([[-9.0, 1.0, 9.0, 1.0], [2.0, -9.0, 2.0, 9.0], [-9.0, 0.0, 9.0, 0.0]])
+    assert place.crosses(along).tolist() == [False, False, True]
+
+
+def test_what_lies_under_a_rectangle_is_named() -> None:
+    course = load_lot("gate")
+    size = (CAR.length, CAR.width)
+    assert wall_under(course, Footprint(10.0, 20.0, 0.0, *size)) == ""
+    assert wall_under(course, Footprint(20.0, 20.0, 0.0, *size)) == ""
+    assert "obstacle at (20.00" in wall_under(course, Footprint(20.0, 10.0, 0.0, *size))
+    assert "border" in wall_under(course, Footprint(1.0, 20.0, 0.0, *size))
+    assert "border" in wall_under(course, Footprint(-10.0, 20.0, 0.0, *size))
+
+
+# Ways
+
+
+def test_a_car_of_1_94_m_finds_a_way_through_2_10_m_and_none_through_1_70_m(
+    tmp_path: Path,
+) -> None:
+    assert cut_off(load_lot(gate(tmp_path, 2.1)), CAR) == []
+    (sentence,) = cut_off(load_lot(gate(tmp_path, 1.7)), CAR)
+    assert sentence == (
+        "no free way leads from a start to slot 0 at (30.00, 10.00) m for car, 1.94 m wide"
+    )
+    assert cut_off(load_lot(gate(tmp_path, 1.7)), KART_13) == []
+
+
+def test_the_cells_that_are_reached_lie_on_the_side_of_the_start(tmp_path: Path) -> None:
+    ways = ways_in(load_lot(gate(tmp_path, 1.0)), CAR)
+    columns = ways.x0 + (np.flatnonzero(ways.reached.any(axis=0)) + 0.5) * ways.cell
+    assert columns.min() == pytest.approx(0.97, abs=ways.cell)
+    assert columns.max() == pytest.approx(20.0 - 0.05 - 0.97, abs=1.5 * ways.cell)
+
+
+def test_a_start_in_a_wall_and_a_goal_behind_one_are_told(tmp_path: Path) -> None:
+    text = GATE.format(low=10, high=10) + "[[zones]]\nrole = 'goal'\nx = [25, 35]\ny = [2, 6]\n"
+    text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
+    found = cut_off(load_lot(write(tmp_path, text)), CAR)
+    assert found == [
+        "no free way leads from a start to the goal zone x 25 to 35, y 2 to 6 m for car, "
+        "1.94 m wide"
+    ]
+    inside = GATE.format(low=4, high=16).replace("[5, 10]", "[20, 20]").replace("[5, 15]", "[2, 2]")
+    found = cut_off(load_lot(write(tmp_path, inside)), CAR)
+    assert found[0].startswith("start zone x 20 to 20, y 2 to 2 m lies in a wall: it has no place")
+
+
+# Rounds
+
+
+@pytest.mark.parametrize("name", ["yard-70", "aisle-90", "generated:yard:3", "generated:aisle:3"])
+def test_ten_rounds_of_a_good_lot_have_a_place_for_everything(name: str) -> None:
+    assert check_lot(name, rounds=10) == []
+
+
+def test_a_start_that_is_too_near_to_a_wall_is_an_error(tmp_path: Path) -> None:
+    # The middle of the car fits there, its front does not.
+    text = GATE.format(low=4, high=16).replace("[5, 10]", "[18, 18]").replace("[5, 15]", "[2, 2]")
+    (finding,) = check_lot(write(tmp_path, text), rounds=10)
+    assert finding.level == "error"
+    assert finding.what == (
+        "in 10 of 10 rounds (100.0%) no free place was found for the start: first it touches the "
+        "obstacle at (20.00, 2.00) m; make its zone larger"
+    )
+
+
+def test_a_goal_zone_without_room_for_a_slot_is_an_error(tmp_path: Path) -> None:
+    text = GATE.format(low=4, high=16) + "[[zones]]\nrole = 'goal'\nx = [39, 39]\ny = [10, 10]\n"
+    text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
+    (finding,) = check_lot(write(tmp_path, text), rounds=4)
+    assert (finding.level, "for the slot: first it touches the border" in finding.what) == (
+        "error",
+        True,
+    )
+
+
+def test_blocks_that_find_no_room_are_a_warning(tmp_path: Path) -> None:
+    text = GATE.format(low=4, high=16) + (
+        "[[zones]]\nrole = 'blocks'\nx = [15, 16]\ny = [10, 11]\n"
+        "[blocks]\ncount = [9, 9]\nside = [2, 3]\n"
+    )
+    (finding,) = check_lot(write(tmp_path, text), rounds=4)
+    assert finding.level == "warning"
+    assert "in 4 of 4 rounds (100.0%) there was no room for the fewest blocks" in finding.what
+
+
+def test_a_slot_that_is_good_for_its_vehicle_may_be_too_small_for_another(tmp_path: Path) -> None:
+    (finding,) = check_lot("face-to-face", "car", rounds=1)
+    assert finding.what.startswith("a slot of 3 by 2 m is too small for car")
+
+
+# Commands
+
+
+def test_the_list_has_every_lot_with_its_figures() -> None:
+    rows = json.loads(CliRunner().invoke(app, ["list", "--json"]).output)
+    (kerb,) = (row for row in rows if row["name"] == "kerb")
+    assert (kerb["size_m"], kerb["slots"], kerb["vehicle"]) == ([60.0, 9.0], 8, "car")
+    assert "Bays along a kerb" in CliRunner().invoke(app, ["list"], env={"COLUMNS": "160"}).output
+
+
+def test_a_check_says_what_is_wrong_and_ends_with_1(tmp_path: Path) -> None:
+    good = CliRunner().invoke(app, ["check", "kerb", "--seeds", "2"])
+    assert (good.exit_code, good.output) == (0, "kerb is good for car\n")
+    bad = CliRunner().invoke(app, ["check", gate(tmp_path, 1.0), "--seeds", "2", "--json"])
+    assert bad.exit_code == 1
+    document = json.loads(bad.output)
+    assert (document["lot"], document["vehicle"], document["ok"]) == ("lot", "car", False)
+    assert document["findings"][0]["what"].startswith("no free way leads from a start to slot 0")
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_a_lot_is_drawn_with_a_round_in_it(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"yard.{suffix}"
+    shown = CliRunner().invoke(app, ["show", "yard-70", "--seed", "3", "--to", str(path)])
+    assert shown.exit_code == 0, shown.output
+    assert path.read_bytes()[:4] in (b"\x89PNG", b"<?xm")
+    assert path.stat().st_size > 10_000

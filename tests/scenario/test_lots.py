@@ -1,0 +1,307 @@
+"""Files of car parks: those that are shipped, those drawn by a seed, and those that are wrong."""
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from race_server.core.vehicles import CAR, KART_13
+from race_server.errors import LotError
+from race_server.scenario.lot.faults import slots_of
+from race_server.scenario.lot.generated import generated_file
+from race_server.scenario.lot.load import load_lot, lot_names, summary
+from race_server.scenario.lot.site import polygons_in
+from race_server.scenario.lot.ways import cut_off
+from race_server.scenario.places import own_folder
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.lot import Lot
+from race_server.scenario.track.polyline import is_inside
+from race_server.scenario.track.walls import fence_of
+
+BASE = """
+area = [0, 40, 0, 20]
+vehicle = "car"
+[[rows]]
+at = [30, 10]
+length = 5.2
+width = 2.5
+[[zones]]
+role = "start"
+x = [5, 10]
+y = [5, 15]
+"""
+
+
+def load(tmp_path: Path, text: str) -> Course:
+    path = tmp_path / "lot.toml"
+    path.write_text(text)
+    return load_lot(str(path))
+
+
+def lot_of(course: Course) -> Lot:
+    assert course.lot is not None
+    return course.lot
+
+
+# Shipped lots
+
+
+def test_the_lots_are_shipped() -> None:
+    wanted = "aisle-45 aisle-60 aisle-90 face-to-face gate kerb yard-70 zone-30"
+    assert lot_names() == wanted.split()
+
+
+@pytest.mark.parametrize("name", lot_names())
+def test_a_free_way_leads_to_every_slot_of_a_shipped_lot(name: str) -> None:
+    course = load_lot(name)
+    vehicle = {"car": CAR, "kart-13": KART_13}[lot_of(course).vehicle]
+    assert cut_off(course, vehicle) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "width"), [("aisle-90", 6.0), ("aisle-60", 4.0), ("aisle-45", 3.5)]
+)
+def test_between_the_rows_lies_an_aisle_of_its_width(name: str, width: float) -> None:
+    slots = slots_of(load_lot(name))
+    assert len(slots) == 32
+    south = max(slot.corners[:, 1].max() for slot in slots if slot.y < 0.0)
+    north = min(slot.corners[:, 1].min() for slot in slots if slot.y > 0.0)
+    assert north - south == pytest.approx(width, abs=0.02)
+
+
+def test_bays_along_the_kerb_are_shorter_and_longer_than_one_move_needs() -> None:
+    front, rear = CAR.wheelbase + 0.96, 0.929
+    needed = rear + math.sqrt(front**2 + 2.0 * CAR.turning_radius * CAR.width)
+    assert needed == pytest.approx(6.01, abs=0.005)
+    lengths = [slot.length for slot in slots_of(load_lot("kerb"))]
+    assert lengths == [5.3, 5.5, 5.7, 5.9, 6.0, 6.1, 6.3, 6.5]
+    assert sum(length < needed for length in lengths) == 5
+
+
+def test_the_gate_is_3_50_m_wide_between_its_walls() -> None:
+    course = load_lot("gate")
+    low, high = sorted(course.obstacles, key=lambda wall: wall.y)
+    assert (high.y - 0.5 * high.length) - (low.y + 0.5 * low.length) == pytest.approx(3.5)
+
+
+def test_the_car_is_that_of_the_benchmark() -> None:
+    assert CAR.length == pytest.approx(2.80 + 0.96 + 0.929)
+    assert CAR.turning_radius == pytest.approx(3.006, abs=1e-3)
+    # The front bumper is 3.76 m ahead of the rear axle.
+    front = CAR.rear_axle + CAR.box_offset + 0.5 * CAR.length
+    assert front == pytest.approx(2.80 + 0.96)
+    assert CAR.motor_force / CAR.mass == CAR.brake_force / CAR.mass == 1.0
+
+
+def test_a_summary_has_the_figures_of_a_lot() -> None:
+    figures = summary(load_lot("yard-70"))
+    assert (figures["size_m"], figures["slots"], figures["people"]) == ([80.0, 30.0], 0, 1)
+    assert (figures["vehicle"], figures["blocks"]) == ("kart-13", [6, 10])
+
+
+# Lots drawn by a seed
+
+
+@pytest.mark.parametrize("kind", ["yard", "aisle"])
+def test_forty_generated_lots_can_be_parked_in(kind: str) -> None:
+    courses = [load_lot(f"generated:{kind}:{seed}") for seed in range(40)]
+    sizes = {tuple(summary(course)["size_m"]) for course in courses}
+    assert len(sizes) == 40
+    for course in courses[:5]:
+        vehicle = CAR if kind == "aisle" else KART_13
+        assert cut_off(course, vehicle) == [], course.name
+
+
+def test_generated_aisles_have_all_angles() -> None:
+    courses = [load_lot(f"generated:aisle:{seed}") for seed in range(30)]
+    turns = {abs(round(math.degrees(lot_of(course).slots[-1, 2]))) for course in courses}
+    assert turns == {45, 60, 90, 270}
+
+
+def test_a_seed_gives_the_same_lot_always() -> None:
+    name = "generated:yard:17"
+    assert generated_file(name) == generated_file.__wrapped__(name)
+    assert load_lot(name).digest != load_lot("generated:yard:18").digest
+
+
+@pytest.mark.parametrize("name", ["generated:lot:1", "generated:yard:-1", "generated:yard:x"])
+def test_another_name_is_told_what_can_be_generated(name: str) -> None:
+    with pytest.raises(LotError, match=r"cannot be generated; write generated:yard:SEED, gen"):
+        load_lot(name)
+
+
+# Polygons
+
+
+def test_the_free_side_of_a_polygon_is_on_the_left_of_each_of_its_sides(tmp_path: Path) -> None:
+    corners = "[[15, 5], [20, 5], [20, 8], [16, 9]]"
+    there = load(tmp_path, f"polygons = [{corners}]\n{BASE}")
+    back = load(tmp_path, f"polygons = [{corners[:1]}[16, 9], [20, 8], [20, 5], [15, 5]]]\n{BASE}")
+    for course in (there, back):
+        (polygon,) = polygons_in(course)
+        assert len(polygon) == 4
+        x0, y0, x1, y1 = polygon.T
+        along = np.stack([x1 - x0, y1 - y0], axis=1)
+        left = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+        middle = 0.5 * (polygon[:, :2] + polygon[:, 2:])
+        assert not is_inside(middle + 0.01 * left, polygon).any()
+        assert is_inside(middle - 0.01 * left, polygon).all()
+        assert len(fence_of(course).segments) == 8
+
+
+def test_a_polygon_in_the_corner_of_the_area_leaves_the_area_as_it_is(tmp_path: Path) -> None:
+    course = load(
+        tmp_path, f"polygons = [[[0, 0], [0, -9], [-9, 0]], [[0, 0], [4, 0], [0, 4]]]\n{BASE}"
+    )
+    assert summary(course)["size_m"] == [40.0, 20.0]
+    assert cut_off(course, CAR) == []
+
+
+# The manual
+
+
+def example_of_the_manual() -> tuple[str, str]:
+    """Return the manual, and the example in it."""
+    manual = (own_folder("lots") / "README.md").read_text(encoding="utf-8")
+    return manual, manual.split("```text\n")[1].split("```")[0]
+
+
+def test_the_example_of_the_manual_has_every_key_that_it_describes(tmp_path: Path) -> None:
+    manual, example = example_of_the_manual()
+    lot = lot_of(load(tmp_path, example))
+    assert (len(lot.slots), lot.people.count, lot.blocks.count) == (6, 2, (1, 3))
+    cells = [row.split("|")[1] for row in manual.splitlines() if row.startswith("| `")]
+    described = {word for cell in cells for word in re.findall(r"`\[*([\w.]+)", cell)}
+    words = tomllib.loads(example)
+    keys = {*words}
+    for name in ("rows", "zones"):
+        keys |= {*words[name][0]}
+    for name in ("taken", "blocks", "people"):
+        keys |= {f"{name}.{key}" for key in words[name]}
+    assert described == keys
+
+
+# What is wrong
+
+FAULTS = {
+    "vehicle = 'lorry'": (r"vehicle 'lorry' is unknown", BASE.replace('"car"', '"lorry"')),
+    "slot too small": (
+        r"a slot of 4.5 by 2.5 m is too small for car, which is 4.689 by 1.942 m; make it larger",
+        BASE.replace("5.2", "4.5"),
+    ),
+    "slot under a wall": (
+        r"slot 0 at \(30.00, 10.00\) m lies under the obstacle at \(30.00, 11.00\) m; move one",
+        f"walls = [[25, 11, 35, 11]]\n{BASE}",
+    ),
+    "slot inside an obstacle": (
+        r"slot 0 at \(30.00, 10.00\) m lies under the obstacle at \(30.00, 10.00\) m; move one",
+        f"obstacles = [[30, 10, 0, 9, 9]]\n{BASE}",
+    ),
+    "slot under a polygon": (
+        r"slot 0 at .* lies under the polygon with a corner at \(30.00, 14.00\) m; move one",
+        f"polygons = [[[30, 10], [34, 10], [30, 14]]]\n{BASE}",
+    ),
+    "slot outside": (
+        r"slot 0 at \(38.00, 10.00\) m reaches out of the area; move its row",
+        BASE.replace("[30, 10]", "[38, 10]"),
+    ),
+    "two vehicles with one slot": (
+        r"slots 0 and 1 overlap near \(30.00, 11.00\) m: two vehicles with one place; move a row",
+        BASE + "[[rows]]\nat = [30, 11]\nlength = 5.2\nwidth = 2.5\n",
+    ),
+    "pitch less than width": (
+        r"slots 0 and 1 overlap near",
+        BASE.replace("width = 2.5", "width = 2.5\ncount = 2\npitch = 2.2\ntowards = 90"),
+    ),
+    "goal zone outside": (
+        r"zones\[2\]: x = '\[30.0, 41.0\]': stay within the area, 0 to 40",
+        BASE + "[[zones]]\nrole = 'goal'\nx = [30, 41]\n",
+    ),
+    "no start": (r"no start: give a zone with role = 'start'", BASE.replace('"start"', '"goal"')),
+    "no slot": (
+        r"no slot: give \[\[rows\]\] of slots or a zone with role = 'goal'",
+        "area = [0, 40, 0, 20]\n[[zones]]\nrole = 'start'\n",
+    ),
+    "blocks without a zone": (
+        r"\[blocks\] count = 3: give a zone with role = 'blocks'",
+        BASE + "[blocks]\ncount = [1, 3]\n",
+    ),
+    "people without a zone": (
+        r"\[people\] count = 2: give a zone with role = 'people'",
+        BASE + "[people]\ncount = 2\n",
+    ),
+    "misspelt": (r"colour = 'red': no such key; see lots/README.md", f"colour = 'red'\n{BASE}"),
+    "no area": (r"area = 'None': give 4 numbers", BASE.replace("area =", "title = 'x' #")),
+    "large area": (
+        r"area = .*: give x0, x1, y0, y1 with sides of 1 to 500 m",
+        BASE.replace("40, 0, 20", "400, 0, 2000"),
+    ),
+    "polygon of two points": (
+        r"polygons\[1\] = .*: give 3 to 64 points \[x, y\]",
+        f"polygons = [[[1, 2], [3, 4]]]\n{BASE}",
+    ),
+    "polygon on a line": (
+        r"polygons\[1\] = .*: its corners lie on one line; give an area, or a wall",
+        f"polygons = [[[1, 2], [3, 4], [5, 6]]]\n{BASE}",
+    ),
+    "polygon that crosses itself": (
+        r"polygons\[1\] = .*: its sides cross; give its corners in order",
+        f"polygons = [[[15, 1], [20, 3], [20, 1], [15, 4]]]\n{BASE}",
+    ),
+    "polygon far away": (
+        r"polygons\[1\] = .*: stay within 50 m of the area",
+        f"polygons = [[[15, 1], [20, 1], [20, 99]]]\n{BASE}",
+    ),
+    "polygon of words": (
+        r"polygons\[1\]\[2\] = 'x': give 2 numbers",
+        f"polygons = [[[15, 1], 'x', [20, 4]]]\n{BASE}",
+    ),
+    "no TOML": (r"no TOML", "area = ["),
+    "level": (r"level = 'loose': choose one of report-a-1", f"level = 'loose'\n{BASE}"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_is_wrong_with_a_lot_is_one_sentence(fault: str, tmp_path: Path) -> None:
+    sentence, text = FAULTS[fault]
+    with pytest.raises(LotError, match=r"^lot.toml.*" + sentence) as told:
+        load(tmp_path, text)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("number", ["0", "-1", "1e9", "-1e300", "nan", "inf", "true", "'x'", "[]"])
+def test_any_number_in_place_of_another_makes_a_lot_or_one_sentence(
+    number: str, tmp_path: Path
+) -> None:
+    _, example = example_of_the_manual()
+    refused = []
+    places = list(re.finditer(r"(?<=[\[ ])-?\d+(\.\d+)?(?=[\],\n])", example))
+    assert len(places) > 50
+    for place in places:
+        try:
+            load(tmp_path, example[: place.start()] + number + example[place.end() :])
+        except LotError as error:
+            refused.append(str(error))
+    assert len(refused) > 3
+    assert "\n" not in "".join(refused)
+
+
+def test_the_lot_that_they_differ_from_is_good(tmp_path: Path) -> None:
+    assert len(lot_of(load(tmp_path, BASE)).slots) == 1
+
+
+def test_an_unknown_lot_names_those_that_exist() -> None:
+    with pytest.raises(LotError, match=r"lot 'garage' is unknown; choose one of aisle-45, .*gener"):
+        load_lot("garage")
+
+
+def test_own_lots_are_found_in_the_folders_of_a_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.toml").write_text(BASE)
+    monkeypatch.setenv("RACE_LOTS", str(tmp_path))
+    assert load_lot("mine").title == "mine"
+    assert "mine" in lot_names()

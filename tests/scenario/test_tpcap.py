@@ -1,0 +1,143 @@
+"""Cases of the benchmark TPCAP: read, turned into car parks, and refused where they are damaged."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from race_server.cli.lot import app
+from race_server.core.vehicles import CAR
+from race_server.errors import LotError
+from race_server.scenario.lot.check import check_lot
+from race_server.scenario.lot.tpcap import MOST_NUMBERS, MOST_POLYGONS, import_case, read_case
+from race_server.scenario.track.polyline import area_of
+
+# From the middle of the rear axle to that of the body: 4.689 / 2 - 0.929 m.
+AHEAD = 1.4155
+START, GOAL = [-10.0, 3.5, 0.0], [4.0, -1.3, math.pi]
+# Two boxes with a gap of 6.20 m between them, and a triangle.
+LEFT = [(-9.0, 0.0), (-9.0, -3.0), (-1.0, -3.0), (-1.0, 0.0)]
+RIGHT = [(5.2, 0.0), (5.2, -3.0), (12.0, -3.0), (12.0, 0.0)]
+ABOVE = [(-12.0, 8.0), (14.0, 8.0), (1.0, 9.5)]
+
+Loop = list[tuple[float, float]]
+
+
+def numbers(*loops: Loop, start: list[float] = START, goal: list[float] = GOAL) -> list[float]:
+    counts = [float(len(loop)) for loop in loops]
+    points = [number for loop in loops for corner in loop for number in corner]
+    return [*start, *goal, float(len(loops)), *counts, *points]
+
+
+def write(tmp_path: Path, content: list[float] | str, between: str = ",") -> Path:
+    path = tmp_path / "Case1.csv"
+    text = content if isinstance(content, str) else between.join(map(repr, content))
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("between", [",", "\n", " ; "])
+def test_a_case_is_one_list_of_numbers_in_a_row_or_a_column(tmp_path: Path, between: str) -> None:
+    case = read_case(write(tmp_path, numbers(LEFT, RIGHT, ABOVE), between))
+    assert [len(polygon) for polygon in case.polygons] == [4, 4, 3]
+    assert sorted(map(tuple, case.polygons[2].tolist())) == sorted(ABOVE)
+
+
+def test_poses_are_those_of_the_rear_axle_and_become_those_of_the_body(tmp_path: Path) -> None:
+    case = read_case(write(tmp_path, numbers()))
+    assert case.start == pytest.approx((-10.0 + AHEAD, 3.5, 0.0))
+    assert case.goal[:2] == pytest.approx((4.0 - AHEAD, -1.3))
+    assert abs(case.goal[2]) == pytest.approx(math.pi)
+    # 8 m beyond both: x from -8.5845 to 2.5845, y from -1.3 to 3.5, rounded outwards.
+    assert case.area == pytest.approx((-16.6, 10.6, -9.3, 11.5))
+
+
+def test_polygons_are_clockwise_however_they_were_written(tmp_path: Path) -> None:
+    for loop in (LEFT, LEFT[::-1], [*LEFT, LEFT[0]]):
+        (polygon,) = read_case(write(tmp_path, numbers(loop))).polygons
+        assert area_of(polygon) == pytest.approx(-24.0)
+        assert len(polygon) == 4
+
+
+def test_a_case_becomes_a_lot_with_one_start_and_one_goal(tmp_path: Path) -> None:
+    target = tmp_path / "case.toml"
+    course = import_case(write(tmp_path, numbers(LEFT, RIGHT, ABOVE)), target, title='A "case"')
+    assert course.title == "A case"
+    lot = course.lot
+    assert lot is not None
+    assert (lot.vehicle, lot.level) == ("car", "parked")
+    # 0.27 m are left ahead of the body and 0.4 m behind it: the slot has 0.15 m on every side.
+    assert lot.slot_size == pytest.approx((CAR.length + 0.3, CAR.width + 0.3), abs=1e-3)
+    start, goal = lot.zones
+    assert start.x == pytest.approx((-8.5845, -8.5845), abs=1e-6)
+    assert goal.heading == pytest.approx(math.pi, abs=1e-6)
+    assert len(course.borders) == 4 + 4 + 4 + 3
+    assert check_lot(str(target), rounds=3) == []
+
+
+def test_the_slot_takes_no_more_room_than_the_obstacles_leave(tmp_path: Path) -> None:
+    # The rear bumper is at 4.929 m, the obstacle 0.06 m behind it.
+    near = [(x - 5.2 + 4.989, y) for x, y in RIGHT]
+    target = tmp_path / "case.toml"
+    course = import_case(write(tmp_path, numbers(LEFT, near)), target, title="near")
+    assert course.lot is not None
+    assert course.lot.slot_size == pytest.approx((CAR.length + 0.1, CAR.width + 0.1), abs=1e-3)
+
+
+def test_a_body_in_an_obstacle_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    target = tmp_path / "case.toml"
+    inside = [(-11.0, 2.0), (-6.0, 2.0), (-6.0, 5.0), (-11.0, 5.0)]
+    with pytest.raises(LotError, match=r"at the start the car of the benchmark touches the polyg"):
+        import_case(write(tmp_path, numbers(inside)), target, title="x")
+    near = [(x - 5.2 + 4.9, y) for x, y in RIGHT]
+    with pytest.raises(LotError, match=r"at the goal the car of the benchmark touches the polygon"):
+        import_case(write(tmp_path, numbers(near)), target, title="x")
+    assert not target.exists()
+
+
+DAMAGES: dict[str, tuple[list[float] | str, str]] = {
+    "empty": ("", r"0 numbers; a case begins with 7: start x, y, heading, goal x, y, heading"),
+    "words": ("1,2,3\n4,five", r"line 2: 'five' is no number"),
+    "no number": ("1,2,nan", r"line 1: nan: give up to 1000"),
+    "far away": ("1,2,3,1e9", r"line 1: 1e9: give up to 1000"),
+    "half an obstacle": ([*START, *GOAL, 1.5], r"number of obstacles = 1.5: give a whole number"),
+    "many obstacles": (
+        [*START, *GOAL, 999.0],
+        rf"number of obstacles = 999: give a whole number, 0 to {MOST_POLYGONS}",
+    ),
+    "no counts": ([*START, *GOAL, 3.0, 4.0], r"3 obstacles, but the numbers of their corners are"),
+    "two corners": ([*START, *GOAL, 1.0, 2.0, 1, 2, 3, 4], r"corners of obstacle 1 = 2: give a w"),
+    "negative": ([*START, *GOAL, 1.0, -4.0], r"corners of obstacle 1 = -4: give a whole number"),
+    "cut off": (numbers(LEFT)[:-1], r"7 numbers for 4 corners; give x and y of each, and nothing"),
+    "too much": ([*numbers(LEFT), 1.0], r"9 numbers for 4 corners"),
+    "too long": ("0," * (MOST_NUMBERS + 1), rf"more than {MOST_NUMBERS} numbers"),
+    "too large": ("0" * 2_000_000, r"larger than \d+ bytes"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_case_is_one_sentence(damage: str, tmp_path: Path) -> None:
+    content, sentence = DAMAGES[damage]
+    with pytest.raises(LotError, match=r"Case1\.csv.*" + sentence) as told:
+        read_case(write(tmp_path, content))
+    assert "\n" not in str(told.value)
+
+
+def test_a_polygon_that_crosses_itself_is_refused_and_no_file_stays(tmp_path: Path) -> None:
+    target = tmp_path / "case.toml"
+    bow = [(8.0, 4.0), (10.0, 6.0), (10.0, 4.0), (8.0, 7.0)]
+    with pytest.raises(LotError, match=r"polygons\[1\].*its sides cross"):
+        import_case(write(tmp_path, numbers(bow)), target, title="x")
+    assert not target.exists()
+
+
+def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
+    source, target = write(tmp_path, numbers(LEFT, RIGHT)), tmp_path / "case.toml"
+    done = CliRunner().invoke(app, ["import", str(source), "--to", str(target)])
+    assert done.exit_code == 0, done.output
+    assert done.output == f"{target}: 27.2 × 20.8 m, 2 obstacles\n"
+    assert np.isclose(target.stat().st_size, 700, atol=300)
+    refused = CliRunner().invoke(app, ["import", str(source), "--to", str(tmp_path / "case.png")])
+    assert isinstance(refused.exception, LotError)

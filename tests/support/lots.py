@@ -1,0 +1,76 @@
+"""Small car parks for tests, made without a file."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from race_server.core.state import World
+from race_server.core.step import advance
+from race_server.core.vehicles import KART_13
+from race_server.scenario.level import level_named
+from race_server.scenario.lot.site import course_of_lot
+from race_server.scenario.parking import LOT_RULES
+from race_server.scenario.race import Scenario, make_world
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.lot import Lot, People, Zone
+
+AHEAD = KART_13.box_offset  # [m] from the centre of gravity to the middle of the body
+
+
+def one_slot(length: float = 3.0, width: float = 2.0, people: int = 0) -> Course:
+    """Return an area of 100 m by 100 m whose one slot lies in the middle and points east."""
+    zones = (Zone("start", (-20.0, -20.0), (0.0, 0.0)), Zone("people", (30.0, 40.0), (30.0, 40.0)))
+    slots = np.array([(0.0, 0.0, 0.0, length, width)])
+    lot = Lot(slots, zones, people=People(count=people))
+    return course_of_lot("one-slot", "One slot", (-50.0, 50.0, -50.0, 50.0), (), lot, "one-slot")
+
+
+def open_lot(vehicles: int = 2) -> Course:
+    """Return an area of 100 m by 100 m with `vehicles` slots, 10 m apart along y."""
+    slots = np.array([(0.0, 10.0 * number, 0.0, 3.0, 2.0) for number in range(vehicles)])
+    lot = Lot(slots, (Zone("start", (-40.0, -20.0), (-40.0, 40.0)),))
+    return course_of_lot("open", "Open", (-50.0, 50.0, -50.0, 50.0), (), lot, "open")
+
+
+def park_world(
+    course: Course,
+    *,
+    level: str = "parked",
+    vehicles: int = 1,
+    bump: bool = False,
+    seed: int = 3,
+    limit_s: float = 60.0,
+) -> World:
+    """Return a world of karts of 13 km/h in a car park."""
+    contact = "bump" if bump else "retire"
+    rules = replace(LOT_RULES, wall_contact=contact, kart_contact=contact, limit_s=limit_s)
+    scenario = Scenario(
+        course,
+        karts=vehicles,
+        vehicles=(KART_13,),
+        rules=rules,
+        seed=seed,
+        level=level_named(level),
+    )
+    return make_world(scenario)
+
+
+def put(
+    world: World, x: float, y: float, heading: float = 0.0, *, speed: float = 0.0, kart: int = 0
+) -> None:
+    """Put a kart so that the middle of its body is at (x, y) [m]."""
+    body = world.bodies[0, kart]
+    body.x, body.y = x - AHEAD * np.cos(heading), y - AHEAD * np.sin(heading)
+    body.heading, body.speed = heading, speed
+
+
+def wait(world: World, ticks: int) -> None:
+    """Let time pass with all brakes on."""
+    controls = np.zeros((*world.bodies.shape, 4))
+    controls[..., 2] = 1.0
+    advance(world, controls, ticks)
+
+
+def roll(world: World, ticks: int) -> None:
+    """Let time pass without any control."""
+    advance(world, np.zeros((*world.bodies.shape, 4)), ticks)
