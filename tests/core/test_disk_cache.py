@@ -11,7 +11,7 @@ from race_server.core.kernels.geometry import wrap_angle
 print("ready", flush=True)
 sys.stdin.readline()
 wrap_angle(4.0)
-print(sum(wrap_angle.stats.cache_misses.values()))
+print(sum(wrap_angle.entry.stats.cache_misses.values()))
 """
 
 
