@@ -25,6 +25,8 @@ Vehicle = Annotated[
     str, typer.Option(help="Vehicle: kart-13, kart-30, kart-60 or car. Default: that of the lot.")
 ]
 
+Vehicles = Annotated[int, typer.Option(min=1, max=64, help="Vehicles that drive there.")]
+
 
 @app.command("list")
 def list_lots(as_json: AsJson = False) -> None:
@@ -58,13 +60,14 @@ def show(
     name: LotName,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the round to draw.")] = 0,
     vehicle: Vehicle = "",
+    vehicles: Vehicles = 1,
     to: Picture = None,
 ) -> None:
     """Draw a car park, and one round in it, into a .png or .svg file."""
     from race_server.scenario.lot.draw import draw_lot
 
     path = to or picture_of(name.removesuffix(".toml"))
-    draw_lot(name, seed, path, vehicle)
+    draw_lot(name, seed, path, vehicle, vehicles)
     say(path)
 
 
@@ -72,6 +75,7 @@ def show(
 def check(
     name: LotName,
     vehicle: Vehicle = "",
+    vehicles: Vehicles = 1,
     seeds: Annotated[
         int, typer.Option(min=0, max=10_000, help="Rounds to draw, under the seeds from 0.")
     ] = 200,
@@ -81,7 +85,7 @@ def check(
     from race_server.scenario.lot.check import check_lot
     from race_server.scenario.lot.load import load_lot, summary
 
-    findings = check_lot(name, vehicle, seeds)
+    findings = check_lot(name, vehicle, seeds, vehicles)
     lot = summary(load_lot(name))
     print_findings("lot", lot["name"], vehicle or lot["vehicle"], findings, as_json)
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 from race_server.cli.lot import app
 from race_server.core.vehicles import CAR, KART_13
+from race_server.errors import ScenarioError
 from race_server.scenario.lot.check import check_lot
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import load_lot
@@ -76,7 +78,7 @@ def holds(place: Footprint, points: np.ndarray) -> np.ndarray:
 def test_rectangles_overlap_where_a_point_of_one_lies_in_the_other(
     one: Footprint, other: Footprint
 ) -> None:
-    if holds(other, points_in(one)).any():
+    if holds(other.grown(-1e-6), points_in(one)).any():
         assert one.overlaps(other)
     # What points 0.1 m apart may miss is no deeper than that.
     elif not holds(other.grown(0.15), points_in(one)).any():
@@ -183,6 +185,27 @@ def test_blocks_that_find_no_room_are_a_warning(tmp_path: Path) -> None:
     (finding,) = check_lot(write(tmp_path, text), rounds=4)
     assert finding.level == "warning"
     assert "in 4 of 4 rounds (100.0%) there was no room for the fewest blocks" in finding.what
+
+
+def test_a_start_that_cannot_be_as_far_from_the_slot_as_asked_is_an_error(tmp_path: Path) -> None:
+    text = "distance = [35, 40]\n" + GATE.format(low=4, high=16)
+    (finding,) = check_lot(write(tmp_path, text), rounds=4)
+    assert finding.level == "error"
+    # From x = 5 to 10 m to a slot at x = 30 m it is 20 to 25.5 m.
+    assert re.search(r"in 4 of 4 .* for the start: first it is 2\d\.\d\d m from", finding.what)
+
+
+def test_eight_vehicles_start_apart_before_the_gate_and_not_in_a_zone_of_one_place(
+    tmp_path: Path,
+) -> None:
+    assert check_lot("gate", rounds=5, vehicles=8) == []
+    text = GATE.format(low=4, high=16).replace("[5, 10]", "[8, 8]").replace("[5, 15]", "[9, 9]")
+    path = write(tmp_path, text + "[[rows]]\nat = [30, 5]\nlength = 5.2\nwidth = 2.5\n")
+    assert check_lot(path, rounds=5) == []
+    (finding,) = check_lot(path, rounds=5, vehicles=2)
+    assert "for the start: first it touches another at (8.00, 9.00) m" in finding.what
+    with pytest.raises(ScenarioError, match=r"3 vehicles on lot: it has 2 slots; two vehicles can"):
+        check_lot(path, rounds=5, vehicles=3)
 
 
 def test_a_slot_that_is_good_for_its_vehicle_may_be_too_small_for_another(tmp_path: Path) -> None:

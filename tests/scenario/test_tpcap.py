@@ -54,6 +54,17 @@ def test_poses_are_those_of_the_rear_axle_and_become_those_of_the_body(tmp_path:
     assert case.area == pytest.approx((-16.6, 10.6, -9.3, 11.5))
 
 
+def test_a_case_ten_million_kilometres_from_its_origin_is_the_same_case(tmp_path: Path) -> None:
+    here = read_case(write(tmp_path, numbers(LEFT, RIGHT)))
+    shift = (7.0086e9, -8.7223e9)
+    far = [[(x + shift[0], y + shift[1]) for x, y in loop] for loop in (LEFT, RIGHT)]
+    poses = [[pose[0] + shift[0], pose[1] + shift[1], pose[2]] for pose in (START, GOAL)]
+    there = read_case(write(tmp_path, numbers(*far, start=poses[0], goal=poses[1])))
+    assert there.start == pytest.approx(here.start, abs=1e-5)
+    assert there.goal == pytest.approx(here.goal, abs=1e-5)
+    assert there.polygons[1] == pytest.approx(here.polygons[1], abs=1e-5)
+
+
 def test_polygons_are_clockwise_however_they_were_written(tmp_path: Path) -> None:
     for loop in (LEFT, LEFT[::-1], [*LEFT, LEFT[0]]):
         (polygon,) = read_case(write(tmp_path, numbers(loop))).polygons
@@ -100,8 +111,9 @@ def test_a_body_in_an_obstacle_is_refused_and_nothing_is_written(tmp_path: Path)
 DAMAGES: dict[str, tuple[list[float] | str, str]] = {
     "empty": ("", r"0 numbers; a case begins with 7: start x, y, heading, goal x, y, heading"),
     "words": ("1,2,3\n4,five", r"line 2: 'five' is no number"),
-    "no number": ("1,2,nan", r"line 1: nan: give up to 1000"),
-    "far away": ("1,2,3,1e9", r"line 1: 1e9: give up to 1000"),
+    "no number": ("1,2,nan", r"line 1: nan: give up to 1e\+11"),
+    "far away": ("1,2,3,1e12", r"line 1: 1e12: give up to 1e\+11"),
+    "far apart": ([0.0, 0.0, 0.0, 9e3, 0.0, 0.0, 0.0], r"9e\+03 m from the start: give up to 2000"),
     "half an obstacle": ([*START, *GOAL, 1.5], r"number of obstacles = 1.5: give a whole number"),
     "many obstacles": (
         [*START, *GOAL, 999.0],

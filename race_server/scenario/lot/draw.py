@@ -4,16 +4,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from race_server.core import codes
-from race_server.core.state import World
-from race_server.core.vehicles import vehicle_named
-from race_server.scenario.lot.check import body_at, slot_at
+from race_server.scenario.lot.drawn import Drawn, draw_rounds
 from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.footprint import Footprint
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.site import area_in, polygons_in
-from race_server.scenario.parking import parking_scenario
-from race_server.scenario.race import make_world
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.sheet import INK, draw_into, draw_obstacles, finish
 
@@ -22,31 +17,23 @@ START, GOAL, CAR, BLOCK, PERSON = "#4fc3f7", "#66bb6a", "#aab2bd", "#f0ad4e", "#
 ZONES = {"start": START, "goal": GOAL, "blocks": BLOCK, "people": PERSON}
 
 
-def draw_lot(name: str, seed: int, path: Path, vehicle: str = "") -> None:
+def draw_lot(name: str, seed: int, path: Path, vehicle: str = "", vehicles: int = 1) -> None:
     """Draw a car park, with the round of a seed in it, into a file.
 
-    vehicle: name, that of the lot where it is empty.
+    vehicle: name, that of the lot where it is empty; vehicles: that drive there.
 
     Raises:
-        LotError, TrackError, VehicleError: there is no such lot or vehicle, the file's suffix is
-            neither .png nor .svg, or it cannot be written.
+        LotError, TrackError, VehicleError, ScenarioError: there is no such lot or vehicle, more
+            vehicles than slots, the file's suffix is neither .png nor .svg, or it cannot be
+            written.
     """
     course = load_lot(name)
-    world = make_world(parking_scenario(name, vehicle=vehicle), seeds=[seed])
-    assert course.lot is not None
-    size = vehicle_named(vehicle or course.lot.vehicle)
+    (drawn,) = draw_rounds(name, [seed], vehicle, vehicles)
 
     def paint(axes: Any) -> None:
         _draw_site(axes, course)
-        _draw_round(axes, world)
-        parker = world.parking.parkers[0, 0]
-        _draw_box(axes, slot_at(parker), GOAL, 3)
-        _point(axes, slot_at(parker))
-        body = body_at(world.bodies[0, 0], size)
-        _draw_box(axes, body, START, 6)
-        _point(axes, body)
-        away = math.hypot(body.x - parker.x, body.y - parker.y)
-        finish(axes, f"{course.title}   {size.name}, seed {seed}: {away:.1f} m to the slot")
+        _draw_round(axes, drawn)
+        finish(axes, f"{course.title}   seed {seed}")
 
     draw_into(path, course, paint)
 
@@ -78,19 +65,24 @@ def _draw_site(axes: Any, course: Course) -> None:
         axes.annotate(zone.role, (x0, y1), fontsize=7, color=colour, va=side, zorder=8)
 
 
-def _draw_round(axes: Any, world: World) -> None:
-    """Draw what one seed drew besides start and slot: blocks, parked vehicles, people."""
-    for block in world.parking.blocks[0]:
-        if block.kind != codes.NOTHING:
-            colour = CAR if block.kind == codes.KART_HIT else BLOCK
-            length, width = 2.0 * block.half_length, 2.0 * block.half_width
-            place = Footprint(block.x, block.y, block.heading, length, width)
-            _draw_box(axes, place, colour, 4)
-    for walker in world.parking.walkers[0]:
-        if walker.radius > 0.0:
-            way_x, way_y = (walker.x, walker.to_x), (walker.y, walker.to_y)
-            axes.plot(way_x, way_y, color=PERSON, linewidth=1.0, dashes=(2, 2), zorder=5)
-            axes.scatter([walker.x], [walker.y], s=24, color=PERSON, edgecolor=INK, zorder=6)
+def _draw_round(axes: Any, drawn: Drawn) -> None:
+    """Draw what one seed drew."""
+    for colour, order, places in (
+        (GOAL, 3, drawn.slots),
+        (CAR, 4, drawn.parked),
+        (BLOCK, 4, drawn.blocks),
+        (START, 6, drawn.starts),
+    ):
+        for place in places:
+            _draw_box(axes, place, colour, order)
+    for place in (*drawn.slots, *drawn.starts):
+        _point(axes, place)
+    # Which slot a vehicle goes to.
+    for start, slot in zip(drawn.starts, drawn.slots, strict=True):
+        axes.plot((start.x, slot.x), (start.y, slot.y), color=START, linewidth=0.5, zorder=3)
+    for x, y, to_x, to_y in drawn.people:
+        axes.plot((x, to_x), (y, to_y), color=PERSON, linewidth=1.0, dashes=(2, 2), zorder=5)
+        axes.scatter([x], [y], s=24, color=PERSON, edgecolor=INK, zorder=6)
 
 
 def _draw_box(axes: Any, place: Footprint, colour: str, order: int) -> None:

@@ -25,7 +25,11 @@ MOST_POLYGONS = MOST_ROWS["polygons"]
 # Poses, counts, and corners of the largest case; a number takes at most 32 characters here.
 MOST_NUMBERS = 7 + MOST_POLYGONS * (1 + 2 * MOST_CORNERS)
 MOST_BYTES = 32 * MOST_NUMBERS
-FARTHEST = 1000.0  # [m] of any coordinate
+# Places are counted from the multiple of this that is nearest to the start [m]: some cases lie ten
+# million kilometres from their origin.
+TILE = 1000.0
+FARTHEST = 2.0 * TILE  # [m] of any place, counted so
+LARGEST = 1e11  # of any number
 # The area reaches this far beyond start and goal [m], as in the benchmark's own pictures.
 MARGIN = 8.0
 # Room around the vehicle in its slot [m], the most that obstacles leave.
@@ -94,10 +98,16 @@ def read_case(path: Path) -> Case:
             f"{path}: {len(points)} numbers for {sum(corners)} corners; give x and y of each, and "
             "nothing behind them"
         )
-    loops = np.split(points.reshape(-1, 2), np.cumsum(corners)[:-1]) if count else []
+    start, goal = np.array(numbers[:2]), np.array(numbers[3:5])
+    origin = TILE * np.round(start / TILE)
+    places = points.reshape(-1, 2) - origin
+    farthest = float(np.abs([*places, goal - origin]).max())
+    if farthest > FARTHEST:
+        raise LotError(f"{path}: {farthest:.3g} m from the start: give up to {FARTHEST:g} m")
+    loops = np.split(places, np.cumsum(corners)[:-1]) if count else []
     return Case(
-        _middle_of((numbers[0], numbers[1], numbers[2])),
-        _middle_of((numbers[3], numbers[4], numbers[5])),
+        _middle_of(start - origin, numbers[2]),
+        _middle_of(goal - origin, numbers[5]),
         tuple(loop[::-1] if area_of(loop) > 0.0 else loop for loop in map(_open, loops)),
     )
 
@@ -110,8 +120,8 @@ def _numbers_in(path: Path, text: str) -> list[float]:
                 number = float(word)
             except ValueError as error:
                 raise LotError(f"{path}, line {line}: {word[:40]!r} is no number") from error
-            if not abs(number) <= FARTHEST:
-                raise LotError(f"{path}, line {line}: {word[:40]}: give up to {FARTHEST:g}")
+            if not abs(number) <= LARGEST:
+                raise LotError(f"{path}, line {line}: {word[:40]}: give up to {LARGEST:g}")
             numbers.append(number)
         if len(numbers) > MOST_NUMBERS:
             raise LotError(f"{path}: more than {MOST_NUMBERS} numbers")
@@ -124,12 +134,11 @@ def _count(path: Path, number: float, what: str, least: int, most: int) -> int:
     return int(number)
 
 
-def _middle_of(pose: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return the pose of the middle of the body for one of the rear axle."""
+def _middle_of(axle: Floats, heading: float) -> tuple[float, float, float]:
+    """Return the pose of the middle of the body for that of the rear axle, at (x, y) [m]."""
     ahead = CAR.rear_axle + CAR.box_offset
-    x, y, heading = pose
-    turn = math.remainder(heading, 2.0 * math.pi)
-    return x + ahead * math.cos(heading), y + ahead * math.sin(heading), turn
+    x, y = axle[0] + ahead * math.cos(heading), axle[1] + ahead * math.sin(heading)
+    return float(x), float(y), math.remainder(heading, 2.0 * math.pi)
 
 
 def _open(loop: Floats) -> Floats:
