@@ -1,9 +1,11 @@
-"""What all tests share: the kernels are compiled once, and small worlds are quick to make."""
+"""What all tests share: the kernels are compiled once, and the longest files come first."""
 
 import os
 from functools import cache
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
+import numpy as np
 import pytest
 
 # No test writes to the results of the user that runs it.
@@ -13,7 +15,7 @@ os.environ["RACE_SERVER_RECORDINGS"] = "none"
 os.environ["RACE_SERVER_PAGE"] = "0"
 
 from race_server.live.server.warm_up import warm_up
-from race_server.scenario.race import Scenario
+from race_server.scenario.race import Scenario, make_world
 from support.courses import ring
 
 if TYPE_CHECKING:
@@ -23,8 +25,29 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
-    """Compile (or load) what a live race calls before the first test is timed."""
-    warm_up(Scenario(ring(), karts=2))
+    """Compile (or load) what a live race calls before the first test is timed.
+
+    The second of several processes compiles what a training calls as well, and in another order:
+    where both begin with the same kernel, one waits for the other.
+    """
+    scenario = Scenario(ring(), karts=2)
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+        compile_training(scenario)
+    warm_up(scenario)
+
+
+def compile_training(scenario: Scenario) -> None:
+    """Compile the tick, then a decision of a training."""
+    from race_server.core.kernels.jit import bind
+    from race_server.core.step import advance
+    from race_server.envs.batch import Batch
+    from race_server.envs.presets import task_on
+
+    # A world with no kart on its grid place: to place one calls what the first process compiles.
+    with patch("race_server.scenario.race.line_up_race"):
+        world = make_world(scenario)
+    bind(advance, world, np.zeros((1, scenario.karts, 4)), 1)
+    Batch(task_on((scenario,)))
 
 
 @pytest.fixture(scope="session")
