@@ -2,6 +2,7 @@
 
 import os
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest.mock import patch
 
@@ -21,6 +22,20 @@ from support.courses import ring
 if TYPE_CHECKING:
     from race_agents.training.run import TrainingResult
     from support.trainings import Train
+
+# The files that take longest, which come first: at the end no process is long at one while the
+# others have nothing left. Slow tests are in the second line.
+LONGEST = (
+    *("live/test_live.py", "agents/test_imitation.py", "live/test_page.py", "live/test_gateway.py"),
+    *("docs/test_pages.py", "docs/test_site.py", "agents/test_judges.py", "core/test_modes.py"),
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first; the tests of each stay in their order."""
+    folder = Path(__file__).parent
+    places = {folder / name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path, len(places)))
 
 
 @pytest.fixture(scope="session", autouse=True)
