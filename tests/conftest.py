@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 # The files that take longest, which come first: at the end no process is long at one while the
 # others have nothing left. Slow tests are in the second line.
 LONGEST = (
-    *("live/test_live.py", "agents/test_imitation.py", "live/test_page.py", "live/test_gateway.py"),
+    *(
+        "live/test_live.py",
+        "envs/test_discipline.py",
+        "live/test_page.py",
+        "agents/test_imitation.py",
+    ),
     *("docs/test_pages.py", "docs/test_site.py", "agents/test_judges.py", "core/test_modes.py"),
 )
 
