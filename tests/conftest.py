@@ -24,15 +24,17 @@ if TYPE_CHECKING:
     from support.trainings import Train
 
 # The files that take longest, which come first: at the end no process is long at one while the
-# others have nothing left. Slow tests are in the second line.
+# others have nothing left.
 LONGEST = (
-    *(
-        "live/test_live.py",
-        "envs/test_discipline.py",
-        "live/test_page.py",
-        "agents/test_imitation.py",
-    ),
-    *("docs/test_pages.py", "docs/test_site.py", "agents/test_judges.py", "core/test_modes.py"),
+    "live/test_live.py",
+    "agents/test_imitation.py",
+    "envs/test_discipline.py",
+    "live/test_page.py",
+    # Of slow tests:
+    "docs/test_pages.py",
+    "docs/test_site.py",
+    "agents/test_judges.py",
+    "core/test_modes.py",
 )
 
 
@@ -53,7 +55,7 @@ def compiled() -> None:
     scenario = Scenario(ring(), karts=2)
     if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
         compile_training(scenario)
-    warm_up(scenario)
+    warm_up(scenario, ("pure_pursuit", "follow_gap", "avoider"))
 
 
 def compile_training(scenario: Scenario) -> None:
