@@ -30,6 +30,7 @@ LONGEST = (
     "agents/test_imitation.py",
     "envs/test_discipline.py",
     "live/test_page.py",
+    "storage/test_results_of_races.py",
     # Of slow tests:
     "docs/test_pages.py",
     "docs/test_site.py",
