@@ -28,8 +28,9 @@ $(PAGE): $(WEB)
 check-page: page
 	@if $(NODE_IS_THERE); then cd web && npm run --silent check && npm test --silent && npm run --silent size; fi
 
-# Files of tests side by side. What takes minutes is `test-slow`: pages run, sites built, trainings compared.
-PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+# Files of tests side by side, in the order of tests/conftest.py. What takes minutes is `test-slow`: pages run, sites built,
+# trainings compared.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-test
 	@$(PYTEST) -m 'not slow'

@@ -1,9 +1,12 @@
-"""What all tests share: the kernels are compiled once, and small worlds are quick to make."""
+"""What all tests share: the kernels are compiled once, and the longest files come first."""
 
 import os
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
+import numpy as np
 import pytest
 
 # No test writes to the results of the user that runs it.
@@ -13,18 +16,61 @@ os.environ["RACE_SERVER_RECORDINGS"] = "none"
 os.environ["RACE_SERVER_PAGE"] = "0"
 
 from race_server.live.server.warm_up import warm_up
-from race_server.scenario.race import Scenario
+from race_server.scenario.race import Scenario, make_world
 from support.courses import ring
 
 if TYPE_CHECKING:
     from race_agents.training.run import TrainingResult
     from support.trainings import Train
 
+# The files that take longest, which come first: at the end no process is long at one while the
+# others have nothing left.
+LONGEST = (
+    "live/test_live.py",
+    "agents/test_imitation.py",
+    "envs/test_discipline.py",
+    "live/test_page.py",
+    "storage/test_results_of_races.py",
+    # Of slow tests:
+    "docs/test_pages.py",
+    "docs/test_site.py",
+    "agents/test_judges.py",
+    "core/test_modes.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first; the tests of each stay in their order."""
+    folder = Path(__file__).parent
+    places = {folder / name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path, len(places)))
+
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
-    """Compile (or load) what a live race calls before the first test is timed."""
-    warm_up(Scenario(ring(), karts=2))
+    """Compile (or load) what a live race calls before the first test is timed.
+
+    The second of several processes compiles what a training calls as well, and in another order:
+    where both begin with the same kernel, one waits for the other.
+    """
+    scenario = Scenario(ring(), karts=2)
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+        compile_training(scenario)
+    warm_up(scenario, ("pure_pursuit", "follow_gap", "avoider"))
+
+
+def compile_training(scenario: Scenario) -> None:
+    """Compile the tick, then a decision of a training."""
+    from race_server.core.kernels.jit import bind
+    from race_server.core.step import advance
+    from race_server.envs.batch import Batch
+    from race_server.envs.presets import task_on
+
+    # A world with no kart on its grid place: to place one calls what the first process compiles.
+    with patch("race_server.scenario.race.line_up_race"):
+        world = make_world(scenario)
+    bind(advance, world, np.zeros((1, scenario.karts, 4)), 1)
+    Batch(task_on((scenario,)))
 
 
 @pytest.fixture(scope="session")

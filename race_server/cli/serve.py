@@ -8,8 +8,8 @@ import typer
 from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
-from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions
-from race_server.errors import KeysError, ResultsError, ScenarioError
+from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions, check_pace
+from race_server.errors import KeysError, ResultsError
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -71,7 +71,6 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     from race_server.cli.service import Service
     from race_server.core.kernels.jit import is_compiled
     from race_server.live.driver_processes import is_trusted
-    from race_server.live.server import LOCKSTEP, REAL
     from race_server.live.server.warm_up import warm_up
     from race_server.net.auth.settings import ListenSettings, check_listen_settings
 
@@ -85,8 +84,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
             address, session, options.karts, held, steward_address=options.steward_listen
         )
     )
-    if options.pace not in {REAL, LOCKSTEP}:
-        raise ScenarioError(f"pace {options.pace!r} is unknown; choose {REAL} or {LOCKSTEP}")
+    check_pace(options.pace)
     fillers = known_drivers(options.fill)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     scenario = _scenario(options, fillers, inside, log)

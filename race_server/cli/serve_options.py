@@ -7,12 +7,15 @@ from typing import Annotated, Literal
 import typer
 
 from race_server.cli.options import Results, Track, VehicleName
+from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
 
 # Encrypted, to all networks of this machine.
 OPEN_ADDRESS = "tls/0.0.0.0:7447"
 
 Switch = Literal["on", "off"]
+# As in `live/server/loop.py`, which imports the compiler.
+PACES = ("real", "lockstep")
 
 
 @dataclass(frozen=True)
@@ -135,3 +138,13 @@ class ServeOptions(RaceOptions):
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document for each race.")
     ] = False
+
+
+def check_pace(pace: str) -> None:
+    """Check how the world waits for its drivers.
+
+    Raises:
+        ScenarioError: there is no such pace.
+    """
+    if pace not in PACES:
+        raise ScenarioError(f"pace {pace!r} is unknown; choose {' or '.join(PACES)}")

@@ -9,7 +9,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import argv_of, expand_options
 from race_server.cli.options import known_drivers
 from race_server.cli.outcome import show_result
-from race_server.cli.serve_options import RaceOptions, ServeOptions
+from race_server.cli.serve_options import RaceOptions, ServeOptions, check_pace
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
 
@@ -59,8 +59,12 @@ class StartOptions(RaceOptions):
 def start(options: StartOptions) -> None:
     """Run a whole race: a server, one process for each driver, and the live leaderboard."""
     from race_server.competition.launch import run_race
+    from race_server.net.wire import topics
+    from race_server.net.wire.topics import key_of
 
     names = _drivers(options)
+    check_pace(options.pace)
+    key_of(topics.SNAPSHOT, options.session)  # a name that is not valid raises
     _check_results(options.results)
     console = Console(stderr=options.as_json)
     _prepare_line(options.track, options.vehicle, names, console)

@@ -3,6 +3,7 @@
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,8 @@ def test_a_car_with_a_gap_is_another_car_in_the_results_file(driven: Run, tmp_pa
 def test_a_file_that_is_locked_in_the_middle_loses_no_lap(driven: Run, tmp_path: Path) -> None:
     path = tmp_path / "results.sqlite"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("race_server.storage.results.schema.BUSY_S", 0.05)
+        impatient = partial(Store, busy_s=0.05)
+        patch.setattr("race_server.competition.time_trial.save.Store", impatient)
         with RunLog(path) as ledger, closing(sqlite3.connect(path)) as other:
             other.execute("begin immediate")
             ledger.add(driven)

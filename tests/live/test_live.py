@@ -6,11 +6,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
 
+from race_server.cli.main import main
 from race_server.competition.launch import RaceSpec, free_address, run_race
 from race_server.core.driver import driver_named
 from race_server.core.messages import Control, Phase, Status
@@ -24,6 +25,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, encode_join
 from race_server.session import Session
 from race_server.terminal import Console
+from support.courses import TINY_RING
 from support.servers import LiveServer, running, waiting
 from support.sessions import session_on_ring
 
@@ -33,14 +35,19 @@ NAMES = ["pure_pursuit", "follow_gap"]
 
 
 @contextmanager
-def served(karts: int = 2, *, pace: str = LOCKSTEP, drivers: int = 0) -> Iterator[LiveServer]:
-    """Serve one race; the block ends with it."""
-    session = session_on_ring(
-        "race", karts, seed=7, laps=1, countdown_s=0.5, finish_limit_s=60.0, limit_s=90.0
-    )
+def served(
+    karts: int = 2,
+    *,
+    pace: str = LOCKSTEP,
+    drivers: int | None = None,
+    fillers: Sequence[str] = (),
+) -> Iterator[LiveServer]:
+    """Serve one race of one lap; the block ends with it."""
+    rules: dict[str, float] = {"countdown_s": 0.5, "finish_limit_s": 60.0, "limit_s": 90.0}
+    session = session_on_ring("race", karts, seed=7, course=TINY_RING, laps=1, **rules)
     with ServerLink(free_address(), "race", karts) as link:
-        server = RaceServer(session, link, pace)
-        with running(server, drivers or karts) as live:
+        server = RaceServer(session, link, pace, tuple(fillers))
+        with running(server, karts if drivers is None else drivers) as live:
             yield live
             live.thread.join(100.0)
 
@@ -75,7 +82,7 @@ def test_a_race_over_the_network_is_the_race_in_one_process() -> None:
 
 
 def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None:
-    session = session_on_ring("race", karts=3, seed=7, laps=1, countdown_s=0.5)
+    session = session_on_ring("race", 3, seed=7, course=TINY_RING, laps=1, countdown_s=0.5)
     address = free_address()
     with ServerLink(address, "race", 3) as link:
         server = RaceServer(session, link, LOCKSTEP, ("avoider", "pure_pursuit"))
@@ -92,13 +99,16 @@ def test_a_server_that_fills_seats_races_again_with_whoever_comes_next() -> None
             assert all(not seat.is_taken or seat.driver == "guest" for seat in session.seats)
 
 
-def test_drivers_that_call_before_the_server_answers_still_get_their_seats() -> None:
-    session = session_on_ring("race", karts=2, seed=7, laps=1, countdown_s=0.5)
+def test_drivers_that_call_before_the_server_answers_still_get_their_seats(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_server.net.transport.client.QUERY_TIMEOUT_S", 0.5)
+    session = session_on_ring("race", 2, seed=7, course=TINY_RING, laps=1, countdown_s=0.5)
     address = free_address()
     with ServerLink(address, "race", 2) as link:
         server = RaceServer(session, link, LOCKSTEP)
         threads = [start_driver(name, name, address, seat) for seat, name in enumerate(NAMES)]
-        time.sleep(4.0)  # a server that compiles listens but does not answer
+        time.sleep(1.2)  # a server that compiles listens but does not answer
         result = server.run(2)
         for thread in threads:
             thread.join(10.0)
@@ -115,7 +125,9 @@ def test_a_seat_whose_driver_never_shows_up_is_free_again() -> None:
             client.ask(topics.JOIN, encode_join(Join("ghost", "lidar", 1)))
             take_seat(client, Join("guest", "lidar", 0))
             assert session.seats[1].driver == "ghost"
-            time.sleep(0.8)
+            deadline = time.monotonic() + 3.0
+            while session.seats[1].is_taken and time.monotonic() < deadline:
+                time.sleep(0.02)
             assert not session.seats[1].is_taken
             assert session.seats[0].driver == "guest"
 
@@ -130,9 +142,7 @@ def test_a_race_in_real_time_takes_its_time_and_every_kart_finishes() -> None:
 
 
 def test_a_late_spectator_gets_course_rules_standings_and_recent_events() -> None:
-    with served(pace=REAL) as live:
-        racing = threading.Thread(target=drive_all, args=(live.address, NAMES))
-        racing.start()
+    with served(pace=REAL, drivers=0, fillers=NAMES) as live:
         while live.server.session.phase is not Phase.RUNNING:
             time.sleep(0.01)
         with ClientLink(live.address, "race") as link:
@@ -148,7 +158,7 @@ def test_a_late_spectator_gets_course_rules_standings_and_recent_events() -> Non
             snapshot = watcher.snapshot()
             assert snapshot is not None
             assert len(snapshot.karts) == 2
-        racing.join(90.0)
+        live.server.stop()
 
 
 class Faulty:
@@ -296,9 +306,16 @@ def test_a_race_that_is_over_before_anyone_can_look_has_its_result_all_the_same(
         (["track", "check", "nowhere.toml"], "nowhere.toml: cannot be read"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_line(words: list[str], message: str) -> None:
-    command = [sys.executable, "-m", "race_server", *words]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
-    assert done.returncode == 2
-    assert message in " ".join(done.stderr.split())
-    assert "Traceback" not in done.stderr
+def test_what_cannot_be_done_is_one_clear_line(
+    words: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.argv", ["race", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert message in " ".join(said.split())
+    assert "Traceback" not in said

@@ -11,6 +11,11 @@ from websockets.sync.client import connect
 
 Words = dict[str, Any]
 
+# The first words of a browser in each role.
+WATCH: Words = {"role": "spectate", "rate": 60}
+DRIVE: Words = {"role": "drive", "token": "drive one", "seat": 1, "name": "Ada"}
+STEWARD: Words = {"role": "steward", "token": "steward one", "name": "Eve"}
+
 
 class Browser:
     """One WebSocket to a gateway."""

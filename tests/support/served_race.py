@@ -3,10 +3,12 @@
 import asyncio
 import threading
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from urllib.error import HTTPError
 
 from race_server.competition.launch import free_address
 from race_server.live.gateway.key_ring import KeyRing
@@ -112,3 +114,13 @@ def record_race(folder: Path, course: Course = SMALL_RING) -> Path:
     assert said == []
     (path,) = folder.glob("*.mcap")
     return path
+
+
+def ask(served: ServedRace, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
+    """Return status, headers and text of what a gateway answers to a request."""
+    request = urllib.request.Request(served.base + path, headers=headers)
+    try:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request) as answer:
+            return answer.status, dict(answer.headers), answer.read().decode()
+    except HTTPError as error:
+        return error.code, dict(error.headers), error.read().decode()

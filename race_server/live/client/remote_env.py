@@ -21,7 +21,8 @@ from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.live.client.timing import ClientTiming
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
-from race_server.net.wire.lobby import Join, decode_course
+from race_server.net.wire.lobby import Join, decode_course, decode_rules
+from race_server.net.wire.sheets import LOCKSTEP
 
 _TERMS = tuple(TERMS)
 # Observation parts that a term needs, where not every preset has them.
@@ -187,10 +188,13 @@ class RemoteRace(KartAgents):
                 join = Join(f"remote {agent}", self._preset, wanted)
                 self._karts[agent] = RemoteKart(insist(partial(take_seat, link, join), deadline))
             sheet = decode_course(insist(partial(link.ask, topics.COURSE), deadline))
+            rules, _ = decode_rules(insist(partial(link.ask, topics.RULES), deadline))
         except Exception:
             self.close()
             raise
         self._length = sheet.spacing * len(sheet.line)
+        # A server in real time answers fewer requests for events than there are decisions.
+        self._asks_at_once = rules.get(LOCKSTEP) == str(True)
         self._events = RaceEvents(link)
 
     def _wait_for_start(self) -> None:
@@ -244,7 +248,8 @@ class RemoteRace(KartAgents):
         ended = {kart.seat.number for kart in karts if kart.is_done}
         if len(ended) < len(karts):
             with suppress(LinkError):  # the next step notices
-                self._events.receive(karts[0].seat.link.ask(topics.RECENT))
+                link = karts[0].seat.link
+                self._events.receive(link.ask(topics.RECENT, at_once=self._asks_at_once))
         # A race that is over answers no queries, but publishes how it ended.
         for event in self._events.wait_for(ended, self._timing.final_event_s):
             met = {event.kart, event.other if event.kind is EventKind.CONTACT_KART else -1}

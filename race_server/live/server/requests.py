@@ -25,7 +25,7 @@ from race_server.net.wire.lobby import (
     encode_rules,
     encode_welcome,
 )
-from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
+from race_server.net.wire.sheets import LOCKSTEP, course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.session import Session
 from race_server.session.seats import Seat
@@ -115,7 +115,8 @@ class RequestHandler:
         if request.topic is topics.COURSE:
             return encode_course(course_sheet(session.scenario))
         if request.topic is topics.RULES:
-            return encode_rules(rules_sheet(session.scenario), [item.name for item in items()])
+            rules = rules_sheet(session.scenario) | {LOCKSTEP: str(not self._link.is_real_time)}
+            return encode_rules(rules, [item.name for item in items()])
         if request.topic is topics.LINE:
             return encode_line(line_sheet(session.scenario))
         if request.topic is topics.RECENT:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from race_server.net.wire.topics import EVERY, TOPICS, Topic, key_of
+from race_server.net.wire.topics import EVERY, RECENT, TOPICS, Topic, key_of
 
 # zenoh drops messages larger than twice a topic's limit before Python sees them. Those between
 # are dropped and counted by the server. The margin [bytes] is for the badge.
@@ -29,7 +29,8 @@ def rate_limit(session: str, seats: int, *, real_time: bool) -> list[dict[str, A
     zenoh counts per rule and client, so two keys under one rule would starve each other: each
     key has its own rule.
 
-    real_time: controls are limited too; in lock-step their rate is that of the world.
+    real_time: controls are limited too, and requests for the events. In lock-step their rate is
+    that of the world: `RemoteRace` asks for the events of each decision.
     """
     return [
         {
@@ -42,7 +43,7 @@ def rate_limit(session: str, seats: int, *, real_time: bool) -> list[dict[str, A
             ],
         }
         for topic in _sent()
-        if topic.limit_hz and (real_time or topic.direction != "up")
+        if topic.limit_hz and (real_time or not (topic.direction == "up" or topic is RECENT))
     ]
 
 

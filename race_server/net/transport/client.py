@@ -51,15 +51,20 @@ class ClientLink(Link):
         self._kept: list[Any] = []
         self._asked: dict[str, float] = {}
 
-    def ask(self, topic: Topic, payload: bytes = b"", seat: int = -1) -> bytes:
+    def ask(
+        self, topic: Topic, payload: bytes = b"", seat: int = -1, *, at_once: bool = False
+    ) -> bytes:
         """Return the server's answer to a request.
+
+        at_once: also right after the same request, which the server then does not limit.
 
         Raises:
             LinkError: no answer within two seconds.
         """
         key = key_of(topic, self._name, seat)
-        now = time.monotonic()
-        time.sleep(max(self._asked.get(key, 0.0) + PACE / topic.limit_hz - now, 0.0))
+        due = self._asked.get(key, 0.0) + PACE / topic.limit_hz
+        if not at_once:
+            time.sleep(max(due - time.monotonic(), 0.0))
         self._asked[key] = time.monotonic()
         for reply in self._session.get(key, payload=payload, timeout=QUERY_TIMEOUT_S):
             if reply.ok is not None:

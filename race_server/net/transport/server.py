@@ -103,6 +103,7 @@ class ServerLink(Link):
         self.address = address
         self.holders = SeatOwners(seats)
         self.is_open = keys is not None
+        self.is_real_time = real_time
         self.dropped: Counter[tuple[Reason, int]] = Counter()  # by reason and seat
         self._name = session_name
         self._seats = {str(seat): seat for seat in range(seats)}  # as they stand in keys

@@ -38,6 +38,10 @@ def course_sheet(scenario: "Scenario") -> CourseSheet:
     )
 
 
+# Among the rules that a server sends: whether the world waits for its drivers.
+LOCKSTEP = "lockstep"
+
+
 def rules_sheet(scenario: "Scenario") -> dict[str, str]:
     """Return the rule book and the size of a kart [m] as names and values."""
     rules, vehicle = asdict(scenario.rules), scenario.vehicle_of(0)

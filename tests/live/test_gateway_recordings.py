@@ -1,0 +1,146 @@
+"""Recordings that a gateway lists, opens and plays."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from race_server.competition.launch import free_address
+from race_server.errors import GatewayError, RecordingError
+from race_server.live.gateway.library import Library
+from race_server.live.gateway.limits import GatewayLimits
+from race_server.net.wire.line import decode_line
+from race_server.net.wire.lobby import decode_course
+from race_server.net.wire.spectate import (
+    decode_events,
+    decode_snapshot,
+    decode_standings,
+)
+from race_server.storage.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
+from race_server.storage.recording.reader import read_lines
+from race_server.storage.recording.seekable import SeekableRecording
+from support.browsers import Browser
+from support.served_race import ServedRace, gated, record_race
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_race(tmp_path_factory.mktemp("recordings"))
+
+
+@pytest.fixture(scope="module")
+def served(recording: Path) -> Iterator[ServedRace]:
+    """A gateway without a race, before a folder with one recording."""
+    with gated(free_address(), recordings=recording.parent) as served:
+        yield served
+
+
+@pytest.mark.net
+def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
+    kinds = (SNAPSHOTS, EVENTS, STANDINGS)
+    lines = [line for line in read_lines(recording) if line is not None and line.kind in kinds]
+    with SeekableRecording(recording) as opened:
+        shown = opened.between(-1, opened.last_tick)
+        assert [(m.kind, m.data) for m in shown] == [(line.kind, line.data) for line in lines]
+        assert opened.is_finished()
+        middle = opened.newest(SNAPSHOTS, opened.last_tick // 2)
+        assert middle is not None
+        assert decode_snapshot(middle.data).tick == middle.tick <= opened.last_tick // 2
+        assert opened.newest(STANDINGS, -5) is None
+
+
+@pytest.mark.net
+def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
+    recording: Path, tmp_path: Path
+) -> None:
+    data = recording.read_bytes()
+    short = tmp_path / "short.mcap"
+    short.write_bytes(data[: len(data) * 2 // 3])
+    with SeekableRecording(short) as opened, SeekableRecording(recording) as whole:
+        assert 0 < opened.last_tick < whole.last_tick
+        assert not opened.is_finished()
+    for damaged in (b"", b"rubbish" * 50, data[:300]):
+        short.write_bytes(damaged)
+        with pytest.raises(RecordingError, match=r"short.mcap"):
+            SeekableRecording(short)
+
+
+@pytest.mark.net
+def test_only_recordings_of_the_folder_are_listed_and_opened(
+    recording: Path, tmp_path: Path
+) -> None:
+    inside, outside = tmp_path / "inside", tmp_path / "outside.mcap"
+    inside.mkdir()
+    data = recording.read_bytes()
+    outside.write_bytes(data)
+    (inside / "cup.mcap").write_bytes(data)
+    (inside / "cup.journal.mcap").write_bytes(data)
+    (inside / "rubbish.mcap").write_bytes(b"rubbish")
+    (inside / "link.mcap").symlink_to(outside)
+    library = Library(inside, GatewayLimits())
+    assert [(title["name"], title["karts"]) for title in library.titles()] == [("cup", 3)]
+    opened, events = library.open("cup")
+    # The first event of a race, its countdown, comes before the recording begins.
+    assert [event.sequence for event in events] == list(range(2, len(events) + 2))
+    opened.close()
+    names = ("../outside", "link", "cup.journal", "", ".", "cup.mcap", str(outside), "rubbish")
+    for name in names:
+        with pytest.raises(GatewayError) as caught:
+            library.open(name)
+        assert caught.value.code == "no-recording"
+    assert Library(None, GatewayLimits()).titles() == []
+    assert Library(tmp_path / "nowhere", GatewayLimits()).titles() == []
+
+
+@pytest.mark.net
+def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cup.mcap").write_bytes(recording.read_bytes())
+    paths = [tmp_path / "gone.mcap", *tmp_path.iterdir()]
+    monkeypatch.setattr(Path, "iterdir", lambda _: iter(paths))
+    monkeypatch.setattr(Path, "is_file", lambda _: True)
+    library = Library(tmp_path, GatewayLimits())
+    assert [title["name"] for title in library.titles()] == ["cup"]
+    with pytest.raises(GatewayError, match="no recording is called"):
+        library.open("gone")
+
+
+@pytest.mark.net
+def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording: Path) -> None:
+    source = {"source": f"recording:{recording.stem}", "rate": 60}
+    with Browser(served.base, source) as browser:
+        assert browser.word("welcome")["session"] == "cup"
+        assert decode_course(browser.frame(b"RCRS")).name == "ring"
+        assert decode_line(browser.frame(b"RLIN")).lap == 0.0
+        begin = browser.word("position")
+        assert (begin["tick"], begin["playing"], begin["sought"]) == (0, False, True)
+        last = begin["last"]
+        browser.send({"type": "seek", "tick": last // 2})
+        assert browser.word("position")["tick"] == last // 2
+        assert decode_standings(browser.frame(b"RSTD")).tick <= last // 2
+        _, events = decode_events(browser.frame(b"REVT"))
+        assert events[0].sequence == 2
+        assert max(event.tick for event in events) <= last // 2
+        snapshot = decode_snapshot(browser.frame(b"RSNP"))
+        assert 0 <= last // 2 - snapshot.tick < 3
+        browser.send({"type": "step", "ticks": -30})
+        assert browser.word("position")["tick"] == last // 2 - 30
+        earlier = decode_snapshot(browser.frame(b"RSNP")).tick
+        assert earlier < snapshot.tick
+        browser.send({"type": "follow", "seat": 1, "rays": True})
+        assert browser.frame(b"RRAY")
+        browser.send({"type": "play", "speed": 8})
+        ticks = [decode_snapshot(browser.frame(b"RSNP")).tick for _ in range(5)]
+        assert ticks == sorted(ticks)
+        assert ticks[0] > earlier
+        browser.send({"type": "seek", "tick": last - 30})
+        end = browser.until(lambda h: isinstance(h, dict) and h.get("tick") == last)
+        assert not end["playing"]
+
+
+@pytest.mark.net
+def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) -> None:
+    with Browser(served.base, {"role": "spectate"}) as browser:
+        browser.send({"type": "seek", "tick": 1})
+        assert browser.refusal() == ("malformed", 4400)
