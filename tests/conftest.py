@@ -6,8 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest.mock import patch
 
+import hypothesis
 import numpy as np
 import pytest
+
+# The first example of a test may compile a kernel.
+hypothesis.settings.register_profile("compiles", deadline=None)
+hypothesis.settings.load_profile("compiles")
 
 # No test writes to the results of the user that runs it.
 os.environ["RACE_SERVER_RESULTS"] = "none"

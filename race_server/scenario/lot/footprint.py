@@ -47,7 +47,7 @@ class Footprint:
         start, end = self._seen(segments[:, :2]), self._seen(segments[:, 2:])
         along = end - start
         half = 0.5 * np.array([self.length, self.width])
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             ways = np.stack([(-half - start) / along, (half - start) / along])
         # A segment along a side lies inside of that pair of sides for all of its way, or nowhere.
         flat, within = along == 0.0, np.abs(start) < half
