@@ -10,10 +10,6 @@ import hypothesis
 import numpy as np
 import pytest
 
-# The first example of a test may compile a kernel.
-hypothesis.settings.register_profile("compiles", deadline=None)
-hypothesis.settings.load_profile("compiles")
-
 # No test writes to the results of the user that runs it.
 os.environ["RACE_SERVER_RESULTS"] = "none"
 os.environ["RACE_SERVER_RECORDINGS"] = "none"
@@ -27,6 +23,10 @@ from support.courses import ring
 if TYPE_CHECKING:
     from race_agents.training.run import TrainingResult
     from support.trainings import Train
+
+# The first example of a test may compile a kernel.
+hypothesis.settings.register_profile("compiles", deadline=None)
+hypothesis.settings.load_profile("compiles")
 
 # The files that take longest, which come first: at the end no process is long at one while the
 # others have nothing left.
