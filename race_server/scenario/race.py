@@ -151,7 +151,7 @@ def _check(scenario: Scenario) -> None:
         raise ScenarioError(
             f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
         )
-    if course.lot is not None and 0 < len(course.lot.slots) < karts:
+    if course.lot is not None and is_lot(course) and 0 < len(course.lot.slots) < karts:
         raise ScenarioError(
             f"{karts} vehicles on {course.name}: it has {len(course.lot.slots)} slots; two "
             "vehicles cannot share one"

@@ -10,6 +10,7 @@ import pytest
 
 from race_server.core.vehicles import CAR, KART_13
 from race_server.errors import LotError
+from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.generated import generated_file
 from race_server.scenario.lot.load import load_lot, lot_names, summary
@@ -182,6 +183,12 @@ def test_the_example_of_the_manual_has_every_key_that_it_describes(tmp_path: Pat
     for name in ("taken", "blocks", "people"):
         keys |= {f"{name}.{key}" for key in words[name]}
     assert described == keys
+
+
+def test_the_page_on_parking_has_a_row_for_every_lot_and_every_level() -> None:
+    page = (own_folder("docs") / "parking.md").read_text(encoding="utf-8")
+    rows = [row.split("|")[1] for row in page.splitlines() if row.startswith("| `")]
+    assert set(re.findall(r"`([\w-]+)`", " ".join(rows))) == {*lot_names(), *LEVELS}
 
 
 # What is wrong

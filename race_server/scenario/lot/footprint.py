@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,17 +63,42 @@ class Footprint:
         return np.asarray((points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]]))
 
 
+@dataclass(frozen=True, eq=False)
+class _Solids:
+    """All that stands fixed in a car park, as loops."""
+
+    names: list[str]
+    loops: list[Floats]  # (N, 4) sides of each
+    low: Floats  # (S, 2) least x and y of each [m]
+    high: Floats  # (S, 2) [m]
+
+
+@lru_cache(maxsize=4)
+def _solids_in(course: Course) -> _Solids:
+    polygons = polygons_in(course)
+    boxes = fence_of(course).segments[len(course.borders) :].reshape(-1, 4, 4)
+    loops = [*polygons, *boxes]
+    names = [f"the polygon with a corner at ({x:.2f}, {y:.2f}) m" for x, y in _firsts(polygons)]
+    names += [f"the obstacle at ({one.x:.2f}, {one.y:.2f}) m" for one in course.obstacles]
+    low = np.array([loop[:, :2].min(axis=0) for loop in loops]).reshape(-1, 2)
+    high = np.array([loop[:, :2].max(axis=0) for loop in loops]).reshape(-1, 2)
+    return _Solids(names, loops, low, high)
+
+
+def _firsts(loops: list[Floats]) -> list[list[float]]:
+    return [loop[0, :2].tolist() for loop in loops]
+
+
 def wall_under(course: Course, place: Footprint) -> str:
     """Return the name of what a rectangle in a car park touches or lies in; empty for nothing."""
-    area = area_in(course)
-    boxes = np.split(fence_of(course).segments[len(course.borders) :], len(course.obstacles) or 1)
-    middle = np.array([[place.x, place.y]])
+    area, middle, corners = area_in(course), np.array([[place.x, place.y]]), place.corners
     if place.crosses(area).any() or not is_inside(middle, area)[0]:
         return "the border of the area"
-    for polygon in polygons_in(course):
-        if place.crosses(polygon).any() or is_inside(middle, polygon)[0]:
-            return f"the polygon with a corner at ({polygon[0, 0]:.2f}, {polygon[0, 1]:.2f}) m"
-    for obstacle, sides in zip(course.obstacles, boxes, strict=False):
-        if place.crosses(sides).any() or is_inside(middle, sides)[0]:
-            return f"the obstacle at ({obstacle.x:.2f}, {obstacle.y:.2f}) m"
+    solids = _solids_in(course)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    near = ((solids.low < high) & (solids.high > low)).all(axis=1)
+    for number in np.flatnonzero(near):
+        loop = solids.loops[number]
+        if place.crosses(loop).any() or is_inside(middle, loop)[0]:
+            return solids.names[number]
     return ""
