@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from race_server.errors import GatewayError as GatewayError
     from race_server.errors import KeysError as KeysError
     from race_server.errors import LinkError as LinkError
+    from race_server.errors import LotError as LotError
     from race_server.errors import RaceError as RaceError
     from race_server.errors import RecordingError as RecordingError
     from race_server.errors import ResultsError as ResultsError
@@ -52,7 +53,7 @@ _EXPORTS = MappingProxyType(
             ("race_server.core.observation", "Layout Observation layout_of"),
             (
                 "race_server.errors",
-                "DriverError GatewayError KeysError LinkError RaceError RecordingError "
+                "DriverError GatewayError KeysError LinkError LotError RaceError RecordingError "
                 "ResultsError ScenarioError SeatError TrackError VehicleError WireError",
             ),
             ("race_server.live.client.driver", "KartClient run_driver"),

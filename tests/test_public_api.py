@@ -22,6 +22,7 @@ PUBLIC = {
     "KeysError",
     "Layout",
     "LinkError",
+    "LotError",
     "Observation",
     "Phase",
     "RaceError",
