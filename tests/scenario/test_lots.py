@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_server.core.vehicles import CAR, KART_13
+from race_server.core.vehicles import CAR, GRAVITY, KART_13
 from race_server.errors import LotError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import slots_of
@@ -94,7 +94,9 @@ def test_the_car_is_that_of_the_benchmark() -> None:
     # The front bumper is 3.76 m ahead of the rear axle.
     front = CAR.rear_axle + CAR.box_offset + 0.5 * CAR.length
     assert front == pytest.approx(2.80 + 0.96)
-    assert CAR.motor_force / CAR.mass == CAR.brake_force / CAR.mass == 1.0
+    resistance = CAR.rolling * GRAVITY
+    assert CAR.motor_force / CAR.mass - resistance == pytest.approx(1.0)
+    assert CAR.brake_force / CAR.mass + resistance == pytest.approx(1.0)
 
 
 def test_a_summary_has_the_figures_of_a_lot() -> None:
