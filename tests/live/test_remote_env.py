@@ -282,7 +282,7 @@ def test_no_server_and_no_seat_say_so() -> None:
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
         (
             {"observation": "report_b"},
-            "a server gives one of lidar, radar, track, line, rivals, full",
+            "a server gives one of lidar, radar, track, line, rivals, lot, full",
         ),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
         ({"action": "residual"}, "action 'residual' advises a driver inside the world"),
