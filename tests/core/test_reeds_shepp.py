@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from race_server.core.kernels.geometry import Pose, along_arc, seen_from
 from race_server.core.kernels.reeds_shepp import (
     WORDS,
+    least_cost,
     pose_along,
     shortest_length,
     shortest_word,
@@ -83,6 +84,27 @@ def test_there_and_back_are_as_far_and_so_is_the_mirror_image(
     # A car that faces back from both poses drives the same path in the other gear.
     turned = [pose._replace(heading=pose.heading + math.pi) for pose in (start, goal)]
     assert shortest_length(*turned, radius) == pytest.approx(length, abs=1e-9)
+
+
+@unhurried
+@given(poses, poses, st.floats(0.0, 3.0))
+def test_the_cheapest_word_may_be_longer_and_change_its_direction_less(
+    start: Pose, goal: Pose, cusp: float
+) -> None:
+    costs = []
+    for number in WORDS:
+        word = word_between(number, start, goal, 1.0)
+        gears = np.sign([way for way in word.ways if abs(way) > 1e-9])
+        costs.append(word.length + cusp * np.count_nonzero(np.diff(gears)))
+    # A piece of no length may count as a change, which makes a word cost more than it does.
+    assert least_cost(start, goal, 1.0, cusp) >= min(costs) - 1e-9
+    assert least_cost(start, goal, 1.0, 0.0) == shortest_length(start, goal, 1.0)
+
+
+def test_where_changes_of_direction_cost_much_a_car_drives_around_a_block() -> None:
+    # Sideways by four radii: an S ahead and the way back cost a change; two half circles do not.
+    assert least_cost(ORIGIN, Pose(0.0, 4.0, 0.0), 1.0, 0.0) == pytest.approx(5.4781, abs=5e-5)
+    assert least_cost(ORIGIN, Pose(0.0, 4.0, 0.0), 1.0, 9.0) == pytest.approx(2.0 * math.pi)
 
 
 @unhurried

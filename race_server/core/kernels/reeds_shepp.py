@@ -194,15 +194,30 @@ def _length(number: int, pieces: Pieces) -> float:
     return length
 
 
+@kernel
+def _changes(number: int, pieces: Pieces) -> int:
+    """Return how often a word changes its direction of travel."""
+    kind = number >> 3
+    if kind in (LSL, LSR):
+        return 0
+    if kind == LRL:
+        return 2 if pieces.last > 0.0 else 1
+    return 2 if kind in (L_RL_R, L_RSL_R) else 1
+
+
 @large_kernel
-def _shortest(goal: Pose) -> tuple[int, float]:
-    """Return number and length [radii] of the shortest word from the origin to a pose in radii."""
+def _cheapest(goal: Pose, cusp: float) -> tuple[int, float]:
+    """Return number and cost [radii] of the cheapest word from the origin to a pose in radii.
+
+    cusp: cost of a change of direction [radii].
+    """
     cos, sin = cos_sin(goal.heading)
     best, least = 0, math.inf
     for number in WORDS:
-        length = _length(number, _pieces(number, goal, cos, sin))
-        if length < least:
-            best, least = number, length
+        pieces = _pieces(number, goal, cos, sin)
+        cost = _length(number, pieces) + cusp * _changes(number, pieces)
+        if cost < least:
+            best, least = number, cost
     return best, least
 
 
@@ -262,15 +277,26 @@ def shortest_word(start: Pose, goal: Pose, radius: float) -> Word:
 
     radius: least turning radius [m].
     """
-    number, _ = _shortest(_in_radii(start, goal, radius))
+    number, _ = _cheapest(_in_radii(start, goal, radius), 0.0)
     return word_between(number, start, goal, radius)
 
 
 @large_kernel
 def shortest_length(start: Pose, goal: Pose, radius: float) -> float:
     """Return the length [m] of the shortest path between two poses; radius: the least [m]."""
-    _, length = _shortest(_in_radii(start, goal, radius))
+    _, length = _cheapest(_in_radii(start, goal, radius), 0.0)
     return radius * length
+
+
+@large_kernel
+def least_cost(start: Pose, goal: Pose, radius: float, cusp: float) -> float:
+    """Return the least cost [m] of a path whose changes of direction cost something.
+
+    radius: least turning radius [m]; cusp: cost of a change of direction [m]. No path is cheaper,
+    if it has at most two such changes.
+    """
+    _, cost = _cheapest(_in_radii(start, goal, radius), cusp / radius)
+    return radius * cost
 
 
 @large_kernel
