@@ -48,13 +48,16 @@ class Footprint(NamedTuple):
     radius: float  # [m] least turning radius of the rear axle
 
 
-def footprint_of(vehicle: Vehicle, margin: float) -> Footprint:
-    """Return the box of a vehicle, grown by a margin [m] on all sides."""
+def footprint_of(vehicle: Vehicle, margin: float, lock: float) -> Footprint:
+    """Return the box of a vehicle, grown by a margin [m] on all sides.
+
+    lock: share of the vehicle's greatest curvature that paths may have.
+    """
     return Footprint(
         middle=distance_ahead(vehicle, Point.MIDDLE),
         half_length=0.5 * vehicle.length + margin,
         half_width=0.5 * vehicle.width + margin,
-        radius=vehicle.turning_radius,
+        radius=vehicle.turning_radius / lock,
     )
 
 

@@ -1,12 +1,15 @@
 """Plans paths of a vehicle from pose to pose among walls and boxes."""
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from race_agents.planning.analytic_expansion import LEAST_PIECE
+from race_agents.planning.analytic_expansion import CUSP, LEAST_PIECE
 from race_agents.planning.footprint import Footprint, footprint_of
+from race_agents.planning.halfway import halfway_poses
 from race_agents.planning.hybrid_astar import CURVATURES, GAVE_UP, Mesh, Task, search
 from race_agents.planning.obstacles import (
     CORNER,
@@ -28,12 +31,17 @@ from race_server.errors import PlanError
 
 # Distance [m] kept from obstacles.
 MARGIN = 0.05
+# Share of the greatest curvature that paths have: with all of it no error could be corrected.
+LOCK = 0.95
 # Side of the grid's cells [m], and most of them: a larger area has larger ones.
 CELL, MOST_CELLS = 0.25, 250_000
 # How far around start and goal [m] a path may lead.
 REACH = 12.0
 # How far [m] the room around a pose is measured along each arc.
 ROOM = 3.0
+# A pose from which the vehicle gets less far [m] over all arcs is in a slot: it gets 2 to 6 m in
+# slots, at least 8 m in the aisles before them.
+NARROW = 7.0
 # From coarse to fine, until one of them holds a path. In slots only 0.6 m longer than a car, a move
 # gains a few centimetres aside: coarse cells across the slot would take it for standing still.
 MESHES = (
@@ -48,11 +56,11 @@ NO_BOXES = np.zeros((0, 6))
 class PathPlanner:
     """Plans for one vehicle. Its work space is made once, so it plans one path at a time."""
 
-    def __init__(self, vehicle: Vehicle, *, margin: float = MARGIN) -> None:
-        """Make room. margin: distance kept from obstacles [m]."""
+    def __init__(self, vehicle: Vehicle, *, margin: float = MARGIN, lock: float = LOCK) -> None:
+        """Make room. margin: distance kept from obstacles [m]; lock: share of the curvature."""
         self.vehicle = vehicle
         self.margin = margin
-        self.footprint = footprint_of(vehicle, margin)
+        self.footprint = footprint_of(vehicle, margin, lock)
         self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
         self._clear, self._distances = np.zeros(MOST_CELLS), np.zeros(MOST_CELLS)
         self._queues = np.zeros((2, MOST_CELLS), np.int64)
@@ -71,6 +79,19 @@ class PathPlanner:
         obstacles = self._obstacles(start, goal, walls, boxes)
         for name, pose in (("start", start), ("goal", goal)):
             self._require_room(name, pose, obstacles)
+        rooms = self._room(obstacles, start), self._room(obstacles, goal)
+        if max(rooms) < NARROW:
+            path = self._from_slot_to_slot(start, goal, obstacles)
+            if path is not None:
+                return path
+        return self._join(start, goal, obstacles, MESHES)
+
+    def _join(self, start: Pose, goal: Pose, obstacles: Obstacles, meshes: Sequence[Mesh]) -> Path:
+        """Return a path between two poses that are free.
+
+        Raises:
+            PlanError: no way leads from one to the other, or none was found.
+        """
         is_swapped = self._room(obstacles, goal) < self._room(obstacles, start)
         root, target = (goal, start) if is_swapped else (start, goal)
         distances = self._distances_to(target, obstacles)
@@ -79,7 +100,7 @@ class PathPlanner:
                 f"no way leads from {_words(start)} to {_words(goal)}: what is free around one is "
                 f"cut off from the other, or joined to it only farther than {REACH:g} m aside"
             )
-        for mesh in MESHES:
+        for mesh in meshes:
             task = Task(root, target, self.footprint, obstacles, distances, self._costs, mesh)
             node, word = search(task, self._tree)
             if node >= 0:
@@ -91,6 +112,27 @@ class PathPlanner:
             + (f"gave up after {found} states" if node == GAVE_UP else "found no further state")
             + "; make the slot or the aisle wider, or choose another goal"
         )
+
+    def _from_slot_to_slot(self, start: Pose, goal: Pose, obstacles: Obstacles) -> Path | None:
+        """Return a path out of one narrow place into another, None if none is found so.
+
+        A search has to hit the second slot from outside: where a coarse one does not, two meet.
+        """
+        with suppress(PlanError):
+            return self._join(start, goal, obstacles, MESHES[:1])
+        best, least = None, math.inf
+        distances = self._distances_to(goal, obstacles)
+        for between in halfway_poses(obstacles, distances, start):
+            if not is_free(obstacles, self.footprint, between):
+                continue
+            with suppress(PlanError):
+                out = self._join(start, between, obstacles, MESHES)
+                into = self._join(between, goal, obstacles, MESHES)
+                path = path_of(start, np.concatenate([out.arcs, into.arcs]))
+                cost = path.length + CUSP * path.changes
+                if cost < least:
+                    best, least = path, cost
+        return best
 
     def is_free(self, pose: Pose, walls: Floats, boxes: Floats = NO_BOXES) -> bool:
         """Return whether the vehicle keeps the margin there; arguments as for `plan`."""
@@ -122,7 +164,7 @@ class PathPlanner:
         if is_free(obstacles, self.footprint, pose):
             return
         where = f"the {name}, {_words(pose)}"
-        if is_free(obstacles, footprint_of(self.vehicle, 0.0), pose):
+        if is_free(obstacles, footprint_of(self.vehicle, 0.0, 1.0), pose):
             raise PlanError(
                 f"{where}, is nearer to an obstacle than the margin of {self.margin:g} m; choose "
                 "another pose, or plan with a smaller margin"

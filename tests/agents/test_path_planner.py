@@ -9,6 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from race_agents.planning.footprint import Point, box_at, convert, footprint_of
+from race_agents.planning.halfway import cells_down
 from race_agents.planning.obstacles import Obstacles, free_way, is_free, survey
 from race_agents.planning.parking_tasks import ParkingTask, bay, parallel
 from race_agents.planning.path import Path, driven_back, path_of
@@ -56,7 +57,7 @@ def least_gap(path: Path, walls: Floats, vehicle: Vehicle = CAR) -> float:
     """Return a bound of how near [m] the vehicle comes to walls, to within 5 mm."""
     poses = [Pose(*map(float, pose)) for pose in path.sampled(0.02).poses]
     for margin in np.arange(0.0, 0.2, 0.005):
-        body = footprint_of(vehicle, margin)
+        body = footprint_of(vehicle, margin, 1.0)
         boxes = [box_at(body, pose) for pose in poses]
         if any(box_on_segment(box, *wall)[0] > 0.0 for box in boxes for wall in walls.tolist()):
             return float(margin)
@@ -76,7 +77,7 @@ def test_three_points_of_a_kart_lie_on_one_line() -> None:
 
 def test_the_box_of_the_car_reaches_from_bumper_to_bumper() -> None:
     # Overhangs: 0.929 m behind the rear axle, 2.80 + 0.96 m ahead of it.
-    body = footprint_of(CAR, 0.0)
+    body = footprint_of(CAR, 0.0, 1.0)
     assert body.middle - body.half_length == pytest.approx(-0.929)
     assert body.middle + body.half_length == pytest.approx(3.76)
     assert body.radius == pytest.approx(3.0056, abs=1e-4)
@@ -93,7 +94,7 @@ def obstacles_around(walls: Floats) -> Obstacles:
 @given(st.floats(-3.0, 3.0), st.floats(-4.5, 6.0), st.floats(-math.pi, math.pi))
 @example(0.0, -1.0845, -0.5 * math.pi)  # parked forward, 15 cm before the end of the bay
 def test_the_grid_decides_as_the_contacts_do(x: float, y: float, heading: float) -> None:
-    walls, body, pose = REVERSE.walls(), footprint_of(CAR, MARGIN), Pose(x, y, heading)
+    walls, body, pose = REVERSE.walls(), footprint_of(CAR, MARGIN, 1.0), Pose(x, y, heading)
     box = box_at(body, pose)
     touches = any(box_on_segment(box, *wall)[0] > 0.0 for wall in walls.tolist())
     free = is_free(obstacles_around(walls), body, pose)
@@ -104,9 +105,9 @@ def test_the_grid_decides_as_the_contacts_do(x: float, y: float, heading: float)
 def test_a_way_ends_a_centimetre_before_the_wall() -> None:
     # From 0 ahead: the bumper 3.76 m ahead of the axle, the wall at 10.
     obstacles = obstacles_around(np.array([[10.0, -5.0, 10.0, 5.0]]))
-    way = free_way(obstacles, footprint_of(CAR, 0.0), Pose(0.0, 0.0, 0.0), 0.0, 9.0)
+    way = free_way(obstacles, footprint_of(CAR, 0.0, 1.0), Pose(0.0, 0.0, 0.0), 0.0, 9.0)
     assert 6.24 - 0.01 <= way <= 6.24
-    back = free_way(obstacles, footprint_of(CAR, 0.0), Pose(0.0, 0.0, 0.0), 0.0, -5.0)
+    back = free_way(obstacles, footprint_of(CAR, 0.0, 1.0), Pose(0.0, 0.0, 0.0), 0.0, -5.0)
     assert back == -5.0
 
 
@@ -116,7 +117,7 @@ def test_a_way_ends_a_centimetre_before_the_wall() -> None:
         (REVERSE, 1),
         (FORWARD, 2),
         (parallel(1.25 * CAR.length, name="1.25 L"), 4),
-        (parallel(CAR.length + 0.6, name="L + 0.6"), 12),
+        (parallel(CAR.length + 0.6, name="L + 0.6"), 16),
     ],
     ids=lambda value: getattr(value, "name", None),
 )
@@ -143,6 +144,24 @@ def test_out_of_the_slot_is_as_easy_as_into_it() -> None:
     path = planner().plan(REVERSE.goal(CAR), BEFORE_IT, REVERSE.walls())
     assert path.poses[-1] == pytest.approx([*BEFORE_IT[:2], path.poses[-1][2]], abs=1e-6)
     assert least_gap(path, REVERSE.walls()) >= MARGIN - 0.005
+
+
+def test_from_slot_to_slot_two_searches_meet_in_the_aisle() -> None:
+    # Two bays 12 m apart, out of one forward and into the other forward: each end is narrow.
+    line = [(-20, 5), (-20, 0), (-7.25, 0), (-7.25, -5), (-4.75, -5), (-4.75, 0)]
+    line += [(4.75, 0), (4.75, -5), (7.25, -5), (7.25, 0), (20, 0), (20, 5)]
+    walls = np.array([(*a, *b) for a, b in zip(line, line[1:] + line[:1], strict=True)], float)
+    goal = bay(width=2.5, aisle=5.0, forward=True).goal(CAR)
+    start, goal = goal._replace(x=-6.0), goal._replace(x=6.0)
+    path = planner().plan(start, goal, walls)
+    assert path.start == start
+    assert path.poses[-1][:2] == pytest.approx(goal[:2], abs=1e-6)
+    assert least_gap(path, walls) >= MARGIN - 0.005
+
+
+def test_the_way_down_a_field_ends_at_its_lowest_cell() -> None:
+    field = np.add.outer(np.arange(4.0), np.arange(5.0))
+    assert cells_down(field, (3, 4)) == [(3, 4), (2, 3), (1, 2), (0, 1), (0, 0)]
 
 
 def test_without_obstacles_the_car_just_drives_there() -> None:
