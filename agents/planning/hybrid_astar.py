@@ -27,7 +27,7 @@ from race_agents.planning.search_tree import (
 )
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import TURN, Pose, along_arc, seen_from
-from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.jit import large_kernel
 from race_server.core.kernels.reeds_shepp import least_cost
 from race_server.core.state import Floats
 
@@ -66,7 +66,7 @@ class Task(NamedTuple):
     mesh: Mesh
 
 
-@kernel
+@large_kernel
 def cell_of(root: Pose, mesh: Mesh, pose: Pose, direction: float) -> int:
     """Return the number of the cell of a pose and a direction, in the frame of the root."""
     seen = seen_from(root, pose)
@@ -78,7 +78,7 @@ def cell_of(root: Pose, mesh: Mesh, pose: Pose, direction: float) -> int:
     return (((along << 20) | across) << 16 | turn) << 1 | way
 
 
-@kernel
+@large_kernel
 def estimate(task: Task, pose: Pose) -> float:
     """Return an estimate [m] of the cost from a pose to the goal; infinite if it is cut off."""
     field = distance_at(task.obstacles.grid, task.distances, pose.x, pose.y)
@@ -88,7 +88,7 @@ def estimate(task: Task, pose: Pose) -> float:
     return task.mesh.greed * max(field, drive)
 
 
-@kernel
+@large_kernel
 def add_root(task: Task, tree: Tree) -> None:
     """Begin the tree."""
     clear_tree(tree)

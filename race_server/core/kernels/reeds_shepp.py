@@ -160,7 +160,7 @@ def _other_side(kind: int, goal: Pose, x: float, y: float) -> Pieces:
     return Pieces(first, middle, last) if first > -SLACK and last > -SLACK else NONE
 
 
-@kernel
+@large_kernel
 def _pieces(number: int, goal: Pose, cos: float, sin: float) -> Pieces:
     """Return the open numbers of a word that leads to a pose from the origin.
 
