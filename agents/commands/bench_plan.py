@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 def bench_plan(
     runs: Annotated[int, typer.Option(min=1, help="Random starts of each task.")] = 100,
+    task: Annotated[
+        str, typer.Option(help="Only tasks with this text in their names, such as parallel.")
+    ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
     plot: Annotated[
         Path | None, typer.Option(help="Draw a plan of each task into this file.")
@@ -29,7 +32,7 @@ def bench_plan(
     from race_agents.planning.plan_picture import plot_plans
     from race_server.core.vehicles import CAR
 
-    measured = measure(CAR, runs, seed)
+    measured = measure(CAR, runs=runs, seed=seed, text=task)
     if plot is not None:
         plot_plans(CAR, measured.shown, plot)
     if as_json:

@@ -13,7 +13,7 @@ from race_agents.planning.path_planner import PathPlanner
 from race_server.competition.proportion import wilson_interval
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicles import Vehicle
-from race_server.errors import PlanError
+from race_server.errors import PlanError, ScenarioError
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,26 @@ def starts_of(
             yield start
 
 
-def bench_plan(vehicle: Vehicle, runs: int, seed: int) -> Measured:
-    """Return the figures of `race bench plan`."""
+def bench_plan(vehicle: Vehicle, *, runs: int, seed: int, text: str = "") -> Measured:
+    """Return the figures of `race bench plan`, for tasks with a text in their names.
+
+    Raises:
+        ScenarioError: no task has it.
+    """
+    every = tasks(vehicle)
+    chosen = [(number, task) for number, task in enumerate(every) if text in task.name]
+    if not chosen:
+        names = "; ".join(task.name for task in every)
+        raise ScenarioError(f"--task {text!r} is in the name of no task; these are: {names}")
     begun = time.monotonic()
     planner = PathPlanner(vehicle)
-    first = tasks(vehicle)[0]
+    first = every[0]
     start = next(starts_of(first, planner, 1, np.random.default_rng(seed)))
     planner.plan(start, first.goal(vehicle), first.walls())
     first_plan_s = round(time.monotonic() - begun, 2)
     rows, shown = [], []
-    for number, task in enumerate(tasks(vehicle)):
+    # A task has the same starts, whichever others are measured.
+    for number, task in chosen:
         row, path = _measure(task, planner, runs, np.random.default_rng((seed, number)))
         rows.append(row)
         shown += [(task, path)] if path else []

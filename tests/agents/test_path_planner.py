@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from race_agents.planning.parking_tasks import ParkingTask, bay, parallel
 from race_agents.planning.path import Path, driven_back, path_of
 from race_agents.planning.path_planner import MARGIN, PathPlanner
 from race_agents.planning.plan_bench import bench_plan
+from race_agents.planning.plan_picture import plot_plans
 from race_agents.planning.search_tree import (
     NODES,
     NONE,
@@ -24,12 +26,13 @@ from race_agents.planning.search_tree import (
     make_tree,
     next_node,
 )
+from race_server.competition.proportion import wilson_interval
 from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
 from race_server.core.vehicles import CAR, KART_13, Vehicle
-from race_server.errors import PlanError
+from race_server.errors import PlanError, ScenarioError
 
 NO_BOXES = np.zeros((0, 6))
 REVERSE = bay(width=2.5, aisle=6.0, forward=False)
@@ -281,9 +284,37 @@ def test_of_each_cell_only_the_cheapest_node_is_expanded(found: list[tuple[int, 
 
 
 def test_the_yardstick_counts_what_was_solved() -> None:
-    measured = bench_plan(CAR, runs=1, seed=0)
+    measured = bench_plan(CAR, runs=1, seed=0, text="reverse")
     rows = measured.document()["rows"]
     assert isinstance(rows, list)
-    assert len(rows) == len(measured.shown) == 10
-    assert {row["solved"] for row in rows} == {1}
+    assert [row["task"] for row in rows] == [task.name for task, _ in measured.shown]
+    assert [row["solved"] for row in rows] == [1, 1, 1]
     assert rows[0]["share_low"] == pytest.approx(0.2065, abs=1e-4)  # 1 / (1 + 1.96²)
+
+
+def test_a_task_that_does_not_exist_is_refused_with_the_names_of_those_that_do() -> None:
+    with pytest.raises(ScenarioError, match=r"is in the name of no task; .*L \+ 0.6"):
+        bench_plan(CAR, runs=1, seed=0, text="canal")
+
+
+@pytest.mark.parametrize(
+    ("successes", "runs", "low", "high"),
+    [
+        (0, 0, 0.0, 1.0),
+        (10, 10, 0.7225, 1.0),
+        (5, 10, 0.2366, 0.7634),
+        (2165, 2209, 0.9734, 0.9851),
+    ],
+)
+def test_the_interval_of_a_share_is_that_of_wilson(
+    successes: int, runs: int, low: float, high: float
+) -> None:
+    assert wilson_interval(successes, runs) == pytest.approx((low, high), abs=1e-4)
+
+
+def test_the_picture_of_a_plan_is_written(tmp_path: FilePath) -> None:
+    path = parked(REVERSE)
+    plot_plans(CAR, [(REVERSE, path)], tmp_path / "plan.png")
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+    with pytest.raises(ScenarioError, match="cannot be written"):
+        plot_plans(CAR, [(REVERSE, path)], tmp_path / "no folder" / "plan.png")
