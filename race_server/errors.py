@@ -55,6 +55,10 @@ class ScenarioError(RaceError):
     """A race cannot be set up as asked."""
 
 
+class PlanError(RaceError):
+    """There is no path from one pose to another, or none was found in time."""
+
+
 class DriverError(RaceError):
     """A driver is unknown or cannot be started."""
 

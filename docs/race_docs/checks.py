@@ -221,7 +221,7 @@ def _wrong_name(dotted: str) -> str:
                 value = importlib.import_module(".".join(parts[:number]))
             except ImportError:
                 # An entry point's group has a name like a module's.
-                if dotted in ("race_server.drivers", "race_server.commands"):
+                if dotted in ("race_server.drivers", "race_server.commands", "race_server.kernels"):
                     return ""
                 return f"there is no {'.'.join(parts[:number])}"
     return ""

@@ -53,13 +53,16 @@ app.add_typer(drill.app, name="drill")
 app.add_typer(results.app, name="results")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
-# Other packages add commands, or groups of commands.
+# Other packages add commands, or groups of commands; `bench.plan` is one in the group `bench`.
+groups = {"": app, "bench": bench.app}
 for point in entry_points(group="race_server.commands"):
     command = point.load()
+    place, _, name = point.name.rpartition(".")
+    parent = groups[place]
     if isinstance(command, typer.Typer):
-        app.add_typer(command, name=point.name)
+        parent.add_typer(command, name=name)
     else:
-        app.command(point.name)(command)
+        parent.command(name)(command)
 
 
 def main() -> None:

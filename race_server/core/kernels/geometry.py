@@ -1,6 +1,7 @@
-"""Angles, boxes and segments."""
+"""Angles, poses, arcs, boxes and segments."""
 
 import math
+from typing import NamedTuple
 
 from race_server.core.kernels.jit import kernel
 
@@ -10,6 +11,14 @@ TURN = 2.0 * math.pi
 QUARTER_HIGH, QUARTER_LOW = 1.57079632673412561417e00, 6.07710050650619224932e-11
 # `rough_angle` is off by less than this [rad].
 ROUGHNESS = 0.004
+
+
+class Pose(NamedTuple):
+    """A place and a direction in the plane."""
+
+    x: float  # [m]
+    y: float  # [m]
+    heading: float  # [rad]
 
 
 @kernel
@@ -58,6 +67,32 @@ def cos_sin(angle: float) -> tuple[float, float]:
     if quarters & 1:
         cos, sin = -sin, cos
     return (-cos, -sin) if quarters & 2 else (cos, sin)
+
+
+@kernel
+def along_arc(pose: Pose, curvature: float, way: float) -> Pose:
+    """Return the pose after a way [m] on an arc, negative in reverse; the heading is not wrapped.
+
+    curvature: [1/m], positive to the left. The chord of an arc that turns by a lies half a turn
+    off, and is sin(a/2) / (a/2) times as long as the arc.
+    """
+    half = 0.5 * curvature * way
+    if half != 0.0:
+        _, sin = cos_sin(half)
+        chord = way * sin / half
+    else:
+        chord = way
+    cos, sin = cos_sin(pose.heading + half)
+    return Pose(pose.x + chord * cos, pose.y + chord * sin, pose.heading + 2.0 * half)
+
+
+@kernel
+def seen_from(pose: Pose, other: Pose) -> Pose:
+    """Return another pose in the frame of a pose, its heading in [-pi, pi)."""
+    cos, sin = cos_sin(pose.heading)
+    dx, dy = other.x - pose.x, other.y - pose.y
+    heading = wrap_angle(other.heading - pose.heading)
+    return Pose(dx * cos + dy * sin, dy * cos - dx * sin, heading)
 
 
 @kernel

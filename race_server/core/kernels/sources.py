@@ -1,8 +1,8 @@
 """Which files the compiled kernels are made of.
 
 Machine code is out of date as soon as one of them changes. They follow the packages, not a list of
-folders: all of `core` and `envs`, and of every installed package that offers a driver the modules
-that its drivers import from it.
+folders: all of `core` and `envs`, and of every installed package that offers a driver or other
+kernels the modules that these import from it.
 """
 
 import ast
@@ -12,7 +12,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2]
 WINGS = ("core", "envs")
-DRIVERS = "race_server.drivers"
+# Entry points of drivers, and of modules with kernels that no driver calls.
+GROUPS = ("race_server.drivers", "race_server.kernels")
 
 
 def kernel_sources() -> dict[str, Path]:
@@ -21,15 +22,15 @@ def kernel_sources() -> dict[str, Path]:
     for wing in WINGS:
         for path in sorted((PACKAGE / wing).rglob("*.py")):
             sources[_module_of(path, PACKAGE)] = path
-    return sources | driver_sources()
+    return sources | brought_sources()
 
 
-def driver_sources() -> dict[str, Path]:
-    """Return the modules behind the entry points of drivers, and what they import of their package.
+def brought_sources() -> dict[str, Path]:
+    """Return the modules behind those entry points, and what they import of their package.
 
-    An import inside a function counts as well; one of a package that offers no driver does not.
+    An import inside a function counts as well; one of a package that offers none does not.
     """
-    starts = {point.module for point in entry_points(group=DRIVERS)}
+    starts = {point.module for group in GROUPS for point in entry_points(group=group)}
     roots = {start.split(".")[0]: _root_of(start.split(".")[0]) for start in starts}
     found: dict[str, Path] = {}
     waiting = sorted(starts)

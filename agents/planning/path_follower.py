@@ -1,0 +1,195 @@
+"""Drives a vehicle along a path of arcs, forward and back, and stops at its end.
+
+A path is made ready once: legs between changes of direction, and along each the curvature, spread
+so that the wheels can turn while the vehicle drives, and the speed at which they have the time.
+Steering is pure pursuit of the rear axle, seen from the path: towards a point `PURSUIT` ahead on an
+arc, whose curvature for small errors is that of the path - 2 offset / PURSUIT² - 2 turn / PURSUIT.
+At the end of a leg the vehicle stands until its wheels have turned.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from race_agents.planning.path import Path, path_of
+from race_server.core.kernels.geometry import Pose, clip, cos_sin, wrap_angle
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.motion import Command, Motion
+from race_server.core.state import Floats, Record
+from race_server.core.vehicles import GRAVITY, Vehicle
+from race_server.errors import PlanError
+
+# Way between two points of a leg [m], and the way over which a change of curvature is spread [m]:
+# it moves the path by curvature · SPREAD² / 24, 7 mm from full lock to full lock of a car.
+SPACING, SPREAD = 0.05, 0.5
+# Distance of the point that is pursued [m].
+PURSUIT = 1.0
+# Shares of what motor, brakes and steering can do; the rest is left to corrections.
+PACE_SHARE, BRAKE_SHARE, TURN_SHARE = 0.7, 0.5, 0.7
+# How far ahead [s] the path's curvature is followed.
+LEAD_S = 0.1
+# Gain of the speed error [1/s].
+SPEED_GAIN = 4.0
+# Slowest speed on a path [m/s], until this way is left [m].
+CREEP, ARRIVED = 0.06, 0.005
+# The vehicle stands below this speed [m/s]; wheels have turned when this near to their angle [rad].
+STANDING, TURNED = 0.01, 0.01
+
+# Columns of a track; LEFT: way to the end of the leg [m], LAST: number of its last point.
+X, Y, HEADING, CURVATURE, SPEED, GEAR, LEFT, LAST = range(8)
+
+
+def make_track(path: Path, vehicle: Vehicle, cruise: float) -> Floats:
+    """Return a path made ready for a vehicle: (S, 8), one leg after the other.
+
+    cruise: most speed [m/s], which the vehicle's limits may lower.
+
+    Raises:
+        PlanError: the path has no arcs.
+    """
+    if len(path.arcs) == 0:
+        raise PlanError("a path without arcs cannot be followed: the vehicle is at its goal")
+    ways = path.arcs[:, 1]
+    changes = np.diff(np.sign(ways)) != 0.0
+    # On an arc that is too short to spread a change of curvature the wheels turn at a stand.
+    changes |= np.minimum(np.abs(ways[1:]), np.abs(ways[:-1])) < SPREAD
+    cuts = [0, *(np.flatnonzero(changes) + 1).tolist(), len(ways)]
+    legs: list[Floats] = []
+    start = path.start
+    for first, after in pairwise(cuts):
+        part = path_of(start, path.arcs[first:after])
+        last = sum(len(leg) for leg in legs)
+        legs.append(_leg(part, vehicle, cruise, last))
+        start = Pose(*(float(value) for value in part.poses[-1]))
+    return np.concatenate(legs)
+
+
+def _leg(part: Path, vehicle: Vehicle, cruise: float, first: int) -> Floats:
+    """Return the points of a path in one direction; first: number of its first point."""
+    samples = part.sampled(SPACING)
+    ways = np.abs(samples.ways)
+    gear = float(np.sign(samples.ways[0]))
+    driven = np.concatenate([[0.0], np.cumsum(ways)])
+    curvatures = _spread(driven, samples.curvatures)
+    # What the spread curvature turns, without what rounding and the ends of the leg add to it.
+    turned = np.concatenate(
+        [[0.0], np.cumsum(0.5 * (curvatures[1:] + curvatures[:-1]) * samples.ways)]
+    )
+    error = turned[-1] - (samples.poses[-1, 2] - samples.poses[0, 2])
+    leg = np.zeros((len(driven), 8))
+    leg[:, :2] = samples.poses[:, :2]
+    leg[:, HEADING] = samples.poses[0, 2] + turned - error * driven / driven[-1]
+    leg[:, CURVATURE] = curvatures
+    angles = np.arctan(curvatures * vehicle.wheelbase)
+    most = min(cruise, vehicle.top_speed if gear > 0.0 else vehicle.reverse_speed)
+    turning = np.abs(np.diff(angles)) / ways
+    limits = np.minimum(most, TURN_SHARE * vehicle.steering_rate / np.maximum(turning, 1e-9))
+    leg[:, SPEED] = _paced(limits, ways, vehicle)
+    leg[:, GEAR], leg[:, LEFT], leg[:, LAST] = gear, driven[-1] - driven, first + len(leg) - 1
+    return leg
+
+
+def _spread(driven: Floats, curvatures: Floats) -> Floats:
+    """Return the mean curvature [1/m] within half of SPREAD of each point.
+
+    driven: (S + 1,) [m] at the points; curvatures: (S,) [1/m] between them. Near the ends the
+    window is smaller, so that a leg begins and ends with the curvature of its arcs.
+    """
+    integral = np.concatenate([[0.0], np.cumsum(curvatures * np.diff(driven))])
+    half = np.minimum(0.5 * SPREAD, np.minimum(driven, driven[-1] - driven))
+    half = np.maximum(half, 1e-6)
+    low, high = np.maximum(driven - half, 0.0), np.minimum(driven + half, driven[-1])
+    return (np.interp(high, driven, integral) - np.interp(low, driven, integral)) / (high - low)
+
+
+def _paced(limits: Floats, ways: Floats, vehicle: Vehicle) -> Floats:
+    """Return speeds [m/s] at the points of a leg that begins and ends at a stand.
+
+    limits: (S,) [m/s] between the points; ways: (S,) [m].
+    """
+    speeds = np.minimum(np.append(limits, np.inf), np.insert(limits, 0, np.inf))
+    speeds[0] = speeds[-1] = 0.0
+    resting = vehicle.rolling * GRAVITY
+    pace = PACE_SHARE * (vehicle.motor_force / vehicle.mass - resting)
+    brakes = BRAKE_SHARE * (vehicle.brake_force / vehicle.mass + resting)
+    for k, way in enumerate(ways):
+        speeds[k + 1] = min(speeds[k + 1], math.sqrt(speeds[k] ** 2 + 2.0 * pace * way))
+    for k in range(len(ways) - 1, -1, -1):
+        speeds[k] = min(speeds[k], math.sqrt(speeds[k + 1] ** 2 + 2.0 * brakes * ways[k]))
+    return speeds
+
+
+@kernel
+def _ahead_of(track: Floats, point: int, x: float, y: float) -> float:
+    """Return how far [m] a place lies beyond a point, in the direction of travel."""
+    cos, sin = cos_sin(track[point, HEADING])
+    return track[point, GEAR] * ((x - track[point, X]) * cos + (y - track[point, Y]) * sin)
+
+
+@kernel
+def _pedals(
+    vehicle: Record, speed: float, wanted: float, pace: float, gear: float
+) -> tuple[float, float]:
+    """Return throttle and brake for a wanted speed [m/s], which is never against the gear.
+
+    pace: rate [m/s²] at which the wanted speed grows in the direction of travel.
+    """
+    rate = pace + SPEED_GAIN * gear * (wanted - speed) + vehicle.rolling * GRAVITY
+    force = vehicle.mass * rate
+    if force >= 0.0:
+        return gear * min(force / vehicle.motor_force, 1.0), 0.0
+    return 0.0, min(-force / vehicle.brake_force, 1.0)
+
+
+@kernel
+def _point_passed(track: Floats, point: int, x: float, y: float) -> int:
+    """Return the last point of the leg, but its end, that a place has passed."""
+    last = int(track[point, LAST])
+    while point + 1 < last and _ahead_of(track, point + 1, x, y) >= 0.0:
+        point += 1
+    return point
+
+
+@large_kernel
+def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion) -> Command:
+    """Return what to do now to stay on a track; at its end the brakes hold.
+
+    track: (S, 8); progress: (1,) number of the point that was passed last, moved on here; vehicle:
+    VEHICLE; motion: of the centre of gravity.
+    """
+    cos, sin = cos_sin(wrap_angle(motion.heading))
+    x, y = motion.x - vehicle.rear_axle * cos, motion.y - vehicle.rear_axle * sin
+    stands = abs(motion.speed) < STANDING
+    point = _point_passed(track, int(progress[0]), x, y)
+    last = int(track[point, LAST])
+    arrived = track[point, LEFT] - _ahead_of(track, point, x, y) <= ARRIVED
+    if arrived and stands and last + 1 < len(track):
+        point, arrived = last + 1, False
+    progress[0] = point
+    beyond, gear = _ahead_of(track, point, x, y), track[point, GEAR]
+    step = track[point, LEFT] - track[point + 1, LEFT]
+    share = clip(beyond / step, 0.0, 1.0)
+
+    # From the path to the rear axle; the path bends between two points.
+    curvature, way = track[point, CURVATURE], gear * share * step
+    cos, sin = cos_sin(wrap_angle(track[point, HEADING]))
+    offset = (y - track[point, Y]) * cos - (x - track[point, X]) * sin - 0.5 * curvature * way * way
+    turn = wrap_angle(motion.heading - track[point, HEADING] - curvature * way)
+    # Wheels need time: the curvature is that of a place ahead.
+    lead = point + int(share + abs(motion.speed) * LEAD_S / step)
+    curvature = track[min(lead, int(track[point, LAST])), CURVATURE]
+    curvature -= 2.0 * offset / (PURSUIT * PURSUIT) + 2.0 * gear * turn / PURSUIT
+    angle = math.atan(curvature * (vehicle.front_axle + vehicle.rear_axle))
+    angle = clip(angle, -vehicle.steering_limit, vehicle.steering_limit)
+    steering = angle / vehicle.steering_limit
+
+    begins = point == 0 or track[point - 1, LEFT] <= 0.0
+    if arrived or (begins and stands and abs(motion.steering - angle) > TURNED):
+        return Command(steering, 0.0, 1.0)
+    speed, after = track[point, SPEED], track[point + 1, SPEED]
+    wanted, pace = speed + share * (after - speed), (after * after - speed * speed) / (2.0 * step)
+    if wanted < CREEP:
+        wanted, pace = CREEP, 0.0
+    throttle, brake = _pedals(vehicle, motion.speed, gear * wanted, pace, gear)
+    return Command(steering, throttle, brake)

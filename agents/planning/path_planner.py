@@ -1,0 +1,214 @@
+"""Plans paths of a vehicle from pose to pose among walls and boxes."""
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from race_agents.planning.analytic_expansion import CUSP, LEAST_PIECE
+from race_agents.planning.footprint import Footprint, footprint_of
+from race_agents.planning.halfway import halfway_poses
+from race_agents.planning.hybrid_astar import CURVATURES, GAVE_UP, Mesh, Task, search
+from race_agents.planning.obstacles import (
+    CORNER,
+    PASSING,
+    Obstacles,
+    cover_radius,
+    free_way,
+    is_free,
+    survey,
+)
+from race_agents.planning.path import Path, driven_back, path_of
+from race_agents.planning.search_tree import NODES, NONE, make_tree
+from race_server.core.kernels.distance_field import Grid, distance_at, fill_distances
+from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.reeds_shepp import WORDS, word_between
+from race_server.core.state import Floats
+from race_server.core.vehicles import Vehicle
+from race_server.errors import PlanError
+
+# Distance [m] kept from obstacles.
+MARGIN = 0.05
+# Share of the greatest curvature that paths have: with all of it no error could be corrected.
+LOCK = 0.95
+# Side of the grid's cells [m], and most of them: a larger area has larger ones.
+CELL, MOST_CELLS = 0.25, 250_000
+# How far around start and goal [m] a path may lead.
+REACH = 12.0
+# How far [m] the room around a pose is measured along each arc.
+ROOM = 3.0
+# A pose from which the vehicle gets less far [m] over all arcs is in a slot: it gets 2 to 6 m in
+# slots, at least 8 m in the aisles before them.
+NARROW = 7.0
+# From coarse to fine, until one of them holds a path. In slots only 0.6 m longer than a car, a move
+# gains a few centimetres aside: coarse cells across the slot would take it for standing still.
+MESHES = (
+    Mesh(0.8, 0.10, 0.40, 0.400, math.radians(5.0), greed=1.2, nodes=60_000),
+    Mesh(0.8, 0.05, 0.10, 0.100, math.radians(2.0), greed=1.4, nodes=20_000),
+    Mesh(0.8, 0.05, 0.10, 0.020, math.radians(1.0), greed=1.6, nodes=200_000),
+    Mesh(0.8, 0.02, 0.05, 0.005, math.radians(0.5), greed=1.6, nodes=200_000),
+)
+NO_BOXES = np.zeros((0, 6))
+
+
+class PathPlanner:
+    """Plans for one vehicle. Its work space is made once, so it plans one path at a time."""
+
+    def __init__(self, vehicle: Vehicle, *, margin: float = MARGIN, lock: float = LOCK) -> None:
+        """Make room. margin: distance kept from obstacles [m]; lock: share of the curvature."""
+        self.vehicle = vehicle
+        self.margin = margin
+        self.footprint = footprint_of(vehicle, margin, lock)
+        self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
+        self._clear, self._distances = np.zeros(MOST_CELLS), np.zeros(MOST_CELLS)
+        self._queues = np.zeros((2, MOST_CELLS), np.int64)
+        self._costs = np.zeros(len(WORDS))
+
+    def plan(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats = NO_BOXES) -> Path:
+        """Return a path of the rear axle that keeps the margin from walls and boxes.
+
+        start, goal: of the rear axle; walls: (P, 4) x0, y0, x1, y1 [m]; boxes: (B, 6) x, y [m] of
+        the middle, cosine and sine of the heading, half length, half width [m].
+
+        Raises:
+            PlanError: start or goal touches something, no way leads from one to the other, or none
+                was found.
+        """
+        obstacles = self._obstacles(start, goal, walls, boxes)
+        for name, pose in (("start", start), ("goal", goal)):
+            self._require_room(name, pose, obstacles)
+        rooms = self._room(obstacles, start), self._room(obstacles, goal)
+        if max(rooms) < NARROW:
+            path = self._from_slot_to_slot(start, goal, obstacles)
+            if path is not None:
+                return path
+        return self._join(start, goal, obstacles, MESHES)
+
+    def _join(self, start: Pose, goal: Pose, obstacles: Obstacles, meshes: Sequence[Mesh]) -> Path:
+        """Return a path between two poses that are free.
+
+        Raises:
+            PlanError: no way leads from one to the other, or none was found.
+        """
+        is_swapped = self._room(obstacles, goal) < self._room(obstacles, start)
+        root, target = (goal, start) if is_swapped else (start, goal)
+        distances = self._distances_to(target, obstacles)
+        if distance_at(obstacles.grid, distances, root.x, root.y) == math.inf:
+            raise PlanError(
+                f"no way leads from {_words(start)} to {_words(goal)}: what is free around one is "
+                f"cut off from the other, or joined to it only farther than {REACH:g} m aside"
+            )
+        for mesh in meshes:
+            task = Task(root, target, self.footprint, obstacles, distances, self._costs, mesh)
+            node, word = search(task, self._tree)
+            if node >= 0:
+                path = self._path(task, node, word)
+                return replace(driven_back(path), start=start) if is_swapped else path
+        found = int(self._tree.counts[NODES])
+        raise PlanError(
+            f"no path from {_words(start)} to {_words(goal)}: the search "
+            + (f"gave up after {found} states" if node == GAVE_UP else "found no further state")
+            + "; make the slot or the aisle wider, or choose another goal"
+        )
+
+    def _from_slot_to_slot(self, start: Pose, goal: Pose, obstacles: Obstacles) -> Path | None:
+        """Return a path out of one narrow place into another, None if none is found so.
+
+        A search has to hit the second slot from outside: where a coarse one does not, two meet.
+        """
+        with suppress(PlanError):
+            return self._join(start, goal, obstacles, MESHES[:1])
+        best, least = None, math.inf
+        distances = self._distances_to(goal, obstacles)
+        for between in halfway_poses(obstacles, distances, start):
+            if not is_free(obstacles, self.footprint, between):
+                continue
+            with suppress(PlanError):
+                out = self._join(start, between, obstacles, MESHES)
+                into = self._join(between, goal, obstacles, MESHES)
+                path = path_of(start, np.concatenate([out.arcs, into.arcs]))
+                cost = path.length + CUSP * path.changes
+                if cost < least:
+                    best, least = path, cost
+        return best
+
+    def is_free(self, pose: Pose, walls: Floats, boxes: Floats = NO_BOXES) -> bool:
+        """Return whether the vehicle keeps the margin there; arguments as for `plan`."""
+        return is_free(self._obstacles(pose, pose, walls, boxes), self.footprint, pose)
+
+    def _obstacles(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats) -> Obstacles:
+        """Return the obstacles around start and goal, with a grid over them."""
+        low = np.minimum(start[:2], goal[:2]) - REACH
+        high = np.maximum(start[:2], goal[:2]) + REACH
+        width, height = (float(side) for side in high - low)
+        # One cell more each way, because both counts are rounded up.
+        cell = max(CELL, math.sqrt(width * height / MOST_CELLS) * 1.01)
+        columns, rows = math.ceil(width / cell), math.ceil(height / cell)
+        ends = walls.reshape(-1, 2, 2)
+        near = ((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1)
+        around = np.hypot(boxes[:, 4], boxes[:, 5])[:, None]
+        by = ((boxes[:, :2] + around >= low) & (boxes[:, :2] - around <= high)).all(axis=1)
+        obstacles = Obstacles(
+            Grid(float(low[0]), float(low[1]), cell, columns, rows),
+            self._clear[: rows * columns].reshape(rows, columns),
+            np.ascontiguousarray(walls[near], np.float64),
+            np.ascontiguousarray(boxes[by], np.float64),
+        )
+        # Beyond the discs that cover the vehicle it does not matter how far an obstacle is.
+        survey(obstacles, cover_radius(self.footprint) + PASSING + cell)
+        return obstacles
+
+    def _require_room(self, name: str, pose: Pose, obstacles: Obstacles) -> None:
+        if is_free(obstacles, self.footprint, pose):
+            return
+        where = f"the {name}, {_words(pose)}"
+        if is_free(obstacles, footprint_of(self.vehicle, 0.0, 1.0), pose):
+            raise PlanError(
+                f"{where}, is nearer to an obstacle than the margin of {self.margin:g} m; choose "
+                "another pose, or plan with a smaller margin"
+            )
+        raise PlanError(f"{where}, is inside of a wall or a box; choose another pose")
+
+    def _room(self, obstacles: Obstacles, pose: Pose) -> float:
+        """Return how far [m] the vehicle gets from a pose, over all arcs."""
+        radius = self.footprint.radius
+        return sum(
+            abs(free_way(obstacles, self.footprint, pose, curvature / radius, way))
+            for curvature in CURVATURES
+            for way in (-ROOM, ROOM)
+        )
+
+    def _distances_to(self, goal: Pose, obstacles: Obstacles) -> Floats:
+        """Return the distance [m] from each cell to a goal: (rows, columns)."""
+        grid = obstacles.grid
+        distances = self._distances[: grid.rows * grid.columns].reshape(grid.rows, grid.columns)
+        least = disc_around_axle(self.footprint) - CORNER * grid.cell
+        place = (goal.x, goal.y)
+        fill_distances(grid, obstacles.clear, least, place, True, distances, self._queues)
+        return distances
+
+    def _path(self, task: Task, node: int, number: int) -> Path:
+        """Return the path from the root to a node, and on from there by a word."""
+        nodes = self._tree.nodes
+        x, y, heading = (float(nodes[node][name]) for name in ("x", "y", "heading"))
+        word = word_between(number, Pose(x, y, heading), task.goal, task.footprint.radius)
+        pieces = [
+            (turn / word.radius, way)
+            for turn, way in zip(word.turns, word.ways, strict=True)
+            if abs(way) > LEAST_PIECE
+        ]
+        while node != NONE:
+            pieces.insert(0, (float(nodes[node].curvature), float(nodes[node].way)))
+            node = int(nodes[node].parent)
+        return path_of(task.root, np.array(pieces))
+
+
+def disc_around_axle(footprint: Footprint) -> float:
+    """Return the radius [m] of the largest disc around the rear axle's middle inside of the box."""
+    return min(footprint.half_width, footprint.half_length - abs(footprint.middle))
+
+
+def _words(pose: Pose) -> str:
+    return f"({pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.heading):.0f}°)"

@@ -1,0 +1,157 @@
+"""Grids that tell the way around walls: how far every place is from a wall, and from a goal.
+
+The way to a goal leads from cell to neighbouring cell, and over no cell that is too near to a wall.
+It is a lower bound of what a car must drive where only cells are left out on which the car cannot
+stand, and the usual heuristic of a search among obstacles.
+"""
+
+import math
+from typing import NamedTuple
+
+from race_server.core.kernels.boxes import Box
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.state import Floats, Ints
+
+DIAGONAL = math.sqrt(2.0)  # way [cells] to a neighbour over a corner
+# A cell in a queue: its row above these bits, its column in them.
+ROW_BITS, COLUMN_MASK = 32, (1 << 32) - 1
+
+
+class Grid(NamedTuple):
+    """Square cells over a rectangle; a cell is known by row and column."""
+
+    x0: float  # [m] lowest corner
+    y0: float  # [m]
+    cell: float  # [m] side of a cell
+    columns: int
+    rows: int
+
+
+@kernel
+def cell_at(grid: Grid, x: float, y: float) -> tuple[int, int]:
+    """Return row and column of the cell at a place [m], or of the one next to it outside."""
+    column = min(max(math.floor((x - grid.x0) / grid.cell), 0), grid.columns - 1)
+    row = min(max(math.floor((y - grid.y0) / grid.cell), 0), grid.rows - 1)
+    return row, column
+
+
+@kernel
+def _lower(grid: Grid, clear: Floats, x: float, y: float, box: Box) -> None:
+    """Lower the clearance at cells whose middle lies near to a box.
+
+    clear: (rows, columns) [m]; x, y: the box reaches so far from its middle along the axes [m].
+    """
+    first_row, first_column = cell_at(grid, box.x - x, box.y - y)
+    last_row, last_column = cell_at(grid, box.x + x, box.y + y)
+    for row in range(first_row, last_row + 1):
+        dy = grid.y0 + (row + 0.5) * grid.cell - box.y
+        for column in range(first_column, last_column + 1):
+            dx = grid.x0 + (column + 0.5) * grid.cell - box.x
+            ahead = max(abs(dx * box.cos + dy * box.sin) - box.half_length, 0.0)
+            aside = max(abs(dy * box.cos - dx * box.sin) - box.half_width, 0.0)
+            distance = math.sqrt(ahead * ahead + aside * aside)
+            clear[row, column] = min(clear[row, column], distance)
+
+
+@large_kernel
+def clear_of_box(grid: Grid, clear: Floats, box: Box, most: float) -> None:
+    """Lower the clearance of cells to the distance [m] of their middle from a box, 0 inside.
+
+    clear: (rows, columns) [m], of which none is more than `most`.
+    """
+    cos, sin = abs(box.cos), abs(box.sin)
+    x = box.half_length * cos + box.half_width * sin + most
+    y = box.half_length * sin + box.half_width * cos + most
+    _lower(grid, clear, x, y, box)
+
+
+@large_kernel
+def clear_of_walls(grid: Grid, clear: Floats, walls: Floats, most: float) -> None:
+    """Lower the clearance of cells to the distance [m] of their middle from walls.
+
+    clear: (rows, columns) [m], of which none is more than `most`; walls: (P, 4) x0, y0, x1, y1 [m].
+    """
+    for wall in range(len(walls)):
+        dx, dy = walls[wall, 2] - walls[wall, 0], walls[wall, 3] - walls[wall, 1]
+        length = math.sqrt(dx * dx + dy * dy)
+        cos, sin = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)
+        # A wall is a box without width.
+        x, y = walls[wall, 0] + 0.5 * dx, walls[wall, 1] + 0.5 * dy
+        box = Box(x, y, cos, sin, 0.5 * length, 0.0, 0)
+        _lower(grid, clear, 0.5 * abs(dx) + most, 0.5 * abs(dy) + most, box)
+
+
+@large_kernel
+def fill_distances(
+    grid: Grid,
+    clear: Floats,
+    least: float,
+    goal: tuple[float, float],
+    has_diagonals: bool,
+    distances: Floats,
+    queues: Ints,
+) -> None:
+    """Write how far [m] each cell's middle is from the cell of a goal; infinity if cut off.
+
+    clear: (rows, columns) [m]; cells with less than `least` [m] are not driven over, except for the
+    goal's; goal: x, y [m]; has_diagonals: whether a step may lead over a corner, which two cells
+    that are not driven over close; distances: (rows, columns) [m]; queues: (2, rows · columns),
+    work space.
+
+    Dijkstra's algorithm without a heap: cells are taken in the order of their distances, so those
+    reached by straight steps are found in order, and so are those reached over a corner.
+    """
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            distances[row, column] = math.inf
+    row, column = cell_at(grid, goal[0], goal[1])
+    distances[row, column] = 0.0
+    queues[0, 0] = (row << ROW_BITS) + column
+    straight, straights, diagonal, diagonals = 0, 1, 0, 0
+    while straight < straights or diagonal < diagonals:
+        take_straight = diagonal == diagonals
+        if straight < straights and diagonal < diagonals:
+            a, b = queues[0, straight], queues[1, diagonal]
+            value = distances[a >> ROW_BITS, a & COLUMN_MASK]
+            take_straight = value < distances[b >> ROW_BITS, b & COLUMN_MASK]
+        cell = queues[0, straight] if take_straight else queues[1, diagonal]
+        straight, diagonal = straight + int(take_straight), diagonal + int(not take_straight)
+        row, column = cell >> ROW_BITS, cell & COLUMN_MASK
+        value = distances[row, column]
+        low, high = max(column - 1, 0), min(column + 2, grid.columns)
+        for i in range(max(row - 1, 0), min(row + 2, grid.rows)):
+            for j in range(low, high):
+                corner = i != row and j != column
+                far = value + grid.cell * (DIAGONAL if corner else 1.0)
+                if far >= distances[i, j] or clear[i, j] < least:
+                    continue
+                if corner:
+                    closed = clear[row, j] < least and clear[i, column] < least
+                    if closed or not has_diagonals:
+                        continue
+                    queues[1, diagonals] = (i << ROW_BITS) + j
+                    diagonals += 1
+                else:
+                    queues[0, straights] = (i << ROW_BITS) + j
+                    straights += 1
+                distances[i, j] = far
+
+
+@kernel
+def distance_at(grid: Grid, distances: Floats, x: float, y: float) -> float:
+    """Return the distance [m] at a place [m], bilinear between the middles of four cells.
+
+    distances: (rows, columns) [m]. Cells that are cut off do not count; infinity if all four are.
+    """
+    u = min(max((x - grid.x0) / grid.cell - 0.5, 0.0), grid.columns - 1.0)
+    v = min(max((y - grid.y0) / grid.cell - 0.5, 0.0), grid.rows - 1.0)
+    column, row = int(u), int(v)
+    right, above = u - column, v - row
+    total, weights = 0.0, 0.0
+    for i in range(2):
+        for j in range(2):
+            weight = (above if i else 1.0 - above) * (right if j else 1.0 - right)
+            if weight > 0.0 and distances[row + i, column + j] < math.inf:
+                total += weight * distances[row + i, column + j]
+                weights += weight
+    return total / weights if weights > 0.0 else math.inf
