@@ -24,6 +24,7 @@ PUBLIC = {
     "LinkError",
     "Observation",
     "Phase",
+    "PlanError",
     "RaceError",
     "RecordingError",
     "RemoteRace",
