@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from race_server.errors import KeysError as KeysError
     from race_server.errors import LinkError as LinkError
     from race_server.errors import LotError as LotError
+    from race_server.errors import PlanError as PlanError
     from race_server.errors import RaceError as RaceError
     from race_server.errors import RecordingError as RecordingError
     from race_server.errors import ResultsError as ResultsError
@@ -53,8 +54,9 @@ _EXPORTS = MappingProxyType(
             ("race_server.core.observation", "Layout Observation layout_of"),
             (
                 "race_server.errors",
-                "DriverError GatewayError KeysError LinkError LotError RaceError RecordingError "
-                "ResultsError ScenarioError SeatError TrackError VehicleError WireError",
+                "DriverError GatewayError KeysError LinkError LotError PlanError RaceError "
+                "RecordingError ResultsError ScenarioError SeatError TrackError VehicleError "
+                "WireError",
             ),
             ("race_server.live.client.driver", "KartClient run_driver"),
             ("race_server.live.client.remote_env", "RemoteRace"),

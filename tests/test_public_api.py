@@ -25,6 +25,7 @@ PUBLIC = {
     "LotError",
     "Observation",
     "Phase",
+    "PlanError",
     "RaceError",
     "RecordingError",
     "RemoteRace",

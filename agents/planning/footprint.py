@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from race_server.core.kernels.boxes import Box
-from race_server.core.kernels.geometry import Pose, cos_sin
+from race_server.core.kernels.boxes import Box, Hull, box_of
+from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.jit import kernel
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
@@ -64,6 +64,5 @@ def footprint_of(vehicle: Vehicle, margin: float, lock: float) -> Footprint:
 @kernel
 def box_at(footprint: Footprint, pose: Pose) -> Box:
     """Return where the box stands if the rear axle has a pose."""
-    cos, sin = cos_sin(pose.heading)
-    x, y = pose.x + footprint.middle * cos, pose.y + footprint.middle * sin
-    return Box(x, y, cos, sin, footprint.half_length, footprint.half_width, 0)
+    length, width = footprint.half_length, footprint.half_width
+    return box_of(Hull(pose.x, pose.y, pose.heading, footprint.middle, length, width, 0))

@@ -51,7 +51,7 @@ class Obstacles(NamedTuple):
 
 
 @kernel
-def box_number(obstacles: Obstacles, number: int) -> Box:
+def obstacle_box(obstacles: Obstacles, number: int) -> Box:
     """Return one of the boxes."""
     x, y, cos, sin, half_length, half_width = obstacles.boxes[number]
     return Box(x, y, cos, sin, half_length, half_width, number)
@@ -66,7 +66,7 @@ def survey(obstacles: Obstacles, most: float) -> None:
             clear[row, column] = most
     clear_of_walls(obstacles.grid, clear, obstacles.walls, most)
     for number in range(len(obstacles.boxes)):
-        clear_of_box(obstacles.grid, clear, box_number(obstacles, number), most)
+        clear_of_box(obstacles.grid, clear, obstacle_box(obstacles, number), most)
 
 
 @kernel
@@ -84,7 +84,7 @@ def _touches(obstacles: Obstacles, box: Box) -> bool:
         if box_on_segment(box, x0, y0, x1, y1)[0] > 0.0:
             return True
     for number in range(len(obstacles.boxes)):
-        if box_on_box(box, box_number(obstacles, number))[0] > 0.0:
+        if box_on_box(box, obstacle_box(obstacles, number))[0] > 0.0:
             return True
     return False
 
@@ -142,7 +142,7 @@ def _corner_passes(obstacles: Obstacles, footprint: Footprint, before: Box, afte
             if _passes(footprint, before, after, walls[wall, end], walls[wall, end + 1]):
                 return True
     for number in range(len(obstacles.boxes)):
-        box = box_number(obstacles, number)
+        box = obstacle_box(obstacles, number)
         for corner in range(4):
             ahead = box.half_length if corner & 1 else -box.half_length
             aside = box.half_width if corner & 2 else -box.half_width

@@ -75,7 +75,7 @@ class SlowStore(Store):
     """A results file on a slow disk."""
 
     def write(self, changes: Sequence[Change]) -> None:
-        time.sleep(0.1)
+        time.sleep(0.5)
         super().write(changes)
 
 
@@ -99,7 +99,8 @@ def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
     assert [event.sequence for event in heard] == sorted(event.sequence for event in heard)
     assert heard == result.events[-len(heard) :]
     if pace == REAL:
-        assert result.missed_ticks < 10  # the disk took six ticks for each of four laps
+        # The disk took 30 ticks for each of four laps.
+        assert result.missed_ticks < 60
 
 
 @pytest.mark.net
