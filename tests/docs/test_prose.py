@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("race_server", "agents", "examples", "tests", "docs", "tracks", "web/src")
+FOLDERS = ("race_server", "agents", "examples", "tests", "docs", "tracks", "lots", "web/src")
 SUFFIXES = {".py", ".md", ".toml"}
 GENERATED = ("race_server/net/wire/generated/", "docs/results/", "docs/generated/", "docs/_build/")
 

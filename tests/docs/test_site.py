@@ -21,7 +21,18 @@ from race_docs.pages import ROOT
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
 )
-FOLDERS = ("race_server", "agents", "docs", "schemas", "tracks", "tests", "examples", "web", ".ci")
+FOLDERS = (
+    "race_server",
+    "agents",
+    "docs",
+    "schemas",
+    "tracks",
+    "lots",
+    "tests",
+    "examples",
+    "web",
+    ".ci",
+)
 LEFT_OUT = ("__pycache__", "node_modules", "_build", "generated_docs", "cells", "build")
 # What people look for, and the page that answers: among the first three.
 TERMS = {
