@@ -41,6 +41,10 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         dispatcher._cache = DiskCache(outer)
         return dispatcher
 
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the entry. numba would look the types up here first, and find nothing."""
+        return self.entry(*arguments)
+
     def entry_for(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return what Python calls with arguments of the types of these."""
         typeof: Any = numba.typeof
@@ -52,6 +56,3 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
     def add_overload(self, compiled: Any) -> None:
         """Keep what was compiled, out of reach of a call from Python: it has no entry."""
         self.overloads[tuple(compiled.signature.args)] = compiled
-
-    def _compile_for_args(self, *arguments: Any, **named: Any) -> Any:
-        return self.entry
