@@ -41,9 +41,9 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         dispatcher._cache = DiskCache(outer)
         return dispatcher
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the entry. numba would look the types up here first, and find nothing."""
-        return self.entry(*arguments)
+        return self.entry(*arguments, **named)
 
     def entry_for(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         """Return what Python calls with arguments of the types of these."""
