@@ -1,5 +1,7 @@
 """Stages of a reset that every discipline shares: which scenario is drawn, and a clean record."""
 
+from typing import Any
+
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.rng import EPISODE_STREAM, SCENARIO_STREAM, bits, uniform
 from race_server.core.state import World
@@ -34,6 +36,20 @@ def _draw_scenario(buffers: Buffers, seed: int, number: int) -> int:
         if chance < buffers.odds[scenario]:
             return scenario
     return len(buffers.odds) - 1
+
+
+@kernel
+def put_from_template(world: World, buffers: Buffers, templates: Any, w: int, k: int) -> None:
+    """Put a kart as the scenario of one world's round has it at the start.
+
+    templates: of the discipline; bodies, racers, players and vehicles (S, K) are among them.
+    """
+    scenario = buffers.rounds[w].scenario
+    world.bodies[w, k] = templates.bodies[scenario, k]
+    world.racers[w, k] = templates.racers[scenario, k]
+    world.players[w, k] = templates.players[scenario, k]
+    world.vehicles[w, k] = templates.vehicles[scenario, k]
+    forget_kart(buffers, w, k)
 
 
 @kernel

@@ -46,7 +46,6 @@ LEVELS: Mapping[str, Level] = MappingProxyType(
         "dock": Level(within=0.15, turn=0.1, still=0.05),
     }
 )
-ALIGNED = radians(10.0)  # report A calls a kart aligned within this angle
 
 
 def level_named(name: str) -> Level:

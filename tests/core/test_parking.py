@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from race_server.core.messages import EventKind, RayHit, Retirement, Status
+from race_server.core.rules.parking import ALIGNED_WITHIN
 from race_server.core.state import World, digest
 from race_server.errors import ScenarioError
-from race_server.scenario.level import ALIGNED, LEVELS, level_named
+from race_server.scenario.level import LEVELS, level_named
 from support.lots import one_slot, open_lot, park_world, put, roll, wait
 
 HALF_LENGTH = 1.03  # [m] of a kart
@@ -107,7 +108,7 @@ def test_the_levels_are_nested() -> None:
     precise, parked = level_named("precise"), level_named("parked")
     assert precise.along < parked.along
     assert precise.across < parked.across
-    assert precise.turn < parked.turn < ALIGNED
+    assert precise.turn < parked.turn < ALIGNED_WITHIN
     with pytest.raises(ScenarioError, match="choose one of report-a-1, report-a-2"):
         level_named("loose")
     for name in LEVELS:

@@ -1,11 +1,16 @@
 """When a vehicle is parked: pure functions of where its body stands in the slot."""
 
+import math
 from typing import NamedTuple
 
 from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.geometry import cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.state import Record
+
+# A parked vehicle is aligned within this angle [rad], says the report on automatic parking of a
+# kart, 2022.
+ALIGNED_WITHIN = math.radians(10.0)
 
 
 class Stand(NamedTuple):

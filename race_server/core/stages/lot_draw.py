@@ -122,9 +122,9 @@ def _overlap(one: Hull, other: Hull) -> bool:
 def _is_slot_free(world: World, w: int, k: int) -> bool:
     """Return whether the slot of a vehicle overlaps none before it, and no wall if drawn freely."""
     parkers = world.parking.parkers[w]
-    mine = slot_hull(parkers[k], 0.0)
     if parkers[k].slot >= 0:
         return True
+    mine = slot_hull(parkers[k], 0.0)
     for other in range(k):
         if _overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
             return False

@@ -9,11 +9,12 @@ import numpy as np
 
 from race_server.core.clock import TICK_S
 from race_server.core.lots import empty_parking
+from race_server.core.rules.parking import ALIGNED_WITHIN
 from race_server.core.state import World
 from race_server.envs.buffers import Figures
 from race_server.envs.parking.decide import decide, restart
 from race_server.envs.parking.reset import LotTemplates
-from race_server.envs.parking.reward_terms import ALIGNED_WITHIN, ENDINGS, REWARDS, TERMS
+from race_server.envs.parking.reward_terms import ENDINGS, REWARDS, TERMS
 from race_server.envs.task import Kernel, Task
 from race_server.scenario.race import Scenario, make_worlds
 

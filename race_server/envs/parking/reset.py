@@ -8,7 +8,7 @@ from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
 from race_server.core.state import Records, World
 from race_server.envs.buffers import Buffers
-from race_server.envs.rounds import begin_episode, forget_kart, next_round, seed_of_round
+from race_server.envs.rounds import begin_episode, next_round, put_from_template, seed_of_round
 
 
 class LotTemplates(NamedTuple):
@@ -31,12 +31,8 @@ def begin_round(world: World, buffers: Buffers, templates: LotTemplates, w: int)
     world.rules[w] = templates.rules[scenario]
     world.races[w].seed = seed_of_round(buffers, w)
     for k in range(world.bodies.shape[1]):
-        world.bodies[w, k] = templates.bodies[scenario, k]
-        world.racers[w, k] = templates.racers[scenario, k]
-        world.players[w, k] = templates.players[scenario, k]
-        world.vehicles[w, k] = templates.vehicles[scenario, k]
+        put_from_template(world, buffers, templates, w, k)
         world.parking.parkers[w, k] = templates.parkers[scenario, k]
-        forget_kart(buffers, w, k)
     draw_lot(world, w)
     line_up(world, w)
     for k in range(buffers.rewards.shape[1]):

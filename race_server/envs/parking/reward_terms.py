@@ -7,7 +7,7 @@ from types import MappingProxyType
 from race_server.core import codes
 from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.jit import kernel
-from race_server.core.rules.parking import stand_in
+from race_server.core.rules.parking import ALIGNED_WITHIN, Stand, stand_in
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import close_episode, weigh_terms
@@ -81,8 +81,8 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 PARKED, ALIGNED, MISPARKED, CRASH, PERSON, LEFT, LATE, TIME, REVERSING = range(9)
 STEERING_WIDE, STANDING, GOAL_DISTANCE, GOAL_PROGRESS, GOAL_TURN, STEERING_CHANGE = range(9, 15)
 
-# A parked vehicle is aligned within this angle, and steers widely beyond the other [rad].
-ALIGNED_WITHIN, WIDE = math.radians(10.0), math.radians(15.0)
+# A vehicle steers widely beyond this angle [rad].
+WIDE = math.radians(15.0)
 STANDS_BELOW = 0.05  # [m/s]
 
 # How an episode ended, by `episode.ending`.
@@ -107,9 +107,11 @@ def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
     Fills `buffers.terms[w, k]`, (T,), in the order of TERMS.
     """
     ending = _ending_of(world, w, k)
-    _measure(world, buffers, w, k, ending)
+    parker = world.parking.parkers[w, k]
+    stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
+    _measure(world, buffers, w, k, ending, stand)
     weigh_terms(buffers, w, k)
-    _record_figures(world, buffers, w, k, ending)
+    _record_figures(world, buffers, w, k, ending, stand)
     # Time that runs out cuts an episode off, unless the task calls it an end.
     is_late = ending == IS_LATE and buffers.settings[0].late_ends == 0.0
     return close_episode(buffers, w, k, ending != OPEN and not is_late, is_late)
@@ -135,11 +137,9 @@ def _ending_of(world: World, w: int, k: int) -> int:
 
 
 @kernel
-def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int) -> None:
+def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int, stand: Stand) -> None:
     """Measure the terms of one learning vehicle. ending: see ENDINGS."""
-    body, parker = world.bodies[w, k], world.parking.parkers[w, k]
-    before, terms = buffers.before[w, k], buffers.terms[w, k]
-    stand = stand_in(parker, hull_of(world.vehicles[w, k], body, 0))
+    body, before, terms = world.bodies[w, k], buffers.before[w, k], buffers.terms[w, k]
     distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
     turn = abs(stand.turn)
     limit = max(world.rules[w].limit_ticks, 1)
@@ -164,10 +164,11 @@ def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int) -> Non
 
 
 @kernel
-def _record_figures(world: World, buffers: Buffers, w: int, k: int, ending: int) -> None:
+def _record_figures(
+    world: World, buffers: Buffers, w: int, k: int, ending: int, stand: Stand
+) -> None:
     """Record what a learning vehicle's episode has come to so far."""
     parker, episode = world.parking.parkers[w, k], buffers.episodes[w, k]
-    stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
     episode.parked = 1 if ending == IS_PARKED else 0
     episode.ending = ending
     episode.turn = abs(stand.turn)

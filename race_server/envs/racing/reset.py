@@ -12,7 +12,7 @@ from race_server.core.stages.sensing import sense_first
 from race_server.core.stages.standings import rank
 from race_server.core.state import HAZARDS, Floats, Ints, Records, World
 from race_server.envs.buffers import Buffers
-from race_server.envs.rounds import begin_episode, forget_kart, next_round, seed_of_round
+from race_server.envs.rounds import begin_episode, next_round, put_from_template, seed_of_round
 
 # A random start is drawn at most this many times; the last draw is taken even where a kart stands.
 START_TRIES = 24
@@ -44,11 +44,7 @@ def begin_round(world: World, buffers: Buffers, templates: RaceTemplates, w: int
     for index in range(HAZARDS):
         world.hazards[w, index].until_tick = 0
     for k in range(world.bodies.shape[1]):
-        world.bodies[w, k] = templates.bodies[scenario, k]
-        world.racers[w, k] = templates.racers[scenario, k]
-        world.players[w, k] = templates.players[scenario, k]
-        world.vehicles[w, k] = templates.vehicles[scenario, k]
-        forget_kart(buffers, w, k)
+        put_from_template(world, buffers, templates, w, k)
     if buffers.settings[0].random_grid:
         _shuffle_grid(world, w)
     # Entry 0: those of the places begin at 1.
@@ -118,12 +114,7 @@ def _begin_race(world: World, buffers: Buffers, w: int, k: int) -> None:
 @large_kernel
 def reenter(world: World, buffers: Buffers, templates: RaceTemplates, w: int, k: int) -> None:
     """Put a kart whose episode is over back as a new one, at a place that is clear."""
-    scenario = buffers.rounds[w].scenario
-    world.bodies[w, k] = templates.bodies[scenario, k]
-    world.racers[w, k] = templates.racers[scenario, k]
-    world.players[w, k] = templates.players[scenario, k]
-    world.vehicles[w, k] = templates.vehicles[scenario, k]
-    forget_kart(buffers, w, k)
+    put_from_template(world, buffers, templates, w, k)
     _find_start(world, buffers, templates, w, k, RESPAWN_STREAM)
     place_kart(world, w, k)
     racer, race = world.racers[w, k], world.races[w]
