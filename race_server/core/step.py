@@ -7,7 +7,7 @@ compiled decision calls it for each world, between reading actions and computing
 
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
-from race_server.core.kernels.jit import kernel, large_kernel, written_out
+from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.stages.allowances import set_allowances
 from race_server.core.stages.contacts import find_contact_pairs
 from race_server.core.stages.controls import take_controls
@@ -39,15 +39,18 @@ def advance(world: World, controls: Floats, ticks: int) -> None:
         advance_world(world, w, controls[w], ticks)
 
 
-@written_out
+@large_kernel
 def advance_world(world: World, w: int, controls: Floats, ticks: int) -> None:
-    """Move one world on by `ticks` ticks under the same controls, shape (K, 4)."""
+    """Move one world on by `ticks` ticks under the same controls, shape (K, 4).
+
+    A call that hands over the whole world costs as much as moving a kart: one for all ticks.
+    """
     take_controls(world.bodies[w], controls)
     for _ in range(ticks):
         step(world, w)
 
 
-@large_kernel
+@kernel
 def step(world: World, w: int) -> None:
     """Move one world on by one tick."""
     race, bodies, vehicles = world.races[w], world.bodies[w], world.vehicles[w]
@@ -57,7 +60,6 @@ def step(world: World, w: int) -> None:
     set_allowances(world, w)
     use_items(world, w)
     find_contact_pairs(bodies, vehicles)
-    # A call that hands over the whole world costs as much as moving a kart.
     if world.parking.walkers.shape[1] > 0:
         walk(world, w)
     for _ in range(SUBSTEPS):
