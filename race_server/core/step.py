@@ -60,8 +60,7 @@ def step(world: World, w: int) -> None:
     set_allowances(world, w)
     use_items(world, w)
     find_contact_pairs(bodies, vehicles)
-    if world.parking.walkers.shape[1] > 0:
-        walk(world, w)
+    walk(world, w)
     for _ in range(SUBSTEPS):
         move_bodies(bodies, vehicles)
         touch_karts(world, w)
@@ -70,8 +69,7 @@ def step(world: World, w: int) -> None:
         follow_course(world, w)
         steward(world, w)
         pick_up_items(world, w)
-    if world.parking.parkers.shape[1] > 0:
-        park(world, w)
+    park(world, w)
     rank(world, w)
     close_race(world, w)
     race.tick += 1

@@ -5,7 +5,7 @@
 `buffers.observations` itself, and then calls `delay_observation`.
 """
 
-from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.jit import kernel
 from race_server.core.stages.observe import observe
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
@@ -27,7 +27,7 @@ def write_observations(world: World, buffers: Buffers, w: int) -> None:
             _write_view(world, buffers, w, k)
 
 
-@large_kernel
+@kernel
 def write_observation(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Fill `buffers.observations[w, k]`, (size,), with what a learning kart is to see now."""
     observe(world, w, k, buffers.offsets, buffers.observations[w, k])
@@ -60,7 +60,7 @@ def delay_observation(buffers: Buffers, w: int, k: int) -> None:
         buffers.observations[w, k, index] = buffers.late[w, k, seen, index]
 
 
-@large_kernel
+@kernel
 def _write_view(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Fill `buffers.views[w, k]`, (S,), with what an opponent sees."""
     observe(world, w, k, buffers.opponent_offsets[k], buffers.row[w])

@@ -4,7 +4,7 @@ from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.geometry import cos_sin
-from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.jit import kernel
 from race_server.core.rules.laps import microseconds
 from race_server.core.rules.parking import is_parked, stand_in
 from race_server.core.stages.events import report, retire
@@ -14,7 +14,7 @@ from race_server.core.state import Record, World
 CREEP = 0.02
 
 
-@large_kernel
+@kernel
 def park(world: World, w: int) -> None:
     """Follow every vehicle that goes to a slot, and let those that are done stand as blocks."""
     parkers = world.parking.parkers[w]

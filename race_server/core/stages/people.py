@@ -6,7 +6,7 @@ from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.kernels.boxes import Box, Hull, box_count, box_of, grown, hull_of, reach_of
 from race_server.core.kernels.contacts import box_on_segment
-from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.rng import WALKER_STREAM, uniform
 from race_server.core.lots import PEOPLE
 from race_server.core.stages.events import report, retire
@@ -22,7 +22,7 @@ LEG_TRIES = 8
 DRAWS = 4 + 3 * LEG_TRIES
 
 
-@large_kernel
+@kernel
 def walk(world: World, w: int) -> None:
     """Move every person on by one tick, then see which of them a vehicle touches."""
     walkers = world.parking.walkers[w]

@@ -12,14 +12,19 @@ from race_server.core.stages.wall_contacts import block_hull, is_near_block
 from race_server.core.state import HAZARDS, Bytes, Float32s, Record, World
 
 
-@large_kernel
+@kernel
 def sense(world: World, w: int) -> None:
     """Take the scans that are due at this tick."""
     sensors, tick = world.sensors[0], world.races[w].tick
     lidar_due = tick % sensors.lidar_period_ticks == 0
     radar_due = tick % sensors.radar_period_ticks == 0
-    if not lidar_due and not radar_due:
-        return
+    if lidar_due or radar_due:
+        _scan_all(world, w, lidar_due, radar_due)
+
+
+@large_kernel
+def _scan_all(world: World, w: int, lidar_due: bool, radar_due: bool) -> None:
+    """Take the scans of every kart's sensors that are due."""
     for k in range(world.bodies.shape[1]):
         body = world.bodies[w, k]
         if body.status == codes.ABSENT:
