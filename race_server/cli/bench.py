@@ -54,14 +54,24 @@ def env(
 
     figures = bench_env(cores=cores, seconds=seconds)
     if figures["highway_lidar"] is None:
-        say(
-            "highway-env is not installed, so there is no comparison with it; "
-            "`pip install race-server[bench]` installs it.",
-            error=True,
-        )
+        _miss_highway()
     if plot is not None:
         figures["scaling"] = bench_scaling(seconds=0.25 * seconds)
         plot_scaling(figures["scaling"], plot)
+    _show(figures, as_json=as_json)
+
+
+@app.command()
+def lot(
+    seconds: Annotated[float, typer.Option(help="Seconds to measure each figure.")] = 2.0,
+    as_json: AsJson = False,
+) -> None:
+    """Measure decisions per second of vehicles that park, beside highway-env's parking."""
+    from race_server.tools.bench.lot import PARKING, bench_lot
+
+    figures = bench_lot(seconds=seconds)
+    if figures[PARKING] is None:
+        _miss_highway()
     _show(figures, as_json=as_json)
 
 
@@ -74,6 +84,14 @@ def learn(
     from race_server.tools.bench.learn import bench_learn
 
     _show(bench_learn(rollouts=rollouts), as_json=as_json)
+
+
+def _miss_highway() -> None:
+    say(
+        "highway-env is not installed, so there is no comparison with it; "
+        "`pip install race-server[bench]` installs it.",
+        error=True,
+    )
 
 
 def _show(figures: dict[str, Any], *, as_json: bool) -> None:

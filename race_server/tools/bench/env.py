@@ -1,7 +1,5 @@
 """How fast the training world is through each of its interfaces, beside highway-env."""
 
-import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from race_server.envs.single import time_trial
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
 from race_server.tools.bench.core import profile
+from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
 
 TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")
@@ -25,8 +24,6 @@ FRESH_SENSORS: dict[str, Any] = {
     "lidar": Lidar(period_s=1.0 / DECISION_HZ),
     "radar": Radar(period_s=1.0 / DECISION_HZ),
 }
-WARM_UP_SHARE = 0.25  # of the measured time, before it
-TAPE = 400  # decisions that are recorded and replayed through an interface for one race
 
 # Karts in all races together that `scaling` measures, on a course with a long grid.
 CROWD, CROWDED_TRACK, CROWDED_VEHICLE = 512, "hangar-400", "kart-30"
@@ -38,8 +35,8 @@ CORE_COUNTS = (1, 2)
 def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
     """Return the figures of `race bench env`; those of highway-env are None without it."""
     ours = {
-        "batch_radar": _rate(race_batch(cores=cores), seconds),
-        "batch_lidar": _rate(race_batch(LIDAR, cores=cores), seconds),
+        "batch_radar": batch_rate(race_batch(cores=cores), driving, seconds),
+        "batch_lidar": batch_rate(race_batch(LIDAR, cores=cores), driving, seconds),
         "pettingzoo_radar": _pettingzoo(seconds),
         "gym_lidar": _gymnasium(seconds),
     }
@@ -54,7 +51,7 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
         "cores": cores,
         "clock": "CPU time" if cores == 1 else "wall time of the batches, CPU time of the others",
         **{name: value and round(value, 1) for name, value in figures.items()},
-        "ratios": {f"{a}_over_{b}": _ratio(figures[a], figures[b]) for a, b in pairs},
+        "ratios": {f"{a}_over_{b}": ratio(figures[a], figures[b]) for a, b in pairs},
         "profile": _profile(),
         "notes": {
             "course": TRACK,
@@ -66,54 +63,6 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
             **notes,
         },
     }
-
-
-def _rate(batch: Batch, seconds: float) -> float:
-    """Return agent-steps per second of time in `Batch.step` alone, and close the batch."""
-    try:
-        batch.step(driving(batch))  # the first call compiles
-        _run(batch, WARM_UP_SHARE * seconds)
-        return _run(batch, seconds)
-    finally:
-        batch.close()
-
-
-def _run(batch: Batch, seconds: float) -> float:
-    # On one core CPU time is measured, which excludes other load; on several, wall time.
-    clock = time.process_time if batch.threads == 1 else time.perf_counter
-    steps, spent = 0, 0.0
-    while spent < seconds:
-        actions = driving(batch)
-        begun = clock()
-        batch.step(actions)
-        spent += clock() - begun
-        steps += batch.worlds * batch.learners
-    return steps / spent
-
-
-def _replay_rate(
-    env: Any, act: Callable[[], Any], is_over: Callable[[Any], bool], seconds: float
-) -> float:
-    """Return steps per second of CPU time in `env.step` alone.
-
-    One run is driven by `act`; the measured ones repeat its actions from the same seed, so that
-    nothing happens between two steps.
-    """
-    env.reset(seed=0)
-    tape: list[Any] = []
-    while len(tape) < TAPE:
-        tape.append(act())
-        if is_over(env.step(tape[-1])):
-            break
-    steps, spent = 0, 0.0
-    while spent < seconds:
-        env.reset(seed=0)
-        begun = time.process_time()
-        for actions in tape:
-            env.step(actions)
-        spent += time.process_time() - begun
-        steps += len(tape)
-    return steps / spent
 
 
 def driving(batch: Batch) -> Floats:
@@ -159,7 +108,7 @@ def _pettingzoo(seconds: float) -> float:
         return {agent: rows[race.possible_agents.index(agent)] for agent in race.agents}
 
     # No kart finishes during the measurement, so that every step moves all agents.
-    return KARTS * _replay_rate(race, act, lambda _: len(race.agents) < KARTS, seconds)
+    return KARTS * replay_rate(race, act, lambda _: len(race.agents) < KARTS, seconds)
 
 
 def _gymnasium(seconds: float) -> float:
@@ -169,12 +118,7 @@ def _gymnasium(seconds: float) -> float:
     def act() -> Any:
         return driving(env.batch)[0, 0].astype(np.float32)
 
-    return _replay_rate(env, act, _is_over, seconds)
-
-
-def _is_over(outcome: tuple[Any, ...]) -> bool:
-    """Return whether Gymnasium's `step` ended an episode."""
-    return bool(outcome[2] or outcome[3])
+    return replay_rate(env, act, is_over, seconds)
 
 
 def _highway(seconds: float) -> tuple[dict[str, float | None], dict[str, Any]]:
@@ -212,11 +156,7 @@ def _one_highway(env: Any, seconds: float) -> float:
         turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
         return np.clip([turn - 0.1 * aside], -1.0, 1.0)
 
-    return _replay_rate(env, act, _is_over, seconds)
-
-
-def _ratio(ours: float | None, theirs: float | None) -> float | None:
-    return None if ours is None or theirs is None else round(ours / theirs, 2)
+    return replay_rate(env, act, is_over, seconds)
 
 
 def _profile() -> dict[str, float]:
@@ -236,7 +176,7 @@ def bench_scaling(*, seconds: float = 0.5) -> dict[str, Any]:
     """Return agent-steps per second against karts per race, worlds and cores."""
 
     def on(batch: Batch) -> int:
-        return round(_rate(batch, seconds))
+        return round(batch_rate(batch, driving, seconds))
 
     kinds: dict[str, str | tuple[str, ...]] = {"radar": "radar", "lidar": LIDAR}
     return {
