@@ -55,7 +55,7 @@ def check(recording: Any) -> dict[str, Any]:
     """Return whether a simulated race equals the recorded one, with the first difference."""
     from race_server.storage.recording.rerun import Rerun
 
-    rerun = Rerun(recording)
+    rerun = Rerun(recording, is_blind=True)
     begun = time.perf_counter()
     for _ in rerun.run():
         pass

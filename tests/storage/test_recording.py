@@ -73,8 +73,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def rerun_of(recording: Recording) -> Rerun:
-    rerun = Rerun(recording)
+def rerun_of(recording: Recording, *, is_blind: bool = False) -> Rerun:
+    rerun = Rerun(recording, is_blind=is_blind)
     for _ in rerun.run():
         pass
     return rerun
@@ -89,6 +89,17 @@ def test_a_race_driven_again_has_the_same_digest_at_every_second(recorded: Path)
     assert rerun.session.event_log.laps.times_us == {
         seat: [us for s, _, us, _ in recording.laps if s == seat] for seat in range(3)
     }
+
+
+def test_a_blind_rerun_ends_in_the_same_world_and_with_the_same_scans(recorded: Path) -> None:
+    recording = read_recording(recorded)
+    seeing, blind = rerun_of(recording), rerun_of(recording, is_blind=True)
+    assert blind.difference is None
+    assert blind.compared == seeing.compared
+    mine, theirs = seeing.session.world.sight, blind.session.world.sight
+    assert any(ranges.any() for ranges in (mine.radar, mine.lidar))
+    for name in ("radar", "radar_before", "lidar"):
+        np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name))
 
 
 def test_what_is_done_from_outside_is_recorded(recorded: Path) -> None:

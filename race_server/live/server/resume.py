@@ -18,7 +18,7 @@ def restore_session(recording: Recording, keeper: Keeper | None) -> tuple[Sessio
     Raises:
         RecordingError: the recording makes no race, or another one than was recorded.
     """
-    rerun = Rerun(recording)
+    rerun = Rerun(recording, is_blind=True)
     session = rerun.session
     events = list(session.event_log.recent)
     if keeper:
