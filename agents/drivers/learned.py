@@ -23,6 +23,7 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import bind, kernel
 from race_server.core.messages import Button, Control
 from race_server.core.observation import PART_NUMBERS, PRESETS, Layout, Observation, offsets_of
+from race_server.core.parking_order import ParkingOrder
 from race_server.core.rules.items import items
 from race_server.core.state import Float32s, Floats, Ints
 from race_server.core.vehicles import vehicle_record
@@ -43,6 +44,8 @@ SPEED = PART_NUMBERS["speed"]
 LIGHTS = PART_NUMBERS["lights"]
 FINISHED = PART_NUMBERS["finished"]
 RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
+# Parts that tell a policy where its slot is.
+SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot_" in name)
 
 
 class Learned:
@@ -77,6 +80,18 @@ class Learned:
         self._places: Ints | None = None
         if self._base is not None:
             self._base.reset(briefing)
+
+    def park(self, order: ParkingOrder) -> None:
+        """Drive to a slot, which the policy sees: it needs nothing else of the order.
+
+        Raises:
+            DriverError: it learned without a slot.
+        """
+        if SLOT_PARTS.isdisjoint(self.policy.metadata.parts):
+            raise DriverError(
+                f"{self.policy.name} cannot park: it learned without seeing a slot; choose a "
+                "policy that learned to park"
+            )
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""

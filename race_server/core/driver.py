@@ -4,10 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from inspect import getdoc, signature
-from typing import Protocol, cast
+from typing import Protocol, cast, runtime_checkable
 
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
+from race_server.core.parking_order import ParkingOrder
 from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError
 
@@ -16,7 +17,7 @@ ENTRY_POINTS = "race_server.drivers"
 
 @dataclass(frozen=True)
 class Briefing:
-    """What a driver knows before the start. It holds no map."""
+    """What a driver knows before the start. It holds no map: see `ParkingDriver.park`."""
 
     seat: int
     vehicle: Vehicle
@@ -41,6 +42,33 @@ class Driver(Protocol):
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
+
+
+@runtime_checkable
+class ParkingDriver(Driver, Protocol):
+    """A driver that is told where to park, and what stands there."""
+
+    def park(self, order: ParkingOrder) -> None:
+        """Drive to a slot from the next observation on, and stay there.
+
+        It comes after `reset`, also in the middle of a race; another order replaces it.
+
+        Raises:
+            DriverError: the driver cannot park.
+        """
+
+
+def tell_to_park(driver: Driver, name: str, order: ParkingOrder) -> None:
+    """Hand an order to a driver of a name.
+
+    Raises:
+        DriverError: it cannot park.
+    """
+    if not isinstance(driver, ParkingDriver):
+        raise DriverError(
+            f"driver {name!r} cannot park: it takes no order; choose one that does, such as valet"
+        )
+    driver.park(order)
 
 
 # Called with what stands behind the colon of a name, or with nothing.

@@ -1,34 +1,11 @@
-"""How well a vehicle has to stand to be parked."""
+"""Tolerances of a parked vehicle by name."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import radians
 from types import MappingProxyType
 
-from race_server.core.clock import ticks_of
-from race_server.core.records import Record
+from race_server.core.level import Level
 from race_server.errors import ScenarioError
-
-
-@dataclass(frozen=True)
-class Level:
-    """Tolerances of a parked body. Zero: does not matter."""
-
-    within: float = 0.0  # [m] of its middle from the slot's
-    along: float = 0.0  # [m] the same along the slot
-    across: float = 0.0  # [m] and across it
-    turn: float = 0.0  # [rad] between the headings
-    still: float = 0.0  # [m/s] slower than this
-    fits: bool = False  # all corners inside the slot
-    hold_s: float = 0.0  # [s] for this time
-    leave: float = 0.0  # [m] from the slot; farther away it has left
-
-    def fill(self, parker: Record) -> None:
-        """Write the tolerances into a PARKER record."""
-        for name in ("within", "along", "across", "turn", "still", "leave"):
-            parker[name] = getattr(self, name)
-        parker["fits"], parker["hold_ticks"] = int(self.fits), ticks_of(self.hold_s)
-
 
 # The first two: report on automatic parking of a kart, 2022, its scenarios 1 and 2. `precise` is
 # what is asked of a carmaker's planner (HOPE, arXiv 2405.20579), `dock` of a lorry

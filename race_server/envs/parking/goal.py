@@ -13,10 +13,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from race_server.core.level import Level
 from race_server.core.observation import Layout
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
-from race_server.scenario.level import Level, level_named
+from race_server.scenario.level import level_named
 
 Array = NDArray[Any]
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from race_server.core.level import Level
 from race_server.core.vehicles import Vehicle
 from race_server.errors import RecordingError
-from race_server.scenario.level import Level
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course, Obstacle
