@@ -9,6 +9,7 @@ from race_agents.policies.metadata import PolicyMetadata, preset_for
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
 from race_server.core import codes
+from race_server.core.clock import ticks_of
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.kernel_driver import (
     ASIDE,
@@ -51,7 +52,8 @@ SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot
 class Learned:
     """Drives a policy that was learned: `learned:NAME`, a run, a shipped policy or an .onnx file.
 
-    What it answers means the same as in training, because the same function reads it.
+    What it answers means the same as in training, because the same function reads it. Where
+    decisions are due more often than it learned to decide, it keeps to its own pace.
     """
 
     def __init__(self, name: str) -> None:
@@ -74,10 +76,12 @@ class Learned:
         Raises:
             DriverError: the policy learned with another vehicle or at another pace.
         """
-        _check_briefing(self.policy.metadata, briefing, self.policy.name)
+        pace = _pace_of(self.policy.metadata, briefing, self.policy.name)
+        self._pace_ticks = ticks_of(self.policy.metadata.decision_s) if pace > 1 else 0
         self._briefing = briefing
         self._drive: Callable[[], None] | None = None
         self._places: Ints | None = None
+        self._control, self._next_tick = Control(), 0
         if self._base is not None:
             self._base.reset(briefing)
 
@@ -95,6 +99,14 @@ class Learned:
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
+        if observation.tick < self._next_tick:
+            return self._control
+        self._next_tick = observation.tick + self._pace_ticks
+        self._control = self._decide(observation)
+        return self._control
+
+    def _decide(self, observation: Observation) -> Control:
+        """Return what to do until the policy's next decision."""
         if isinstance(self._base, KernelDriver):
             return self._act_by_advice(self._base, observation)
         if self._drive is None:
@@ -188,17 +200,24 @@ def command_all(kind: int, cockpits: Cockpits, actions: Float32s, table: Floats)
             control[3] = float(int(control[3]) | codes.ACCEPT_RESCUE)
 
 
-def _check_briefing(nature: PolicyMetadata, briefing: Briefing, name: str) -> None:
+def _pace_of(nature: PolicyMetadata, briefing: Briefing, name: str) -> int:
+    """Return how many decisions of a race fit into one of a policy.
+
+    Raises:
+        DriverError: it learned with another vehicle, or the decisions do not fit.
+    """
     if briefing.vehicle.name != nature.vehicle:
         raise DriverError(
             f"{name} learned to drive {nature.vehicle!r}, not {briefing.vehicle.name!r}; "
             "choose that vehicle or train another policy"
         )
-    if abs(briefing.decision_s - nature.decision_s) > 1e-6:
+    pace = nature.decision_s / briefing.decision_s
+    if pace < 0.5 or abs(pace - round(pace)) > 1e-6:
         raise DriverError(
             f"{name} learned to decide every {nature.decision_s:g} s, not every "
             f"{briefing.decision_s:g} s; train it at that pace"
         )
+    return round(pace)
 
 
 def _check_lidar(nature: PolicyMetadata, setup: Floats, name: str) -> None:
