@@ -21,7 +21,9 @@ FACTS = {
     "lidar_field": " rad",
     "lidar_reach": " m",
     "decision_s": " s",
-    **dict.fromkeys(("algorithm", "tracks", "seed", "settings", "simulator", "version"), ""),
+    **dict.fromkeys(
+        ("algorithm", "tracks", "lots", "level", "seed", "settings", "simulator", "version"), ""
+    ),
 }
 
 
@@ -111,7 +113,8 @@ def _show(document: dict[str, Any]) -> None:
         "file": f"{document['file']}, {document['bytes'] / 1e3:.1f} kB",
         "one decision": f"{times['median']:.0f} µs, 99 of 100 within {times['p99']:.0f} µs, "
         "one at a time on one thread",
-        "observations": f"{document['observations']} of the unseen tracks",
+        "observations": f"{document['observations']} of "
+        + ("lots under unseen seeds" if metadata["lots"] else "the unseen tracks"),
         "sees": _parts(metadata),
         **{
             name.removesuffix("_s").replace("_", " "): _fact(metadata[name]) + unit
@@ -161,14 +164,14 @@ def list_policies(as_json: AsJson = False) -> None:
         return
     table = Table(box=None, padding=(0, 1, 0, 0))
     table.add_column("policy", no_wrap=True)
-    for head in ("preset", "vehicle", "by", "tracks"):
+    for head in ("preset", "vehicle", "by", "tracks or lots"):
         table.add_column(head, overflow="fold")
-    for head in ("speed, m/s", "crash rate", "best lap, s"):
+    for head in ("speed, m/s", "crash rate", "best lap, s", "parked", "aligned"):
         table.add_column(head, justify="right")
     console = Console()
     for one in known:
         preset = one.preset if one.is_run else "bundled"
-        facts = (preset, one.vehicle, one.algorithm, _tracks(one.tracks))
+        facts = (preset, one.vehicle, one.algorithm, _tracks(one.lots or one.tracks))
         table.add_row(one.name, *facts, *_figures(one.evaluation))
     console.print(table)
     for one in known:
@@ -177,12 +180,16 @@ def list_policies(as_json: AsJson = False) -> None:
 
 
 def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:
-    """Return the figures of a policy on unseen courses."""
+    """Return the figures of a policy on unseen courses, or of one that parks."""
     if not evaluation:
-        return (UNKNOWN,) * 3
+        return (UNKNOWN,) * 5
+    if "success_rate" in evaluation:
+        shares = (evaluation["success_rate"], evaluation["aligned_rate"])
+        return (*(UNKNOWN,) * 3, *(f"{100.0 * share:.1f} %" for share in shares))
     lap = evaluation["best_lap_s"]
     words = UNKNOWN if lap is None else f"{lap:.2f}"
-    return f"{evaluation['speed']:.2f}", f"{evaluation['crash_rate']:.2f}", words
+    racing = (f"{evaluation['speed']:.2f}", f"{evaluation['crash_rate']:.2f}", words)
+    return (*racing, UNKNOWN, UNKNOWN)
 
 
 def _tracks(names: tuple[str, ...]) -> str:

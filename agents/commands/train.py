@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -33,7 +33,8 @@ class TrainOptions:
     preset: Annotated[
         str,
         typer.Argument(
-            help="time-trial, time-trial-ppo, race, full, report-b, or a .toml file of settings."
+            help="time-trial, time-trial-ppo, race, full, report-b, parking-1, parking-2, "
+            "parking-2-karts, park, or a .toml file of settings."
         ),
     ] = ""
     track_set: Annotated[
@@ -44,6 +45,9 @@ class TrainOptions:
     ] = ""
     tracks: Annotated[
         str, typer.Option(help="Comma-separated names of tracks, instead of a set.")
+    ] = ""
+    lots: Annotated[
+        str, typer.Option(help="Comma-separated names of lots to park in. Default: the preset's.")
     ] = ""
     minutes: Annotated[
         float | None,
@@ -87,7 +91,7 @@ class TrainOptions:
 
 @expand_options
 def train(options: TrainOptions) -> None:
-    """Train a policy to drive: `race train time-trial --minutes 5`."""
+    """Train a policy to drive or to park: `race train time-trial --minutes 5`."""
     with brought_by("train"):
         from race_agents.training import folder
         from race_agents.training.run import train as train_it
@@ -124,13 +128,14 @@ def _settings(options: TrainOptions) -> tuple["Settings", Path]:
     Raises:
         ScenarioError: options contradict each other, or a setting is wrong.
     """
+    from race_agents.policies.registry import run_folder
     from race_agents.training import folder
     from race_agents.training.settings_toml import read_settings
 
     changes = _changes(options)
     if options.resume:
         _check_resumed(options.resume, options.preset, options.out)
-        place = _run_folder(options.resume)
+        place = run_folder(options.resume)
         return folder.settings_in(place, tuple(changes)), place
     if not options.preset:
         raise ScenarioError("name a preset or a .toml file, such as `race train time-trial`")
@@ -160,6 +165,8 @@ def _changes(options: TrainOptions) -> list[str]:
         changes += [f"tracks.names={json.dumps(names)}"]
         # Stages of a preset name tracks of the preset's set.
         changes.append("curriculum=[]")
+    if options.lots:
+        changes += [f"parking.lots={json.dumps(list(names_in(options.lots)))}", "curriculum=[]"]
     if minutes is not None:
         changes += ["steps=none", f"minutes={minutes}"]
     if steps is not None:
@@ -170,13 +177,6 @@ def _changes(options: TrainOptions) -> list[str]:
         if (value := getattr(options, name)) is not None:
             changes.append(f"{name}={value}")
     return changes + (options.changes or [])
-
-
-def _run_folder(name: str) -> Path:
-    from race_agents.policies.registry import runs_folder
-
-    place = Path(name).expanduser()
-    return place if place.is_dir() else runs_folder() / name
 
 
 @contextmanager
@@ -229,7 +229,7 @@ def _bar(
             if news.marks is not None and not quiet:
                 console.print(
                     f"{100.0 * news.share:3.0f} %, {news.steps} decisions; {_words_of(news)}; "
-                    f"validation: {_marks_in_words(news.marks)}",
+                    f"validation: {news.marks}",
                     soft_wrap=True,
                 )
 
@@ -241,19 +241,12 @@ def _bar(
 
 def _words_of(news: "TrainingProgress") -> str:
     reward = "–" if news.reward is None else f"{news.reward:.1f}"
-    crashes = "–" if news.crash_rate is None else f"{100.0 * news.crash_rate:.0f} %"
-    lap = "–" if news.best_lap_s is None else f"{news.best_lap_s:.2f} s"
-    figures = f"return {reward}, lap {lap}, crashes {crashes}, {news.steps_per_s:.0f} steps/s"
+    figures = f"return {reward}, {news.figures}, {news.steps_per_s:.0f} steps/s"
     return ": ".join(word for word in (news.stage, news.method, figures) if word)
 
 
 def _ratings_in_words(news: "TrainingProgress") -> str:
     return ", ".join(f"{one.driver} {one.mu:.1f} ± {2.0 * one.sigma:.1f}" for one in news.ratings)
-
-
-def _marks_in_words(marks: Any) -> str:
-    lap = "no lap" if marks.best_lap_s is None else f"best lap {marks.best_lap_s:.2f} s"
-    return f"{marks.speed:.2f} m/s, {100.0 * marks.crash_rate:.0f} % crash, {lap}"
 
 
 def _show(
@@ -274,14 +267,13 @@ def _show(
     from race_agents.training.folder import ways_to_drive
 
     known = ", ".join(outcome.evaluation["learned_on"])
-    title = "the best policy on unseen courses" + (f", but it learned on {known}" if known else "")
-    table = Table("track", title=title, title_justify="left")
-    for column in ("speed, m/s", "crash rate", "laps", "best lap, s", "return"):
-        table.add_column(column, justify="right")
-    for row in outcome.evaluation["tracks"]:
-        lap = "–" if row["best_lap_s"] is None else f"{row['best_lap_s']:.3f}"
-        figures = (f"{row['speed']:.2f}", f"{row['crash_rate']:.2f}", f"{row['laps']:.1f}")
-        table.add_row(row["track"], *figures, lap, f"{row['reward']:.1f}")
+    unseen = "under unseen seeds" if settings.parks else "on unseen courses"
+    title = f"the best policy {unseen}" + (f", but it learned on {known}" if known else "")
+    of_all = outcome.marks[-1]
+    table = Table(of_all.courses.removesuffix("s"), title=title, title_justify="left")
+    for column in (*of_all.heads, "return"):
+        table.add_column(column.replace(" [", ", ").removesuffix("]"), justify="right")
+    for one in outcome.marks:
+        table.add_row(one.course, *one.cells(), f"{one.reward:.1f}")
     Console().print(table)
-    alone, _ = ways_to_drive(outcome.folder, settings)
-    console.print(f"drive it: {alone}", soft_wrap=True)
+    console.print(f"drive it: {ways_to_drive(outcome.folder, settings)[0]}", soft_wrap=True)

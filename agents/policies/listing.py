@@ -11,6 +11,8 @@ from race_server.errors import DriverError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
 UNKNOWN = "–"
+TRACK_FIGURES = ("speed", "crash_rate", "laps", "best_lap_s", "reward")
+LOT_FIGURES = ("success_rate", "aligned_rate", "collisions", "hit_people", "episodes", "reward")
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class PolicyEntry:
     vehicle: str = UNKNOWN
     algorithm: str = UNKNOWN
     tracks: tuple[str, ...] = ()  # that it learned on
+    lots: tuple[str, ...] = ()  # the same of a policy that parks
     evaluation: dict[str, Any] = field(default_factory=dict)  # means over all unseen courses
     remark: str = ""  # why it cannot be loaded
 
@@ -54,6 +57,7 @@ def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool
         vehicle=metadata.vehicle,
         algorithm=metadata.algorithm,
         tracks=metadata.tracks,
+        lots=metadata.lots,
         evaluation=_evaluation(evaluation),
     )
 
@@ -70,8 +74,9 @@ def _title(policy: Path) -> str:
 def _evaluation(path: Path) -> dict[str, Any]:
     """Return the figures over all courses; empty if the file has none."""
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))["tracks"]
-        (row,) = [one for one in rows if one["track"] == "all"]
-        return {key: row[key] for key in ("speed", "crash_rate", "laps", "best_lap_s", "reward")}
+        words = json.loads(path.read_text(encoding="utf-8"))
+        name, keys = ("lot", LOT_FIGURES) if "lots" in words else ("track", TRACK_FIGURES)
+        (row,) = [one for one in words[f"{name}s"] if one[name] == "all"]
+        return {key: row[key] for key in keys}
     except (OSError, ValueError, KeyError, TypeError):
         return {}

@@ -18,6 +18,8 @@ KEY = "race-server-policy"  # of the metadata of the ONNX file
 INPUT, OUTPUT = "observation", "action"
 MOST_BITS = 64  # of an integer
 MOST_DECISION_S = 10.0
+# What files of earlier versions of this program lack, and how they are read.
+LATER: Mapping[str, Any] = {"base": "", "lots": (), "level": ""}
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class PolicyMetadata:
     settings: str  # digest of all settings of the training
     simulator: str  # version of this program
     base: str = ""  # the driver that residual actions advise
+    lots: tuple[str, ...] = ()  # on which it learned to park; then there are no tracks
+    level: str = ""  # how well it had to park, if not as each lot says
     version: int = VERSION
 
     @property
@@ -79,7 +83,7 @@ def metadata_of(metadata: Mapping[str, str], name: str) -> PolicyMetadata:
 def _built(words: dict[str, Any], name: str) -> PolicyMetadata:
     values: dict[str, Any] = {}
     for field in fields(PolicyMetadata):
-        value = words.get(field.name, "" if field.name == "base" else None)
+        value = words.get(field.name, LATER.get(field.name))
         if isinstance(value, list):
             value = tuple(value)
         elif field.type is float and isinstance(value, int):

@@ -18,6 +18,12 @@ def runs_folder() -> Path:
     return home / "race-server" / "runs"
 
 
+def run_folder(name: str) -> Path:
+    """Return the folder of a run: the given one, or that of its name."""
+    place = Path(name).expanduser()
+    return place if place.is_dir() else runs_folder() / name
+
+
 def policy_path(name: str) -> Path:
     """Return the file of a policy.
 

@@ -1,11 +1,11 @@
-"""Verify a policy file on observations from courses that no policy learns on.
+"""Verify a policy file on observations from courses or rounds that no policy learns on.
 
 Nothing here needs PyTorch; `race_agents.training.parity` makes the comparison with the learner.
 """
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -18,13 +18,17 @@ from race_server.core.clock import ticks_of
 from race_server.core.observation import wants_line
 from race_server.core.vehicles import vehicle_named
 from race_server.envs.batch import Batch
+from race_server.envs.parking import Parking
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.task import Task
+from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.sets import course_named, set_named
 
 UNSEEN = "unseen"  # the set of tracks
+# Beside the lots that a policy learned in, whose rounds have other seeds.
+UNSEEN_LOTS = ("generated:yard:900", "generated:aisle:900")
 WORLDS = 16
 EPISODE_S = 60.0
 SEED = 300_000  # far from those of training and evaluation
@@ -47,7 +51,7 @@ class Times:
 
 
 def observations_of(policy: Policy, count: int) -> Rows:
-    """Return observations of a policy that drives the unseen tracks, shape (count, size).
+    """Return observations of a policy that drives where it did not learn, shape (count, size).
 
     Raises:
         RaceError: it cannot drive there.
@@ -66,7 +70,9 @@ def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
 
 
 def _task(metadata: PolicyMetadata) -> Task:
-    """Return a task of all unseen tracks, from random places, without end."""
+    """Return a task of all unseen tracks, from random places, without end; or of lots."""
+    if metadata.lots:
+        return _lots_task(metadata)
     others = OTHERS if any(part.startswith("karts") for part in metadata.parts) else ()
     # Without lidar in the observation the number of rays does not matter.
     lidar = Lidar(rays=metadata.lidar_rays) if metadata.lidar_rays else Lidar()
@@ -90,6 +96,21 @@ def _task(metadata: PolicyMetadata) -> Task:
         decision_ticks=ticks_of(metadata.decision_s),
         most_steps=round(EPISODE_S / metadata.decision_s),
         random_start=True,
+    )
+
+
+def _lots_task(metadata: PolicyMetadata) -> Task:
+    """Return a task of the lots that a policy learned in, and of unseen ones."""
+    lidar = Lidar(rays=metadata.lidar_rays) if metadata.lidar_rays else Lidar()
+    scenarios = [
+        replace(parking_scenario(name, vehicle=metadata.vehicle, level=metadata.level), lidar=lidar)
+        for name in (*metadata.lots, *UNSEEN_LOTS)
+    ]
+    return Task(tuple(scenarios), Parking()).with_options(
+        observation=metadata.parts,
+        action=metadata.action,
+        reward="park",
+        decision_ticks=ticks_of(metadata.decision_s),
     )
 
 

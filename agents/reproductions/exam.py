@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from race_agents.reproductions.plan import Exam
 from race_agents.training.settings import Settings
-from race_agents.training.tasks import decision_s, evaluation_tasks
+from race_agents.training.tasks import evaluation_tasks
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import RESET_WORLD
 from race_server.envs.racing.reward_terms import TERMS
+from race_server.scenario.track.sets import names_of
 
 Decide = Callable[[NDArray[np.float32]], NDArray[Any]]
 
@@ -44,12 +45,13 @@ def examine(settings: Settings, exam: Exam, decide: Decide) -> Figures:
     race = settings.race.model_copy(update={"karts": 1, "opponents": ()})
     tried = settings.evaluation.model_copy(update={"seconds": exam.seconds})
     changed: dict[str, Any] = {"evaluation": tried, **({"race": race} if exam.alone else {})}
-    tasks = evaluation_tasks(settings.model_copy(update=changed), exam.tracks)
-    tally = _Tally()
+    courses = names_of(exam.tracks.names, exam.tracks.set)
+    tasks = evaluation_tasks(settings.model_copy(update=changed), courses)
+    tally = _Tally(settings.decision_s)
     for task in tasks.values():
         begun = task.with_options(random_start=exam.random_start, most_steps=0)
         batch = Batch(begun, worlds=exam.seeds, seed=FIRST_SEED, after=RESET_WORLD)
-        tally.drive(batch, decide, round(exam.seconds / decision_s()))
+        tally.drive(batch, decide, round(exam.seconds / settings.decision_s))
         batch.close()
     return tally.figures()
 
@@ -57,7 +59,8 @@ def examine(settings: Settings, exam: Exam, decide: Decide) -> Figures:
 class _Tally:
     """Counts over several batches."""
 
-    def __init__(self) -> None:
+    def __init__(self, decision_s: float) -> None:
+        self._decision_s = decision_s
         self.rewards: list[NDArray[Any]] = []
         self.terms: list[NDArray[Any]] = []
         self.laps_us: list[int] = []
@@ -67,7 +70,7 @@ class _Tally:
     def drive(self, batch: Batch, decide: Decide, steps: int) -> None:
         seen = batch.reset(FIRST_SEED)
         laps = np.zeros(batch.worlds, np.int64)
-        settled = round(SETTLED_S / decision_s())
+        settled = round(SETTLED_S / self._decision_s)
         for _ in range(steps):
             young = batch.buffers.episodes["steps"][:, 0] < settled
             batch.step(decide(seen.reshape(batch.worlds, -1)))
@@ -87,7 +90,7 @@ class _Tally:
 
     def figures(self) -> Figures:
         terms = np.concatenate(self.terms)
-        minutes = len(terms) * decision_s() / 60.0
+        minutes = len(terms) * self._decision_s / 60.0
         laps = np.array(self.laps_us) / 1e6
         return Figures(
             minutes=minutes,

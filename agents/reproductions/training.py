@@ -24,7 +24,10 @@ POINTS = 40  # of the curve of a training
 FORMAT = 1  # of the files; files of another format are made again
 
 # Tables of the settings that no training here uses: their keys and defaults are not in the digest.
-UNUSED = ("self_play", "curriculum", "warm_start", "gail", "curiosity", "evaluation", "goal")
+UNUSED = (
+    *("self_play", "curriculum", "warm_start", "cloning", "gail", "curiosity"),
+    *("evaluation", "goal"),
+)
 
 Tell = Callable[[float], None]  # called with the share of the training that is done
 
@@ -41,7 +44,9 @@ class Training:
     @property
     def key(self) -> str:
         """Return a digest of everything that the result depends on."""
-        settings = as_toml(self.settings, without=UNUSED)
+        # Nor those of parking where it races: they came later.
+        unused = UNUSED if self.settings.parks else (*UNUSED, "parking")
+        settings = as_toml(self.settings, without=unused)
         words = f"{FORMAT} {settings} {self.row.twist} {self.exam!r}"
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
@@ -80,6 +85,7 @@ def _check_plain(settings: Settings, preset: str) -> None:
         "warm_start": settings.warm_start.is_wanted,
         "self_play": settings.self_play.seats,
         "curriculum": settings.curriculum,
+        "cloning": settings.cloning.demonstrations,
         "gail": settings.gail.demonstrations,
         "curiosity": settings.curiosity.bonus,
     }

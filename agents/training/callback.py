@@ -16,10 +16,11 @@ from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.curve import Point, append
-from race_agents.training.evaluation import Examiner, Marks
+from race_agents.training.evaluation import Examiner, Marks, learning_figures, learning_words
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.self_play import SelfPlay
 from race_agents.training.settings import Settings
+from race_agents.training.tasks import validation_courses
 from race_server.storage.results.ratings import Rating
 
 CURVE, LATEST = "curve.csv", "latest.pt"
@@ -35,8 +36,7 @@ class TrainingProgress:
     steps: int
     steps_per_s: float
     reward: float | None
-    crash_rate: float | None
-    best_lap_s: float | None
+    figures: str  # of the last episodes, in a few words
     method: str  # imitation, or the name of the algorithm
     marks: Marks | None = None
     ratings: tuple[Rating, ...] = ()  # if they have just changed, the strongest first
@@ -68,7 +68,7 @@ class TrainingCallback(BaseCallback):
         stages = companions_in(world).get(CURRICULUM)
         self.stages = stages if isinstance(stages, Curriculum) else None
         tried = settings.evaluation
-        self.examiner = Examiner(settings, tried.tracks, tried.first_seed)
+        self.examiner = Examiner(settings, validation_courses(settings), tried.first_seed)
         self.best: list[Marks] = []
         self.best_score = best_score
         self.last: list[Marks] = []
@@ -152,16 +152,19 @@ class TrainingCallback(BaseCallback):
                 self._log.record(f"race/{name}", value)
         self._log.dump(point.steps)
 
+    @property
+    def _episodes(self) -> list[dict[str, Any]]:
+        """The last hundred episodes."""
+        return list(self.model.ep_info_buffer or ())
+
     def _news(self, rate: float, marks: Marks | None) -> TrainingProgress:
-        episodes = list(self.model.ep_info_buffer or ())
-        laps = [row["best_lap_s"] for row in episodes if row["best_lap_s"] > 0.0]
+        episodes = self._episodes
         return TrainingProgress(
             share=self.budget.share,
             steps=self.budget.done,
             steps_per_s=rate,
             reward=float(np.mean([row["r"] for row in episodes])) if episodes else None,
-            crash_rate=float(np.mean([row["crashes"] for row in episodes])) if episodes else None,
-            best_lap_s=min(laps, default=None),
+            figures=learning_words(self.settings, learning_figures(self.settings, episodes)),
             method=self.method,
             marks=marks,
             stage=str(self.stages) if self.stages else "",
@@ -176,12 +179,8 @@ class TrainingCallback(BaseCallback):
             steps_per_s=news.steps_per_s,
             learning_rate=float(self.model.lr_schedule(1.0)),
             reward=news.reward,
-            crash_rate=news.crash_rate,
-            best_lap_s=news.best_lap_s,
-            tried_speed=marks.speed if marks else None,
-            tried_crash_rate=marks.crash_rate if marks else None,
-            tried_best_lap_s=marks.best_lap_s if marks else None,
-            tried_reward=marks.reward if marks else None,
+            **learning_figures(self.settings, self._episodes),
+            **(marks.point() if marks else {}),
             rating=rated.mu if rated else None,
             rating_sigma=rated.sigma if rated else None,
             stage=self.stages.number if self.stages else None,

@@ -81,6 +81,23 @@ def save_checkpoint(
     aside.replace(path)
 
 
+def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
+    """Start a learner with the networks and the normalisation of another run's checkpoint.
+
+    Counters, optimisers' rates and budget are those of a run that begins.
+
+    Raises:
+        ScenarioError: the checkpoint is missing, damaged or of other settings.
+    """
+    companions = {name: one.state() for name, one in companions_in(world).items()}
+    counters = {name: getattr(learner, name) for name in COUNTERS}
+    load_checkpoint(path, learner, world, Budget(None, 1))
+    for name, one in companions_in(world).items():
+        one.restore(companions[name])
+    for name, value in counters.items():
+        setattr(learner, name, value)
+
+
 def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget) -> float:
     """Restore a training from a checkpoint; return the score it was saved with.
 

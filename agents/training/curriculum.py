@@ -1,13 +1,13 @@
-"""The curriculum: which tracks are drawn, stage by stage."""
+"""The curriculum: which tracks or lots are drawn, stage by stage, and how far from the slot."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from race_agents.training.budget import Budget
-from race_agents.training.settings import Settings
+from race_agents.training.settings import Settings, Stage
+from race_agents.training.tasks import choices_of, courses_of
 from race_server.errors import ScenarioError
-from race_server.scenario.track.sets import names_of
 
 NONE_YET = -1  # in place of the number of a stage
 
@@ -22,20 +22,11 @@ class Curriculum:
         """Compute the weights of each stage.
 
         Raises:
-            ScenarioError: a stage names a track that is not trained on.
+            ScenarioError: a stage names a track or lot that is not trained on, or a distance
+                without lots.
         """
-        names = names_of(settings.tracks.names, settings.tracks.set)
         self.stages = sorted(settings.curriculum, key=lambda stage: stage.after)
-        for track in (track for stage in self.stages for track in stage.tracks):
-            if track not in names:
-                raise ScenarioError(
-                    f"curriculum: {track!r} is not trained on; choose from {', '.join(names)}"
-                )
-        self._weights = [
-            # Of each track there is a scenario for each number of karts.
-            [float(name in (stage.tracks or names)) for name in names for _ in settings.race.sizes]
-            for stage in self.stages
-        ]
+        self._weights = [_weights(stage, settings) for stage in self.stages]
         self._budget = budget
         self._karts = settings.worlds * settings.race.learners
         self._number = self._told = NONE_YET
@@ -68,8 +59,7 @@ class Curriculum:
         stage = self.stages[self._number]
         for episode in episodes:
             if episode["l"] * self._karts < decisions - self._since:
-                has_laps = episode["laps"] >= stage.success_laps
-                self._successes.append(has_laps and not episode["crashes"])
+                self._successes.append(_is_success(stage, episode))
         while len(self._successes) > stage.episodes:
             self._successes.popleft()
 
@@ -120,3 +110,30 @@ class Curriculum:
         self._number = min(int(state["number"]), len(self.stages) - 1)
         self._told, self._since = NONE_YET, -1
         self._successes = deque(bool(one) for one in state["successes"])
+
+
+def _weights(stage: Stage, settings: Settings) -> list[float]:
+    """Return the weight of each scenario of the task to learn."""
+    courses = courses_of(settings)
+    here, elsewhere = (stage.lots, stage.tracks) if settings.parks else (stage.tracks, stage.lots)
+    unknown = [*elsewhere, *(name for name in here if name not in courses)]
+    if unknown:
+        raise ScenarioError(
+            f"curriculum: {unknown[0]!r} is not trained on; choose from {', '.join(courses)}"
+        )
+    if stage.distance is not None and not settings.parks:
+        raise ScenarioError(
+            f"curriculum: distance = {list(stage.distance)} without parking.lots: only in a lot "
+            "is there a slot to be that far from"
+        )
+    wanted = here or courses
+    return [
+        float(choice.course in wanted and choice.distance == stage.distance)
+        for choice in choices_of(settings)
+    ]
+
+
+def _is_success(stage: Stage, episode: Mapping[str, Any]) -> bool:
+    if "is_success" in episode:  # of a lot
+        return bool(episode["is_success"])
+    return bool(episode["laps"] >= stage.success_laps and not episode["crashes"])

@@ -7,12 +7,19 @@ from typing import Any
 
 from race_server.pictures import save
 
-# Panels of the picture: columns from training and from evaluation.
-PANELS = {
+Panels = dict[str, tuple[str, ...]]
+# Panels of the picture: columns from training and from evaluation. Of a race, and of a lot.
+RACE: Panels = {
     "return": ("reward", "tried_reward"),
     "speed [m/s]": ("tried_speed",),
     "crash rate": ("crash_rate", "tried_crash_rate"),
     "best lap [s]": ("best_lap_s", "tried_best_lap_s"),
+}
+LOT: Panels = {
+    "return": ("reward", "tried_reward"),
+    "share that parks": ("parked", "tried_parked"),
+    "share that is aligned": ("aligned", "tried_aligned"),
+    "collisions": ("hits", "tried_hits"),
 }
 
 
@@ -34,6 +41,12 @@ class Point:
     rating: float | None = None  # of the newest snapshot, in self-play
     rating_sigma: float | None = None
     stage: int | None = None  # of the curriculum, from 1 on
+    parked: float | None = None  # share of the last hundred episodes
+    aligned: float | None = None
+    hits: float | None = None
+    tried_parked: float | None = None  # in the evaluation
+    tried_aligned: float | None = None
+    tried_hits: float | None = None
 
 
 def append(path: Path, point: Point) -> None:
@@ -69,13 +82,14 @@ def read(path: Path) -> list[dict[str, float]]:
 
 
 def draw(table: Path, picture: Path, title: str) -> None:
-    """Draw returns, speeds, crashes and laps over the minutes."""
+    """Draw the figures of a training over its minutes."""
     from matplotlib.figure import Figure
 
     rows = read(table)
+    panels = LOT if any("tried_parked" in row for row in rows) else RACE
     figure = Figure(figsize=(9.0, 8.5), layout="constrained")
-    plots: Any = figure.subplots(len(PANELS), 1, sharex=True)
-    for plot, (label, columns) in zip(plots, PANELS.items(), strict=True):
+    plots: Any = figure.subplots(len(panels), 1, sharex=True)
+    for plot, (label, columns) in zip(plots, panels.items(), strict=True):
         for column in columns:
             _draw_column(plot, rows, column)
         plot.set_ylabel(label)

@@ -20,7 +20,7 @@ from race_agents.training.export import metadata_from
 from race_agents.training.settings import Settings
 from race_agents.training.teacher import actions_of
 from race_server.core.observation import layout_of
-from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
+from race_server.envs.actions import BRAKED, CONTINUOUS, CONTROL, PEDAL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
 from race_server.storage.arrays import read_arrays
 
@@ -150,10 +150,10 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
                 f"{path}: {name} = {recorded!r}, the training's is {wanted!r}; record others"
             )
     kind = action_kind(settings.action)
-    if kind not in {CONTINUOUS, CONTROL}:
+    if kind not in {CONTINUOUS, CONTROL, PEDAL, BRAKED}:
         raise ScenarioError(
             f"action = {settings.action!r}: demonstrations have pedals and steering; choose "
-            "'continuous' or 'control'"
+            "'continuous' or 'control', or in a lot 'park' or 'report_a'"
         )
     try:
         layout = layout_of(about.parts, about.lidar_rays)

@@ -21,7 +21,6 @@ from race_agents.policies.session import Policy
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import digest_of
-from race_agents.training.tasks import decision_s
 from race_agents.training.view import NEAREST, ObservationView
 from race_server.core.observation import PARTS, layout_of
 from race_server.errors import ScenarioError
@@ -108,7 +107,9 @@ def _view(graph: _Graph, view: ObservationView, size: int) -> None:
     graph.then("Cast", to=TensorProto.DOUBLE)
     if not len(view.ranges):
         return
-    seen, nothing, reach = graph.end, np.float64(0.0), np.float64(view.reach)
+    seen, nothing = graph.end, np.float64(0.0)
+    reach = np.full(size, NEAREST)
+    reach[view.ranges] = view.reach
     sides = []
     for places in (view.right, view.left):
         side = np.arange(size)
@@ -117,7 +118,8 @@ def _view(graph: _Graph, view: ObservationView, size: int) -> None:
     near = graph.add("Max", *sides)
     filled = graph.add("Where", graph.add("Greater", seen, nothing), seen, near)
     filled = graph.add("Where", graph.add("Greater", filled, nothing), filled, reach)
-    logarithm = graph.add("Log", graph.add("Clip", filled, np.float64(NEAREST), reach))
+    limited = graph.add("Min", graph.add("Max", filled, np.float64(NEAREST)), reach)
+    logarithm = graph.add("Log", limited)
     graph.end = graph.add("Where", np.isin(np.arange(size), view.ranges), logarithm, seen)
 
 
@@ -163,8 +165,8 @@ def _layers(graph: _Graph, layers: Iterable[torch.nn.Module]) -> None:
             raise ScenarioError(f"a layer {type(layer).__name__} cannot be exported yet")
 
 
-def metadata_from(settings: Settings, tracks: tuple[str, ...]) -> PolicyMetadata:
-    """Return the metadata of the policy of a training."""
+def metadata_from(settings: Settings, courses: tuple[str, ...]) -> PolicyMetadata:
+    """Return the metadata of the policy of a training. courses: that it learned on."""
     layout = layout_of(settings.observation, settings.lidar.rays)
     names = [PARTS[number].name for number in layout.numbers]
     sees_lidar = bool({"lidar", "lidar_before"} & set(names))
@@ -176,9 +178,11 @@ def metadata_from(settings: Settings, tracks: tuple[str, ...]) -> PolicyMetadata
         lidar_rays=settings.lidar.rays if sees_lidar else 0,
         lidar_field=Lidar().field,
         lidar_reach=Lidar().reach,
-        decision_s=decision_s(),
+        decision_s=settings.decision_s,
         algorithm=settings.algorithm.name,
-        tracks=tracks,
+        tracks=() if settings.parks else courses,
+        lots=courses if settings.parks else (),
+        level=settings.parking.level,
         seed=settings.seed,
         settings=digest_of(settings),
         simulator=__version__,

@@ -7,7 +7,6 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,9 @@ from race_agents.policies.registry import CONFIG, EVALUATION, POLICY, name_of, r
 from race_agents.training.evaluation import Marks
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
+from race_agents.training.tasks import final_courses
 from race_server.errors import ScenarioError
-from race_server.scenario.track.sets import REVERSED, names_of
+from race_server.scenario.track.sets import REVERSED
 
 VERSIONS, README = "versions.json", "README.md"
 PACKAGES = ("race-server", "torch", "stable-baselines3", "numpy", "numba", "gymnasium", "onnx")
@@ -108,7 +108,7 @@ def versions() -> dict[str, str]:
 
 def write_evaluation(folder: Path, marks: list[Marks], more: dict[str, Any]) -> dict[str, Any]:
     """Write and return the figures of the best policy."""
-    document = {"tracks": [asdict(one) for one in marks], **more}
+    document = {marks[-1].courses: [one.row() for one in marks], **more}
     _write_json(folder / EVALUATION, document)
     return document
 
@@ -117,13 +117,11 @@ def _write_json(path: Path, document: dict[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
-def write_readme(folder: Path, settings: Settings, evaluation: dict[str, Any]) -> None:
+def write_readme(
+    folder: Path, settings: Settings, marks: list[Marks], evaluation: dict[str, Any]
+) -> None:
     """Write a page on how to repeat a run, with its results."""
-    rows = [
-        f"| {row['track']} | {row['speed']:.2f} | {row['crash_rate']:.2f} | {_lap(row)} |"
-        for row in evaluation["tracks"]
-    ]
-    alone, among = ways_to_drive(folder, settings)
+    ways = "\n".join(f"    {way}" for way in ways_to_drive(folder, settings))
     text = f"""# {settings.title or folder.name}
 
 Learned by {settings.algorithm.name} in {evaluation["steps"]} decisions and \
@@ -139,16 +137,11 @@ Continue it, until it has learned for twice as long in all:
 
 Drive it:
 
-    {alone}
-    {among}
+{ways}
 
-The best policy on each of the courses of `evaluation.final`, under \
-{settings.evaluation.seeds} seeds from the start grid. The speed is that along the centre line \
-until {settings.evaluation.seconds:g} s or the race are over; a kart that crashed stands until then:
+{_exam_words(settings)}
 
-| track | speed [m/s] | crash rate | best lap [s] |
-|---|---|---|---|
-{chr(10).join(rows)}
+{_table(marks)}
 
 {POLICY} answers like the learner to {evaluation["parity"]:.1e} and takes \
 {evaluation["decision_us"]:.0f} µs for a decision.
@@ -156,14 +149,36 @@ until {settings.evaluation.seconds:g} s or the race are over; a kart that crashe
     (folder / README).write_text(text, encoding="utf-8")
 
 
-def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, str]:
-    """Return the commands that drive a run's policy: against the clock, and in a race."""
+def _exam_words(settings: Settings) -> str:
+    """Return a text on how the best policy was evaluated."""
+    seeds = settings.evaluation.seeds
+    if settings.parks:
+        return (
+            f"The best policy in each lot, under {seeds} seeds that neither learned from nor chose "
+            "it. Shares are of all episodes, with intervals of 95 % (Wilson); the time is the "
+            "median of those that parked:"
+        )
+    return (
+        f"The best policy on each of the courses of `evaluation.final`, under {seeds} seeds from "
+        "the start grid. The speed is that along the centre line until "
+        f"{settings.evaluation.seconds:g} s or the race are over; a kart that crashed stands until "
+        "then:"
+    )
+
+
+def _table(marks: list[Marks]) -> str:
+    heads = (marks[-1].courses.removesuffix("s"), *marks[-1].heads)
+    rows = [(one.course, *one.cells()) for one in marks]
+    lines = [heads, ("---",) * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, ...]:
+    """Return the commands that drive a run's policy, the shortest first."""
+    if settings.parks:
+        return (f"race policy check {shlex.quote(name_of(folder))}",)
     driver = shlex.quote(f"learned:{name_of(folder)}")
-    courses = [
-        name
-        for name in names_of(settings.evaluation.final.names, settings.evaluation.final.set)
-        if not name.endswith(REVERSED)
-    ]
+    courses = [name for name in final_courses(settings) if not name.endswith(REVERSED)]
     # Without options both take the 1/10 car, and a course that is wide enough for it.
     own = settings.vehicle != Settings.model_fields["vehicle"].default
     vehicle = f" --vehicle {settings.vehicle}" if own else ""
@@ -189,7 +204,3 @@ def _twice(settings: Settings) -> str:
     if settings.steps is not None:
         return f"--steps {2 * settings.steps}"
     return f"--minutes {2.0 * (settings.minutes or 0.0):g}"
-
-
-def _lap(row: dict[str, Any]) -> str:
-    return "–" if row["best_lap_s"] is None else f"{row['best_lap_s']:.2f}"

@@ -1,6 +1,7 @@
 """A policy's file beside the learner that it was exported from."""
 
 from pathlib import Path
+from typing import Any
 
 from race_agents.policies.registry import BEST
 from race_agents.policies.session import Policy
@@ -11,7 +12,7 @@ from race_agents.training.export import difference
 from race_agents.training.folder import settings_in
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.settings import Curiosity, Gail, Settings, Tracks
-from race_server.scenario.track.sets import names_of
+from race_agents.training.tasks import courses_of
 
 
 def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
@@ -35,9 +36,12 @@ def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
 
 def _small(settings: Settings) -> Settings:
     """Return settings for the same learner in a smaller world, not for training."""
-    first = names_of(settings.tracks.names, settings.tracks.set)[0]
+    first = courses_of(settings)[:1]
+    place: dict[str, Any] = {"tracks": Tracks(names=first)}
+    if settings.parks:
+        place = {"parking": settings.parking.model_copy(update={"lots": first})}
     changes = {
-        "tracks": Tracks(names=(first,)),
+        **place,
         "curriculum": (),
         # Their demonstrations may have been deleted.
         "gail": Gail(),

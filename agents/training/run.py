@@ -6,28 +6,35 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
 
-from race_agents.policies.registry import BEST, CONFIG, POLICY
+from race_agents.policies.registry import BEST, CONFIG, POLICY, run_folder
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import MOST_DIFFERENCE, times_of
 from race_agents.training import curve, folder
 from race_agents.training.budget import Budget
 from race_agents.training.callback import CURVE, LATEST, Tell, TrainingCallback
-from race_agents.training.checkpoint import load_checkpoint
+from race_agents.training.checkpoint import begin_with, load_checkpoint
+from race_agents.training.cloning import Cloning
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.export import difference, export_policy, metadata_from
+from race_agents.training.film import record_laps, record_parking
 from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.lines import Say
 from race_agents.training.normaliser import Normaliser
-from race_agents.training.record_laps import record_laps
+from race_agents.training.race_marks import RaceMarks
 from race_agents.training.schedule import Schedule
 from race_agents.training.self_play import SelfPlay
 from race_agents.training.settings import Settings
-from race_agents.training.tasks import evaluation_tasks
+from race_agents.training.tasks import (
+    courses_of,
+    evaluation_tasks,
+    final_courses,
+    validation_courses,
+)
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
-from race_server.scenario.track.sets import names_of
 
 PARITY_STEPS = 200  # observations on which the file and the learner are compared
 TIMED = 2000  # decisions that are timed
@@ -39,6 +46,7 @@ class TrainingResult:
     """Result of a run."""
 
     folder: Path
+    marks: list[Marks]
     evaluation: dict[str, Any]
     stopped: bool = False  # by a person
 
@@ -58,14 +66,16 @@ def train(
         RaceError: the settings are not valid, or there is nothing to resume.
     """
     budget = Budget.of(settings)
-    for tracks in (settings.evaluation.tracks, settings.evaluation.final):
-        evaluation_tasks(settings, tracks)  # a wrong name is refused now, not after hours
+    for courses in (validation_courses(settings), final_courses(settings)):
+        evaluation_tasks(settings, courses)  # a wrong name is refused now, not after hours
     warn_of_lidar(settings, say)
     world = world_of(settings, budget)
     learner = learner_of(
         settings, world, budget, str(place / "tensorboard") if tensorboard else None
     )
     best_score = -np.inf
+    if settings.warm_start.run and not resume:
+        begin_with(run_folder(settings.warm_start.run) / BEST, learner, world)
     if resume:
         best_score = load_checkpoint(place / BEST, learner, world, budget)
         load_checkpoint(place / LATEST, learner, world, budget)
@@ -96,21 +106,20 @@ def train(
         }
         # The latest is to resume from; the best is exported.
         load_checkpoint(place / BEST, learner, world, budget)
-        document = _conclude(settings, place, learner, world, callback, told, say)
+        marks, document = _conclude(settings, place, learner, world, callback, told, say)
     finally:
         world.close()
         callback.examiner.close()
-    return TrainingResult(place, document, stopped)
+    return TrainingResult(place, marks, document, stopped)
 
 
 def _learned_on(settings: Settings) -> list[str]:
-    """Return the courses of the last evaluation that are learned on as well."""
-    learned = set(names_of(settings.tracks.names, settings.tracks.set))
-    return [
-        name
-        for name in names_of(settings.evaluation.final.names, settings.evaluation.final.set)
-        if name in learned
-    ]
+    """Return the tracks of the last evaluation that are learned on as well.
+
+    In a lot the seed decides what is drawn, so there the seeds are held out.
+    """
+    learned = () if settings.parks else courses_of(settings)
+    return [name for name in final_courses(settings) if name in learned]
 
 
 def warn_of_lidar(settings: Settings, say: Say) -> None:
@@ -135,7 +144,9 @@ def _learn(
         budget.start()
         if not (budget.is_over or callback.reached):
             callback.method = settings.algorithm.name
-            callbacks = [callback, Schedule(settings, budget)]
+            callbacks: list[BaseCallback] = [callback, Schedule(settings, budget)]
+            if settings.cloning.demonstrations:
+                callbacks.append(Cloning(settings, world, budget))
             learner.learn(budget.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True
@@ -164,21 +175,16 @@ def _conclude(
     callback: TrainingCallback,
     told: dict[str, Any],
     say: Callable[[str], None],
-) -> dict[str, Any]:
+) -> tuple[list[Marks], dict[str, Any]]:
     """Export the best policy, verify the file, and write the results.
 
     told: more figures of the run.
     """
     path = place / POLICY
-    export_policy(
-        path,
-        learner,
-        world,
-        metadata_from(settings, names_of(settings.tracks.names, settings.tracks.set)),
-    )
+    export_policy(path, learner, world, metadata_from(settings, courses_of(settings)))
     policy = Policy(path)
     tried = settings.evaluation
-    examiner = Examiner(settings, tried.final, tried.first_seed + FRESH_SEEDS)
+    examiner = Examiner(settings, final_courses(settings), tried.first_seed + FRESH_SEEDS)
     seen = examiner.observations(policy.decide, PARITY_STEPS)
     parity = difference(policy, learner, world, seen)
     if parity > MOST_DIFFERENCE:
@@ -195,7 +201,7 @@ def _conclude(
             "score": callback.best_score,
             "scored_by": tried.score,
             "seeds": tried.seeds,
-            "seconds": tried.seconds,
+            "seconds": None if settings.parks else tried.seconds,
             "parity": parity,
             "compared_observations": len(seen),
             "decision_us": times_of(policy, seen[:TIMED]).mean,
@@ -205,23 +211,30 @@ def _conclude(
     )
     curve.draw(place / CURVE, place / "curve.png", settings.title or place.name)
     _film(settings, place, marks, say)
-    folder.write_readme(place, settings, document)
-    return document
+    folder.write_readme(place, settings, marks, document)
+    return marks, document
 
 
 def _film(settings: Settings, place: Path, marks: list[Marks], say: Callable[[str], None]) -> None:
-    """Record laps on the course where the policy is fastest."""
-    lapped = [one for one in marks[:-1] if one.best_lap_s is not None]
-    if not lapped:
-        say("no lap was completed on the unseen courses: there is nothing to record")
-        return
-    track = max(lapped, key=lambda one: one.speed).track
+    """Record the policy: on the track where it is fastest, or in the first lot."""
     try:
-        made = record_laps(
-            place, place / POLICY, track, settings.vehicle, settings.evaluation.first_seed
-        )
+        made = _filmed(settings, place, marks)
     except RaceError as error:
-        say(f"the laps were not recorded: {error}")
+        say(f"the policy was not recorded: {error}")
         return
     if made is None:
-        say(f"the laps on {track} were not recorded: their race did not end")
+        say("the policy was not recorded: no lap was completed, or the race did not end")
+
+
+def _filmed(settings: Settings, place: Path, marks: list[Marks]) -> Path | None:
+    policy, seed = place / POLICY, settings.evaluation.first_seed
+    if settings.parks:
+        (task, *_) = evaluation_tasks(settings, final_courses(settings)).values()
+        return record_parking(
+            place, policy, task.scenarios[0], seed, settings.decision_ticks, task.opponents
+        )
+    lapped = [one for one in marks[:-1] if isinstance(one, RaceMarks) and one.best_lap_s]
+    if not lapped:
+        return None
+    track = max(lapped, key=lambda one: one.speed).track
+    return record_laps(place, policy, track, settings.vehicle, seed)

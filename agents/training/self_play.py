@@ -11,14 +11,14 @@ from race_agents.training.export import export_policy, metadata_from
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.rivals import POOL, Rivals, driver_of, short_name
 from race_agents.training.settings import LEARNER, Settings
-from race_agents.training.tasks import decision_s, evaluation_tasks
+from race_agents.training.tasks import courses_of, evaluation_tasks
+from race_server.core.clock import TICK_S
 from race_server.core.driver import driver_named
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.task import Task
 from race_server.scenario.race import Scenario
-from race_server.scenario.track.sets import names_of
 from race_server.storage.results.ratings import Rating, ratings
 
 RATINGS = "ratings.json"
@@ -68,9 +68,7 @@ class SelfPlay:
     def keep(self, learner: Any, done: int) -> None:
         """Add the present learner to the pool, and rate it."""
         path = self.rivals.place_for(done)
-        metadata = metadata_from(
-            self.settings, names_of(self.settings.tracks.names, self.settings.tracks.set)
-        )
+        metadata = metadata_from(self.settings, courses_of(self.settings))
         export_policy(path, learner, self._world, metadata)
         self.rivals.add(path)
         self.races += self._raced(path)
@@ -107,7 +105,7 @@ class SelfPlay:
         """Return the orders of races of a snapshot against the pool."""
         played, number = self.settings.self_play, self._snapshot
         chance = self._chance("rating", number)
-        task = next(iter(evaluation_tasks(self.settings, self.settings.tracks).values()))
+        task = next(iter(evaluation_tasks(self.settings, courses_of(self.settings)).values()))
         scenario = task.scenarios[0]
         rules = replace(
             scenario.rules, laps=played.laps, limit_s=LONGEST_S, finish_limit_s=WAITING_S
@@ -127,7 +125,7 @@ class SelfPlay:
 def raced(task: Task, policy: Policy, name: str, races: int, seed: int) -> list[Order]:
     """Return the finishing orders of several races; the policy drives the first kart."""
     batch = Batch(task, worlds=races, seed=seed, after=STAY)
-    for _ in range(round(LONGEST_S / decision_s())):
+    for _ in range(round(LONGEST_S / (task.decision_ticks * TICK_S))):
         batch.step(policy.decide(batch.observations[:, 0]))
         if batch.world.races["over"].all():
             break

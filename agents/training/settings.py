@@ -5,12 +5,26 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from race_server.core.clock import TICKS_PER_SECOND
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
+DECISION_TICKS = 3  # in a live race
 Range = tuple[float, float]
 # Logarithms of the deviations of actions: one for all their numbers, or one for each.
 Deviations = float | tuple[float, ...]
+
+ActionName = Literal[
+    "continuous",
+    "report_b",
+    "increments",
+    "discrete",
+    "control",
+    "residual",
+    "park",
+    "report_a_1",
+    "report_a",
+]
 
 
 def _absolute(path: str) -> str:
@@ -74,6 +88,20 @@ class RaceSettings(_Table):
         return self.fields or (self.karts,)
 
 
+class ParkingSettings(_Table):
+    """Vehicles that drive to slots of lots instead of a race; without lots there are none.
+
+    Of `race` they keep karts, learners, opponents and fields, and those rules that a lot has.
+    """
+
+    lots: tuple[str, ...] = ()
+    level: str = ""  # of tolerance, see `race_server.scenario.level`; none: that of each lot
+    limit_s: float = Field(default=0.0, ge=0.0)  # of an episode; 0: that of each lot
+    late_ends: bool = False  # time that runs out is an end, not a cut
+    decision_ticks: int = Field(default=6, ge=1, le=60)  # of 1/60 s
+    logarithms: bool = False  # a network sees logarithms of the radar's ranges
+
+
 class SelfPlaySettings(_Table):
     """The drivers of the seats, drawn again for each stretch of the training.
 
@@ -111,13 +139,17 @@ class Tracks(_Table):
 
 
 class Stage(_Table):
-    """A stage of the curriculum, in which only these tracks are drawn; none: all of them.
+    """A stage of the curriculum, in which only these tracks or lots are drawn; none: all of them.
 
-    An episode succeeds if the kart completes `success_laps` in it and does not crash.
+    An episode succeeds if the kart completes `success_laps` in it and does not crash; in a lot, if
+    the vehicle parks.
     """
 
     after: float = Field(ge=0.0, lt=1.0)  # share of the training at which it begins at the latest
     tracks: tuple[str, ...] = ()
+    lots: tuple[str, ...] = ()
+    # Least and greatest distance [m] from start to slot; none: as each lot has it.
+    distance: Range | None = None
     # The next stage begins earlier once this share of the last `episodes` has succeeded.
     until_success: float | None = Field(default=None, gt=0.0, le=1.0)
     episodes: int = Field(default=200, ge=1)
@@ -129,12 +161,15 @@ class Evaluation(_Table):
 
     tracks: Tracks = Tracks(set="validation")  # during training, to choose the best policy
     final: Tracks = Tracks(set="unseen")  # at the end, with other seeds
+    lots: tuple[str, ...] = ()  # instead of tracks; none: those of `parking`
+    final_lots: tuple[str, ...] = ()  # the same at the end
     seeds: int = Field(default=4, ge=1)
     first_seed: int = Field(default=10_000, ge=0)
     times: int = Field(default=10, ge=1)  # during a training, the end included
     seconds: float = Field(default=60.0, gt=0.0)
-    # The score of a policy: metres per second until a crash or the time limit; or the return.
-    score: Literal["speed", "return"] = "speed"
+    # The score of a policy: metres per second until a crash or the time limit; the return; or in a
+    # lot the mean of the shares that park, and that park straight.
+    score: Literal["speed", "return", "success"] = "speed"
 
 
 class Goal(_Table):
@@ -143,6 +178,9 @@ class Goal(_Table):
     speed: float | None = None  # [m/s] at least
     crash_rate: float | None = None  # at most
     best_lap_s: float | None = None  # at most
+    parked: float | None = None  # share, at least
+    aligned: float | None = None  # share of all episodes, at least
+    hits: float | None = None  # share that ended in a collision, at most
 
 
 class WarmStart(_Table):
@@ -155,6 +193,9 @@ class WarmStart(_Table):
     # learner cannot observe; None: no limit.
     lane_reach: float | None = Field(default=None, ge=0.0)
     demonstrations: File = ""  # a file of `race demonstrate`
+    # A run with the same network and observation: what was best there is the beginning. With
+    # neither teacher nor demonstrations PPO goes on from it at once.
+    run: str = ""
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
     critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
     critic_learning_rate: float | None = Field(default=None, gt=0.0)  # then; None: as afterwards
@@ -192,6 +233,20 @@ class WarmStart(_Table):
     def critic_end(self) -> float:
         """The share of the training from which the actor learns by reward."""
         return self.share + self.critic_share if self.is_wanted else 0.0
+
+
+class Cloning(_Table):
+    """Imitation of demonstrations beside PPO, in its first steps; without a file there is none.
+
+    Further steps follow each of PPO's: their learning rate is `strength` times PPO's, and falls
+    to zero (https://github.com/Unity-Technologies/ml-agents, its behavioural cloning).
+    """
+
+    demonstrations: File = ""  # a file of `race demonstrate`
+    strength: float = Field(default=0.5, gt=0.0)
+    steps: int = Field(default=150_000, ge=1)  # decisions of learning karts until it is over
+    lessons: int = Field(default=8, ge=1)  # between two rollouts
+    batch_size: int = Field(default=512, ge=1)
 
 
 class Gail(_Table):
@@ -232,9 +287,7 @@ class Settings(_Table):
     threads: int = Field(default=1, ge=1)  # of the worlds; PyTorch has one
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
-    action: Literal["continuous", "report_b", "increments", "discrete", "control", "residual"] = (
-        "continuous"
-    )
+    action: ActionName = "continuous"
     base: str = ""  # the driver that residual actions advise
     # Observations are clipped to this before they are normalised: without a kart nearby the
     # distance is 1000 m, beside which all near ones would look alike.
@@ -245,12 +298,29 @@ class Settings(_Table):
     lidar: Lidar = Lidar()
     gap: RealityGap = RealityGap()
     race: RaceSettings = RaceSettings()
+    parking: ParkingSettings = ParkingSettings()
     self_play: SelfPlaySettings = SelfPlaySettings()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
     curriculum: tuple[Stage, ...] = ()
     warm_start: WarmStart = WarmStart()
+    cloning: Cloning = Cloning()
     gail: Gail = Gail()
     curiosity: Curiosity = Curiosity()
     evaluation: Evaluation = Evaluation()
     goal: Goal = Goal()
+
+    @property
+    def parks(self) -> bool:
+        """Whether it is to park that is learned, and not to race."""
+        return bool(self.parking.lots)
+
+    @property
+    def decision_ticks(self) -> int:
+        """Ticks of 1/60 s from one decision to the next: as in a live race, or in a lot."""
+        return self.parking.decision_ticks if self.parks else DECISION_TICKS
+
+    @property
+    def decision_s(self) -> float:
+        """The time between two decisions [s]."""
+        return self.decision_ticks / TICKS_PER_SECOND

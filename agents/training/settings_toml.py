@@ -59,6 +59,7 @@ def settings_of(words: Words, source: str) -> Settings:
             f"{source}: minutes = {settings.minutes}, steps = {settings.steps}: give one of the two"
         )
     _check_seats(settings, source)
+    _check_discipline(settings, source)
     is_discrete = settings.action == "discrete"
     if (settings.algorithm.name == "dqn") != is_discrete and settings.algorithm.name != "ppo":
         raise ScenarioError(
@@ -75,6 +76,29 @@ def _check_seats(settings: Settings, source: str) -> None:
         raise ScenarioError(
             f"{source}: self_play.seats names {len(seats)} karts, {learners} of them learners; "
             f"race.karts = {race.karts}, race.learners = {race.learners}: make them agree"
+        )
+
+
+def _check_discipline(settings: Settings, source: str) -> None:
+    """Refuse what only races have in a lot, and the reverse, before it is ignored."""
+    parks, where = settings.parks, f"parking.lots = {list(settings.parking.lots)}"
+    score = settings.evaluation.score
+    wrong = {
+        f"evaluation.score = {score!r}: choose success or return": parks and score == "speed",
+        "evaluation.score = 'success': choose speed or return": not parks and score == "success",
+        f"race.learners = {settings.race.learners}: one learns in each lot": parks
+        and settings.race.learners > 1,
+        "self_play.seats: name race.opponents instead": parks and bool(settings.self_play.seats),
+        f"warm_start.teacher = {settings.warm_start.teacher!r}: a teacher follows a track's line; "
+        "give demonstrations instead": parks and bool(settings.warm_start.teacher),
+    }
+    for sentence, is_wrong in wrong.items():
+        if is_wrong:
+            raise ScenarioError(f"{source}: with {where}, {sentence}")
+    if settings.cloning.demonstrations and settings.algorithm.name != "ppo":
+        raise ScenarioError(
+            f"{source}: cloning with algorithm.name = {settings.algorithm.name!r}: only ppo can "
+            "imitate beside what it learns by reward; leave cloning.demonstrations out"
         )
 
 

@@ -1,30 +1,80 @@
-"""Tasks of the training world from settings: one to learn, one for each evaluation."""
+"""Tasks of the training world from settings: one to learn, one for each evaluation.
+
+A course is a track that is raced on, or a lot that is parked in.
+"""
 
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
-from race_agents.training.settings import Settings, Tracks
+from race_agents.training.settings import Range, Settings
 from race_server.core.vehicles import vehicle_named
+from race_server.envs.parking import Parking
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
+from race_server.scenario.lot.nearer import at_distance
+from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.sets import course_named, names_of
 
-DECISION_TICKS = 3  # as in a live race
+
+class Choice(NamedTuple):
+    """What a reset may draw: a course, how far from the slot a vehicle starts, and the karts."""
+
+    course: str
+    distance: Range | None  # [m]; None: as the lot has it
+    karts: int
+
+
+def courses_of(settings: Settings) -> tuple[str, ...]:
+    """Return the names of the tracks or lots to learn on."""
+    if settings.parks:
+        return settings.parking.lots
+    return names_of(settings.tracks.names, settings.tracks.set)
+
+
+def validation_courses(settings: Settings) -> tuple[str, ...]:
+    """Return the names of the courses on which the best moment of a training is chosen."""
+    tried = settings.evaluation
+    if settings.parks:
+        return tried.lots or settings.parking.lots
+    return names_of(tried.tracks.names, tried.tracks.set)
+
+
+def final_courses(settings: Settings) -> tuple[str, ...]:
+    """Return the names of the courses on which the best policy is evaluated at the end."""
+    tried = settings.evaluation
+    if settings.parks:
+        return tried.final_lots or validation_courses(settings)
+    return names_of(tried.final.names, tried.final.set)
+
+
+def choices_of(settings: Settings) -> tuple[Choice, ...]:
+    """Return what a reset may draw, in the order of the scenarios of the task to learn."""
+    asked = [stage.distance for stage in settings.curriculum]
+    distances = tuple(dict.fromkeys(asked)) if settings.parks and asked else (None,)
+    return tuple(
+        Choice(name, distance, karts)
+        for name in courses_of(settings)
+        for distance in distances
+        for karts in settings.race.sizes
+    )
 
 
 def training_task(settings: Settings) -> Task:
-    """Return the task to learn, with all its tracks.
+    """Return the task to learn, with all its tracks or lots.
 
     Raises:
-        RaceError: a track, a vehicle or a rule does not exist.
+        RaceError: a track, a lot, a vehicle or a rule does not exist.
     """
     scenarios = tuple(
-        _with_karts(_scenario(settings, name), karts, settings.race.learners)
-        for name in names_of(settings.tracks.names, settings.tracks.set)
-        for karts in settings.race.sizes
+        _with_karts(
+            _scenario(settings, choice.course, choice.distance),
+            choice.karts,
+            settings.race.learners,
+        )
+        for choice in choices_of(settings)
     )
     return _task(settings, scenarios)
 
@@ -40,18 +90,21 @@ def _with_karts(scenario: Scenario, karts: int, learners: int) -> Scenario:
     return replace(scenario, fitted=scenario.fitted * karts + away) if away else scenario
 
 
-def evaluation_tasks(settings: Settings, tracks: Tracks) -> dict[str, Task]:
-    """Return a task for each track of an evaluation, from its start grid.
+def evaluation_tasks(settings: Settings, courses: tuple[str, ...]) -> dict[str, Task]:
+    """Return a task for each course of an evaluation: from a start grid, or anywhere in a lot.
 
     Raises:
-        RaceError: a track does not exist.
+        RaceError: a course does not exist.
     """
-    steps = round(settings.evaluation.seconds / decision_s())
+    if settings.parks:
+        lots = {name: _task(settings, (_scenario(settings, name),)) for name in courses}
+        return {name: task.with_options(most_steps=0) for name, task in lots.items()}
+    steps = round(settings.evaluation.seconds / settings.decision_s)
     return {
         name: _task(settings, (_from_the_middle(_scenario(settings, name)),)).with_options(
             random_start=False, most_steps=steps
         )
-        for name in names_of(tracks.names, tracks.set)
+        for name in courses
     }
 
 
@@ -62,44 +115,64 @@ def _from_the_middle(scenario: Scenario) -> Scenario:
     return replace(scenario, grid_order=order)
 
 
-def decision_s() -> float:
-    """Return the time between two decisions [s]."""
-    return DECISION_TICKS / 60.0
-
-
 def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
     race, episode = settings.race, settings.episode
+    options: dict[str, Any] = {
+        "opponents": race.opponents
+        or (settings.self_play.anchors if settings.self_play.seats else ()),
+        "learners": race.learners,
+        "observation": settings.observation,
+        "action": settings.action,
+        "base": settings.base,
+        "reward": settings.reward,
+        "gap": settings.gap,
+        "decision_ticks": settings.decision_ticks,
+        "most_steps": episode.steps,
+    }
+    if settings.parks:
+        parking = Parking(late_ends=settings.parking.late_ends)
+        return Task(scenarios, parking).with_options(**options)
     return task_on(
         scenarios,
-        opponents=race.opponents
-        or (settings.self_play.anchors if settings.self_play.seats else ()),
-        learners=race.learners,
-        observation=settings.observation,
-        action=settings.action,
-        base=settings.base,
-        reward=settings.reward,
-        gap=settings.gap,
-        decision_ticks=DECISION_TICKS,
-        most_steps=episode.steps,
+        **options,
         random_start=episode.random_start,
         random_grid=episode.random_grid,
         crash_range=episode.crash_range,
     )
 
 
-def _scenario(settings: Settings, name: str) -> Scenario:
+def _scenario(settings: Settings, name: str, distance: Range | None = None) -> Scenario:
+    """Return a scenario on a track, or in a lot with starts at a distance [m] from the slot."""
     lidar = settings.lidar
+    sensor = Lidar(rays=lidar.rays, noise=lidar.noise, dropout=lidar.dropout)
+    if settings.parks:
+        return replace(_parking_scenario(settings, name, distance), lidar=sensor)
     return Scenario(
         course_named(name),
         karts=settings.race.karts,
         vehicles=(vehicle_named(settings.vehicle),),
-        rules=_rules(settings.race.rules),
-        lidar=Lidar(rays=lidar.rays, noise=lidar.noise, dropout=lidar.dropout),
+        rules=_rules(settings.race.rules, LEARNING_RULES),
+        lidar=sensor,
     )
 
 
-def _rules(words: dict[str, Any]) -> Rules:
-    kinds = {field.name: type(getattr(LEARNING_RULES, field.name)) for field in fields(Rules)}
+def _parking_scenario(settings: Settings, name: str, distance: Range | None) -> Scenario:
+    asked = settings.parking
+    scenario = parking_scenario(
+        name,
+        vehicles=settings.race.karts,
+        vehicle=settings.vehicle,
+        level=asked.level,
+        limit_s=asked.limit_s,
+    )
+    scenario = replace(scenario, rules=_rules(settings.race.rules, scenario.rules))
+    if distance is None:
+        return scenario
+    return replace(scenario, course=at_distance(scenario.course, distance))
+
+
+def _rules(words: dict[str, Any], usual: Rules) -> Rules:
+    kinds = {field.name: type(getattr(usual, field.name)) for field in fields(Rules)}
     for key, value in words.items():
         if key not in kinds:
             raise ScenarioError(
@@ -108,4 +181,4 @@ def _rules(words: dict[str, Any]) -> Rules:
         fits = isinstance(value, kinds[key]) or (kinds[key] is float and isinstance(value, int))
         if not fits:
             raise ScenarioError(f"race.rules.{key} = {value!r}: give a {kinds[key].__name__}")
-    return replace(LEARNING_RULES, **words)
+    return replace(usual, **words)

@@ -20,8 +20,10 @@ from race_server.core.observation import PARTS, layout_of
 from race_server.core.rules.items import items
 from race_server.core.state import Floats
 from race_server.envs.actions import (
+    BRAKED,
     CONTINUOUS,
     CONTROL,
+    PEDAL,
     RESIDUAL,
     REVERSE_BELOW,
     WIDTHS,
@@ -133,12 +135,20 @@ def _advice_to(teacher: Opponents, advice: Sequence[float], width: float) -> Flo
 def actions_of(controls: Floats, kind: int, speeds: Floats) -> Labels:
     """Return the actions of a learner that give these controls, shape (n, A).
 
-    controls: (n, 4) steering, throttle, brake, buttons; kind: CONTINUOUS or CONTROL; speeds: (n,)
-    [m/s], since a learner that brakes while it stands drives backwards.
+    controls: (n, 4) steering, throttle, brake, buttons; kind: CONTINUOUS, CONTROL, or of a lot
+    PEDAL or BRAKED; speeds: (n,) [m/s], since a learner that brakes while it stands drives
+    backwards.
     """
     if kind == CONTROL:
         return controls.astype(np.float32)
     steering, throttle, brake, buttons = controls.T
+    if kind == BRAKED:
+        return np.stack([throttle, steering, brake], axis=1).astype(np.float32)
+    if kind == PEDAL:
+        # The one pedal against the motion brakes, both ways.
+        against = np.where(np.abs(speeds) > REVERSE_BELOW, -np.sign(speeds), 0.0)
+        drive = np.where(brake > 0.0, against * brake, throttle)
+        return np.stack([drive, steering], axis=1).astype(np.float32)
     braking = np.where(speeds > REVERSE_BELOW, -brake, 0.0)
     drive = np.where(brake > 0.0, braking, throttle)
     return np.stack([drive, steering, buttons > 0.0], axis=1).astype(np.float32)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from race_agents.training.settings import Settings
 from race_server.core.observation import layout_of
-from race_server.scenario.sensors import Lidar
+from race_server.scenario.sensors import Lidar, Radar
 
-RANGES = ("lidar", "lidar_before")
+RANGES, RADAR_RANGES = ("lidar", "lidar_before"), ("radar", "radar_before")
 # No wall can be nearer than this [m]: the body surrounds the lidar.
 NEAREST = 0.05
 
@@ -34,20 +34,24 @@ class ObservationView:
     ranges: Places  # of what is learned as logarithms
     right: Places  # of their neighbours
     left: Places
-    reach: float = Lidar().reach  # [m]
+    reach: NDArray[np.float64]  # [m] of each of them
 
     @classmethod
     def of(cls, settings: Settings) -> "ObservationView":
         """Return the view of settings."""
         horizon = np.float32(np.inf if settings.horizon is None else settings.horizon)
         slices = layout_of(settings.observation, settings.lidar.rays).slices
-        scans = [np.arange(slices[n].start, slices[n].stop) for n in RANGES if n in slices]
-        if not settings.lidar.logarithms:
-            scans = []
+        reaches = {
+            **(dict.fromkeys(RANGES, Lidar().reach) if settings.lidar.logarithms else {}),
+            **(dict.fromkeys(RADAR_RANGES, Radar().reach) if settings.parking.logarithms else {}),
+        }
+        known = [name for name in reaches if name in slices]
+        scans = [np.arange(slices[name].start, slices[name].stop) for name in known]
+        far = [np.full(len(scan), reaches[name]) for name, scan in zip(known, scans, strict=True)]
         right = [np.append(scan[:1], scan[:-1]) for scan in scans]
         left = [np.append(scan[1:], scan[-1:]) for scan in scans]
-        places = [np.concatenate([NOWHERE, *part]) for part in (scans, right, left)]
-        return cls(horizon, places[0], places[1], places[2])
+        ranges, below, above = (np.concatenate([NOWHERE, *part]) for part in (scans, right, left))
+        return cls(horizon, ranges, below, above, np.concatenate([np.zeros(0), *far]))
 
     def __call__(self, seen: NDArray[Any]) -> NDArray[Any]:
         """Return observations (..., size) as a network takes them."""

@@ -18,7 +18,7 @@ from race_agents.training.learner import learner_of, world_of
 from race_agents.training.reward_wrapper import RewardWrapper, numbers_of, width_of
 from race_agents.training.settings import Curiosity, Settings
 from race_agents.training.settings_toml import read_settings
-from race_agents.training.tasks import training_task
+from race_agents.training.tasks import training_task, validation_courses
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.spaces import action_space
 from support.trainings import untrained
@@ -44,7 +44,7 @@ def learned(wanted: Settings) -> tuple[Marks, VecNormalize]:
     """Return how a policy drives after its steps, and its world."""
     _, world, learner = untrained(wanted)
     learner.learn(wanted.steps)
-    examiner = Examiner(wanted, wanted.evaluation.tracks, wanted.evaluation.first_seed)
+    examiner = Examiner(wanted, validation_courses(wanted), wanted.evaluation.first_seed)
     marks = examiner.examine(
         lambda seen: learner.predict(world.normalize_obs(seen), deterministic=True)[0]
     )

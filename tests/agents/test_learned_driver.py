@@ -185,7 +185,7 @@ def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> Non
 
 @pytest.mark.net
 def test_laps_of_a_policy_are_recorded(policy_file: Path, tmp_path: Path) -> None:
-    from race_agents.training.record_laps import record_laps
+    from race_agents.training.film import record_laps
     from race_server.storage.recording.reader import read_recording
 
     made = record_laps(tmp_path, policy_file.absolute(), "oval", "tt02", seed=1)

@@ -16,6 +16,7 @@ from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
 from race_agents.training.run import TrainingResult, train, warn_of_lidar
 from race_agents.training.settings_toml import read_settings
+from race_agents.training.tasks import validation_courses
 from race_server.errors import ScenarioError, TrackError
 from support.trainings import QUICK, untrained
 
@@ -103,7 +104,7 @@ def test_answers_that_a_learner_takes_for_alike_are_no_difference() -> None:
 def test_who_stands_until_he_is_out_was_slow_all_the_time() -> None:
     changes = (*QUICK, "evaluation.seconds=20.0", "race.rules.stopped_limit_s=3.0")
     settings = read_settings("time-trial-ppo", changes)
-    examiner = Examiner(settings, settings.evaluation.tracks, 1)
+    examiner = Examiner(settings, validation_courses(settings), 1)
     decisions = 0
 
     def drives_a_second(seen: np.ndarray) -> np.ndarray:

@@ -1,0 +1,349 @@
+"""The trainer in lots: what is learned there, how a policy is judged, and what a file says."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from race_agents.drivers.learned import Learned
+from race_agents.policies.listing import entries
+from race_agents.policies.registry import SHIPPED
+from race_agents.policies.session import Policy
+from race_agents.policies.verification import observations_of
+from race_agents.training import curve
+from race_agents.training.budget import Budget
+from race_agents.training.callback import BEST, CURVE
+from race_agents.training.checkpoint import begin_with
+from race_agents.training.cloning import Cloning
+from race_agents.training.curriculum import Curriculum
+from race_agents.training.demonstrations import About, Demonstrations, write_demonstrations
+from race_agents.training.evaluation import Examiner
+from race_agents.training.parking_marks import ParkingMarks
+from race_agents.training.run import TrainingResult
+from race_agents.training.settings import Goal, Settings
+from race_agents.training.settings_toml import read_settings
+from race_agents.training.tasks import training_task, validation_courses
+from race_agents.training.teacher import actions_of
+from race_agents.training.view import ObservationView
+from race_server.competition.time_trial.run import numbers_of
+from race_server.core.driver import Briefing
+from race_server.core.observation import PRESETS, Observation, layout_of
+from race_server.core.vehicles import KART_13, vehicle_record
+from race_server.envs.actions import BRAKED, PEDAL, Driven, discrete_table, read_action
+from race_server.envs.batch import Batch
+from race_server.envs.presets import parking_task
+from race_server.errors import DriverError, ScenarioError
+from race_server.scenario.lot.load import load_lot
+from race_server.scenario.lot.nearer import at_distance
+from race_server.scenario.sensors import Lidar
+from support.trainings import Train, untrained
+
+# The simple scenario: one slot, 5 m ahead.
+SIMPLE = (
+    "parking.lots=['face-to-face']",
+    "worlds=4",
+    "network={layers = [8]}",
+    "algorithm.options={n_steps = 32, batch_size = 64, n_epochs = 1}",
+    "evaluation={score = 'success', seeds = 3, times = 1}",
+)
+QUICK = (*SIMPLE, "parking.limit_s=3.0", "steps=256")
+
+
+def settings(*changes: str) -> Settings:
+    return read_settings("parking-1", [*QUICK, *changes])
+
+
+def examined(wanted: Settings, action: Sequence[float]) -> ParkingMarks:
+    """Return the marks of a policy that always answers the same."""
+    examiner = Examiner(wanted, validation_courses(wanted), 1)
+    marks = examiner.examine(lambda seen: np.tile(np.float32(action), (len(seen), 1)))
+    examiner.close()
+    assert isinstance(marks[-1], ParkingMarks)
+    return marks[-1]
+
+
+def test_who_drives_straight_ahead_parks_in_the_slot_5_m_ahead() -> None:
+    marks = examined(settings("parking.limit_s=30.0"), [1.0, 0.0])
+    assert (marks.tally.success_rate, marks.tally.aligned_rate, marks.hits) == (1.0, 1.0, 0.0)
+    assert marks.score("success") == 1.0
+    assert marks.reward == pytest.approx(1.5 + 0.03 * 4.5, abs=0.15)  # parked, aligned, 4.5 m
+    assert str(marks) == "100.0 % park, 100.0 % aligned, 0 collisions and 0 hits of people in 3"
+    assert marks.reaches(Goal(parked=0.99, hits=0.0))
+    assert not marks.reaches(Goal())
+
+
+def test_who_stands_is_late_and_who_turns_hits_a_wall() -> None:
+    standing = examined(settings(), [0.0, 0.0])
+    assert (standing.tally.failures, standing.score("success")) == ({"late": 3}, 0.0)
+    turning = examined(settings("parking.limit_s=30.0"), [1.0, 0.5])
+    assert turning.tally.failures == {"wall": 3}
+    assert turning.hits == 1.0
+    assert not turning.reaches(Goal(hits=0.5))
+
+
+def test_a_lot_has_its_own_pace_and_a_race_that_of_a_live_one() -> None:
+    assert settings().decision_s == 0.1
+    assert settings("parking.decision_ticks=3").decision_s == 0.05
+    assert read_settings("time-trial-ppo").decision_s == 0.05
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("evaluation.score=speed", "choose success or return"),
+        ("race={karts = 2, learners = 2}", "one learns in each lot"),
+        ("warm_start.teacher=raceline", "a teacher follows a track's line"),
+        ("algorithm.name=sac", "only ppo can imitate beside"),
+    ],
+)
+def test_what_only_races_have_is_refused_in_a_lot(change: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        settings("cloning.demonstrations=x.npz", change)
+
+
+def test_vehicles_start_as_near_to_their_slots_as_a_stage_asks() -> None:
+    course = at_distance(load_lot("yard-70"), (3.0, 8.0))
+    assert course.lot is not None
+    task = parking_task("yard-70")
+    (scenario,) = task.scenarios
+    near = replace(
+        task, scenarios=(replace(scenario, course=course),), observation=("goal_distance",)
+    )
+    batch = Batch(near, worlds=40, seed=5)
+    metres = batch.observations.ravel()
+    # What finds no place in 32 tries stays where the last one was.
+    assert ((metres >= 3.0) & (metres < 8.0)).sum() >= 37
+    assert metres.max() < 40.0
+    batch.close()
+
+
+NEAR, FAR = (
+    "{after = 0.0, distance = [2.0, 5.0], until_success = 0.5, episodes = 2}",
+    "{after = 0.9}",
+)
+
+
+def episode(*, parks: bool, steps: int = 10) -> dict[str, Any]:
+    return {"l": steps, "is_success": parks}
+
+
+def test_a_curriculum_by_distance_goes_on_once_enough_park() -> None:
+    wanted = settings("worlds=1", f"curriculum=[{NEAR}, {FAR}]")
+    assert len(training_task(wanted).scenarios) == 2
+    stages = Curriculum(wanted, Budget.of(wanted))
+    assert stages(0, []) == [1.0, 0.0]
+    assert stages(20, [episode(parks=False)]) is None
+    assert stages(40, [episode(parks=False)]) is None
+    assert str(stages) == "stage 1 of 2, 0 % succeed"
+    assert stages(60, [episode(parks=True)]) == [0.0, 1.0]
+
+
+def test_a_curriculum_by_lots_draws_only_those_of_its_stage() -> None:
+    lots = "parking.lots=['face-to-face', 'zone-30']"
+    wanted = settings(lots, "curriculum=[{after = 0.0, lots = ['zone-30']}]")
+    assert Curriculum(wanted, Budget.of(wanted))(0, []) == [0.0, 1.0]
+    for stage, message in (
+        ("{after = 0.0, lots = ['kerb']}", "'kerb' is not trained on"),
+        ("{after = 0.0, tracks = ['oval']}", "'oval' is not trained on"),
+    ):
+        wrong = settings(lots, f"curriculum=[{stage}]")
+        with pytest.raises(ScenarioError, match=message):
+            Curriculum(wrong, Budget.of(wrong))
+    racing = read_settings("time-trial-ppo", [f"curriculum=[{NEAR}]"])
+    with pytest.raises(ScenarioError, match=r"without parking\.lots"):
+        Curriculum(racing, Budget.of(racing))
+
+
+def test_an_action_of_a_demonstration_gives_its_control_again() -> None:
+    """Ahead, braking ahead, in reverse, braking in reverse; steering, throttle, brake, buttons."""
+    controls = np.array(
+        [(0.2, 0.7, 0.0, 0.0), (0.0, 0.0, 0.5, 0.0), (-0.4, -0.6, 0.0, 0.0), (0.0, 0.0, 0.3, 0.0)]
+    )
+    speeds = np.array([2.0, 2.0, -1.0, -1.0])
+    wanted = [(0.7, 0.2), (-0.5, 0.0), (-0.6, -0.4), (0.3, 0.0)]
+    pedal = actions_of(controls, PEDAL, speeds)
+    assert pedal == pytest.approx(np.array(wanted))
+    kart, read = vehicle_record(KART_13)[0], np.zeros(4)
+    for action, speed, control in list(zip(pedal, speeds, controls, strict=True))[:3]:
+        read_action(PEDAL, action, discrete_table(), Driven(speed, 0, 0), kart, np.zeros(5), read)
+        assert read == pytest.approx(control)
+    assert actions_of(controls, BRAKED, speeds) == pytest.approx(controls[:, [1, 0, 2]])
+
+
+def write_shown(path: Path, steering: float, decision_s: float = 0.1) -> Path:
+    """Write demonstrations of a driver that always drives and steers the same."""
+    parts = PRESETS["lot"]
+    size = layout_of(parts, Lidar().rays).size
+    seen = np.random.default_rng(1).normal(0.0, 1.0, (200, size)).astype(np.float32)
+    controls = np.tile(np.float32([steering, 0.5, 0.0, 0.0]), (200, 1))
+    lidar = Lidar()
+    about = About(
+        driver="planner",
+        tracks=("face-to-face",),
+        vehicle="kart-13",
+        parts=parts,
+        lidar_rays=lidar.rays,
+        lidar_field=lidar.field,
+        lidar_reach=lidar.reach,
+        decision_s=decision_s,
+    )
+    write_demonstrations(path, Demonstrations(about, seen, controls))
+    return path
+
+
+def test_cloning_beside_ppo_pulls_answers_to_the_demonstrations_and_fades(tmp_path: Path) -> None:
+    shown = write_shown(tmp_path / "shown.npz", steering=0.8)
+    wanted = settings(f"cloning={{demonstrations = '{shown}', steps = 1000, lessons = 60}}")
+    budget, world, learner = untrained(wanted)
+    world.reset()
+    cloning = Cloning(wanted, world, budget)
+    cloning.init_callback(learner)
+    rows = world.normalize_obs(cloning._seen)
+    assert cloning.strength == 0.5
+    budget.done = 500
+    assert cloning.strength == 0.25
+
+    def error() -> float:
+        return float(np.abs(learner.predict(rows, deterministic=True)[0] - [0.5, 0.8]).mean())
+
+    before = error()
+    for _ in range(4):
+        cloning.on_rollout_start()
+    assert error() < 0.6 * before
+    budget.done = 1000
+    at_the_end = error()
+    cloning.on_rollout_start()
+    assert (cloning.strength, error()) == (0.0, at_the_end)
+    world.close()
+
+
+def test_demonstrations_of_another_pace_are_refused(tmp_path: Path) -> None:
+    shown = write_shown(tmp_path / "shown.npz", steering=0.0, decision_s=0.05)
+    wanted = settings(f"cloning.demonstrations={shown}")
+    budget, world, _ = untrained(wanted)
+    with pytest.raises(ScenarioError, match=r"decision_s = 0\.05, the training's is 0\.1"):
+        Cloning(wanted, world, budget)
+    world.close()
+
+
+def test_a_network_sees_logarithms_of_the_radar_up_to_80_m() -> None:
+    view = ObservationView.of(settings("observation=['radar', 'speed']", "parking.logarithms=true"))
+    seen = np.float32([[1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 80.0, 100.0, 3.0]])
+    wanted = [*np.log([1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 80.0, 80.0]), 3.0]
+    assert view(seen)[0] == pytest.approx(wanted)
+
+
+# A whole run: everything beside the reward at once.
+WHOLE = (
+    *QUICK,
+    "parking.logarithms=true",
+    "observation=park",
+    "curiosity={bonus = 0.1, hidden = 8}",
+    f"curriculum=[{NEAR}, {FAR}]",
+)
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_shown(tmp_path_factory.mktemp("shown") / "shown.npz", steering=0.0)
+
+
+@pytest.fixture(scope="module")
+def run(trained: Train, shown: Path) -> TrainingResult:
+    imitation = (f"gail={{demonstrations = '{shown}', layers = [8]}}",)
+    return trained("parking-1", (*WHOLE, *imitation, f"cloning.demonstrations={shown}"))
+
+
+def test_a_run_in_a_lot_leaves_a_complete_folder(run: TrainingResult) -> None:
+    names = {path.name for path in run.folder.iterdir()}
+    assert {"policy.onnx", "evaluation.json", "curve.png", "parking.mcap", "README.md"} <= names
+    assert [row["lot"] for row in run.evaluation["lots"]] == ["face-to-face", "all"]
+    assert run.evaluation["lots"][0]["episodes"] == 3
+    assert run.evaluation["parity"] <= 1e-5
+    rows = curve.read(run.folder / CURVE)
+    assert {"tried_parked", "tried_aligned", "tried_hits", "stage"} <= set(rows[-1])
+    text = (run.folder / "README.md").read_text()
+    assert "| lot | parked [%] |" in text
+    assert "race policy check" in text
+
+
+def test_a_file_says_where_and_how_well_it_learned_to_park(run: TrainingResult) -> None:
+    metadata = Policy(run.folder / "policy.onnx").metadata
+    assert (metadata.lots, metadata.tracks) == (("face-to-face",), ())
+    assert (metadata.level, metadata.decision_s) == ("report-a-1", 0.1)
+    older = Policy(SHIPPED / "time-trial.onnx").metadata
+    assert (older.lots, older.level) == ((), "")
+
+
+def test_a_policy_is_verified_in_its_own_lot_and_in_unseen_ones(run: TrainingResult) -> None:
+    policy = Policy(run.folder / "policy.onnx")
+    assert observations_of(policy, 40).shape == (40, policy.metadata.size)
+
+
+def test_a_list_of_policies_shows_how_many_park(
+    run: TrainingResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("race_agents.policies.listing.runs_folder", lambda: run.folder.parent)
+    (mine,) = [one for one in entries() if one.is_run]
+    assert mine.lots == ("face-to-face",)
+    assert mine.evaluation["success_rate"] == run.evaluation["lots"][-1]["success_rate"]
+
+
+def test_a_run_begins_with_what_another_one_learned(run: TrainingResult) -> None:
+    wanted = settings("observation=park", "parking.logarithms=true", f"warm_start.run={run.folder}")
+    _, world, learner = untrained(wanted)
+    before = learner.policy.action_net.weight.clone()
+    begin_with(run.folder / BEST, learner, world)
+    stored = torch.load(run.folder / BEST, weights_only=True)["parameters"]["policy"]
+    assert torch.equal(learner.policy.action_net.weight, stored["action_net.weight"])
+    assert not torch.equal(learner.policy.action_net.weight, before)
+    assert learner.num_timesteps == 0
+    world.close()
+
+
+def briefing(decision_s: float) -> Briefing:
+    lidar = Lidar()
+    return Briefing(
+        seat=0,
+        vehicle=KART_13,
+        preset="lot",
+        laps=0,
+        decision_s=decision_s,
+        lidar_field=lidar.field,
+        lidar_reach=lidar.reach,
+    )
+
+
+def test_a_driver_in_a_lot_does_what_the_policy_did_in_training(run: TrainingResult) -> None:
+    path = run.folder / "policy.onnx"
+    policy, driver = Policy(path), Learned(str(path))
+    trained = Batch(parking_task("zone-30", observation=policy.metadata.parts), seed=3)
+    raced = Batch(parking_task("zone-30", observation="lot", action="control"), seed=3)
+    driver.reset(briefing(0.1))
+    for step in range(30):
+        trained.step(policy.decide(trained.observations[:, 0]))
+        seen = Observation(6 * step, raced.layout, raced.observations[0, 0].copy())
+        raced.step(numbers_of(driver.act(seen)))
+        assert raced.world.bodies[0, 0].x == pytest.approx(trained.world.bodies[0, 0].x, abs=1e-6)
+
+
+def test_a_driver_keeps_its_own_pace_where_decisions_come_more_often(run: TrainingResult) -> None:
+    driver = Learned(str(run.folder / "policy.onnx"))
+    driver.reset(briefing(0.05))
+    chance = np.random.default_rng(2)
+    layout = layout_of("lot", Lidar().rays)
+
+    def answer(tick: int) -> Any:
+        values = chance.normal(0.0, 1.0, layout.size).astype(np.float32)
+        values[[layout.slices[name].start for name in ("lights", "finished")]] = 0.0
+        return driver.act(Observation(tick, layout, values))
+
+    first = answer(0)
+    assert answer(3) is first
+    assert answer(6) != first
+    with pytest.raises(DriverError, match=r"every 0\.1 s, not every 0\.075 s"):
+        driver.reset(briefing(0.075))
