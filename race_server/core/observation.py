@@ -39,6 +39,7 @@ class Part:
 
 _SIZES = {
     "1": 1,
+    "xy": 2,
     "rays": 0,
     "radar": RADAR_RAYS,
     "ahead": AHEAD,
@@ -152,6 +153,11 @@ to_slot_x            1      m     -1000 1000   lot    from the middle of the bod
 to_slot_y            1      m     -1000 1000   lot    the same
 velocity_x           1      m/s   -40   40     lot    velocity of the kart
 velocity_y           1      m/s   -40   40     lot    velocity of the kart
+position_unit        xy     -     -1    1      lot    direction of the body's middle from the
+                                                      origin: x and y of a vector of length 1
+slot_unit            xy     -     -1    1      lot    the same of the slot's middle
+to_slot_unit         xy     -     -1    1      lot    the same from the former to the latter
+velocity_unit        xy     -     -1    1      lot    the same of the velocity, 0 where it stands
 """
 
 
@@ -204,9 +210,8 @@ _LOT = (
 )
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
 
-_REPORT_A = (
-    *("position_x", "position_y", "slot_x", "slot_y", "heading", "velocity_x", "velocity_y"),
-)
+_REPORT_A = ("position_x", "position_y", "slot_x", "slot_y", "heading", "velocity_x", "velocity_y")
+_REPORT_A_UNIT = ("position_unit", "slot_unit", "heading", "velocity_unit", "to_slot_unit")
 
 PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -236,6 +241,9 @@ LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "report_a_1": _REPORT_A,
         "report_a_2": (*_REPORT_A, "to_slot_x", "to_slot_y"),
         "report_a": (*_REPORT_A, "to_slot_x", "to_slot_y", "radar", "radar_kind"),
+        # The same with vectors of length 1, as its figure 50 prints them.
+        "report_a_2_unit": _REPORT_A_UNIT,
+        "report_a_unit": (*_REPORT_A_UNIT, "radar", "radar_kind"),
         # Nothing here depends on where the lot lies.
         "park": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL),
     }

@@ -84,6 +84,26 @@ def test_the_goal_is_seen_5_metres_ahead_and_in_the_frame_of_the_lot() -> None:
     assert seen["radar"][4] == pytest.approx(16.0, abs=0.2)
 
 
+def test_unit_vectors_tell_neither_how_far_the_slot_is_nor_how_fast_a_kart_drives() -> None:
+    batch = face_to_face(observation="report_a_2_unit")
+    seen = {name: batch.observations[0, 0, place] for name, place in batch.layout.slices.items()}
+    assert seen["to_slot_unit"] == pytest.approx([1.0, 0.0])
+    assert seen["slot_unit"] == pytest.approx([1.0, 0.0])
+    assert list(seen["velocity_unit"]) == [0.0, 0.0]  # it stands
+    for _ in range(10):
+        batch.step(np.array(AHEAD, np.float32))
+        ahead = [seen[name][0] for name in ("velocity_unit", "to_slot_unit", "position_unit")]
+        assert ahead == pytest.approx([1.0, 1.0, 1.0])
+
+
+def test_a_minute_70_metres_away_costs_1_as_a_share_of_the_yard_and_70_in_metres() -> None:
+    batch = face_to_face(reward="report_a_share", limit_s=6.0)
+    # It stands 5 m away until the time is up, which costs 1 besides, and is told a decision later.
+    assert drive(batch, STAND, 100) == pytest.approx(-1.0 - 5.0 / 70.0 * 61.0 / 60.0)
+    batch = face_to_face(reward="report_a_distance", limit_s=6.0)
+    assert drive(batch, STAND, 100) == pytest.approx(-1.0 - 5.0 * 61.0 / 60.0)
+
+
 def test_worlds_of_a_batch_park_as_each_would_alone() -> None:
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 4, 1, 2)).astype(np.float32)
     many = Batch(parking_task("yard-70"), worlds=4, seed=7)

@@ -15,13 +15,27 @@ def fill_lot(world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out:
     """Fill where the middle of the body is, and how it moves, in the frame of the lot."""
     body, offset = world.bodies[w, k], world.vehicles[w, k].box_offset
     cos, sin = frame.cos, frame.sin
-    put(out, offsets[part.POSITION_X], 0, body.x + offset * cos)
-    put(out, offsets[part.POSITION_Y], 0, body.y + offset * sin)
+    x, y = body.x + offset * cos, body.y + offset * sin
+    along = body.speed * cos - body.lateral_speed * sin
+    across = body.speed * sin + body.lateral_speed * cos
+    put(out, offsets[part.POSITION_X], 0, x)
+    put(out, offsets[part.POSITION_Y], 0, y)
     put(out, offsets[part.HEADING], 0, body.heading)
     put(out, offsets[part.HEADING_COS], 0, cos)
     put(out, offsets[part.HEADING_SIN], 0, sin)
-    put(out, offsets[part.VELOCITY_X], 0, body.speed * cos - body.lateral_speed * sin)
-    put(out, offsets[part.VELOCITY_Y], 0, body.speed * sin + body.lateral_speed * cos)
+    put(out, offsets[part.VELOCITY_X], 0, along)
+    put(out, offsets[part.VELOCITY_Y], 0, across)
+    _put_direction(out, offsets[part.POSITION_UNIT], x, y)
+    _put_direction(out, offsets[part.VELOCITY_UNIT], along, across)
+
+
+@kernel
+def _put_direction(out: Float32s, offset: int, x: float, y: float) -> None:
+    """Fill the part at `offset` with a vector divided by its length; zeros where it has none."""
+    length = math.sqrt(x * x + y * y)
+    scale = 1.0 / length if length > 0.0 else 0.0
+    put(out, offset, 0, scale * x)
+    put(out, offset, 1, scale * y)
 
 
 @kernel
@@ -31,6 +45,8 @@ def fill_goal(world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out
     if len(parkers) == 0 or parkers[k].length <= 0.0:
         for number in part.GOAL:
             put(out, offsets[number], 0, 0.0)
+        for number in part.GOAL_UNITS:
+            put(out, offsets[number], 1, 0.0)
         return
     _fill_slot(parkers[k], world.bodies[w, k], world.vehicles[w, k], frame, offsets, out)
 
@@ -58,3 +74,5 @@ def _fill_slot(
     put(out, offsets[part.SLOT_HEADING], 0, parker.heading)
     put(out, offsets[part.TO_SLOT_X], 0, dx)
     put(out, offsets[part.TO_SLOT_Y], 0, dy)
+    _put_direction(out, offsets[part.SLOT_UNIT], parker.x, parker.y)
+    _put_direction(out, offsets[part.TO_SLOT_UNIT], dx, dy)

@@ -37,11 +37,18 @@ TERMS: Mapping[str, str] = MappingProxyType(
 )
 
 _REPORT_A = {"parked": 1.0, "late": -1.0, "left": -1.0, "time": -1.0}
+_REPORT_A_FINAL = {
+    "parked": 1.0,
+    "late": -1.0,
+    "reversing": -1.0,
+    "steering_wide": -1.0,
+    "misparked": -1.0,
+}
 REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         # Report on automatic parking of a kart, 2022. Its first configuration; its second, whose
         # penalties of 0.001 a step are 0.6 of a minute of 600 steps; its final one, with the
-        # penalty of the distance in metres, and without.
+        # penalty of the distance in metres, as a share of the 70 m of its yard, and without.
         "report_a_1": _REPORT_A,
         "report_a_2": {
             **_REPORT_A,
@@ -49,21 +56,9 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "steering_wide": -0.6,
             "misparked": -0.5,
         },
-        "report_a_distance": {
-            "parked": 1.0,
-            "late": -1.0,
-            "reversing": -1.0,
-            "steering_wide": -1.0,
-            "goal_distance": -1.0,
-            "misparked": -1.0,
-        },
-        "report_a": {
-            "parked": 1.0,
-            "late": -1.0,
-            "reversing": -1.0,
-            "steering_wide": -1.0,
-            "misparked": -1.0,
-        },
+        "report_a_distance": {**_REPORT_A_FINAL, "goal_distance": -1.0},
+        "report_a_share": {**_REPORT_A_FINAL, "goal_distance": -1.0 / 70.0},
+        "report_a": _REPORT_A_FINAL,
         # A crash costs more than what is left of all penalties, or crashing would pay.
         "park": {
             "parked": 1.0,
