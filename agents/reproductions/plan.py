@@ -1,7 +1,7 @@
 """A reproduction: rows of settings, the report's figures beside them, and the columns to show."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal, Self
 
 from race_agents.training.settings import Tracks
 from race_server.errors import ScenarioError
@@ -29,6 +29,20 @@ class Variant:
     their_number: float | None = None  # what the plot shows beside ours
     steps_share: float = 1.0  # of the reproduction's decisions
     quick_changes: tuple[str, ...] = ()  # besides, where a quick run has too few decisions
+    # What imitates demonstrations, of `gail` and `cloning`; see `demonstration.py`.
+    imitates: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TrainingScale:
+    """The amount of training."""
+
+    steps: int  # decisions of each run
+    seeds: int  # runs of each row
+    exam_s: float = 0.0  # [s] of driving, for each start and track
+    starts: int = 0  # of parking, in each lot
+    demonstrated: int = 0  # decisions of a demonstration
+    changes: tuple[str, ...] = ()  # of settings, so that few steps suffice
 
 
 @dataclass(frozen=True)
@@ -41,24 +55,58 @@ class Exam:
     seeds: int = 4
     seconds: float = 180.0  # of driving, for each seed and track
 
+    curve_head: ClassVar[str] = "return of an episode, mean of the last 100"
+
+    def at(self, scale: TrainingScale) -> Self:
+        """Return the exam of a training of this amount."""
+        return replace(self, seconds=scale.exam_s)
+
+    def words(self, scale: TrainingScale) -> str:
+        """Return a text on how a policy is examined."""
+        tracks = (f"the tracks of the set {self.tracks.set!r}",) if self.tracks.set else ()
+        where = " and ".join((*self.tracks.names, *tracks))
+        starts = "one start" if self.seeds == 1 else f"{self.seeds} starts"
+        company = "alone" if self.alone else "among the other cars"
+        return (
+            f"each then drives {scale.exam_s:g} s without exploration from {starts} "
+            f"on each of {where}, {company}, starting again after a crash"
+        )
+
 
 @dataclass(frozen=True)
-class TrainingScale:
-    """The amount of training."""
+class ParkingExam:
+    """How a policy that parks is examined: once from each of many starts in the lot it learned in.
 
-    steps: int  # decisions of each run
-    seeds: int  # runs of each row
-    exam_s: float  # [s] of driving, for each start and track
-    changes: tuple[str, ...] = ()  # of settings, so that few steps suffice
+    The seeds of the starts are far from those of training.
+    """
+
+    starts: int = 0  # as the amount of training says
+
+    curve_head: ClassVar[str] = "share of the last 100 episodes that parked"
+
+    def at(self, scale: TrainingScale) -> Self:
+        """Return the exam of a training of this amount."""
+        return replace(self, starts=scale.starts)
+
+    def words(self, scale: TrainingScale) -> str:
+        """Return a text on how a policy is examined."""
+        return (
+            f"each then parks from {scale.starts} starts that no training had, without exploration"
+        )
 
 
 @dataclass(frozen=True)
 class Column:
-    """A figure that is shown, see `race_agents.reproductions.exam.Figures`."""
+    """A figure that is shown, see `race_agents.reproductions.exam.Figures`.
+
+    A count may be shown as a percentage of another one, with its interval of 95 %.
+    """
 
     key: str
     head: str
     digits: int = 2
+    of: str = ""  # the other count
+    has_bounds: bool = True  # of a percentage
 
 
 @dataclass(frozen=True)
@@ -69,7 +117,7 @@ class Reproduction:
     source: str  # where the report's figures stand
     preset: str
     rows: tuple[Variant, ...]
-    exam: Exam
+    exam: Exam | ParkingExam
     full: TrainingScale
     quick: TrainingScale
     their_heads: tuple[str, ...]
@@ -113,16 +161,3 @@ class Reproduction:
     def plotted_word(self) -> str:
         """Return the plotted figure, without its unit."""
         return self.plotted.head.split(",")[0]
-
-    def exam_words(self, scale: TrainingScale) -> str:
-        """Return a text on how a policy is examined."""
-        where = " and ".join((*self.exam.tracks.names, *self._set_words()))
-        starts = "one start" if self.exam.seeds == 1 else f"{self.exam.seeds} starts"
-        company = "alone" if self.exam.alone else "among the other cars"
-        return (
-            f"each then drives {scale.exam_s:g} s without exploration from {starts} "
-            f"on each of {where}, {company}, starting again after a crash"
-        )
-
-    def _set_words(self) -> tuple[str, ...]:
-        return (f"the tracks of the set {self.exam.tracks.set!r}",) if self.exam.tracks.set else ()

@@ -19,13 +19,13 @@ def draw(path: Path, plan: Reproduction, lines: Sequence[VariantSummary], words:
 
     figure = Figure(figsize=(11.0, 1.5 + max(3.2, 0.5 * len(lines))), layout="constrained")
     left, right = figure.subplots(1, 2)
-    _curves(left, lines)
+    _curves(left, plan, lines)
     _bars(right, plan, lines)
     figure.suptitle(f"{plan.title}\n{words}", fontsize=11)
     save(figure, path, dpi=100)
 
 
-def _curves(plot: Any, lines: Sequence[VariantSummary]) -> None:
+def _curves(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> None:
     import matplotlib
 
     colours = matplotlib.colormaps["tab20"].colors  # type: ignore[attr-defined]  # untyped there
@@ -37,7 +37,7 @@ def _curves(plot: Any, lines: Sequence[VariantSummary]) -> None:
             plot.plot(*zip(*line.curve, strict=True), style, color=colour, label=label, linewidth=1)
     plot.set_xlabel("decisions")
     plot.locator_params(axis="x", nbins=5)
-    plot.set_ylabel("return of an episode, mean of the last 100")
+    plot.set_ylabel(plan.exam.curve_head)
     plot.grid(alpha=0.3)
     if plot.get_legend_handles_labels()[0]:
         plot.legend(frameon=False, fontsize=7)
@@ -48,10 +48,10 @@ def _bars(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> Non
     has_theirs = any(line.row.their_number is not None for line in lines)
     height = 0.4 if has_theirs else 0.7
     ours = [line.number(plan.plotted) for line in lines]
-    spreads = [line.spreads[plan.plotted.key] for line in lines]
+    margins = np.transpose([line.margins(plan.plotted) for line in lines])
     at = places - height / 2.0 if has_theirs else places
     widths = [value or 0.0 for value in ours]
-    plot.barh(at, widths, height, xerr=spreads, color=OURS, label="ours")
+    plot.barh(at, widths, height, xerr=margins, color=OURS, label="ours")
     if has_theirs:
         numbers = [line.row.their_number for line in lines]
         widths = [value or 0.0 for value in numbers]

@@ -185,7 +185,7 @@ def _write(
         "command": command,
         "steps": scale.steps,
         "seeds": list(range(1, scale.seeds + 1)),
-        "rows": [_row(line) for line in lines],
+        "rows": [_row(plan, line) for line in lines],
         "missing": [row.name for row in plan.rows if row.name not in _names(lines)],
         "runs": sum(line.runs for line in lines),
         "runs_wanted": scale.seeds * len(plan.rows),
@@ -211,16 +211,20 @@ def _names(lines: list[VariantSummary]) -> set[str]:
     return {line.row.name for line in lines}
 
 
-def _row(line: VariantSummary) -> dict[str, Any]:
+def _row(plan: Reproduction, line: VariantSummary) -> dict[str, Any]:
+    shares = [column for column in plan.columns if column.of]
     return {
         "name": line.row.name,
         "changes": list(line.row.changes),
         "twist": asdict(line.row.twist),
+        "imitates": list(line.row.imitates),
         "theirs": list(line.row.theirs),
         "their_number": line.row.their_number,
         "runs": line.runs,
         "steps": line.steps,
         "ours": line.means,
         "deviation": line.spreads,
+        "percent": {f"{column.key} of {column.of}": line.number(column) for column in shares},
+        "bounds": {f"{column.key} of {column.of}": line.bounds(column) for column in shares},
         "curve": line.curve,
     }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from race_agents.reproductions.plan import Column, Reproduction, Variant
+from race_server.competition.proportion import wilson_interval
 
 
 @dataclass(frozen=True)
@@ -18,11 +19,42 @@ class VariantSummary:
     steps: int  # decisions of each run
     means: dict[str, float | None]  # None: no run has such a figure
     spreads: dict[str, float]  # standard deviation over the runs, 0 of a single one
-    curve: tuple[tuple[float, float], ...]  # decisions, return: the mean of the runs
+    # Decisions, and the return or the share that parked: the mean of the runs.
+    curve: tuple[tuple[float, float], ...]
+    figures: tuple[dict[str, float | None], ...]  # of each run
 
     def number(self, column: Column) -> float | None:
-        """Return the mean of a figure."""
-        return self.means.get(column.key)
+        """Return the mean of a figure, or the percentage of all counts together."""
+        if not column.of:
+            return self.means.get(column.key)
+        part, whole = self._total(column.key), self._total(column.of)
+        return 100.0 * part / whole if whole else None
+
+    def spread(self, column: Column) -> float:
+        """Return the standard deviation of a figure or a percentage over the runs."""
+        if not column.of:
+            return self.spreads[column.key]
+        runs = [(run[column.key] or 0.0, run[column.of] or 0.0) for run in self.figures]
+        shares = [100.0 * part / whole for part, whole in runs if whole]
+        return float(np.std(shares)) if shares else 0.0
+
+    def bounds(self, column: Column) -> tuple[float, float] | None:
+        """Return the bounds of 95 % of a percentage, over the counts of all runs; or None."""
+        whole = round(self._total(column.of)) if column.of and column.has_bounds else 0
+        if not whole:
+            return None
+        low, high = wilson_interval(round(self._total(column.key)), whole)
+        return 100.0 * low, 100.0 * high
+
+    def margins(self, column: Column) -> tuple[float, float]:
+        """Return how far a plot's error bar reaches below and above a figure."""
+        bounds, number = self.bounds(column), self.number(column)
+        if bounds is None or number is None:
+            return self.spread(column), self.spread(column)
+        return number - bounds[0], bounds[1] - number
+
+    def _total(self, key: str) -> float:
+        return sum(run[key] or 0.0 for run in self.figures)
 
 
 def lines_of(plan: Reproduction, outcomes: Sequence[dict[str, Any]]) -> list[VariantSummary]:
@@ -49,7 +81,8 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
     )
     steps = max(run["steps"] for run in runs)
     pairs = tuple((float(at), float(value)) for at, value in curve)
-    return VariantSummary(row, len(runs), steps, means, spreads, pairs)
+    figures = tuple(run["figures"] for run in runs)
+    return VariantSummary(row, len(runs), steps, means, spreads, pairs, figures)
 
 
 def remarks_on(plan: Reproduction, lines: Sequence[VariantSummary]) -> list[str]:

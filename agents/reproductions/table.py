@@ -6,6 +6,7 @@ from race_agents.reproductions.plan import Column, Reproduction, TrainingScale
 from race_agents.reproductions.summary import VariantSummary, remarks_on
 
 NOTHING = "–"
+BOUNDS_WORDS = "In square brackets: the interval of 95 % (Wilson) over all starts of all runs."
 
 
 def heads_of(plan: Reproduction) -> list[str]:
@@ -38,7 +39,9 @@ def _figure(column: Column, line: VariantSummary, base: VariantSummary | None) -
         return NOTHING
     text = f"{value:.{column.digits}f}"
     if line.runs > 1:
-        text += f" ± {line.spreads[column.key]:.{column.digits}f}"
+        text += f" ± {line.spread(column):.{column.digits}f}"
+    if (bounds := line.bounds(column)) is not None:
+        text += f" [{bounds[0]:.{column.digits}f}, {bounds[1]:.{column.digits}f}]"
     first = base.number(column) if base is not None and base is not line else None
     return text if first is None else f"{text} ({value - first:+.{column.digits}f})"
 
@@ -80,10 +83,15 @@ def page(
     parts = [
         f"# {plan.title}",
         f"Theirs: {plan.source}.",
-        f"Ours: {scale_words(scale, lines, quick=quick)}; {plan.exam_words(scale)}.",
+        f"Ours: {scale_words(scale, lines, quick=quick)}; {plan.exam.words(scale)}.",
         partial_words(plan, scale, lines),
         "\n".join(table),
         *(["In brackets: the difference to the base."] if base is not None else []),
+        *(
+            [BOUNDS_WORDS]
+            if any(column.of and column.has_bounds for column in plan.columns)
+            else []
+        ),
         "\n".join(remarks_on(plan, lines)),
         "What is assumed, and what differs:",
         "\n".join(f"- {assumption}" for assumption in plan.assumptions),

@@ -4,17 +4,26 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from race_agents.reproductions.exam import examine
-from race_agents.reproductions.plan import Exam, Reproduction, TrainingScale, Variant
+from race_agents.reproductions.demonstration import imitating
+from race_agents.reproductions.exam import Decide, examine
+from race_agents.reproductions.parking_exam import examine_parking
+from race_agents.reproductions.plan import (
+    Exam,
+    ParkingExam,
+    Reproduction,
+    TrainingScale,
+    Variant,
+)
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
+from race_agents.training.cloning import Cloning
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
@@ -24,10 +33,10 @@ POINTS = 40  # of the curve of a training
 FORMAT = 1  # of the files; files of another format are made again
 
 # Tables of the settings that no training here uses: their keys and defaults are not in the digest.
-UNUSED = (
-    *("self_play", "curriculum", "warm_start", "cloning", "gail", "curiosity"),
-    *("evaluation", "goal"),
-)
+UNUSED = ("self_play", "warm_start", "evaluation", "goal")
+# Those that only trainings to park use.
+PARKING = ("curriculum", "cloning", "gail", "curiosity", "parking")
+SETTLED = 0.9  # share of the final figure at which something counts as learned
 
 Tell = Callable[[float], None]  # called with the share of the training that is done
 
@@ -39,15 +48,17 @@ class Training:
     row: Variant
     seed: int
     settings: Settings
-    exam: Exam
+    exam: Exam | ParkingExam
+    demonstrated: int = 0  # decisions of a demonstration
 
     @property
     def key(self) -> str:
         """Return a digest of everything that the result depends on."""
-        # Nor those of parking where it races: they came later.
-        unused = UNUSED if self.settings.parks else (*UNUSED, "parking")
+        unused = UNUSED if self.settings.parks else (*UNUSED, *PARKING)
         settings = as_toml(self.settings, without=unused)
         words = f"{FORMAT} {settings} {self.row.twist} {self.exam!r}"
+        if self.row.imitates:
+            words += f" {self.row.imitates} {self.demonstrated}"
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 
@@ -72,11 +83,12 @@ def _training(plan: Reproduction, scale: TrainingScale, row: Variant, seed: int)
     if row.twist.choices:
         # Settings have no choice among increments: the world receives increments.
         settings = settings.model_copy(update={"action": "increments"})
-    return Training(row, seed, settings, replace(plan.exam, seconds=scale.exam_s))
+    demonstrated = scale.demonstrated if row.imitates else 0
+    return Training(row, seed, settings, plan.exam.at(scale), demonstrated)
 
 
 def _check_plain(settings: Settings, preset: str) -> None:
-    """Check that a training uses the reward of the race alone.
+    """Check that a training uses the reward of the race alone, or what helps to learn to park.
 
     Raises:
         ScenarioError: it uses more.
@@ -84,11 +96,12 @@ def _check_plain(settings: Settings, preset: str) -> None:
     wanted = {
         "warm_start": settings.warm_start.is_wanted,
         "self_play": settings.self_play.seats,
-        "curriculum": settings.curriculum,
         "cloning": settings.cloning.demonstrations,
         "gail": settings.gail.demonstrations,
-        "curiosity": settings.curiosity.bonus,
     }
+    if not settings.parks:
+        aids = {"curriculum": settings.curriculum, "curiosity": settings.curiosity.bonus}
+        wanted |= aids
     if names := [name for name, value in wanted.items() if value]:
         raise ScenarioError(
             f"preset {preset!r} has {', '.join(names)}: a reproduction learns by the race's "
@@ -103,21 +116,26 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
         RaceError: the settings are not valid.
     """
     budget = Budget.of(training.settings)
-    world = world_of(training.settings, training.row.twist, budget)
-    learner = learner_of(training.settings, world, budget, None)
-    watch = _Watch(budget, tell)
-    begun = time.process_time()
-    learner.learn(budget.steps_left, callback=watch)
-    learning_s = time.process_time() - begun
+    with imitating(training.settings, training.row.imitates, training.demonstrated) as settings:
+        world = world_of(settings, training.row.twist, budget)
+        learner = learner_of(settings, world, budget, None)
+        watch = _Watch(settings, budget, tell)
+        callbacks: list[BaseCallback] = [watch]
+        if settings.cloning.demonstrations:
+            callbacks.append(Cloning(settings, world, budget))
+        learner.learn(budget.steps_left, callback=callbacks)
+    learning_s = watch.cpu_s
     world.close()
 
     def decide(seen: Any) -> Any:
         answers = learner.predict(world.normalize_obs(seen), deterministic=True)[0]
         return actions_of(training.row.twist, answers)
 
-    figures = asdict(examine(training.settings, training.exam, decide))
+    figures = _figures(training, decide)
     figures["learning_cpu_s"] = learning_s
     figures["learning_return"] = mean_return(watch.curve)
+    if training.settings.parks:
+        figures["settled_cpu_s"] = settled_at(watch.curve, watch.cpu_times)
     return {
         "row": training.row.name,
         "seed": training.seed,
@@ -126,6 +144,26 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
         "figures": figures,
         "curve": watch.curve,
     }
+
+
+def _figures(training: Training, decide: Decide) -> dict[str, Any]:
+    """Return the figures of a trained policy."""
+    exam = training.exam
+    if isinstance(exam, ParkingExam):
+        return examine_parking(training.settings, exam, decide)
+    return asdict(examine(training.settings, exam, decide))
+
+
+def settled_at(curve: list[tuple[int, float]], cpu_times: list[float]) -> float | None:
+    """Return the processor time [s] at which a curve first reached 90 % of where it ended.
+
+    The end is the mean of its last tenth; None if that is nothing.
+    """
+    end = float(np.mean([value for _, value in curve[-POINTS // 10 :]])) if curve else 0.0
+    if end <= 0.0:
+        return None
+    reached = zip(curve, cpu_times, strict=True)
+    return next(at for (_, value), at in reached if value >= SETTLED * end)
 
 
 def mean_return(curve: list[tuple[int, float]]) -> float | None:
@@ -138,14 +176,25 @@ def mean_return(curve: list[tuple[int, float]]) -> float | None:
 
 
 class _Watch(BaseCallback):
-    """Counts decisions and records the mean return of the last hundred episodes."""
+    """Counts decisions and records figures of the last hundred episodes.
 
-    def __init__(self, budget: Budget, tell: Tell) -> None:
+    Of a race that is the mean return, in a lot the share that parked.
+    """
+
+    def __init__(self, settings: Settings, budget: Budget, tell: Tell) -> None:
         super().__init__()
         self.budget = budget
         self.curve: list[tuple[int, float]] = []
+        self.cpu_times: list[float] = []  # [s] at each point of the curve
+        self._figure = "is_success" if settings.parks else "r"
+        self._begun = time.process_time()
         self._points = 0
         self._tell = tell
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time so far [s]."""
+        return time.process_time() - self._begun
 
     def _on_step(self) -> bool:
         self.budget.done += self.training_env.num_envs
@@ -153,8 +202,9 @@ class _Watch(BaseCallback):
             self._points = int(self.budget.share * POINTS)
             # Among many agents it takes a while until the first episode is over.
             if self.model.ep_info_buffer:
-                mean = np.mean([row["r"] for row in self.model.ep_info_buffer])
+                mean = np.mean([row[self._figure] for row in self.model.ep_info_buffer])
                 self.curve.append((self.budget.done, float(mean)))
+                self.cpu_times.append(self.cpu_s)
             self._tell(self.budget.share)
         return True
 

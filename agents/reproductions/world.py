@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
+from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from race_agents.reproductions.plan import Twist
 from race_agents.training.budget import Budget
 from race_agents.training.learner import world_of as training_world_of
+from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
 from race_server.core.observation import Layout
 from race_server.core.vehicles import vehicle_named
@@ -62,13 +63,15 @@ class Twisted(VecEnvWrapper):
         return seen, rewards, dones, infos
 
 
-def world_of(settings: Settings, twist: Twist, budget: Budget) -> VecNormalize:
+def world_of(settings: Settings, twist: Twist, budget: Budget) -> Normaliser:
     """Return the karts that learn.
 
     Raises:
         RaceError: the settings are not valid.
     """
-    world = training_world_of(settings, budget, partial(Twisted, twist=twist))
+    # In a lot nothing is twisted but the scaling, and judges may add to the reward.
+    around = None if settings.parks else partial(Twisted, twist=twist)
+    world = training_world_of(settings, budget, around)
     world.norm_obs = twist.scaling != "none"
     if twist.scaling == "largest":
         karts: KartVecEnv = world.unwrapped  # type: ignore[assignment]

@@ -32,21 +32,21 @@ class Watched:
         """Wrap a driver. noise: standard deviation of pedals and steering, as a share."""
         self.observations: list[np.ndarray] = []
         self.controls: list[np.ndarray] = []
-        self._driver = driver
+        self.driver = driver
         self._noise = noise
         self._chance = np.random.default_rng(seed)
 
     def reset(self, briefing: Briefing) -> None:
         """Get ready for a new race."""
-        self._driver.reset(replace(briefing, preset=self._driver.preset))
+        self.driver.reset(replace(briefing, preset=self.driver.preset))
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
         offered = observation.layout.slices
         rays = offered["lidar"].stop - offered["lidar"].start
-        layout = layout_of(self._driver.preset, rays)
+        layout = layout_of(self.driver.preset, rays)
         values = np.concatenate([observation[part] for part in layout.slices])
-        control = self._driver.act(Observation(observation.tick, layout, values))
+        control = self.driver.act(Observation(observation.tick, layout, values))
         numbers = numbers_of(control)
         self.observations.append(observation.values.copy())
         self.controls.append(numbers)

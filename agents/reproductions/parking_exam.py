@@ -1,0 +1,37 @@
+"""Figures of a policy that parks: counts of how its episodes ended, from starts held out."""
+
+from typing import Any
+
+from race_agents.reproductions.exam import FIRST_SEED
+from race_agents.reproductions.plan import ParkingExam
+from race_agents.training.evaluation import Examiner
+from race_agents.training.parking_marks import ParkingMarks
+from race_agents.training.race_marks import Decide
+from race_agents.training.settings import Settings
+from race_agents.training.tasks import validation_courses
+from race_server.envs.parking.reward_terms import ENDINGS, IS_LATE
+
+# How an episode can fail.
+FAILURES = ENDINGS[IS_LATE:]
+
+
+def examine_parking(settings: Settings, exam: ParkingExam, decide: Decide) -> dict[str, Any]:
+    """Park from each start once, and return figures; shares are told as counts."""
+    tried = settings.evaluation.model_copy(update={"seeds": exam.starts})
+    asked = settings.model_copy(update={"evaluation": tried})
+    examiner = Examiner(asked, validation_courses(asked), FIRST_SEED)
+    marks = examiner.examine(decide)[-1]
+    examiner.close()
+    assert isinstance(marks, ParkingMarks)
+    tally = marks.tally
+    return {
+        "starts": tally.episodes,
+        "parked": round(tally.success_rate * tally.episodes),
+        "aligned": round(tally.aligned_rate * tally.episodes),
+        **{name: tally.failures.get(name, 0) for name in FAILURES},
+        "walked_into": tally.walked_into,
+        "return": marks.reward,
+        "time_s": tally.time_s_median,
+        "path_m": tally.path_m_median,
+        "direction_changes": tally.direction_changes_mean,
+    }
