@@ -164,32 +164,29 @@ def list_policies(as_json: AsJson = False) -> None:
         return
     table = Table(box=None, padding=(0, 1, 0, 0))
     table.add_column("policy", no_wrap=True)
-    for head in ("preset", "vehicle", "by", "tracks or lots"):
+    for head in ("preset", "vehicle", "by", "tracks or lots", "how well"):
         table.add_column(head, overflow="fold")
-    for head in ("speed, m/s", "crash rate", "best lap, s", "parked", "aligned"):
-        table.add_column(head, justify="right")
     console = Console()
     for one in known:
         preset = one.preset if one.is_run else "bundled"
         facts = (preset, one.vehicle, one.algorithm, _tracks(one.lots or one.tracks))
-        table.add_row(one.name, *facts, *_figures(one.evaluation))
+        table.add_row(one.name, *facts, _figures(one.evaluation))
     console.print(table)
     for one in known:
         if one.remark:
             console.print(one.remark, style="yellow", soft_wrap=True)
 
 
-def _figures(evaluation: dict[str, Any]) -> tuple[str, ...]:
-    """Return the figures of a policy on unseen courses, or of one that parks."""
+def _figures(evaluation: dict[str, Any]) -> str:
+    """Return the figures of a policy on unseen courses, or under unseen seeds in lots."""
     if not evaluation:
-        return (UNKNOWN,) * 5
+        return UNKNOWN
     if "success_rate" in evaluation:
-        shares = (evaluation["success_rate"], evaluation["aligned_rate"])
-        return (*(UNKNOWN,) * 3, *(f"{100.0 * share:.1f} %" for share in shares))
+        parked, aligned = evaluation["success_rate"], evaluation["aligned_rate"]
+        return f"{100.0 * parked:.1f} % park, {100.0 * aligned:.1f} % aligned"
     lap = evaluation["best_lap_s"]
-    words = UNKNOWN if lap is None else f"{lap:.2f}"
-    racing = (f"{evaluation['speed']:.2f}", f"{evaluation['crash_rate']:.2f}", words)
-    return (*racing, UNKNOWN, UNKNOWN)
+    words = "no lap" if lap is None else f"best lap {lap:.2f} s"
+    return f"{evaluation['speed']:.2f} m/s, {100.0 * evaluation['crash_rate']:.0f} % crash, {words}"
 
 
 def _tracks(names: tuple[str, ...]) -> str:

@@ -305,6 +305,18 @@ def test_a_run_begins_with_what_another_one_learned(run: TrainingResult) -> None
     world.close()
 
 
+def test_other_karts_in_a_lot_drive_what_was_learned_before(run: TrainingResult) -> None:
+    others = f"race={{karts = 3, opponents = ['learned:{run.folder / 'policy.onnx'}']}}"
+    # The level of the preset would end an episode 30 m away from the slot.
+    yard = ("parking.lots=['yard-70']", "parking.level=report-a-2")
+    batch = Batch(training_task(settings(*yard, others)), worlds=2, seed=4)
+    assert batch.observations.shape[:2] == (2, 1)  # one learns
+    batch.step(np.zeros((2, 1, 2), np.float32))
+    assert (np.abs(batch.buffers.controls[:, 1:, :2]).max(axis=2) > 0.0).all()
+    assert len({int(one) for one in (batch.world.parking.parkers["x"][0] * 1000.0)}) == 3
+    batch.close()
+
+
 def briefing(decision_s: float) -> Briefing:
     lidar = Lidar()
     return Briefing(
