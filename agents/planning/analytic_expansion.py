@@ -1,6 +1,7 @@
 """The rest of a path as one word of Reeds and Shepp, if one of them is free."""
 
 import math
+from typing import NamedTuple
 
 from race_agents.planning.footprint import Footprint
 from race_agents.planning.obstacles import Obstacles, free_way
@@ -16,16 +17,30 @@ LEAST_PIECE = 1e-6
 NO_WORD = -1
 
 
+class Prices(NamedTuple):
+    """What a metre costs, at least 1."""
+
+    ahead: float  # driven forward
+    back: float  # driven in reverse
+
+
 @kernel
-def cost_of_word(word: Word, direction: float) -> float:
+def cost_of_way(way: float, prices: Prices) -> float:
+    """Return the cost [m] of a way [m], negative in reverse."""
+    return way * prices.ahead if way > 0.0 else -way * prices.back
+
+
+@kernel
+def cost_of_word(word: Word, direction: float, prices: Prices) -> float:
     """Return the cost [m] of a word; direction: in which the vehicle came, 0 if it stands."""
-    cost = word.length
+    cost = 0.0
     for piece in range(PIECES):
         way = word.ways[piece]
         if abs(way) > LEAST_PIECE:
             if way * direction < 0.0:
                 cost += CUSP
             direction = way
+            cost += cost_of_way(way, prices)
     return cost
 
 
@@ -49,6 +64,7 @@ def cheapest_free_word(
     goal: Pose,
     direction: float,
     most: float,
+    prices: Prices,
     costs: Floats,
 ) -> tuple[int, float]:
     """Return number and cost [m] of the cheapest word that is free, NO_WORD if none is.
@@ -58,7 +74,7 @@ def cheapest_free_word(
     """
     for place, number in enumerate(WORDS):
         word = word_between(number, start, goal, footprint.radius)
-        costs[place] = cost_of_word(word, direction)
+        costs[place] = cost_of_word(word, direction, prices)
     while True:
         best = 0
         for place in range(len(costs)):

@@ -92,6 +92,30 @@ def turn_point(observation: Floats, px: int, py: int, cos: float, sin: float) ->
     observation[px], observation[py] = x * cos + y * sin, y * cos - x * sin
 
 
+@kernel
+def command_at(memory: Floats, step: int, delay: int) -> Command:
+    """Return the command that acts in a step of the model, of those given before.
+
+    memory: (M,) of the driver; delay: [thirds of a decision] from a command to its effect.
+    """
+    # The newest command was given one decision ago.
+    place = COMMANDS + COMMAND * age_at(THIRDS + step // FINE, delay)
+    return Command(memory[place], memory[place + 1], memory[place + 2])
+
+
+@large_kernel
+def move_on(cockpit: Cockpit, motion: Motion, delay: int) -> Motion:
+    """Return the motion after `delay` thirds of a decision, under the commands given before."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
+    cap, thrust = observation[offsets[SPEED_CAP]], observation[offsets[THRUST_SCALE]]
+    allowance = Allowance(cap, thrust, observation[offsets[GRIP_SCALE]], 0.0)
+    step_s = setup[DECISION] / (THIRDS * FINE)
+    for step in range(delay * FINE):
+        motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
+    return motion
+
+
 @large_kernel
 def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
     """Move the observed kart on by `delay` thirds of a decision, under the commands given before.
@@ -101,7 +125,6 @@ def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
     """
     observation, offsets = cockpit.observation, cockpit.offsets
     vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
-    # The newest command was given one decision ago.
     step_s = setup[DECISION] / (THIRDS * FINE)
     speed, sliding = observation[offsets[SPEED]], observation[offsets[LATERAL_SPEED]]
     turning, steering = observation[offsets[YAW_RATE]], observation[offsets[STEERING]]
@@ -111,9 +134,7 @@ def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
     offset, bearing = observation[offsets[OFFSET]], observation[offsets[HEADING]]
     along = 0.0
     for step in range(delay * FINE):
-        place = COMMANDS + COMMAND * age_at(THIRDS + step // FINE, delay)
-        command = Command(memory[place], memory[place + 1], memory[place + 2])
-        motion = move(vehicle, motion, command, allowance, step_s)
+        motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
         speed, sliding = motion.speed, motion.lateral_speed
         bend = at_distance(
             observation, offsets[CURVATURE], along / max(observation[offsets[STEP]], 0.01)

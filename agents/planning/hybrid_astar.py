@@ -13,7 +13,13 @@ it are many. A path driven back is a path.
 import math
 from typing import NamedTuple
 
-from race_agents.planning.analytic_expansion import CUSP, NO_WORD, cheapest_free_word
+from race_agents.planning.analytic_expansion import (
+    CUSP,
+    NO_WORD,
+    Prices,
+    cheapest_free_word,
+    cost_of_way,
+)
 from race_agents.planning.footprint import Footprint
 from race_agents.planning.obstacles import Obstacles, free_way
 from race_agents.planning.search_tree import (
@@ -62,6 +68,7 @@ class Task(NamedTuple):
     footprint: Footprint
     obstacles: Obstacles
     distances: Floats  # (rows, columns) [m] from each cell to the goal
+    prices: Prices
     costs: Floats  # (len(WORDS),), work space
     mesh: Mesh
 
@@ -112,7 +119,8 @@ def expand(task: Task, tree: Tree, number: int) -> None:
         if abs(way) < mesh.least:
             continue
         pose, node = along_arc(start, curvature, way), draft(tree)
-        node.cost = parent.cost + abs(way) + (CUSP if direction * parent.way < 0.0 else 0.0)
+        node.cost = parent.cost + cost_of_way(way, task.prices)
+        node.cost += CUSP if direction * parent.way < 0.0 else 0.0
         left = estimate(task, pose)
         if left == math.inf:
             continue
@@ -141,7 +149,14 @@ def search(task: Task, tree: Tree) -> tuple[int, int]:
         if wait < 0.0:
             pose, left = Pose(node.x, node.y, node.heading), least - node.cost
             word, cost = cheapest_free_word(
-                task.obstacles, task.footprint, pose, task.goal, node.way, left, task.costs
+                task.obstacles,
+                task.footprint,
+                pose,
+                task.goal,
+                node.way,
+                left,
+                task.prices,
+                task.costs,
             )
             if word != NO_WORD:
                 found, found_word, least = number, word, node.cost + cost

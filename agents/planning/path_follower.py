@@ -25,8 +25,8 @@ from race_server.errors import PlanError
 SPACING, SPREAD = 0.05, 0.5
 # Distance of the point that is pursued [m].
 PURSUIT = 1.0
-# Shares of what motor, brakes and steering can do; the rest is left to corrections.
-PACE_SHARE, BRAKE_SHARE, TURN_SHARE = 0.7, 0.5, 0.7
+# Shares of what motor, brakes, steering and tyres can do; the rest is left to corrections.
+PACE_SHARE, BRAKE_SHARE, TURN_SHARE, GRIP_SHARE = 0.7, 0.5, 0.7, 0.3
 # How far ahead [s] the path's curvature is followed.
 LEAD_S = 0.1
 # Gain of the speed error [1/s].
@@ -85,6 +85,9 @@ def _leg(part: Path, vehicle: Vehicle, cruise: float, first: int) -> Floats:
     most = min(cruise, vehicle.top_speed if gear > 0.0 else vehicle.reverse_speed)
     turning = np.abs(np.diff(angles)) / ways
     limits = np.minimum(most, TURN_SHARE * vehicle.steering_rate / np.maximum(turning, 1e-9))
+    bends = np.maximum(np.abs(curvatures[1:]), np.abs(curvatures[:-1]))
+    grip = GRIP_SHARE * vehicle.grip * GRAVITY
+    limits = np.minimum(limits, np.sqrt(grip / np.maximum(bends, 1e-9)))
     leg[:, SPEED] = _paced(limits, ways, vehicle)
     leg[:, GEAR], leg[:, LEFT], leg[:, LAST] = gear, driven[-1] - driven, first + len(leg) - 1
     return leg
@@ -152,11 +155,11 @@ def _point_passed(track: Floats, point: int, x: float, y: float) -> int:
 
 
 @large_kernel
-def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion) -> Command:
+def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion, cap: float) -> Command:
     """Return what to do now to stay on a track; at its end the brakes hold.
 
     track: (S, 8); progress: (1,) number of the point that was passed last, moved on here; vehicle:
-    VEHICLE; motion: of the centre of gravity.
+    VEHICLE; motion: of the centre of gravity; cap: most speed [m/s], at zero the brakes hold.
     """
     cos, sin = cos_sin(wrap_angle(motion.heading))
     x, y = motion.x - vehicle.rear_axle * cos, motion.y - vehicle.rear_axle * sin
@@ -185,11 +188,13 @@ def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion) -> 
     steering = angle / vehicle.steering_limit
 
     begins = point == 0 or track[point - 1, LEFT] <= 0.0
-    if arrived or (begins and stands and abs(motion.steering - angle) > TURNED):
+    if arrived or cap <= 0.0 or (begins and stands and abs(motion.steering - angle) > TURNED):
         return Command(steering, 0.0, 1.0)
     speed, after = track[point, SPEED], track[point + 1, SPEED]
     wanted, pace = speed + share * (after - speed), (after * after - speed * speed) / (2.0 * step)
     if wanted < CREEP:
         wanted, pace = CREEP, 0.0
+    if wanted > cap:
+        wanted, pace = cap, min(pace, 0.0)
     throttle, brake = _pedals(vehicle, motion.speed, gear * wanted, pace, gear)
     return Command(steering, throttle, brake)

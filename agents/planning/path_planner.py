@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_agents.planning.analytic_expansion import CUSP, LEAST_PIECE
+from race_agents.planning.analytic_expansion import CUSP, LEAST_PIECE, Prices
 from race_agents.planning.footprint import Footprint, footprint_of
 from race_agents.planning.halfway import halfway_poses
 from race_agents.planning.hybrid_astar import CURVATURES, GAVE_UP, Mesh, Task, search
@@ -56,10 +56,17 @@ NO_BOXES = np.zeros((0, 6))
 class PathPlanner:
     """Plans for one vehicle. Its work space is made once, so it plans one path at a time."""
 
-    def __init__(self, vehicle: Vehicle, *, margin: float = MARGIN, lock: float = LOCK) -> None:
-        """Make room. margin: distance kept from obstacles [m]; lock: share of the curvature."""
+    def __init__(
+        self, vehicle: Vehicle, *, margin: float = MARGIN, lock: float = LOCK, back: float = 1.0
+    ) -> None:
+        """Make room.
+
+        margin: distance kept from obstacles [m]; lock: share of the curvature; back: what a metre
+        in reverse costs, as a multiple of one forward, at least 1.
+        """
         self.vehicle = vehicle
         self.margin = margin
+        self.back = back
         self.footprint = footprint_of(vehicle, margin, lock)
         self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
         self._clear, self._distances = np.zeros(MOST_CELLS), np.zeros(MOST_CELLS)
@@ -100,8 +107,12 @@ class PathPlanner:
                 f"no way leads from {_words(start)} to {_words(goal)}: what is free around one is "
                 f"cut off from the other, or joined to it only farther than {REACH:g} m aside"
             )
+        # What is found from the goal is driven the other way round.
+        prices = Prices(self.back, 1.0) if is_swapped else Prices(1.0, self.back)
         for mesh in meshes:
-            task = Task(root, target, self.footprint, obstacles, distances, self._costs, mesh)
+            task = Task(
+                root, target, self.footprint, obstacles, distances, prices, self._costs, mesh
+            )
             node, word = search(task, self._tree)
             if node >= 0:
                 path = self._path(task, node, word)
@@ -129,7 +140,8 @@ class PathPlanner:
                 out = self._join(start, between, obstacles, MESHES)
                 into = self._join(between, goal, obstacles, MESHES)
                 path = path_of(start, np.concatenate([out.arcs, into.arcs]))
-                cost = path.length + CUSP * path.changes
+                ahead, back = path.arcs[:, 1].clip(min=0.0), path.arcs[:, 1].clip(max=0.0)
+                cost = ahead.sum() - self.back * back.sum() + CUSP * path.changes
                 if cost < least:
                     best, least = path, cost
         return best

@@ -98,6 +98,21 @@ def item_uses_of(names: tuple[str, ...]) -> Ints:
     return np.array([0, *(known.get(name, 0) for name in names)], np.int64)
 
 
+def cockpit_for(briefing: Briefing, layout: Layout) -> Cockpit:
+    """Return the cockpit of a driver that drives alone, at the start of a race."""
+    offsets, uses = offsets_of(layout), item_uses_of(briefing.items)
+    setup = np.array([briefing.lidar_field, briefing.lidar_reach, briefing.decision_s])
+    memory, control = np.zeros(memory_size(int(offsets[-1]))), np.zeros(4)
+    vehicle = vehicle_record(briefing.vehicle)[0]
+    cockpit = Cockpit(np.zeros(layout.size), offsets, vehicle, setup, uses, memory, control)
+    if not INTERPRET:
+        return cockpit
+    # Plain Python reads lists and attributes several times faster than arrays.
+    arrays = cockpit._asdict() | {"vehicle": np.zeros(0)}
+    lists: dict[str, Any] = {name: array.tolist() for name, array in arrays.items()}
+    return Cockpit(**(lists | {"vehicle": briefing.vehicle}))
+
+
 class KernelDriver:
     """A driver that decides in a kernel.
 
@@ -145,17 +160,6 @@ class KernelDriver:
         return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
 
     def _prepare(self, layout: Layout) -> Cockpit:
-        briefing = self._briefing
-        offsets, uses = offsets_of(layout), item_uses_of(briefing.items)
-        setup = np.array([briefing.lidar_field, briefing.lidar_reach, briefing.decision_s])
-        memory, control = np.zeros(memory_size(int(offsets[-1]))), np.zeros(4)
-        vehicle = vehicle_record(briefing.vehicle)[0]
-        cockpit = Cockpit(np.zeros(layout.size), offsets, vehicle, setup, uses, memory, control)
-        if INTERPRET:
-            # Plain Python reads lists and attributes several times faster than arrays.
-            arrays = cockpit._asdict() | {"vehicle": np.zeros(0)}
-            lists: dict[str, Any] = {name: array.tolist() for name, array in arrays.items()}
-            cockpit = Cockpit(**(lists | {"vehicle": briefing.vehicle}))
-        self._cockpit = cockpit
+        self._cockpit = cockpit = cockpit_for(self._briefing, layout)
         self._drive = bind(type(self).decide, cockpit)
         return cockpit

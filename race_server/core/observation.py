@@ -204,8 +204,9 @@ _GOAL = (
     *("goal_x", "goal_y", "goal_cos", "goal_sin", "goal_distance", "goal_proximity"),
     *("goal_bearing", "parked_for"),
 )
+_POSE = ("position_x", "position_y", "heading")
 _LOT = (
-    *("position_x", "position_y", "heading", "heading_cos", "heading_sin"),
+    *(*_POSE, "heading_cos", "heading_sin"),
     *("slot_x", "slot_y", "slot_heading", "to_slot_x", "to_slot_y", "velocity_x", "velocity_y"),
 )
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
@@ -226,6 +227,8 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "rivals": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_RIVALS, *_GAME, "item_use", *_GAPS),
         # For drivers that park: where the slot is, and what the radar sees.
         "lot": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL, *_LOT, *_GAME),
+        # For drivers that have a map of the lot: their pose on it, and the lidar to see the rest.
+        "lot_lidar": ("lidar", *_MOTION, *_POSE, "parked_for", *_GAME),
         "full": tuple(part.name for part in PARTS),
     }
 )

@@ -221,6 +221,15 @@ class Batch:
             begin()
         return self.buffers.observations
 
+    def seed_next(self, w: int, seed: int) -> None:
+        """Let the next round of a world be the first one of another seed.
+
+        So a batch goes through any list of seeds, each as if it were driven alone.
+        """
+        self.buffers.rounds["seed"][w] = seed
+        self.buffers.rounds["number"][w] = 0
+        self.buffers.episodes["number"][w] = 0
+
     def step(self, actions: Any = None) -> None:
         """Move every world on by one decision under the learners' actions, shape (W, L, A).
 

@@ -219,7 +219,7 @@ def test_a_slot_that_is_good_for_its_vehicle_may_be_too_small_for_another(tmp_pa
 def test_the_list_has_every_lot_with_its_figures() -> None:
     rows = json.loads(CliRunner().invoke(app, ["list", "--json"]).output)
     (kerb,) = (row for row in rows if row["name"] == "kerb")
-    assert (kerb["size_m"], kerb["slots"], kerb["vehicle"]) == ([60.0, 9.0], 8, "car")
+    assert (kerb["size_m"], kerb["slots"], kerb["vehicle"]) == ([60.0, 9.3], 8, "car")
     assert "Bays along a kerb" in CliRunner().invoke(app, ["list"], env={"COLUMNS": "160"}).output
 
 

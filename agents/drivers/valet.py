@@ -1,0 +1,207 @@
+"""Parks: plans a way to its slot on the map, drives it, and stops before what is on no map."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from race_agents.planning.delay_compensation import move_on
+from race_agents.planning.footprint import Point, convert
+from race_agents.planning.latency import LATENCY, estimate_latency, remember_command
+from race_agents.planning.parking_plan import chart_of, plan_to_slot
+from race_agents.planning.path_follower import HEADING, STANDING, X, Y, follow, make_track
+from race_agents.planning.scan import age_of_scan
+from race_agents.planning.unexpected import WALK, Chart, Eye, safe_speed, unexpected_points
+from race_server.core.driver import Briefing
+from race_server.core.kernel_driver import Cockpit, cockpit_for
+from race_server.core.kernels.boxes import Hull
+from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.jit import INTERPRET
+from race_server.core.kernels.motion import Command, Motion
+from race_server.core.lots import PARKER
+from race_server.core.messages import Control
+from race_server.core.observation import PART_NUMBERS, Observation
+from race_server.core.parking_order import ParkingOrder
+from race_server.core.rules.parking import is_parked, stand_in
+from race_server.core.state import Floats
+from race_server.core.vehicles import Vehicle
+from race_server.errors import DriverError, PlanError
+
+LIDAR = PART_NUMBERS["lidar"]
+
+# A vehicle that has left its way by more than this, to the side [m] or turned [rad], plans again.
+LOST, TURNED_AWAY = 0.3, 0.3
+# How long [s] a vehicle waits for what stands in its way, or for a way to be found: longer than
+# people rest. Then it plans a way around what it sees, and takes that for a box of this half
+# size [m] around each point.
+PATIENCE_S, MARK = 4.0, 0.3
+# How long [s] a vehicle that arrived stands before it plans another way to stand better.
+SETTLED_S = 0.5
+# Things farther away than a stop from the top speed and this [m] do not matter yet.
+BEYOND = 2.0
+HOLD = Command(0.0, 0.0, 1.0)
+
+
+class Valet:
+    """Drives to a slot on a planned way; waits for people, and plans again where it stays blocked.
+
+    ``valet:1.5`` drives at most 1.5 m/s, otherwise as fast as the vehicle can and its way lets it.
+    """
+
+    preset = "lot_lidar"
+
+    def __init__(self, pace: str = "") -> None:
+        """Set the most speed [m/s], that of the vehicle where it is empty.
+
+        Raises:
+            DriverError: it is no positive number.
+        """
+        try:
+            self._pace = float(pace) if pace else math.inf
+        except ValueError:
+            self._pace = math.nan
+        if not self._pace > 0.0:
+            raise DriverError(f"valet:{pace}: give a speed above zero in m/s, such as valet:1.5")
+
+    def reset(self, briefing: Briefing) -> None:
+        """Get ready for a new race; without an order the vehicle stands."""
+        self._briefing = briefing
+        self._cockpit: Cockpit | None = None
+        self._order: ParkingOrder | None = None
+        self._forget_way()
+
+    def park(self, order: ParkingOrder) -> None:
+        """Drive to a slot from the next observation on, and stay there."""
+        self._order = order
+        self._parker = np.zeros(1, PARKER).view(np.recarray)[0]
+        order.level.fill(self._parker)
+        for name, value in order.slot._asdict().items():
+            self._parker[name] = value
+        self._chart = self._known = chart_of(order)
+        self._forget_way()
+
+    def act(self, observation: Observation) -> Control:
+        """Return what to do until the next observation."""
+        cockpit = self._cockpit or self._prepare(observation)
+        values: Any = observation.values
+        cockpit.observation[:] = values.tolist() if INTERPRET else values
+        estimate_latency(cockpit)
+        command = self._command(observation, cockpit)
+        cockpit.control[:3] = command
+        remember_command(cockpit.memory, cockpit.control)
+        return Control(*(float(share) for share in command))
+
+    def _prepare(self, observation: Observation) -> Cockpit:
+        self._cockpit = cockpit = cockpit_for(self._briefing, observation.layout)
+        rays = int(cockpit.offsets[-1])
+        self._points, self._box = np.zeros((rays, 2)), np.zeros(6)
+        return cockpit
+
+    def _forget_way(self) -> None:
+        self._track: Floats | None = None
+        self._progress = np.zeros(1)
+        # Time since it arrived, since something is in the way, since no way was found [s].
+        self._arrived_s = self._blocked_s = 0.0
+        self._wait_s = 0.0
+
+    def _command(self, observation: Observation, cockpit: Cockpit) -> Command:
+        """Return what to do once the command acts."""
+        must_stand = max(observation.scalar("lights"), observation.scalar("finished")) > 0.0
+        if self._order is None or must_stand:
+            return HOLD
+        vehicle, step_s = self._briefing.vehicle, self._briefing.decision_s
+        now = motion_of(observation, vehicle)
+        seen = self._look(observation, cockpit, now)
+        later = move_on(cockpit, now, int(cockpit.memory[LATENCY]))
+        if self._track is None:
+            self._wait_s = max(self._wait_s - step_s, 0.0)
+            if abs(now.speed) > STANDING or abs(later.speed) > STANDING or self._wait_s > 0.0:
+                return Command(now.steering / vehicle.steering_limit, 0.0, 1.0)
+            self._plan(later, seen)
+            if self._track is None:
+                return HOLD
+        record = cockpit.vehicle
+        cap = safe_speed(self._track, self._progress, record, self._points, seen, self._box)
+        command = follow(self._track, self._progress, record, later, cap)
+        self._judge(later, step_s, is_blocked=cap <= 0.0)
+        return command
+
+    def _look(self, observation: Observation, cockpit: Cockpit, now: Motion) -> int:
+        """Find what is on no map; return how many points of it."""
+        briefing, start = self._briefing, int(cockpit.offsets[LIDAR])
+        rays, vehicle = len(self._points), briefing.vehicle
+        age = age_of_scan(cockpit.observation, start, rays, briefing.decision_s, cockpit.memory)
+        turn = now.heading - 0.5 * age * now.yaw_rate
+        back = age * now.speed
+        eye = Eye(
+            now.x - back * math.cos(turn),
+            now.y - back * math.sin(turn),
+            now.heading - age * now.yaw_rate,
+            briefing.lidar_field,
+            briefing.lidar_reach,
+        )
+        brakes = vehicle.brake_force / vehicle.mass
+        stop_s = abs(now.speed) / brakes + 0.5
+        far = 0.5 * stop_s * abs(now.speed) + WALK * stop_s + vehicle.length + BEYOND
+        return unexpected_points(
+            self._known, eye, cockpit.observation, start, rays, far, self._points
+        )
+
+    def _plan(self, motion: Motion, seen: int) -> None:
+        """Plan a way from where the vehicle stands; without one it waits."""
+        assert self._order is not None
+        vehicle = self._briefing.vehicle
+        marks = np.zeros((seen if self._blocked_s >= PATIENCE_S else 0, 6))
+        marks[:, :2], marks[:, 2:] = self._points[: len(marks)], (1.0, 0.0, MARK, MARK)
+        self._known = Chart(self._chart.walls, np.concatenate([self._chart.boxes, marks]))
+        self._forget_way()
+        try:
+            path = plan_to_slot(vehicle, _axle_of(motion, vehicle), self._order.slot, self._known)
+            self._track = make_track(path, vehicle, min(self._pace, vehicle.top_speed))
+        except PlanError:
+            # What stands there may walk on.
+            self._known, self._wait_s = self._chart, PATIENCE_S
+
+    def _judge(self, motion: Motion, step_s: float, *, is_blocked: bool) -> None:
+        """Forget a way that leads nowhere any more: the vehicle stops and plans another one."""
+        assert self._track is not None
+        vehicle, point = self._briefing.vehicle, int(self._progress[0])
+        axle = _axle_of(motion, vehicle)
+        x, y, heading = (float(self._track[point, column]) for column in (X, Y, HEADING))
+        cos, sin = math.cos(heading), math.sin(heading)
+        aside = (axle.y - y) * cos - (axle.x - x) * sin
+        turn = math.remainder(axle.heading - heading, 2.0 * math.pi)
+        if abs(aside) > LOST or abs(turn) > TURNED_AWAY:
+            self._forget_way()
+            return
+        stands = abs(motion.speed) < STANDING
+        self._blocked_s = self._blocked_s + step_s if is_blocked and stands else 0.0
+        is_last = point + 2 >= len(self._track)
+        is_there = is_last and stands and not is_blocked
+        self._arrived_s = self._arrived_s + step_s if is_there else 0.0
+        if self._blocked_s >= PATIENCE_S:
+            self._track = None
+        elif self._arrived_s > SETTLED_S and not self._is_parked(motion):
+            self._forget_way()
+
+    def _is_parked(self, motion: Motion) -> bool:
+        """Return whether the vehicle stands in its slot as well as the order asks."""
+        vehicle, parker = self._briefing.vehicle, self._parker
+        sizes = (vehicle.box_offset, 0.5 * vehicle.length, 0.5 * vehicle.width)
+        hull = Hull(motion.x, motion.y, motion.heading, *sizes, 0)
+        return is_parked(parker, hull, stand_in(parker, hull), 0.0)
+
+
+def motion_of(observation: Observation, vehicle: Vehicle) -> Motion:
+    """Return the motion of the centre of gravity that a vehicle observes."""
+    middle = np.array(
+        [observation.scalar(name) for name in ("position_x", "position_y", "heading")]
+    )
+    pose = convert(middle, vehicle, Point.MIDDLE, Point.GRAVITY).tolist()
+    names = ("speed", "lateral_speed", "yaw_rate", "steering")
+    return Motion(*pose, *(observation.scalar(name) for name in names))
+
+
+def _axle_of(motion: Motion, vehicle: Vehicle) -> Pose:
+    place = np.array([motion.x, motion.y, motion.heading])
+    return Pose(*convert(place, vehicle, Point.GRAVITY, Point.REAR_AXLE).tolist())

@@ -1,0 +1,150 @@
+"""What a lidar sees that is on no map: people, other vehicles; and how fast one may drive then.
+
+A point that lies on a wall or a block of the map is expected. Whatever else is seen may walk, in
+any direction. A vehicle may drive as fast as it can still stop, without that anything seen reaches
+it before.
+"""
+
+import math
+from typing import NamedTuple
+
+from race_agents.planning.path_follower import HEADING, LAST, X, Y
+from race_agents.planning.scan import ray_angle
+from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.state import Floats, Record
+from race_server.core.vehicles import GRAVITY
+
+# A point this near [m] to something on the map belongs to it: noise, and the place of the sensor.
+NEARNESS = 0.15
+# How fast [m/s] something that is seen may come, and how near [m] it may get to a vehicle.
+WALK, RESERVE = 1.6, 0.25
+# From what is seen to brakes that act [s]: the age of a scan, a decision, and half of one.
+REACTION_S = 0.25
+# Share of the brakes that a stop counts on.
+STOP_SHARE = 0.8
+# Of the fastest speed, what is tried, from fast to slow.
+SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)
+
+
+class Chart(NamedTuple):
+    """What is known to stand in a lot."""
+
+    walls: Floats  # (P, 4) x0, y0, x1, y1 [m]
+    boxes: Floats  # (B, 6) x, y [m], cosine and sine of the heading, half length, half width [m]
+
+
+class Eye(NamedTuple):
+    """A lidar where it scanned."""
+
+    x: float  # [m]
+    y: float  # [m]
+    heading: float  # [rad]
+    field: float  # [rad] between the outermost rays
+    reach: float  # [m]
+
+
+@large_kernel
+def unexpected_points(
+    chart: Chart, eye: Eye, observation: Floats, start: int, rays: int, far: float, points: Floats
+) -> int:
+    """Fill `points`, (R, 2) [m], with what a scan shows that is not on the chart; return how many.
+
+    observation: (size,), the scan of `rays` ranges [m] from `start` on; far: what is farther away
+    than this [m] is left out.
+    """
+    count = 0
+    for ray in range(rays):
+        distance = observation[start + ray]
+        if not 0.0 < distance < min(far, eye.reach):
+            continue
+        cos, sin = cos_sin(eye.heading + ray_angle(float(ray), rays, eye.field))
+        x, y = eye.x + distance * cos, eye.y + distance * sin
+        if not _is_expected(chart, x, y):
+            points[count, 0], points[count, 1] = x, y
+            count += 1
+    return count
+
+
+@kernel
+def _is_expected(chart: Chart, x: float, y: float) -> bool:
+    """Return whether a point [m] lies on something that is known, or in it."""
+    for wall in range(len(chart.walls)):
+        x0, y0 = chart.walls[wall, 0], chart.walls[wall, 1]
+        along_x, along_y = chart.walls[wall, 2] - x0, chart.walls[wall, 3] - y0
+        square = max(along_x * along_x + along_y * along_y, 1e-12)
+        share = min(max(((x - x0) * along_x + (y - y0) * along_y) / square, 0.0), 1.0)
+        dx, dy = x - x0 - share * along_x, y - y0 - share * along_y
+        if dx * dx + dy * dy < NEARNESS * NEARNESS:
+            return True
+    for box in range(len(chart.boxes)):
+        if distance_to_box(chart.boxes[box], x, y) < NEARNESS:
+            return True
+    return False
+
+
+@kernel
+def distance_to_box(box: Floats, x: float, y: float) -> float:
+    """Return the distance [m] from a point to a box, (6,) as in `Chart`; 0 inside of it."""
+    dx, dy = x - box[0], y - box[1]
+    along = max(abs(dx * box[2] + dy * box[3]) - box[4], 0.0)
+    across = max(abs(dy * box[2] - dx * box[3]) - box[5], 0.0)
+    return math.sqrt(along * along + across * across)
+
+
+@large_kernel
+def safe_speed(
+    track: Floats, progress: Floats, vehicle: Record, points: Floats, count: int, box: Floats
+) -> float:
+    """Return the most speed [m/s] at which a vehicle on a track can stop before what it sees.
+
+    track: (S, 8), see `path_follower`; progress: (1,) number of the point that was passed last;
+    points: (R, 2) [m], of which the first `count` are seen; box: (6,), work space.
+    """
+    if count == 0:
+        return math.inf
+    brakes = STOP_SHARE * (vehicle.brake_force / vehicle.mass + vehicle.rolling * GRAVITY)
+    fastest = max(vehicle.top_speed, vehicle.reverse_speed)
+    for share in SHARES:
+        if _can_stop(track, int(progress[0]), vehicle, points, count, share * fastest, brakes, box):
+            return share * fastest
+    return 0.0
+
+
+@kernel
+def _can_stop(
+    track: Floats,
+    point: int,
+    vehicle: Record,
+    points: Floats,
+    count: int,
+    speed: float,
+    brakes: float,
+    box: Floats,
+) -> bool:
+    """Return whether nothing reaches a vehicle that now drives at a speed [m/s] and then stops.
+
+    brakes: [m/s²]; the others: see `safe_speed`.
+    """
+    reaction = speed * REACTION_S
+    driven, last = 0.0, int(track[point, LAST])
+    box[4], box[5] = 0.5 * vehicle.length, 0.5 * vehicle.width
+    ahead = vehicle.rear_axle + vehicle.box_offset
+    while True:
+        cos, sin = cos_sin(track[point, HEADING])
+        box[0], box[1] = track[point, X] + ahead * cos, track[point, Y] + ahead * sin
+        box[2], box[3] = cos, sin
+        braked = max(driven - reaction, 0.0)
+        square = speed * speed - 2.0 * brakes * braked
+        if square < 0.0:
+            return True
+        passed_s = min(driven / speed, REACTION_S) + (speed - math.sqrt(square)) / brakes
+        near = RESERVE + WALK * passed_s
+        for number in range(count):
+            if distance_to_box(box, points[number, 0], points[number, 1]) < near:
+                return False
+        if point >= last:
+            return True
+        dx, dy = track[point + 1, X] - track[point, X], track[point + 1, Y] - track[point, Y]
+        driven += math.sqrt(dx * dx + dy * dy)
+        point += 1
