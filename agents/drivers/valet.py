@@ -156,7 +156,7 @@ class Valet:
         self._known = Chart(self._chart.walls, np.concatenate([self._chart.boxes, marks]))
         self._forget_way()
         try:
-            path = plan_to_slot(vehicle, _axle_of(motion, vehicle), self._order.slot, self._known)
+            path = plan_to_slot(vehicle, _axle_of(motion, vehicle), self._order, self._known)
             self._track = make_track(path, vehicle, min(self._pace, vehicle.top_speed))
         except PlanError:
             # What stands there may walk on.

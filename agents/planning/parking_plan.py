@@ -1,16 +1,19 @@
 """From an order to park to a path: the planner, asked for the pose of a parked body."""
 
-import math
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
 
+from race_agents.planning.analytic_expansion import Prices
 from race_agents.planning.footprint import Point, convert
-from race_agents.planning.path import Path
+from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import CURVATURE, LEFT, SPEED
 from race_agents.planning.path_planner import PathPlanner
+from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.unexpected import Chart
-from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.geometry import Pose, along_arc
+from race_server.core.level import Level
 from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
@@ -20,6 +23,8 @@ from race_server.errors import PlanError
 MARGINS = (0.05, 0.02)
 # What a metre in reverse costs at least, as a multiple of one forward: little is seen behind.
 BACK = 2.0
+# How far [m] before a slot counts as reached a vehicle drives straight already.
+STRAIGHT = 0.3
 
 
 def chart_of(order: ParkingOrder) -> Chart:
@@ -35,21 +40,48 @@ def parked_pose(slot: Slot, vehicle: Vehicle) -> Pose:
     return Pose(*convert(middle, vehicle, Point.MIDDLE, Point.REAR_AXLE).tolist())
 
 
-def plan_to_slot(vehicle: Vehicle, start: Pose, slot: Slot, chart: Chart) -> Path:
-    """Return a path of the rear axle from a pose of it into a slot.
+def plan_to_slot(vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart) -> Path:
+    """Return a path of the rear axle from a pose of it into the slot of an order.
+
+    chart: what stands there, that of the order and what was seen since.
 
     Raises:
         PlanError: no margin leaves a path.
     """
-    goal = parked_pose(slot, vehicle)
-    refused: PlanError | None = None
+    goal, refused = parked_pose(order.slot, vehicle), None
     for margin in MARGINS:
+        planner = _planner(vehicle, margin)
+        straight = _straight_in(planner, start, goal, order.level, chart)
+        if straight is not None:
+            return straight
         try:
-            return _planner(vehicle, margin).plan(start, goal, chart.walls, chart.boxes)
+            return planner.plan(start, goal, chart.walls, chart.boxes)
         except PlanError as error:
             refused = error
     assert refused is not None
     raise refused
+
+
+def _straight_in(
+    planner: PathPlanner, start: Pose, goal: Pose, level: Level, chart: Chart
+) -> Path | None:
+    """Return the cheaper path that ends straight, forward or back, where it is to end so and can.
+
+    A vehicle that counts as parked wherever it comes near the middle of its slot does so before it
+    is there: it has to be aligned until then.
+    """
+    if level.within == 0.0 or level.turn > 0.0:
+        return None
+    found = []
+    for way in (level.within + STRAIGHT, -level.within - STRAIGHT):
+        before = along_arc(goal, 0.0, -way)
+        with suppress(PlanError):
+            path = planner.plan(start, before, chart.walls, chart.boxes)
+            found.append(path_of(start, np.concatenate([path.arcs, [(0.0, way)]])))
+    if not found:
+        return None
+    prices, radius = Prices(1.0, planner.back), planner.footprint.radius
+    return min(found, key=lambda path: cost_of(path.arcs, prices, radius))
 
 
 @lru_cache(maxsize=4)
@@ -72,14 +104,3 @@ def driving_time(track: Floats, vehicle: Vehicle) -> float:
     before = np.append(0.0, angles[starts[1:] - 1])
     turned = float(np.abs(angles[starts] - before).sum())
     return driven_s + turned / vehicle.steering_rate
-
-
-def stands_in(slot: Slot, vehicle: Vehicle, axle: Pose) -> tuple[float, float, float]:
-    """Return how far ahead [m], to the left [m] and turned [rad] a body stands in a slot.
-
-    axle: the pose of the rear axle.
-    """
-    x, y, heading = convert(np.array(axle), vehicle, Point.REAR_AXLE, Point.MIDDLE).tolist()
-    cos, sin, dx, dy = math.cos(slot.heading), math.sin(slot.heading), x - slot.x, y - slot.y
-    turn = math.remainder(heading - slot.heading, 2.0 * math.pi)
-    return dx * cos + dy * sin, dy * cos - dx * sin, turn

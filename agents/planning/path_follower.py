@@ -29,6 +29,8 @@ PURSUIT = 1.0
 PACE_SHARE, BRAKE_SHARE, TURN_SHARE, GRIP_SHARE = 0.7, 0.5, 0.7, 0.3
 # How far ahead [s] the path's curvature is followed.
 LEAD_S = 0.1
+# At the end of a leg [s]: a vehicle that decides ten times a second stops there to a centimetre.
+APPROACH_S = 0.3
 # Gain of the speed error [1/s].
 SPEED_GAIN = 4.0
 # Slowest speed on a path [m/s], until this way is left [m].
@@ -118,8 +120,11 @@ def _paced(limits: Floats, ways: Floats, vehicle: Vehicle) -> Floats:
     brakes = BRAKE_SHARE * (vehicle.brake_force / vehicle.mass + resting)
     for k, way in enumerate(ways):
         speeds[k + 1] = min(speeds[k + 1], math.sqrt(speeds[k] ** 2 + 2.0 * pace * way))
+    left = 0.0
     for k in range(len(ways) - 1, -1, -1):
+        left += ways[k]
         speeds[k] = min(speeds[k], math.sqrt(speeds[k + 1] ** 2 + 2.0 * brakes * ways[k]))
+        speeds[k] = min(speeds[k], CREEP + left / APPROACH_S)
     return speeds
 
 
@@ -138,6 +143,10 @@ def _pedals(
 
     pace: rate [m/s²] at which the wanted speed grows in the direction of travel.
     """
+    if pace < 0.0:
+        # A slower vehicle stops at the same place with softer brakes.
+        share = clip(speed / wanted, 0.0, 1.0)
+        pace *= share * share
     rate = pace + SPEED_GAIN * gear * (wanted - speed) + vehicle.rolling * GRAVITY
     force = vehicle.mass * rate
     if force >= 0.0:

@@ -22,6 +22,7 @@ from race_agents.planning.obstacles import (
 )
 from race_agents.planning.path import Path, driven_back, path_of
 from race_agents.planning.search_tree import NODES, NONE, make_tree
+from race_agents.planning.shortcuts import shortened
 from race_server.core.kernels.distance_field import Grid, distance_at, fill_distances
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.reeds_shepp import WORDS, word_between
@@ -87,11 +88,13 @@ class PathPlanner:
         for name, pose in (("start", start), ("goal", goal)):
             self._require_room(name, pose, obstacles)
         rooms = self._room(obstacles, start), self._room(obstacles, goal)
+        path = None
         if max(rooms) < NARROW:
             path = self._from_slot_to_slot(start, goal, obstacles)
-            if path is not None:
-                return path
-        return self._join(start, goal, obstacles, MESHES)
+        if path is None:
+            path = self._join(start, goal, obstacles, MESHES)
+        prices = Prices(1.0, self.back)
+        return shortened(path, obstacles, self.footprint, prices, self._costs)
 
     def _join(self, start: Pose, goal: Pose, obstacles: Obstacles, meshes: Sequence[Mesh]) -> Path:
         """Return a path between two poses that are free.

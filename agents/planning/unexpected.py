@@ -17,6 +17,8 @@ from race_server.core.vehicles import GRAVITY
 
 # A point this near [m] to something on the map belongs to it: noise, and the place of the sensor.
 NEARNESS = 0.15
+# Two rays that lie side by side see one thing where their ranges differ by less than this [m].
+TOGETHER = 0.4
 # How fast [m/s] something that is seen may come, and how near [m] it may get to a vehicle.
 WALK, RESERVE = 1.6, 0.25
 # From what is seen to brakes that act [s]: the age of a scan, a decision, and half of one.
@@ -53,16 +55,20 @@ def unexpected_points(
     observation: (size,), the scan of `rays` ranges [m] from `start` on; far: what is farther away
     than this [m] is left out.
     """
-    count = 0
+    count, last, last_ray = 0, 0.0, -2
     for ray in range(rays):
         distance = observation[start + ray]
         if not 0.0 < distance < min(far, eye.reach):
             continue
         cos, sin = cos_sin(eye.heading + ray_angle(float(ray), rays, eye.field))
         x, y = eye.x + distance * cos, eye.y + distance * sin
-        if not _is_expected(chart, x, y):
+        if _is_expected(chart, x, y):
+            continue
+        # One ray alone is noise.
+        if ray == last_ray + 1 and abs(distance - last) < TOGETHER:
             points[count, 0], points[count, 1] = x, y
             count += 1
+        last, last_ray = distance, ray
     return count
 
 
