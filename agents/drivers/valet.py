@@ -1,6 +1,7 @@
 """Parks: plans a way to its slot on the map, drives it, and stops before what is on no map."""
 
 import math
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -8,10 +9,20 @@ import numpy as np
 from race_agents.planning.delay_compensation import move_on
 from race_agents.planning.footprint import Point, convert
 from race_agents.planning.latency import LATENCY, estimate_latency, remember_command
-from race_agents.planning.parking_plan import chart_of, plan_to_slot
+from race_agents.planning.parking_plan import chart_of
+from race_agents.planning.path import Path
 from race_agents.planning.path_follower import HEADING, STANDING, X, Y, follow, make_track
+from race_agents.planning.planner_process import ask_plan
 from race_agents.planning.scan import age_of_scan
-from race_agents.planning.unexpected import WALK, Chart, Eye, safe_speed, unexpected_points
+from race_agents.planning.unexpected import (
+    WALK,
+    Chart,
+    Eye,
+    chart_around,
+    keep_in_mind,
+    safe_speed,
+    unexpected_points,
+)
 from race_server.core.driver import Briefing
 from race_server.core.kernel_driver import Cockpit, cockpit_for
 from race_server.core.kernels.boxes import Hull
@@ -89,16 +100,20 @@ class Valet:
         command = self._command(observation, cockpit)
         cockpit.control[:3] = command
         remember_command(cockpit.memory, cockpit.control)
-        return Control(*(float(share) for share in command))
+        return Control(float(command.steering), float(command.throttle), float(command.brake))
 
     def _prepare(self, observation: Observation) -> Cockpit:
         self._cockpit = cockpit = cockpit_for(self._briefing, observation.layout)
         rays = int(cockpit.offsets[-1])
-        self._points, self._box = np.zeros((rays, 2)), np.zeros(6)
+        # Points seen now and in the decision before, and how many of each.
+        self._points, self._before = np.zeros((2, 2 * rays, 3))
+        self._count = 0
+        self._box = np.zeros(6)
         return cockpit
 
     def _forget_way(self) -> None:
         self._track: Floats | None = None
+        self._asked: Future[Path] | None = None
         self._progress = np.zeros(1)
         # Time since it arrived, since something is in the way, since no way was found [s].
         self._arrived_s = self._blocked_s = 0.0
@@ -118,18 +133,18 @@ class Valet:
             if abs(now.speed) > STANDING or abs(later.speed) > STANDING or self._wait_s > 0.0:
                 return Command(now.steering / vehicle.steering_limit, 0.0, 1.0)
             self._plan(later, seen)
-            if self._track is None:
-                return HOLD
+        if self._track is None:
+            return HOLD
         record = cockpit.vehicle
-        cap = safe_speed(self._track, self._progress, record, self._points, seen, self._box)
+        cap = safe_speed(self._track, self._progress, record, self._points, self._count, self._box)
         command = follow(self._track, self._progress, record, later, cap)
         self._judge(later, step_s, is_blocked=cap <= 0.0)
         return command
 
     def _look(self, observation: Observation, cockpit: Cockpit, now: Motion) -> int:
-        """Find what is on no map; return how many points of it."""
+        """Find what is on no map; return how many points of it are seen now."""
         briefing, start = self._briefing, int(cockpit.offsets[LIDAR])
-        rays, vehicle = len(self._points), briefing.vehicle
+        rays, vehicle = int(cockpit.offsets[-1]), briefing.vehicle
         age = age_of_scan(cockpit.observation, start, rays, briefing.decision_s, cockpit.memory)
         turn = now.heading - 0.5 * age * now.yaw_rate
         back = age * now.speed
@@ -139,28 +154,41 @@ class Valet:
             now.heading - age * now.yaw_rate,
             briefing.lidar_field,
             briefing.lidar_reach,
+            vehicle.width,
         )
         brakes = vehicle.brake_force / vehicle.mass
         stop_s = abs(now.speed) / brakes + 0.5
         far = 0.5 * stop_s * abs(now.speed) + WALK * stop_s + vehicle.length + BEYOND
-        return unexpected_points(
-            self._known, eye, cockpit.observation, start, rays, far, self._points
-        )
+        self._points, self._before, known = self._before, self._points, self._count
+        points, near = self._points, chart_around(self._known, now.x, now.y, far + BEYOND)
+        seen = unexpected_points(near, eye, cockpit.observation, start, rays, far, points)
+        elapsed_s = briefing.decision_s
+        self._count = keep_in_mind(eye, self._before, known, elapsed_s, points, seen)
+        return seen
 
     def _plan(self, motion: Motion, seen: int) -> None:
         """Plan a way from where the vehicle stands; without one it waits."""
         assert self._order is not None
         vehicle = self._briefing.vehicle
-        marks = np.zeros((seen if self._blocked_s >= PATIENCE_S else 0, 6))
-        marks[:, :2], marks[:, 2:] = self._points[: len(marks)], (1.0, 0.0, MARK, MARK)
-        self._known = Chart(self._chart.walls, np.concatenate([self._chart.boxes, marks]))
+        if self._asked is None:
+            self._mark(seen)
+            axle = _axle_of(motion, vehicle)
+            self._asked = ask_plan(vehicle, axle, self._order, self._known)
+        if not self._asked.done():
+            return
+        answer, pace = self._asked, min(self._pace, vehicle.top_speed)
         self._forget_way()
         try:
-            path = plan_to_slot(vehicle, _axle_of(motion, vehicle), self._order, self._known)
-            self._track = make_track(path, vehicle, min(self._pace, vehicle.top_speed))
+            self._track = make_track(answer.result(), vehicle, pace)
         except PlanError:
             # What stands there may walk on.
             self._known, self._wait_s = self._chart, PATIENCE_S
+
+    def _mark(self, seen: int) -> None:
+        """Put on the map what has stood in the way for long, of the points that are seen."""
+        marks = np.zeros((seen if self._blocked_s >= PATIENCE_S else 0, 6))
+        marks[:, :2], marks[:, 2:] = self._points[: len(marks), :2], (1.0, 0.0, MARK, MARK)
+        self._known = Chart(self._chart.walls, np.concatenate([self._chart.boxes, marks]))
 
     def _judge(self, motion: Motion, step_s: float, *, is_blocked: bool) -> None:
         """Forget a way that leads nowhere any more: the vehicle stops and plans another one."""

@@ -1,5 +1,6 @@
 """From an order to park to a path: the planner, asked for the pose of a parked body."""
 
+import math
 from contextlib import suppress
 from functools import lru_cache
 
@@ -15,6 +16,7 @@ from race_agents.planning.unexpected import Chart
 from race_server.core.kernels.geometry import Pose, along_arc
 from race_server.core.level import Level
 from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.rules.parking import ALIGNED_WITHIN
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError
@@ -23,8 +25,10 @@ from race_server.errors import PlanError
 MARGINS = (0.05, 0.02)
 # What a metre in reverse costs at least, as a multiple of one forward: little is seen behind.
 BACK = 2.0
-# How far [m] before a slot counts as reached a vehicle drives straight already.
-STRAIGHT = 0.3
+# How far [m] before a slot counts as reached a vehicle drives straight already; the cheaper way
+# of several, where coming near the slot askew costs as much as this way [m].
+STRAIGHTS = (0.3, 2.0)
+ASKEW = 30.0
 
 
 def chart_of(order: ParkingOrder) -> Chart:
@@ -72,16 +76,31 @@ def _straight_in(
     """
     if level.within == 0.0 or level.turn > 0.0:
         return None
-    found = []
-    for way in (level.within + STRAIGHT, -level.within - STRAIGHT):
-        before = along_arc(goal, 0.0, -way)
-        with suppress(PlanError):
-            path = planner.plan(start, before, chart.walls, chart.boxes)
-            found.append(path_of(start, np.concatenate([path.arcs, [(0.0, way)]])))
-    if not found:
-        return None
     prices, radius = Prices(1.0, planner.back), planner.footprint.radius
-    return min(found, key=lambda path: cost_of(path.arcs, prices, radius))
+    best, least = None, math.inf
+    for longer in STRAIGHTS:
+        for way in (level.within + longer, -level.within - longer):
+            before = along_arc(goal, 0.0, -way)
+            with suppress(PlanError):
+                into = planner.plan(start, before, chart.walls, chart.boxes)
+                path = path_of(start, np.concatenate([into.arcs, [(0.0, way)]]))
+                cost = cost_of(path.arcs, prices, radius)
+                cost += ASKEW if _comes_askew(path, planner.vehicle, goal, level.within) else 0.0
+                if cost < least:
+                    best, least = path, cost
+    return best
+
+
+def _comes_askew(path: Path, vehicle: Vehicle, goal: Pose, near: float) -> bool:
+    """Return whether a path comes near [m] the middle of a slot while the vehicle is not aligned.
+
+    goal: of the rear axle.
+    """
+    middles = path.sampled(near / 3.0).of(vehicle, Point.MIDDLE)
+    slot = convert(np.array(goal), vehicle, Point.REAR_AXLE, Point.MIDDLE)
+    turns = np.abs((middles[:, 2] - slot[2] + math.pi) % (2.0 * math.pi) - math.pi)
+    there = np.hypot(*(middles[:, :2] - slot[:2]).T) < near
+    return bool((there & (turns > ALIGNED_WITHIN)).any())
 
 
 @lru_cache(maxsize=4)

@@ -31,6 +31,8 @@ PACE_SHARE, BRAKE_SHARE, TURN_SHARE, GRIP_SHARE = 0.7, 0.5, 0.7, 0.3
 LEAD_S = 0.1
 # At the end of a leg [s]: a vehicle that decides ten times a second stops there to a centimetre.
 APPROACH_S = 0.3
+# A vehicle keeps to this share of a speed that it must not exceed.
+CAP_SHARE = 0.9
 # Gain of the speed error [1/s].
 SPEED_GAIN = 4.0
 # Slowest speed on a path [m/s], until this way is left [m].
@@ -168,7 +170,7 @@ def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion, cap
     """Return what to do now to stay on a track; at its end the brakes hold.
 
     track: (S, 8); progress: (1,) number of the point that was passed last, moved on here; vehicle:
-    VEHICLE; motion: of the centre of gravity; cap: most speed [m/s], at zero the brakes hold.
+    VEHICLE; motion: of the centre of gravity; cap: most speed [m/s], above it all brakes act.
     """
     cos, sin = cos_sin(wrap_angle(motion.heading))
     x, y = motion.x - vehicle.rear_axle * cos, motion.y - vehicle.rear_axle * sin
@@ -197,13 +199,18 @@ def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion, cap
     steering = angle / vehicle.steering_limit
 
     begins = point == 0 or track[point - 1, LEFT] <= 0.0
-    if arrived or cap <= 0.0 or (begins and stands and abs(motion.steering - angle) > TURNED):
+    if (
+        arrived
+        or cap <= abs(motion.speed)
+        or (begins and stands and abs(motion.steering - angle) > TURNED)
+    ):
         return Command(steering, 0.0, 1.0)
     speed, after = track[point, SPEED], track[point + 1, SPEED]
     wanted, pace = speed + share * (after - speed), (after * after - speed * speed) / (2.0 * step)
     if wanted < CREEP:
         wanted, pace = CREEP, 0.0
-    if wanted > cap:
-        wanted, pace = cap, min(pace, 0.0)
+    # As fast as the cap no brakes would be left to be slow enough.
+    if wanted > CAP_SHARE * cap:
+        wanted, pace = CAP_SHARE * cap, min(pace, 0.0)
     throttle, brake = _pedals(vehicle, motion.speed, gear * wanted, pace, gear)
     return Command(steering, throttle, brake)

@@ -8,6 +8,8 @@ it before.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from race_agents.planning.path_follower import HEADING, LAST, X, Y
 from race_agents.planning.scan import ray_angle
 from race_server.core.kernels.geometry import cos_sin
@@ -21,12 +23,17 @@ NEARNESS = 0.15
 TOGETHER = 0.4
 # How fast [m/s] something that is seen may come, and how near [m] it may get to a vehicle.
 WALK, RESERVE = 1.6, 0.25
-# From what is seen to brakes that act [s]: the age of a scan, a decision, and half of one.
+# From what is seen to brakes that act [s]: a decision, a delay of another, and half of one.
 REACTION_S = 0.25
 # Share of the brakes that a stop counts on.
-STOP_SHARE = 0.8
+STOP_SHARE = 0.7
 # Of the fastest speed, what is tried, from fast to slow.
-SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)
+SHARES = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1)
+# What is seen no more, because it is behind or leans on the vehicle, is reckoned with for this time
+# [s]: people rest for up to 3 s, and need 2 s along a vehicle. It may have walked for the second.
+MEMORY_S, WALKED_S = 5.0, 1.5
+# The outermost rays do not count as the field of view [rad].
+EDGE = 0.1
 
 
 class Chart(NamedTuple):
@@ -34,6 +41,15 @@ class Chart(NamedTuple):
 
     walls: Floats  # (P, 4) x0, y0, x1, y1 [m]
     boxes: Floats  # (B, 6) x, y [m], cosine and sine of the heading, half length, half width [m]
+
+
+def chart_around(chart: Chart, x: float, y: float, far: float) -> Chart:
+    """Return what stands within `far` [m] of a place, and some of what is farther away."""
+    walls, boxes, place = chart.walls, chart.boxes, np.array([x, y])
+    ends = walls.reshape(-1, 2, 2)
+    by = ((ends.min(axis=1) < place + far) & (ends.max(axis=1) > place - far)).all(axis=1)
+    apart = np.hypot(*(boxes[:, :2] - place).T) - np.hypot(boxes[:, 4], boxes[:, 5])
+    return Chart(walls[by], boxes[apart < far])
 
 
 class Eye(NamedTuple):
@@ -44,13 +60,16 @@ class Eye(NamedTuple):
     heading: float  # [rad]
     field: float  # [rad] between the outermost rays
     reach: float  # [m]
+    blind: float  # [m] so near it may stand in a body
 
 
 @large_kernel
 def unexpected_points(
     chart: Chart, eye: Eye, observation: Floats, start: int, rays: int, far: float, points: Floats
 ) -> int:
-    """Fill `points`, (R, 2) [m], with what a scan shows that is not on the chart; return how many.
+    """Fill `points`, (N, 3), with what a scan shows that is not on the chart; return how many.
+
+    A point: x [m], y [m], and how long ago it was seen [s], here 0.
 
     observation: (size,), the scan of `rays` ranges [m] from `start` on; far: what is farther away
     than this [m] is left out.
@@ -66,9 +85,32 @@ def unexpected_points(
             continue
         # One ray alone is noise.
         if ray == last_ray + 1 and abs(distance - last) < TOGETHER:
-            points[count, 0], points[count, 1] = x, y
+            points[count, 0], points[count, 1], points[count, 2] = x, y, 0.0
             count += 1
         last, last_ray = distance, ray
+    return count
+
+
+@large_kernel
+def keep_in_mind(
+    eye: Eye, before: Floats, known: int, elapsed_s: float, points: Floats, count: int
+) -> int:
+    """Add to `points`, (N, 3), what was seen before and has left the field of view; return the sum.
+
+    before: (N, 3) as `points`, of which the first `known` count; elapsed_s: since then; count: of
+    `points` so far. As many are kept as there is room for.
+    """
+    for number in range(known):
+        seen_s = before[number, 2] + elapsed_s
+        dx, dy = before[number, 0] - eye.x, before[number, 1] - eye.y
+        cos, sin = cos_sin(eye.heading)
+        bearing = math.atan2(dy * cos - dx * sin, dx * cos + dy * sin)
+        is_in_view = abs(bearing) < 0.5 * eye.field - EDGE
+        is_in_view = is_in_view and dx * dx + dy * dy > eye.blind * eye.blind
+        if seen_s <= MEMORY_S and not is_in_view and count < len(points):
+            points[count, 0], points[count, 1] = before[number, 0], before[number, 1]
+            points[count, 2] = seen_s
+            count += 1
     return count
 
 
@@ -105,7 +147,8 @@ def safe_speed(
     """Return the most speed [m/s] at which a vehicle on a track can stop before what it sees.
 
     track: (S, 8), see `path_follower`; progress: (1,) number of the point that was passed last;
-    points: (R, 2) [m], of which the first `count` are seen; box: (6,), work space.
+    points: (N, 3), see `unexpected_points`, of which the first `count` count; box: (6,), work
+    space.
     """
     if count == 0:
         return math.inf
@@ -145,8 +188,8 @@ def _can_stop(
         if square < 0.0:
             return True
         passed_s = min(driven / speed, REACTION_S) + (speed - math.sqrt(square)) / brakes
-        near = RESERVE + WALK * passed_s
         for number in range(count):
+            near = RESERVE + WALK * (passed_s + min(points[number, 2], WALKED_S))
             if distance_to_box(box, points[number, 0], points[number, 1]) < near:
                 return False
         if point >= last:

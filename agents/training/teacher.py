@@ -88,11 +88,8 @@ class Teacher:
             self._offsets = self._views[..., seen.slices["line_offset"].start]
         self.memory = np.zeros((*shape, memory_size(lidar.rays)))
         self._controls = np.zeros((*shape, 4))
-        vehicles = batch.world.vehicles
-        self._advice = _advice_to(group, wanted.advice, float(vehicles[0, 0].width))
-        self._decide = group.driving(
-            batch.worlds, self._views, vehicles, self.memory, self._controls
-        )
+        self._advice = _advice_to(group, wanted.advice, float(batch.world.vehicles[0, 0].width))
+        self._decide = group.driving(batch.world, self._views, self.memory, self._controls)
 
     def labels(self, seen: NDArray[np.float32], begun: NDArray[np.bool_]) -> Labels:
         """Return the actions that the teacher would take, shape (W · L, A).

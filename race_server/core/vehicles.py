@@ -75,6 +75,11 @@ def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
     return record
 
 
+def vehicle_of(record: NDArray[np.void]) -> Vehicle:
+    """Return the vehicle of a VEHICLE record, which knows no name."""
+    return Vehicle("", **{name: float(record[name]) for name in _NUMBERS})
+
+
 # The 1/10 car of the Paris-Saclay autonomous race, on a Tamiya TT-02 chassis.
 # Wheelbase, mass, steering, motor: Webots model TT02_2023b of the race's simulator. The final
 # drive follows from 13 800 rpm at 36 km/h with wheels of 0.04 m: 5.78, so that 0.0234 N m become

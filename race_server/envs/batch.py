@@ -148,9 +148,7 @@ class Batch:
         discipline, templates = self.task.discipline, self._templates
         self._restarts.append(bind(discipline.restart, world, buffers, templates))
         calls = [
-            group.driving(
-                len(buffers.rounds), buffers.views, world.vehicles, buffers.memory, buffers.controls
-            )
+            group.driving(world, buffers.views, buffers.memory, buffers.controls)
             for group in self.opponents
         ]
         self._decisions.append([*calls, bind(discipline.decide, world, buffers, templates)])

@@ -2,7 +2,8 @@
 
 A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
 instead: from the cockpits and the layout of the observations it makes a call that fills the
-controls. What it remembers is in `memory`, which is zero when a round begins.
+controls. What it remembers is in `memory`, which is zero when a round begins. A driver that takes
+orders to park answers for one kart after the other, as in a live race: see `Valets`.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from race_server.core.driver import driver_named
+from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named, tell_to_park
 from race_server.core.kernel_driver import ASIDE, FETCH, Cockpits, item_uses_of
 from race_server.core.kernels.jit import bind
-from race_server.core.observation import PARTS, Layout, layout_of, offsets_of
-from race_server.core.state import Floats, Ints, Records
+from race_server.core.observation import PARTS, Layout, Observation, layout_of, offsets_of
+from race_server.core.parking_order import order_of
+from race_server.core.state import Floats, Ints, World
+from race_server.core.vehicles import vehicle_of
 from race_server.envs.actions import advice_of
 from race_server.envs.buffers import Buffers, Opposition
 from race_server.errors import ScenarioError
@@ -38,18 +41,18 @@ class Opponents:
         return np.array(pairs, np.int64).reshape(-1, 2)
 
     def driving(
-        self, worlds: int, views: Floats, vehicles: Records, memory: Floats, controls: Floats
+        self, world: World, views: Floats, memory: Floats, controls: Floats
     ) -> Callable[[], None]:
         """Return a call that fills the controls of these karts from what they see.
 
-        views: (W, K, S); vehicles: (W, K); memory: (W, K, M); controls: (W, K, 4).
+        views: (W, K, S); memory: (W, K, M); controls: (W, K, 4).
         """
         driver = self.driver
         cockpits = Cockpits(
-            self.seats(worlds),
+            self.seats(len(views)),
             views,
             offsets_of(self.layout),
-            vehicles,
+            world.vehicles,
             self.setup,
             self.item_uses,
             memory,
@@ -58,7 +61,51 @@ class Opponents:
         if hasattr(driver, "driving"):
             drive: Callable[[], None] = driver.driving(cockpits, self.layout)
             return drive
-        return bind(type(driver).decide_all, cockpits)
+        if hasattr(type(driver), "decide_all"):
+            return bind(type(driver).decide_all, cockpits)
+        return Valets(self, world, cockpits).drive
+
+
+class Valets:
+    """Drivers that take orders to park, one for each kart, each asked in turn."""
+
+    def __init__(self, group: Opponents, world: World, cockpits: Cockpits) -> None:
+        """Take all seats of a group."""
+        self.group = group
+        self.world = world
+        self.cockpits = cockpits
+        self.drivers = [driver_named(group.name) for _ in cockpits.seats]
+
+    def drive(self) -> None:
+        """Fill the controls of these karts; a round that begins brings an order."""
+        cockpits, races = self.cockpits, self.world.races
+        for row, (w, k) in enumerate(cockpits.seats.tolist()):
+            driver = self.drivers[row]
+            if cockpits.memory[w, k, 0] == 0.0:
+                cockpits.memory[w, k, 0] = 1.0
+                self._brief(driver, w, k)
+            values = cockpits.observations[w, k, : self.group.layout.size].astype(np.float32)
+            seen = Observation(int(races[w].tick), self.group.layout, values)
+            control = driver.act(seen)
+            shares = (control.steering, control.throttle, control.brake)
+            cockpits.controls[w, k] = (*shares, float(control.buttons))
+
+    def _brief(self, driver: Driver, w: int, k: int) -> None:
+        field, reach, decision_s = (float(value) for value in self.cockpits.setup)
+        driver.reset(
+            Briefing(
+                seat=k,
+                vehicle=vehicle_of(self.world.vehicles[w, k]),
+                laps=int(self.world.rules[w].laps),
+                preset=driver.preset,
+                decision_s=decision_s,
+                lidar_field=field,
+                lidar_reach=reach,
+            )
+        )
+        parkers = self.world.parking.parkers[w]
+        if len(parkers) and parkers[k].length > 0.0:
+            tell_to_park(driver, self.group.name, order_of(self.world, w, k))
 
 
 def opponents_of(
@@ -83,7 +130,8 @@ def opponents_of(
     found = []
     for name, numbers in seats.items():
         driver = driver_named(name)
-        if not (hasattr(type(driver), "decide_all") or hasattr(driver, "driving")):
+        is_kernel = hasattr(type(driver), "decide_all") or hasattr(driver, "driving")
+        if not is_kernel and not isinstance(driver, ParkingDriver):
             raise ScenarioError(
                 f"driver {name!r} cannot race in a batch: it has no `decide_all`, see "
                 "race_server/core/kernel_driver.py; let it join a live server instead"

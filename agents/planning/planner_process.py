@@ -1,0 +1,100 @@
+"""Plans asked for: made at once, or by another process where this one interprets its kernels.
+
+A driver's own process never compiles, and a search in plain Python would take minutes.
+"""
+
+import atexit
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+from race_agents.planning.parking_plan import plan_to_slot
+from race_agents.planning.path import Path
+from race_agents.planning.unexpected import Chart
+from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.jit import INTERPRET
+from race_server.core.parking_order import ParkingOrder
+from race_server.core.vehicles import Vehicle
+from race_server.errors import PlanError
+
+
+def ask_plan(vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart) -> "Future[Path]":
+    """Return the path of `plan_to_slot`, or its error, now or once it is found."""
+    if INTERPRET:
+        return _process().ask((vehicle, start, order, chart))
+    answer: Future[Path] = Future()
+    try:
+        answer.set_result(plan_to_slot(vehicle, start, order, chart))
+    except PlanError as error:
+        answer.set_exception(error)
+    return answer
+
+
+class PlannerProcess:
+    """A process that plans, one path after the other."""
+
+    def __init__(self) -> None:
+        """Start it. Before its first answer it may have to compile, which takes minutes."""
+        environment = {**os.environ, "RACE_SERVER_INTERPRET": "0"}
+        command = [sys.executable, "-m", "race_agents.planning.planner_process"]
+        self._process = subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="planner")
+
+    def ask(self, task: Any) -> "Future[Path]":
+        """Return an answer that is yet to come. task: the arguments of `plan_to_slot`."""
+        return self._thread.submit(self._answer, task)
+
+    def _answer(self, task: Any) -> Path:
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            pickle.dump(task, process.stdin)
+            process.stdin.flush()
+            answer = pickle.load(process.stdout)
+        except (OSError, EOFError) as error:
+            raise PlanError(f"the planner's process has ended: {process.poll()}") from error
+        if isinstance(answer, PlanError):
+            raise answer
+        assert isinstance(answer, Path)
+        return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.wait()
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+
+@cache
+def _process() -> PlannerProcess:
+    process = PlannerProcess()
+    atexit.register(process.close)
+    return process
+
+
+def _serve() -> None:
+    """Answer until the driver's process ends."""
+    answers = sys.stdout.buffer
+    sys.stdout = sys.stderr
+    while True:
+        try:
+            task = pickle.load(sys.stdin.buffer)
+        except (EOFError, OSError, KeyboardInterrupt):
+            return
+        try:
+            answer: object = plan_to_slot(*task)
+        except PlanError as error:
+            answer = error
+        pickle.dump(answer, answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    _serve()
