@@ -68,8 +68,9 @@ class PlannerProcess:
     def close(self) -> None:
         """End the process."""
         self._process.kill()
-        self._process.wait()
-        self._thread.shutdown(wait=False, cancel_futures=True)
+        # A question that is under way ends with the process; only then its pipes are closed.
+        self._thread.shutdown(cancel_futures=True)
+        self._process.communicate()
 
 
 @cache

@@ -21,6 +21,7 @@ from race_server.envs.parking import Parking
 from race_server.envs.reality_gap import MOST_DELAY, RealityGap
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
+from race_server.scenario.lot.load import load_lot
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import Scenario
 
@@ -53,14 +54,21 @@ class ExamSpec:
         """The name of the lot."""
         return SCENARIOS.get(self.scenario, self.scenario)
 
+    @property
+    def level_name(self) -> str:
+        """The name of the level, the lot's unless another is asked for."""
+        lot = load_lot(self.lot).lot
+        return self.level or (lot.level if lot is not None else "")
+
     def scenario_of(self) -> Scenario:
         """Return the scenario of all tasks.
 
         Raises:
             LotError, VehicleError, ScenarioError: a name is unknown.
         """
-        named = {"vehicle": self.vehicle, "level": self.level}
-        scenario = parking_scenario(self.lot, **named, limit_s=self.limit_s)
+        scenario = parking_scenario(
+            self.lot, vehicle=self.vehicle, level=self.level, limit_s=self.limit_s
+        )
         radar, lidar = scenario.radar, scenario.lidar
         return replace(
             scenario,
@@ -125,7 +133,7 @@ def drive_exam(
 
 
 class _Hall:
-    """All worlds of an exam, and who drives in them."""
+    """All worlds of an exam, and their drivers."""
 
     def __init__(
         self,
@@ -180,7 +188,7 @@ class _Hall:
         self.batch.seed_next(w, self._coming[w] or 0)
 
     def _begin(self, w: int) -> None:
-        """Take up the round that a world has just begun; the last of them is nobody's."""
+        """Take up the round that a world has just begun; behind the last seed none counts."""
         seed = self._coming[w]
         self.begun.pop(w, None)
         self.batch.buffers.actions[w, 0] = BRAKE

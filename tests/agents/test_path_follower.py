@@ -55,7 +55,7 @@ def drive(
     motion = Motion(x, y, heading, 0.0, 0.0, 0.0, 0.0)
     rows = []
     for _ in range(round(seconds / SUBSTEP / DECISION)):
-        command = follow(track, progress, record, motion, CRUISE)
+        command = follow(track, progress, record, motion, math.inf)
         for _ in range(DECISION):
             motion = move(record, motion, command, allowance, SUBSTEP)
         rows.append((*motion[:4], motion.steering, progress[0]))
@@ -148,7 +148,7 @@ def test_at_the_end_the_brakes_hold() -> None:
     path = path_of(ORIGIN, np.array([[0.0, 1.0]]))
     track, progress = make_track(path, CAR, CRUISE), np.array([19.0])
     there = Motion(1.0 + CAR.rear_axle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    command = follow(track, progress, vehicle_record(CAR)[0], there, CRUISE)
+    command = follow(track, progress, vehicle_record(CAR)[0], there, math.inf)
     assert (command.throttle, command.brake) == (0.0, 1.0)
 
 

@@ -1,0 +1,250 @@
+"""`race exam`: what drivers can do, counted over many tasks."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.option_fields import expand_options
+from race_server.cli.options import known_drivers, names_in
+from race_server.errors import ScenarioError
+from race_server.terminal import Console, TextColumn
+
+if TYPE_CHECKING:
+    from race_agents.planning.planned_way import PlannedWay
+    from race_server.competition.parking_exam import ExamSpec, Try
+    from race_server.competition.parking_tally import ParkingTally
+
+app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
+
+# Seeds of failures that are told to a person, of each kind.
+MOST_TOLD = 8
+
+
+@app.callback()
+def _group() -> None:
+    """Examine drivers on many tasks, each decided by its seed."""
+
+
+@dataclass(frozen=True)
+class ParkingOptions:
+    """All options of `race exam parking`."""
+
+    drivers: Annotated[
+        str, typer.Option("--drivers", "--driver", help="Comma-separated drivers that can park.")
+    ] = "valet"
+    scenario: Annotated[
+        str,
+        typer.Option(
+            help="Comma-separated: 1 (zone-30) and 2 (yard-70) are those of the report on "
+            "automatic parking of a kart; others are names from `race lot list`."
+        ),
+    ] = "2"
+    seeds: Annotated[int, typer.Option(min=1, help="Tasks of each scenario.")] = 1000
+    first_seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the first task; the next ones count up from it.")
+    ] = 1
+    level: Annotated[
+        str, typer.Option(help="How well to stand, such as parked or precise. Default: the lot's.")
+    ] = ""
+    vehicle: Annotated[str, typer.Option(help="Vehicle. Default: the lot's.")] = ""
+    limit_s: Annotated[float, typer.Option(help="Time limit [s]; 0: the lot's.")] = 0.0
+    delay_s: Annotated[float, typer.Option(help="Delay of controls [s], a multiple of 0.1.")] = 0.0
+    noise: Annotated[float, typer.Option(min=0.0, help="Noise of radar and lidar ranges [m].")] = (
+        0.01
+    )
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw failures and times into this .png or .svg file."),
+    ] = None
+    as_json: AsJson = False
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One driver in one scenario."""
+
+    driver: str
+    spec: "ExamSpec"
+    tries: "list[Try]"
+    plans: "dict[int, PlannedWay]"  # by seed
+    tally: "ParkingTally"
+
+    def parked_beside_plan(self) -> "list[tuple[Try, PlannedWay]]":
+        """Return the tries that were parked, each with its plan."""
+        parked = [one for one in self.tries if one.figures["is_success"]]
+        return [(one, self.plans[one.seed]) for one in parked if one.seed in self.plans]
+
+    def ratios(self, name: str) -> list[float]:
+        """Return a figure of each parked vehicle as a multiple of its plan's."""
+        return [one.figures[name] / getattr(plan, name) for one, plan in self.parked_beside_plan()]
+
+    def failed_seeds(self) -> dict[str, list[int]]:
+        """Return the seeds of failures by kind."""
+        failed = [one for one in self.tries if not one.figures["is_success"]]
+        return {
+            ending: sorted(one.seed for one in failed if one.figures["ending"] == ending)
+            for ending in self.tally.failures
+        }
+
+    def row(self) -> dict[str, Any]:
+        """Return the row of the JSON document. Its keys are a contract."""
+        pairs = self.parked_beside_plan()
+        planned = sum(plan.direction_changes for _, plan in pairs)
+        driven = sum(one.figures["direction_changes"] for one, _ in pairs)
+        return {
+            "driver": self.driver,
+            "scenario": self.spec.scenario,
+            "lot": self.spec.lot,
+            "level": self.spec.level_name,
+            "delay_s": self.spec.delay_s,
+            "noise": self.spec.noise,
+            **asdict(self.tally),
+            "time_ratio_median": _median(self.ratios("time_s")),
+            "path_ratio_median": _median(self.ratios("path_m")),
+            "direction_changes_ratio": driven / planned if planned else None,
+            "failed_seeds": self.failed_seeds(),
+            "faults": sorted({one.fault for one in self.tries if one.fault}),
+        }
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return median(values) if values else None
+
+
+@app.command()
+@expand_options
+def parking(options: ParkingOptions) -> None:
+    """Let drivers park, and count what is parked, aligned, hit, and how long it takes.
+
+    Times and ways are of parked vehicles, and beside them those of the planner for the same task.
+    A task of a lot is the same for every driver and every day: its seed decides it.
+    """
+    from race_server.competition.parking_exam import ExamSpec
+
+    drivers, scenarios = known_drivers(options.drivers), names_in(options.scenario)
+    if not drivers or not scenarios:
+        raise ScenarioError("--drivers and --scenario need a name each, separated by commas")
+    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
+        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    specs = [
+        ExamSpec(
+            scenario,
+            range(options.first_seed, options.first_seed + options.seeds),
+            vehicle=options.vehicle,
+            level=options.level,
+            limit_s=options.limit_s,
+            delay_s=options.delay_s,
+            noise=options.noise,
+        )
+        for scenario in scenarios
+    ]
+    console = Console(stderr=True)
+    begun = time.monotonic()
+    results = list(_examine(specs, drivers, console, quiet=options.as_json))
+    if options.plot is not None:
+        _draw(results, options.plot)
+    if options.as_json:
+        seconds = round(time.monotonic() - begun, 1)
+        print_document({"rows": [result.row() for result in results], "wall_s": seconds})
+    else:
+        _show(results)
+
+
+def _examine(
+    specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console, *, quiet: bool
+) -> Iterator[Result]:
+    """Yield the result of each driver in each scenario."""
+    from race_agents.planning.planned_way import PlannedWay, planned_way
+    from race_server.competition.parking_exam import drive_exam
+    from race_server.competition.parking_tally import ParkingTally
+
+    with _progress(specs, drivers, console, quiet=quiet) as advance:
+        for spec in specs:
+            vehicle = spec.scenario_of().vehicle_of(0)
+            plans: dict[int, PlannedWay | None] = {}
+            for driver in drivers:
+                tries = []
+                for one in drive_exam(spec, driver):
+                    tries.append(one)
+                    if one.seed not in plans:
+                        plans[one.seed] = planned_way(vehicle, one.start, one.order)
+                    advance(f"{driver}, {spec.lot}")
+                known = {seed: plan for seed, plan in plans.items() if plan is not None}
+                tally = ParkingTally.of(one.figures for one in tries)
+                yield Result(driver, spec, tries, known, tally)
+
+
+@contextmanager
+def _progress(
+    specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console, *, quiet: bool
+) -> Iterator[Any]:
+    """Show a progress bar of tasks."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    hidden = quiet or not console.is_terminal
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
+    ) as bar:
+        total = len(drivers) * sum(len(spec.seeds) for spec in specs)
+        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
+
+        def advance(words: str) -> None:
+            bar.update(task, advance=1, description=words)
+
+        yield advance
+
+
+def _draw(results: Sequence[Result], path: Path) -> None:
+    from race_server.competition.parking_picture import Drawn, draw_exam
+
+    drawn = [
+        Drawn(f"{one.driver}, {one.spec.lot}", one.tries, one.ratios("time_s")) for one in results
+    ]
+    draw_exam(drawn, path)
+
+
+def _show(results: Sequence[Result]) -> None:
+    from rich.table import Table
+
+    table = Table()
+    for head in ("driver", "lot", "level"):
+        table.add_column(head, no_wrap=True)
+    heads = ("parked", "95 %", "aligned", "hits", "people", "time s", "× plan", "way m", "× plan")
+    for head in (*heads, "changes"):
+        table.add_column(head, justify="right", no_wrap=True)
+    for result in results:
+        row, tally = result.row(), result.tally
+        low, high = tally.success_interval
+        table.add_row(
+            *(result.driver, result.spec.lot, row["level"]),
+            f"{100.0 * tally.success_rate:.1f} %",
+            f"{100.0 * low:.1f}-{100.0 * high:.1f} %",
+            f"{100.0 * tally.aligned_rate:.1f} %",
+            *(str(tally.collisions), str(tally.hit_people)),
+            *(_figure(tally.time_s_median, 1), _figure(row["time_ratio_median"], 2)),
+            *(_figure(tally.path_m_median, 1), _figure(row["path_ratio_median"], 2)),
+            _figure(tally.direction_changes_mean, 2),
+        )
+    console = Console()
+    # Wider than the terminal if necessary, so that no figure is cut off.
+    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
+    console.print(table)
+    for result in results:
+        for ending, seeds in result.failed_seeds().items():
+            told = ", ".join(map(str, seeds[:MOST_TOLD])) + (", …" * (len(seeds) > MOST_TOLD))
+            name = f"{result.driver}, {result.spec.lot}"
+            console.print(f"{name}: {ending} {len(seeds)}, seeds {told}", highlight=False)
+        for fault in result.row()["faults"]:
+            console.print(f"{result.driver} raised {fault}", style="yellow", highlight=False)
+
+
+def _figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,99 @@
+"""A picture of an exam of parking: where it failed, and times beside those of plans."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from race_server.competition.parking_exam import Try
+from race_server.errors import ScenarioError
+from race_server.pictures import save
+
+_INK, _GREY, _BLUE = "#20242a", "#c3c8cf", "#1565c0"
+_COLOURS = {
+    "late": "#9e9d24",
+    "left": "#6a1b9a",
+    "wall": "#d84315",
+    "block": "#ef6c00",
+    "vehicle": "#ad1457",
+    "person": "#c62828",
+    "driver": "#20242a",
+}
+_WIDTH, _HEIGHT = 14.0, 4.2  # [in] of one row
+_BINS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """One driver in one scenario."""
+
+    title: str
+    tries: Sequence[Try]
+    ratios: Sequence[float]  # time of a parked vehicle over that of the plan
+
+
+def draw_exam(drawn: Sequence[Drawn], path: Path) -> None:
+    """Draw a row of two panels for each driver and scenario.
+
+    Raises:
+        ScenarioError: the file cannot be written.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    size = (_WIDTH, _HEIGHT * len(drawn))
+    figure, panels = pyplot.subplots(
+        len(drawn), 2, figsize=size, layout="constrained", squeeze=False, width_ratios=(2.2, 1.0)
+    )
+    for (place, times), one in zip(panels, drawn, strict=True):
+        _draw_places(place, one)
+        _draw_times(times, one)
+    try:
+        save(figure, path, dpi=150, facecolor="white")
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path} cannot be written: {error}") from error
+    finally:
+        pyplot.close(figure)
+
+
+def _draw_places(panel: Any, drawn: Drawn) -> None:
+    """Draw the walls, and where vehicles were when they failed."""
+    for x0, y0, x1, y1 in drawn.tries[0].order.walls:
+        panel.plot([x0, x1], [y0, y1], color=_INK, linewidth=1.2, zorder=2)
+    for one in drawn.tries:
+        slot = one.order.slot
+        panel.plot(slot.x, slot.y, "s", color=_GREY, markersize=2.0, zorder=1)
+    failed = [one for one in drawn.tries if not one.figures["is_success"]]
+    for ending, colour in _COLOURS.items():
+        places = np.array([one.end[:2] for one in failed if one.figures["ending"] == ending])
+        if len(places):
+            words = f"{ending}: {len(places)}"
+            panel.plot(*places.T, "o", color=colour, markersize=5.0, label=words, zorder=3)
+    for one in failed:
+        panel.annotate(f"{one.seed}", one.end[:2], (3, 3), textcoords="offset points", fontsize=6)
+    if failed:
+        panel.legend(loc="upper left", bbox_to_anchor=(0.0, -0.05), ncols=7, frameon=False)
+    parked = len(drawn.tries) - len(failed)
+    panel.set_title(f"{drawn.title}: {parked} of {len(drawn.tries)} parked", loc="left")
+    panel.set_aspect("equal")
+    _dress(panel)
+
+
+def _draw_times(panel: Any, drawn: Drawn) -> None:
+    """Draw how often a time was how many times that of the plan."""
+    if drawn.ratios:
+        panel.hist(drawn.ratios, bins=_BINS, color=_BLUE)
+        panel.axvline(1.0, color=_INK, linewidth=1.0, dashes=(4, 2))
+    panel.set_xlabel("time, as a multiple of the plan's")
+    panel.set_ylabel("parked")
+    _dress(panel)
+
+
+def _dress(panel: Any) -> None:
+    panel.tick_params(labelsize=8)
+    for side in ("top", "right"):
+        panel.spines[side].set_visible(False)

@@ -1,0 +1,108 @@
+"""The exam of parking: who may take it, what it asks, and what it tells."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from race_agents.commands.exam import app
+from race_server.competition.parking_exam import FAULT, ExamSpec, drive_exam
+from race_server.core.driver import Briefing
+from race_server.core.messages import Control
+from race_server.core.observation import Observation
+from race_server.core.parking_order import ParkingOrder
+from race_server.errors import DriverError, LotError, ScenarioError
+
+
+class Ahead:
+    """Drives straight ahead, or raises an exception instead."""
+
+    preset = "lot"
+
+    def __init__(self, *, fails: bool = False) -> None:
+        self.fails = fails
+
+    def reset(self, briefing: Briefing) -> None:
+        assert briefing.decision_s == pytest.approx(0.1)
+
+    def park(self, order: ParkingOrder) -> None:
+        assert order.slot.length == 3.0
+
+    def act(self, observation: Observation) -> Control:
+        if self.fails:
+            raise ValueError("no idea")
+        return Control(0.0, 0.5, 0.0)
+
+
+def test_a_driver_that_goes_straight_ahead_parks_face_to_face_with_every_seed() -> None:
+    tries = list(drive_exam(ExamSpec("face-to-face", range(3)), "ahead", lambda _: Ahead()))
+    assert sorted(one.seed for one in tries) == [0, 1, 2]
+    assert {one.figures["ending"] for one in tries} == {"parked"}
+
+
+def test_more_tasks_than_worlds_are_driven_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_server.competition.parking_exam.SIDE_BY_SIDE", 2)
+    seeds = [9, 2, 7, 4, 5]
+    few = list(drive_exam(ExamSpec("1", seeds, limit_s=3.0), "ahead", lambda _: Ahead()))
+    monkeypatch.setattr("race_server.competition.parking_exam.SIDE_BY_SIDE", 8)
+    many = list(drive_exam(ExamSpec("1", seeds, limit_s=3.0), "ahead", lambda _: Ahead()))
+    assert sorted(one.seed for one in few) == sorted(seeds)
+    by_seed = {one.seed: (one.start.tolist(), one.figures) for one in many}
+    assert all(by_seed[one.seed] == (one.start.tolist(), one.figures) for one in few)
+
+
+def test_a_driver_that_raises_fails_its_tasks_and_the_exam_goes_on() -> None:
+    spec = ExamSpec("face-to-face", range(2), limit_s=1.0)
+    tries = list(drive_exam(spec, "lost", lambda _: Ahead(fails=True)))
+    assert [one.figures["ending"] for one in tries] == [FAULT, FAULT]
+    assert {one.fault for one in tries} == {"ValueError: no idea"}
+
+
+def test_who_cannot_park_is_refused_in_one_sentence() -> None:
+    with pytest.raises(DriverError, match="'avoider' cannot park: it takes no order"):
+        next(drive_exam(ExamSpec("1", [1]), "avoider"))
+
+
+def test_questions_that_make_no_task_are_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"delay 0.05 s: drivers decide every 0.1 s"):
+        next(drive_exam(ExamSpec("1", [1], delay_s=0.05), "ahead", lambda _: Ahead()))
+    with pytest.raises(ScenarioError, match="none below zero"):
+        next(drive_exam(ExamSpec("1", [-1]), "ahead", lambda _: Ahead()))
+    with pytest.raises(LotError, match="lot 'moon' is unknown"):
+        next(drive_exam(ExamSpec("moon", [1]), "ahead", lambda _: Ahead()))
+
+
+def test_scenarios_1_and_2_are_those_of_the_report() -> None:
+    one, two = ExamSpec("1"), ExamSpec("2")
+    assert (one.lot, one.level_name) == ("zone-30", "report-a-1")
+    assert (two.lot, two.level_name) == ("yard-70", "report-a-2")
+    assert ExamSpec("2", level="precise").level_name == "precise"
+
+
+def test_the_document_has_the_keys_that_were_promised_and_the_picture_is_drawn(
+    tmp_path: Path,
+) -> None:
+    picture = tmp_path / "exam.png"
+    words = ["parking", "--scenario", "face-to-face", "--seeds", "2", "--json"]
+    done = CliRunner().invoke(app, [*words, "--plot", str(picture)])
+    assert done.exit_code == 0, done.output
+    (row,) = json.loads(done.stdout)["rows"]
+    promised = (
+        "driver scenario success_rate aligned_rate collisions hit_people time_s_median "
+        "path_m_median direction_changes_mean"
+    )
+    assert set(promised.split()) <= set(row)
+    assert (row["driver"], row["success_rate"], row["failed_seeds"]) == ("valet", 1.0, {})
+    assert row["path_ratio_median"] == pytest.approx(0.9, abs=0.2)
+    assert picture.stat().st_size > 1000
+
+
+def test_a_person_reads_a_table_and_the_seeds_of_failures() -> None:
+    words = ["parking", "--scenario", "yard-70", "--seeds", "1", "--limit-s", "1"]
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "160"})
+    assert done.exit_code == 0, done.output
+    assert "valet" in done.output
+    assert "late 1, seeds 1" in done.output
