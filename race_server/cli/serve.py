@@ -8,8 +8,8 @@ import typer
 from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
-from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions, check_pace
-from race_server.errors import KeysError, ResultsError
+from race_server.cli.serve_options import OPEN_ADDRESS, VALET, ServeOptions, check_pace
+from race_server.errors import KeysError, ResultsError, ScenarioError
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -88,6 +88,8 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     fillers = known_drivers(options.fill)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     scenario = _scenario(options, fillers, inside, log)
+    if options.lot:
+        _check_valet(options.valet, one_process=options.one_process)
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
     warm_up(scenario, inside)
@@ -109,6 +111,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         as_json=options.as_json,
         keys=held,
         is_guarded=options.guard,
+        valet=options.valet,
         apart=None if options.one_process else _apart(address, session, held, fillers, options),
     )
 
@@ -159,10 +162,21 @@ def _scenario(
     from race_server.core.observation import wants_line
     from race_server.core.vehicles import vehicle_named
     from race_server.live.driver_processes import preset_of
+    from race_server.scenario.parking import parking_scenario
     from race_server.scenario.race import Rules, Scenario
     from race_server.scenario.raceline.attach import with_line
     from race_server.scenario.track.load import load_course
 
+    if options.lot:
+        return parking_scenario(
+            options.lot,
+            vehicles=options.karts,
+            vehicle=options.vehicle,
+            level=options.level,
+            limit_s=options.limit,
+            countdown_s=Rules.countdown_s,
+            seed=options.seed,
+        )
     rules = Rules(
         laps=options.laps,
         items=options.items == "on",
@@ -172,7 +186,7 @@ def _scenario(
     scenario = Scenario(
         load_course(options.track),
         karts=options.karts,
-        vehicles=(vehicle_named(options.vehicle),),
+        vehicles=(vehicle_named(options.car),),
         rules=rules,
         seed=options.seed,
     )
@@ -185,6 +199,21 @@ def _scenario(
     if scenario.line and scenario.line.note:
         log.warn(scenario.line.note)
     return scenario
+
+
+def _check_valet(name: str, *, one_process: bool) -> None:
+    """Check that the parking driver may run inside the server; the usual one may be missing.
+
+    Raises:
+        ScenarioError: it is not installed, or of another package.
+    """
+    from race_server.live.driver_processes import is_trusted
+
+    if name != VALET and known_drivers(name) and not (one_process or is_trusted(name)):
+        raise ScenarioError(
+            f"driver {name} would park inside the server, and is of another package or reads a "
+            "file; add --one-process if you trust it"
+        )
 
 
 def _server_keys(

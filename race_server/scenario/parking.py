@@ -29,10 +29,12 @@ def parking_scenario(
     vehicle: str = "",
     level: str = "",
     limit_s: float = 0.0,
+    countdown_s: float = 0.0,
+    seed: int = 0,
 ) -> Scenario:
     """Return a scenario in which `vehicles` vehicles drive to slots of a lot.
 
-    vehicle, level, limit_s: as the lot says, unless given.
+    vehicle, level, limit_s: as the lot says, unless given. countdown_s: until then all stand.
 
     Raises:
         LotError, VehicleError, ScenarioError: one of them does not exist.
@@ -43,7 +45,8 @@ def parking_scenario(
         course,
         karts=vehicles,
         vehicles=(vehicle_named(vehicle or course.lot.vehicle),),
-        rules=replace(LOT_RULES, limit_s=limit_s or course.lot.limit_s),
+        rules=replace(LOT_RULES, limit_s=limit_s or course.lot.limit_s, countdown_s=countdown_s),
+        seed=seed,
         fitted=(codes.RADAR,),
         level=level_named(level or course.lot.level),
     )
