@@ -1,4 +1,4 @@
-"""Who drives from inside the server: the drivers of its own seats, and its parking drivers.
+"""The drivers inside the server: those of its own seats, and its parking drivers.
 
 A parking driver takes the wheel of a kart whose driver, or whose steward, asks for it. Flags and
 the clock of race control stay above it, as above every driver.
@@ -31,7 +31,7 @@ class Wheels:
         suspects: Suspects,
         valet: str,
     ) -> None:
-        """Begin without a parking driver at any wheel. valet: name of the driver that parks."""
+        """Begin with no parking driver. valet: name of the driver that parks."""
         self._session, self._local_drivers, self._valet = session, local_drivers, valet
         self._counters, self._suspects = counters, suspects
         self._valets: dict[int, Driver] = {}  # by seat
@@ -102,7 +102,7 @@ class Wheels:
             session.race_control.hand_wheel(number, to_server=True)
 
     def _take_wheel(self, number: int) -> None:
-        """Seat a new parking driver at the wheel of a kart.
+        """Let a new parking driver take a kart over.
 
         Raises:
             DriverError: there is none of that name, or it cannot park.
@@ -130,7 +130,7 @@ class Wheels:
                     self._take_wheel(seat.number)
 
     def clear(self) -> None:
-        """Begin a race: no parking driver is at a wheel."""
+        """Begin a race: no parking driver drives."""
         for number in list(self._valets):
             self._observations.show(number, "")
         self._valets.clear()
