@@ -1,5 +1,6 @@
 """`race serve`: one session on the network, restarted when it is killed."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,11 +89,10 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     fillers = known_drivers(options.fill)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     scenario = _scenario(options, fillers, inside, log)
-    if options.lot:
-        _check_valet(options.valet, one_process=options.one_process)
+    valets = _valets(options) if options.lot else ()
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
-    warm_up(scenario, inside)
+    warm_up(scenario, (*inside, *valets))
     every = 1 if fillers else options.karts
     return Service(
         scenario=scenario,
@@ -168,15 +168,16 @@ def _scenario(
     from race_server.scenario.track.load import load_course
 
     if options.lot:
-        return parking_scenario(
+        scenario = parking_scenario(
             options.lot,
             vehicles=options.karts,
             vehicle=options.vehicle,
             level=options.level,
             limit_s=options.limit,
-            countdown_s=Rules.countdown_s,
-            seed=options.seed,
         )
+        # Until the lights go out all stand.
+        rules = replace(scenario.rules, countdown_s=Rules.countdown_s)
+        return replace(scenario, rules=rules, seed=options.seed)
     rules = Rules(
         laps=options.laps,
         items=options.items == "on",
@@ -201,19 +202,24 @@ def _scenario(
     return scenario
 
 
-def _check_valet(name: str, *, one_process: bool) -> None:
-    """Check that the parking driver may run inside the server; the usual one may be missing.
+def _valets(options: ServeOptions) -> tuple[str, ...]:
+    """Return the driver that parks on request, if it is installed.
 
     Raises:
-        ScenarioError: it is not installed, or of another package.
+        ScenarioError: another one than the usual is not, or is of another package.
     """
+    from race_server.core.driver import driver_names
     from race_server.live.driver_processes import is_trusted
 
-    if name != VALET and known_drivers(name) and not (one_process or is_trusted(name)):
+    name = options.valet
+    if name == VALET and name not in driver_names():
+        return ()
+    if known_drivers(name) and not (options.one_process or is_trusted(name)):
         raise ScenarioError(
             f"driver {name} would park inside the server, and is of another package or reads a "
             "file; add --one-process if you trust it"
         )
+    return (name,)
 
 
 def _server_keys(

@@ -61,6 +61,15 @@ class StartOptions(RaceOptions):
 @expand_options
 def start(options: StartOptions) -> None:
     """Run a whole race: a server, one process for each driver, and the live leaderboard."""
+    start_session(options)
+
+
+def start_session(options: StartOptions) -> None:
+    """Run a whole session, show its table and its result.
+
+    Raises:
+        RaceError: an option is wrong, or the session ends without a result.
+    """
     from race_server.competition.launch import run_race
     from race_server.net.wire import topics
     from race_server.net.wire.topics import key_of

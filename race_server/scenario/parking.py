@@ -29,12 +29,10 @@ def parking_scenario(
     vehicle: str = "",
     level: str = "",
     limit_s: float = 0.0,
-    countdown_s: float = 0.0,
-    seed: int = 0,
 ) -> Scenario:
     """Return a scenario in which `vehicles` vehicles drive to slots of a lot.
 
-    vehicle, level, limit_s: as the lot says, unless given. countdown_s: until then all stand.
+    vehicle, level, limit_s: as the lot says, unless given.
 
     Raises:
         LotError, VehicleError, ScenarioError: one of them does not exist.
@@ -45,8 +43,7 @@ def parking_scenario(
         course,
         karts=vehicles,
         vehicles=(vehicle_named(vehicle or course.lot.vehicle),),
-        rules=replace(LOT_RULES, limit_s=limit_s or course.lot.limit_s, countdown_s=countdown_s),
-        seed=seed,
+        rules=replace(LOT_RULES, limit_s=limit_s or course.lot.limit_s),
         fitted=(codes.RADAR,),
         level=level_named(level or course.lot.level),
     )

@@ -48,8 +48,8 @@ class Observations:
 def fitted_for(seat: Seat, *, parks: bool = False) -> int:
     """Return the sensors that the kart of a seat needs.
 
-    parks: the parking driver of the server may take the wheel, and sees by radar.
+    parks: the parking driver of the server may take the wheel, and see by any sensor.
     """
     if not seat.is_taken:
         return ABSENT
-    return sensors_for(PRESETS[seat.preset]) | (codes.RADAR if parks else 0)
+    return sensors_for(PRESETS[seat.preset]) | (codes.LIDAR | codes.RADAR if parks else 0)

@@ -13,10 +13,13 @@ from race_server.core.messages import Control, Ending, Event, EventKind
 from race_server.core.observation import Observation
 from race_server.errors import SeatError
 from race_server.live.client.driver import run_driver
+from race_server.live.client.seat import take_seat
 from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
-from race_server.net.transport import ServerLink
+from race_server.net.transport import ClientLink, ServerLink
+from race_server.net.wire import topics
 from race_server.net.wire.admin import Decision
+from race_server.net.wire.lobby import Join
 from race_server.session import Session
 from race_server.session.interventions import Intervention
 from race_server.storage.recording.channels import LOTS
@@ -24,6 +27,10 @@ from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_lines, read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.storage.recording.to_json import to_json
+from race_server.storage.results.keeper import Keeper
+from race_server.storage.results.queries import races
+from race_server.storage.results.store import Store
+from race_server.storage.results.writer import Writer
 from support.lots import Beeline, lot_session, one_slot, open_lot
 from support.servers import running
 
@@ -180,3 +187,46 @@ def test_a_seat_that_does_not_drive_cannot_be_parked_and_no_seat_where_there_is_
         with pytest.raises(SeatError, match=r"slot 1\.5 is no number of a slot"):
             server._steward.decide(Decision(TOKEN, "park", 0, 1.5, server._steward.challenge))
     assert valets == []
+
+
+def test_a_driver_asks_to_be_parked_and_takes_the_wheel_back(valets: list[Beeline]) -> None:
+    with serving(lot_session(one_slot())) as server, running(server, 1) as live:
+        session = server.session
+        with ClientLink(live.address, "lot") as link:
+            seat = take_seat(link, Join("me", "track"))
+            seat.act(topics.READY)
+            frame = seat.receive(20.0)
+            assert frame is not None
+            led = []
+            for wanted in (True, False, True):
+                seat.act(topics.PARK, ready=wanted)
+                led.append(session.seats[0].is_led)
+            seat.answer(frame.epoch, 1, frame.tick, Control(brake=1.0))
+            live.thread.join(20.0)
+    assert led == [True, False, True]
+    assert len(valets) == 2
+    assert endings(live.results[0]) == [Ending.PARKED]
+
+
+def test_the_results_file_keeps_how_each_way_ended(valets: list[Beeline], tmp_path: Path) -> None:
+    path = tmp_path / "results.sqlite"
+    session = lot_session(open_lot(VEHICLES), VEHICLES, level="report-a-2", limit_s=8.0)
+    with Store(path) as store, Writer(store, print) as writer, serving(session, fill="x") as server:
+        server._persistence._keeper = Keeper(writer)
+        result = server.run(0)
+    assert result is not None
+    (race,) = races(path)
+    rows = [(row["ending"], row["way"], row["moves"]) for row in race["entries"]]
+    assert rows == [("late", 0.0, 0)] * VEHICLES  # all of them wait
+    assert valets == []
+
+
+def test_a_server_without_a_parking_driver_says_so_and_records_nothing() -> None:
+    with serving(lot_session(open_lot(1))) as server:
+        server.session.join("me", "lot")
+        server.session.start()
+        server.session.journal.is_recorded = True
+        server._wheels._valet = "no-valet"
+        with pytest.raises(SeatError, match="driver 'no-valet' is unknown"):
+            server._steward.decide(Decision(TOKEN, "park", 0, -1.0, server._steward.challenge))
+        assert server.session.journal.drain() == []

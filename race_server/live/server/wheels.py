@@ -1,10 +1,11 @@
-"""The drivers inside the server: those of its own seats, and its parking drivers.
+"""The drivers inside the server: those of seats that it fills, and its parking drivers.
 
 A parking driver takes the wheel of a kart whose driver, or whose steward, asks for it. Flags and
 the clock of race control stay above it, as above every driver.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from race_server.core.driver import Driver, ParkingDriver, driver_named, tell_to_park
 from race_server.core.observation import Observation
@@ -15,6 +16,7 @@ from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.session import Session
 from race_server.session.observations import Observations
+from race_server.session.parking import check_slot
 
 # The driver that parks, where the server names no other.
 VALET = "valet"
@@ -87,27 +89,30 @@ class Wheels:
         seat = session.seat(number)
         if not session.is_racing(number):
             raise SeatError(f"the vehicle of seat {number} does not drive now", Reason.DECISION)
-        session.race_control.park(number, slot)
+        check_slot(session.world, number, slot)
         local = self._local_drivers.driver_of(number)
-        if seat.is_tracked:
-            return
-        if isinstance(local, ParkingDriver):
-            local.park(order_for(session, number))
-            return
         try:
-            self._take_wheel(number)
+            if seat.is_tracked:
+                session.race_control.park(number, slot)
+            elif isinstance(local, ParkingDriver):
+                session.race_control.park(number, slot)
+                local.park(order_for(session, number))
+            else:
+                valet = driver_named(self._valet)  # before anything is recorded
+                session.race_control.park(number, slot)
+                self._take_wheel(number, valet)
+                if not seat.is_led:
+                    session.race_control.hand_wheel(number, to_server=True)
         except DriverError as error:
             raise SeatError(str(error), Reason.DRIVER) from error
-        if not seat.is_led:
-            session.race_control.hand_wheel(number, to_server=True)
 
-    def _take_wheel(self, number: int) -> None:
+    def _take_wheel(self, number: int, driver: Driver) -> None:
         """Let a new parking driver take a kart over.
 
         Raises:
-            DriverError: there is none of that name, or it cannot park.
+            DriverError: it cannot park.
         """
-        session, driver = self._session, driver_named(self._valet)
+        session = self._session
         with self._suspects.asking(number):
             driver.reset(briefing_for(session, session.seats[number]))
             tell_to_park(driver, self._valet, order_for(session, number))
@@ -123,11 +128,20 @@ class Wheels:
     def resume(self) -> None:
         """Take the wheels again that the server before this one had."""
         for seat in self._session.seats.taken():
-            if seat.is_led and self._session.is_racing(seat.number):
-                if self._suspects.is_barred(seat.number):
-                    self._session.race_control.hand_wheel(seat.number, to_server=False)
-                else:
-                    self._take_wheel(seat.number)
+            if not (seat.is_led and self._session.is_racing(seat.number)):
+                continue
+            if not self._retake(seat.number):
+                self._counters.refused.record(Reason.DRIVER, seat.number)
+                self._session.race_control.hand_wheel(seat.number, to_server=False)
+
+    def _retake(self, number: int) -> bool:
+        """Take a wheel again; False where the parking driver is barred or cannot park any more."""
+        if self._suspects.is_barred(number):
+            return False
+        with suppress(DriverError):
+            self._take_wheel(number, driver_named(self._valet))
+            return True
+        return False
 
     def clear(self) -> None:
         """Begin a race: no parking driver drives."""

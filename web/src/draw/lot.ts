@@ -7,7 +7,7 @@ import { type MapColours, liveryOf } from './palette';
 
 const TAU = 2 * Math.PI;
 const PERSON = '#f27ba5';
-const PARKED = '#aab2bd';
+const PARKED = '#5d6874';
 const MINE = '#3fbf7f';
 
 /** Draws all slots as open rectangles: the side that one drives in through has no line. */
