@@ -9,10 +9,12 @@ from race_agents.training.parking_marks import ParkingMarks
 from race_agents.training.race_marks import Decide
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import validation_courses
-from race_server.envs.parking.reward_terms import ENDINGS, IS_LATE
+from race_server.core.messages import Ending
+from race_server.envs.parking.reward_terms import ENDINGS
 
 # How an episode can fail.
-FAILURES = ENDINGS[IS_LATE:]
+# A driver of an exam never withdraws.
+FAILURES = ENDINGS[Ending.LATE : Ending.WITHDREW]
 
 
 def examine_parking(settings: Settings, exam: ParkingExam, decide: Decide) -> dict[str, Any]:

@@ -85,6 +85,24 @@ def open_seat(
 
 
 @app.command()
+def park(
+    seat: Annotated[
+        int, typer.Argument(min=-1, help="Number of the seat; without one, all that drive.")
+    ] = -1,
+    slot: Annotated[
+        int, typer.Option(min=-1, help="Number of the slot; -1: the one that the vehicle has.")
+    ] = -1,
+    keys: KeysFolder = None,
+    connect: Connect = "",
+    session: SessionName = "",
+) -> None:
+    """Have vehicles of a car park parked: the server's parking driver takes their wheels."""
+    if seat < 0 <= slot:
+        raise SeatError(f"--slot {slot} is for one vehicle: name its seat too")
+    _decide("park", keys, connect, session, seat=seat, value=float(slot))
+
+
+@app.command()
 def restart(keys: KeysFolder = None, connect: Connect = "", session: SessionName = "") -> None:
     """Stop the race and start it again with the drivers that are connected."""
     _decide("restart", keys, connect, session)

@@ -38,6 +38,31 @@ def crash(
 
 
 @app.command()
+def park(
+    lot: Annotated[str, typer.Option(help="Car park: a name from `race lot list`.")] = "yard-70",
+    seats: Annotated[int, typer.Option(min=1, max=64, help="Number of vehicles.")] = 20,
+    driver: Annotated[str, typer.Option(help="Driver that parks them.")] = "valet",
+    together: Annotated[int, typer.Option(min=1, help="Vehicles that drive at a time.")] = 4,
+    seed: Seed = 1,
+    kill: Annotated[
+        bool, typer.Option("--kill/--no-kill", help="Kill the server half way.")
+    ] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Have vehicles of a running session parked on command; kill the server half way.
+
+    All must be parked, no person hit, and the recording driven again must be the same session.
+    """
+    with Console(stderr=True).status("parking", spinner="dots"):
+        from race_server.tools.drills.park import drill_park
+
+        document = drill_park(
+            lot, seats=seats, driver=driver, together=together, seed=seed, kill=kill
+        )
+    finish(document, as_json=as_json)
+
+
+@app.command()
 def deny(as_json: AsJson = False) -> None:
     """Try every forbidden act against an open session, and check that legal acts still work."""
     from race_server.tools.drills.deny import drill_deny

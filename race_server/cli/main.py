@@ -16,6 +16,7 @@ from race_server.cli import (
     keys,
     limit,
     lot,
+    park,
     recording,
     relay,
     results,
@@ -36,6 +37,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(start.start)
+app.command()(park.park)
 app.command()(serve.serve)
 app.command()(drive.drive)
 app.command()(drive.watch)

@@ -3,23 +3,14 @@
 from typing import Any
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.messages import Flag, Phase, Standing, Status
+from race_server.core.messages import Flag, Phase, Standing
 from race_server.live.client.leaderboard import Headline, leaderboard
 from race_server.terminal import Console
 
 
 def show_result(document: dict[str, Any], track: str, laps: int, session: str) -> None:
     """Print the table of results."""
-    rows = [
-        Standing(
-            **{
-                **kart,
-                "status": Status[kart["status"].upper()],
-                "lap_times_us": tuple(kart["lap_times_us"]),
-            }
-        )
-        for kart in document["karts"]
-    ]
+    rows = [Standing.of_json(kart) for kart in document["karts"]]
     console = Console()
     headline = Headline(session, track, laps, Phase.FINISHED, Flag.GREEN)
     console.print(leaderboard(headline, rows))

@@ -1,5 +1,6 @@
 """`race serve`: one session on the network, restarted when it is killed."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,8 +9,8 @@ import typer
 from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
-from race_server.cli.serve_options import OPEN_ADDRESS, ServeOptions, check_pace
-from race_server.errors import KeysError, ResultsError
+from race_server.cli.serve_options import OPEN_ADDRESS, VALET, ServeOptions, check_pace
+from race_server.errors import KeysError, ResultsError, ScenarioError
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -88,9 +89,10 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     fillers = known_drivers(options.fill)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     scenario = _scenario(options, fillers, inside, log)
+    valets = _valets(options) if options.lot else ()
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
-    warm_up(scenario, inside)
+    warm_up(scenario, (*inside, *valets))
     every = 1 if fillers else options.karts
     return Service(
         scenario=scenario,
@@ -109,6 +111,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         as_json=options.as_json,
         keys=held,
         is_guarded=options.guard,
+        valet=options.valet,
         apart=None if options.one_process else _apart(address, session, held, fillers, options),
     )
 
@@ -159,10 +162,22 @@ def _scenario(
     from race_server.core.observation import wants_line
     from race_server.core.vehicles import vehicle_named
     from race_server.live.driver_processes import preset_of
+    from race_server.scenario.parking import parking_scenario
     from race_server.scenario.race import Rules, Scenario
     from race_server.scenario.raceline.attach import with_line
     from race_server.scenario.track.load import load_course
 
+    if options.lot:
+        scenario = parking_scenario(
+            options.lot,
+            vehicles=options.karts,
+            vehicle=options.vehicle,
+            level=options.level,
+            limit_s=options.limit,
+        )
+        # Until the lights go out all stand.
+        rules = replace(scenario.rules, countdown_s=Rules.countdown_s)
+        return replace(scenario, rules=rules, seed=options.seed)
     rules = Rules(
         laps=options.laps,
         items=options.items == "on",
@@ -172,7 +187,7 @@ def _scenario(
     scenario = Scenario(
         load_course(options.track),
         karts=options.karts,
-        vehicles=(vehicle_named(options.vehicle),),
+        vehicles=(vehicle_named(options.car),),
         rules=rules,
         seed=options.seed,
     )
@@ -185,6 +200,26 @@ def _scenario(
     if scenario.line and scenario.line.note:
         log.warn(scenario.line.note)
     return scenario
+
+
+def _valets(options: ServeOptions) -> tuple[str, ...]:
+    """Return the driver that parks on request, if it is installed.
+
+    Raises:
+        ScenarioError: another one than the usual is not, or is of another package.
+    """
+    from race_server.core.driver import driver_names
+    from race_server.live.driver_processes import is_trusted
+
+    name = options.valet
+    if name == VALET and name not in driver_names():
+        return ()
+    if known_drivers(name) and not (options.one_process or is_trusted(name)):
+        raise ScenarioError(
+            f"driver {name} would park inside the server, and is of another package or reads a "
+            "file; add --one-process if you trust it"
+        )
+    return (name,)
 
 
 def _server_keys(

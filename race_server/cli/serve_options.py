@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from race_server.cli.options import Results, Track, VehicleName
+from race_server.cli.options import Results, Track
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -14,7 +14,8 @@ from race_server.net.transport import DEFAULT_ADDRESS
 OPEN_ADDRESS = "tls/0.0.0.0:7447"
 
 Switch = Literal["on", "off"]
-# As in `live/server/loop.py`, which imports the compiler.
+# As in `live/server`, which imports the compiler.
+VALET = "valet"
 PACES = ("real", "lockstep")
 
 
@@ -23,7 +24,27 @@ class RaceOptions:
     """Which race is driven, and what is kept of it."""
 
     track: Track = "covapsy-train-2023"
-    vehicle: VehicleName = "tt02"
+    lot: Annotated[
+        str,
+        typer.Option(
+            help="Park in place of racing: a name from `race lot list`, or a .toml file. "
+            "Default: none."
+        ),
+    ] = ""
+    level: Annotated[
+        str, typer.Option(help="With --lot: how well to park. Default: as the car park says.")
+    ] = ""
+    limit: Annotated[
+        float,
+        typer.Option(min=0.0, help="With --lot: seconds to park in; 0: as the car park says."),
+    ] = 0.0
+    vehicle: Annotated[
+        str,
+        typer.Option(
+            help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car. Default: tt02, with "
+            "--lot the one that the car park is made for."
+        ),
+    ] = ""
     karts: Annotated[int, typer.Option(min=1, max=64, help="Number of seats.")] = 8
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3
     seed: Annotated[int, typer.Option(help="Seed of every random draw in the race.")] = 1
@@ -43,6 +64,16 @@ class RaceOptions:
             "$RACE_SERVER_RECORDINGS, else ~/.local/share/race-server/recordings."
         ),
     ] = ""
+
+    @property
+    def place(self) -> str:
+        """The name of the course or the car park."""
+        return self.lot or self.track
+
+    @property
+    def car(self) -> str:
+        """The name of the vehicle on a course."""
+        return self.vehicle or "tt02"
 
 
 @dataclass(frozen=True)
@@ -76,6 +107,10 @@ class ServeOptions(RaceOptions):
             min=0.0, help="Seconds that others have to finish after the winner; 0: no limit."
         ),
     ] = 100.0
+    valet: Annotated[
+        str,
+        typer.Option(help="With --lot: the driver that parks a vehicle on request, in the server."),
+    ] = VALET
     once: Annotated[bool, typer.Option("--once", help="Exit after one race.")] = False
     review: Annotated[
         float,

@@ -22,6 +22,7 @@ from race_server.live.driver_processes import Command as DriverCommand
 from race_server.live.driver_processes import DriverProcesses
 from race_server.live.server import REAL, RaceServer
 from race_server.live.server.resume import restore_session
+from race_server.live.server.wheels import VALET
 from race_server.live.suspects import Suspects
 from race_server.live.watchdog import HUNG_S, Watchdog
 from race_server.logs import Log
@@ -58,6 +59,7 @@ class Service:
     as_json: bool
     keys: ServerKeys | None  # None: closed to other machines
     is_guarded: bool  # by a supervisor
+    valet: str = VALET  # driver that parks on request
     apart: DriverCommand | None = None  # how fillers run that are kept apart; None: inside
     suspects: Suspects = field(default_factory=Suspects)  # shared with the supervisor
 
@@ -105,6 +107,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
             watchdog=Watchdog(HUNG_S),
             suspects=service.suspects,
             processes=stack.enter_context(DriverProcesses(service.apart, log)),
+            valet=service.valet,
         )
         stack.callback(server.watchdog.rest)
         stopped = _stop_on_signals(server, is_guarded=service.is_guarded)

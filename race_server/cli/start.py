@@ -9,7 +9,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import argv_of, expand_options
 from race_server.cli.options import known_drivers
 from race_server.cli.outcome import show_result
-from race_server.cli.serve_options import RaceOptions, ServeOptions, check_pace
+from race_server.cli.serve_options import VALET, RaceOptions, ServeOptions, check_pace
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
 
@@ -25,8 +25,11 @@ class StartOptions(RaceOptions):
 
     drivers: Annotated[
         str,
-        typer.Option(help="Comma-separated drivers, repeated until every seat is filled."),
-    ] = ",".join(DRIVERS)
+        typer.Option(
+            help=f"Comma-separated drivers, repeated until every seat is filled. Default: "
+            f"{','.join(DRIVERS)}, with --lot {VALET}."
+        ),
+    ] = ""
     one_process: Annotated[
         bool,
         typer.Option("--one-process", help="Run the drivers inside the server process."),
@@ -58,6 +61,15 @@ class StartOptions(RaceOptions):
 @expand_options
 def start(options: StartOptions) -> None:
     """Run a whole race: a server, one process for each driver, and the live leaderboard."""
+    start_session(options)
+
+
+def start_session(options: StartOptions) -> None:
+    """Run a whole session, show its table and its result.
+
+    Raises:
+        RaceError: an option is wrong, or the session ends without a result.
+    """
     from race_server.competition.launch import run_race
     from race_server.net.wire import topics
     from race_server.net.wire.topics import key_of
@@ -67,7 +79,8 @@ def start(options: StartOptions) -> None:
     key_of(topics.SNAPSHOT, options.session)  # a name that is not valid raises
     _check_results(options.results)
     console = Console(stderr=options.as_json)
-    _prepare_line(options.track, options.vehicle, names, console)
+    if not options.lot:
+        _prepare_line(options.track, options.car, names, console)
     spec = _spec(options, names, page=_shows_page(options.page, console))
     if options.races > 1:
         _run_series(spec, options, console)
@@ -76,7 +89,7 @@ def start(options: StartOptions) -> None:
     if options.as_json:
         print_document(document)
     else:
-        show_result(document, options.track, options.laps, options.session)
+        show_result(document, options.place, options.laps, options.session)
 
 
 def _drivers(options: StartOptions) -> tuple[str, ...]:
@@ -87,9 +100,9 @@ def _drivers(options: StartOptions) -> tuple[str, ...]:
     """
     from race_server.core.driver import driver_names
 
-    names = known_drivers(options.drivers)
+    names = known_drivers(options.drivers or (VALET if options.lot else ",".join(DRIVERS)))
     if not names:
-        raise ScenarioError(f"--drivers is empty; choose from {', '.join(driver_names())}")
+        raise ScenarioError(f"--drivers names none; choose from {', '.join(driver_names())}")
     mixed = options.mixed
     fits = 0 <= mixed <= options.karts
     if not fits or (mixed and (options.pace != "real" or options.one_process)):

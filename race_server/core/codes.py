@@ -3,6 +3,7 @@
 from race_server.core.messages import (
     Button,
     Cleanness,
+    Ending,
     EventKind,
     Flag,
     RayHit,
@@ -48,6 +49,10 @@ RAMMING = int(Retirement.RAMMING)
 LOST = int(Retirement.LOST)
 LEFT_LOT = int(Retirement.LEFT_LOT)
 HIT_PERSON = int(Retirement.HIT_PERSON)
+
+OPEN, IS_PARKED, IS_LATE, HAS_LEFT, MET_WALL, MET_BLOCK, MET_VEHICLE, MET_PERSON, HAS_GONE = (
+    int(ending) for ending in Ending
+)
 
 EVENT_GREEN = int(EventKind.GREEN)
 EVENT_LAP = int(EventKind.LAP)

@@ -3,8 +3,10 @@
 The numbers of all enumerations are those of `schemas/codes.fbs`; a test compares them.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from enum import IntEnum, IntFlag
+from typing import Any
 
 
 class Phase(IntEnum):
@@ -117,6 +119,20 @@ class Retirement(IntEnum):
     HIT_PERSON = 9
 
 
+class Ending(IntEnum):
+    """How the way of a vehicle to its slot ended."""
+
+    OPEN = 0  # it has not
+    PARKED = 1
+    LATE = 2  # the time was up
+    LEFT = 3  # too far from the slot
+    WALL = 4  # it ran into a wall,
+    BLOCK = 5  # an obstacle,
+    VEHICLE = 6  # another vehicle,
+    PERSON = 7  # a person
+    WITHDREW = 8  # its driver has gone
+
+
 class Trust(IntEnum):
     """How the server takes the pose of a kart."""
 
@@ -195,6 +211,18 @@ class Event:
     detail: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Parking:
+    """How a vehicle fares on its way to its slot."""
+
+    ending: Ending
+    slot: int  # number, -1 where the lot has none
+    way: float  # [m] driven, forward and back
+    reversed: float  # [m] of it in reverse
+    moves: int  # changes of direction
+    walked_into: int  # people who ran into it while it stood
+
+
 @dataclass(frozen=True)
 class Standing:
     """One row of the live standings or the results."""
@@ -212,3 +240,27 @@ class Standing:
     penalty_us: int
     items_used: int
     lap_times_us: tuple[int, ...] = field(default=())
+    parking: Parking | None = None  # only in a car park
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row as plain data; what has a name by its name."""
+        words = asdict(self)
+        words |= {"status": self.status.name.lower(), "lap_times_us": list(self.lap_times_us)}
+        if self.parking is None:
+            return {name: value for name, value in words.items() if name != "parking"}
+        words["parking"]["ending"] = self.parking.ending.name.lower()
+        return words
+
+    @staticmethod
+    def of_json(words: Mapping[str, Any]) -> "Standing":
+        """Return the row that `as_json` took apart."""
+        parking = words.get("parking")
+        return Standing(
+            **{
+                **words,
+                "status": Status[words["status"].upper()],
+                "lap_times_us": tuple(words["lap_times_us"]),
+                "parking": parking
+                and Parking(**{**parking, "ending": Ending[parking["ending"].upper()]}),
+            }
+        )

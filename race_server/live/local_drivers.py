@@ -4,13 +4,15 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.driver import Briefing, Driver, driver_named
+from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.core.observation import Observation
+from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.items import items
 from race_server.errors import DriverError
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.session import Session
+from race_server.session.parking import has_lot
 from race_server.session.seats import Seat
 
 
@@ -27,6 +29,13 @@ def briefing_for(session: Session, seat: Seat) -> Briefing:
         lidar_field=scenario.lidar.field,
         lidar_reach=scenario.lidar.reach,
     )
+
+
+def order_for(session: Session, number: int) -> ParkingOrder:
+    """Return the order to park of the vehicle of a seat, with what stands there now."""
+    if session.is_on:
+        return order_of(session.world, 0, number)
+    return session.standing_orders[number]
 
 
 @dataclass
@@ -46,6 +55,11 @@ class LocalDrivers:
     def __contains__(self, seat: object) -> bool:
         return seat in self._locals
 
+    def driver_of(self, seat: int) -> Driver | None:
+        """Return the local driver of a seat, None where there is none."""
+        local = self._locals.get(seat)
+        return local.driver if local else None
+
     def admit(self, name: str, driver: Driver, seat: int) -> None:
         """Give a driver a seat in the lobby, ready to race.
 
@@ -61,6 +75,8 @@ class LocalDrivers:
         self._locals[taken.number] = _LocalDriver(driver)
         try:
             driver.reset(briefing_for(self._session, taken))
+            if has_lot(self._session.world) and isinstance(driver, ParkingDriver):
+                driver.park(order_for(self._session, taken.number))
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error
 

@@ -214,6 +214,7 @@ def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
         _clear_parker(world, w, k, scenario)
     if is_lot(scenario.course):
         draw_lot(world, w)
+        race.hold_until = race.start_tick  # without a line no start is judged
     line_up(world, w)
 
 

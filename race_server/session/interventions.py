@@ -12,6 +12,7 @@ from race_server.core import codes
 from race_server.core.stages.events import penalise
 from race_server.core.state import World
 from race_server.core.step import show_flag, withdraw
+from race_server.session.parking import send_to
 
 
 class InterventionKind(IntEnum):
@@ -23,6 +24,8 @@ class InterventionKind(IntEnum):
     CLOSE = 4  # no driver may take a kart's seat; value: 1 where its driver was sent away
     OPEN = 5  # it may be taken again
     CLOCK = 6  # value: 1 the clock stands, 0 it goes on
+    PARK = 7  # a vehicle is told to park; value: number of the slot, -1 for the one that it has
+    WHEEL = 8  # value: 1 the server's parking driver takes the wheel, 0 gives it back
 
 
 # Those that concern one kart.
@@ -31,6 +34,8 @@ ON_KARTS = (
     InterventionKind.PENALTY,
     InterventionKind.CLOSE,
     InterventionKind.OPEN,
+    InterventionKind.PARK,
+    InterventionKind.WHEEL,
 )
 
 
@@ -61,6 +66,10 @@ def _penalise(world: World, kart: int, seconds: float) -> None:
     penalise(world, 0, kart, round(seconds * 1e6), codes.EVENT_PENALTY)
 
 
+def _park(world: World, kart: int, slot: float) -> None:
+    send_to(world, kart, int(slot))
+
+
 def _leave(_world: World, _kart: int, _value: float) -> None:
     """Do nothing: such an act concerns the session, and karts drive no differently."""
 
@@ -72,4 +81,6 @@ _ACTS: dict[InterventionKind, Callable[[World, int, float], None]] = {
     InterventionKind.CLOSE: _leave,
     InterventionKind.OPEN: _leave,
     InterventionKind.CLOCK: _leave,
+    InterventionKind.PARK: _park,
+    InterventionKind.WHEEL: _leave,
 }

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from race_server.core import codes
 from race_server.core.observation import PRESETS, Layout, layout_of, offsets_of
 from race_server.core.stages.observe import observe_karts
 from race_server.core.state import Float32s, World
@@ -30,6 +31,10 @@ class Observations:
         for seat in seats:
             self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NO_PRESET
 
+    def show(self, seat: int, preset: str) -> None:
+        """Let a seat observe what a preset names; "" for nothing."""
+        self._presets[seat] = list(PRESETS).index(preset) if preset else NO_PRESET
+
     def compute(self, world: World) -> None:
         """Compute the observations of all seats now."""
         observe_karts(world, self._offsets, self._presets, self._values)
@@ -40,6 +45,11 @@ class Observations:
         return self._values[0, seat, : layout.size]
 
 
-def fitted_for(seat: Seat) -> int:
-    """Return the sensors that the kart of a seat needs."""
-    return sensors_for(PRESETS[seat.preset]) if seat.is_taken else ABSENT
+def fitted_for(seat: Seat, *, parks: bool = False) -> int:
+    """Return the sensors that the kart of a seat needs.
+
+    parks: the parking driver of the server may take the wheel, and see by any sensor.
+    """
+    if not seat.is_taken:
+        return ABSENT
+    return sensors_for(PRESETS[seat.preset]) | (codes.LIDAR | codes.RADAR if parks else 0)

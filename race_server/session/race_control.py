@@ -8,6 +8,7 @@ from race_server.core.state import World
 from race_server.session.event_log import EventLog
 from race_server.session.interventions import Intervention, InterventionKind, carry_out
 from race_server.session.journal_entries import JournalEntries
+from race_server.session.parking import check_slot
 from race_server.session.seats import Seats
 
 
@@ -71,6 +72,19 @@ class RaceControl:
         """Stop the clock of the race, or restart it; the server's loop applies this."""
         self.intervene(InterventionKind.CLOCK, value=float(is_paused))
 
+    def park(self, number: int, slot: int = -1) -> None:
+        """Tell the vehicle of a seat to park. slot: number of its slot, -1 for the one it has.
+
+        Raises:
+            SeatError: the seat is not taken, there is no car park, or the slot is not free.
+        """
+        check_slot(self._world, self._seats.taken_one(number).number, slot)
+        self.intervene(InterventionKind.PARK, number, float(slot))
+
+    def hand_wheel(self, number: int, *, to_server: bool) -> None:
+        """Let the parking driver of the server drive the kart of a seat, or its driver again."""
+        self.intervene(InterventionKind.WHEEL, number, float(to_server))
+
     def intervene(self, kind: InterventionKind, kart: int = -1, value: float = 0.0) -> None:
         """Apply an intervention to the race, and add it to the journal."""
         act = Intervention(self._tick, kind, kart, value)
@@ -86,6 +100,10 @@ class RaceControl:
             self._seats.unclose(act.kart)
         elif act.kind is InterventionKind.CLOCK:
             self.is_paused = bool(act.value)
+        elif act.kind is InterventionKind.PARK:
+            self._seats[act.kart].orders += 1
+        elif act.kind is InterventionKind.WHEEL:
+            self._seats[act.kart].is_led = bool(act.value)
 
     @property
     def _tick(self) -> int:

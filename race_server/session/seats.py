@@ -32,6 +32,8 @@ class Seat:
     sequence: int = 0  # of the newest message taken
     away_since: int = -1
     silence: FailsafeStage = FailsafeStage.FRESH  # how the driver's silence acts on the kart
+    is_led: bool = False  # the parking driver of the server has the wheel
+    orders: int = 0  # to park, in this race
 
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""
@@ -57,6 +59,7 @@ class Seat:
         """Forget what was received in the last race."""
         self.control, self.control_tick, self.answered_tick = STOP, -1, -1
         self.sequence, self.away_since, self.silence = 0, -1, FailsafeStage.FRESH
+        self.is_led, self.orders = False, 0
 
     def receive(self, sequence: int, control: Control, tick: int) -> None:
         """Record the newest message of the driver, which arrived before a tick."""
@@ -64,6 +67,11 @@ class Seat:
         self.control, self.control_tick = control, tick
         if self.is_present:
             self.away_since = -1
+
+    def lead(self, control: Control, tick: int) -> None:
+        """Record a control of the server's parking driver, which is never away."""
+        self.control, self.control_tick, self.answered_tick = control, tick, tick
+        self.away_since = -1
 
 
 class Seats:

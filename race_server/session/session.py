@@ -9,6 +9,7 @@ from race_server.core import codes
 from race_server.core.kernels.jit import bind
 from race_server.core.messages import Button, Control, Event, Phase, Pose, PoseFault, Standing
 from race_server.core.observation import Layout, layout_of
+from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Float32s, Floats, World, digest
 from race_server.core.step import advance, place_karts
 from race_server.credentials import key_of
@@ -20,6 +21,7 @@ from race_server.session.failsafe import STOP
 from race_server.session.interventions import Intervention, InterventionKind
 from race_server.session.journal_entries import Entry, Inputs, JournalEntries
 from race_server.session.observations import Observations, fitted_for
+from race_server.session.parking import has_lot, standing_orders_of
 from race_server.session.race_control import RaceControl
 from race_server.session.replay_guard import Granted, ReplayGuard
 from race_server.session.seating import Newcomer, free_seat, held_seat
@@ -43,6 +45,7 @@ class Session:
     event_log: EventLog = field(default_factory=EventLog)
     seats: Seats = field(init=False)
     world: World = field(init=False)
+    standing_orders: list[ParkingOrder] = field(init=False)  # by seat, none without a car park
     tracked_karts: TrackedKarts = field(init=False)
     race_control: RaceControl = field(init=False)
 
@@ -51,10 +54,10 @@ class Session:
         scenario = self.scenario
         self.seats = Seats(scenario.karts)
         self.world = make_world(scenario)
+        self.standing_orders = standing_orders_of(self.world)
         self.tracked_karts = TrackedKarts(scenario.course)
-        self.race_control = RaceControl(
-            self.world, self.seats, self.event_log, self.journal, self.leave
-        )
+        parts = self.world, self.seats, self.event_log, self.journal
+        self.race_control = RaceControl(*parts, self.leave)
         self._controls = Controls(scenario, self.decision_ticks)
         self._observations = Observations(scenario.karts, scenario.lidar.rays)
         self._advances: dict[int, Callable[[], None]] = {}
@@ -73,9 +76,9 @@ class Session:
     ) -> Seat:
         """Give a driver a seat, or the one that it already has.
 
-        secret: chosen by the driver; the same secret is given the same seat again, so a join
-        whose answer was lost may be repeated. owns: the wanted seat is known to be the driver's,
-        which may then take it with a new secret once its old link is gone. tracked: a real kart.
+        secret: chosen by the driver; it is given the same seat again, so a join whose answer was
+        lost may be repeated. owns: the wanted seat is known to be the driver's, which may then
+        take it with a new secret once its old link is gone. tracked: a real kart.
 
         Raises:
             SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
@@ -113,11 +116,9 @@ class Session:
     def drop(self, number: int) -> None:
         """Record that a driver's link is gone: its kart is brought to a safe stop."""
         seat = self.seats[number]
-        if not seat.is_taken:
-            return
-        if self.phase is Phase.LOBBY:
+        if seat.is_taken and self.phase is Phase.LOBBY:
             self._free(number)
-        elif seat.is_present:
+        elif seat.is_taken and seat.is_present:
             seat.is_present = False
             seat.away_since = self.tick
 
@@ -146,6 +147,10 @@ class Session:
         """Whether karts count down or race."""
         return self.phase in {Phase.COUNTDOWN, Phase.RUNNING}
 
+    def is_racing(self, number: int) -> bool:
+        """Return whether a race is on and the kart of a seat is still in it."""
+        return self.is_on and int(self.world.bodies["status"][0, number]) == codes.RACING
+
     def can_start(self) -> bool:
         """Return whether the lobby has drivers and all of them are ready."""
         taken = self.seats.taken()
@@ -159,7 +164,7 @@ class Session:
         self.epoch += 1
         self.journal.drain()
         self.race_control.is_paused = False
-        fitted = tuple(fitted_for(seat) for seat in self.seats)
+        fitted = tuple(fitted_for(seat, parks=has_lot(self.world)) for seat in self.seats)
         line_up_race(self.world, 0, replace(self.scenario, fitted=fitted), self.scenario.seed)
         for seat in self.seats:
             seat.line_up()
@@ -197,6 +202,9 @@ class Session:
         self._check_sequence(seat, "control", epoch, sequence)
         if tick > self.tick:
             raise WireError(f"control answers tick {tick}, this is tick {self.tick}", Reason.FUTURE)
+        if seat.is_led:
+            seat.sequence = sequence  # heard, but another driver has the wheel
+            return
         seat.answered_tick = tick
         seat.receive(sequence, control, self.tick)
 
@@ -233,13 +241,10 @@ class Session:
 
     def waits_for(self) -> list[int]:
         """Return the racing seats that have not yet answered the observation of this tick."""
-        statuses = self.world.bodies["status"][0]
         return [
             seat.number
             for seat in self.seats.taken()
-            if seat.is_present
-            and statuses[seat.number] == codes.RACING
-            and seat.answered_tick < self.tick
+            if seat.is_present and seat.answered_tick < self.tick and self.is_racing(seat.number)
         ]
 
     # Time passes
@@ -252,8 +257,7 @@ class Session:
     def place_karts(self, placements: Floats) -> None:
         """Put karts into the world. placements: (n, 10), see state.PLACEMENT.
 
-        All that real karts do to the world goes through here: the same placements before the same
-        ticks give the same race.
+        All that real karts do to the world goes through here, for the same race in a replay.
         """
         if not len(placements):
             return

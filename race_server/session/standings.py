@@ -5,6 +5,7 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.messages import Standing, Status
 from race_server.core.state import World
+from race_server.session.parking import figures_of
 from race_server.session.seats import Seat, Seats
 
 
@@ -36,6 +37,7 @@ def _standing(seat: Seat, world: World, leader: int, lap_times_us: tuple[int, ..
         penalty_us=int(racer.penalty_us),
         items_used=int(world.players[0, seat.number].items_used),
         lap_times_us=lap_times_us,
+        parking=figures_of(world, seat.number),
     )
 
 

@@ -7,8 +7,10 @@ import pytest
 
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing
+from race_server.core.level import Level
 from race_server.core.messages import Control, Event, EventKind
 from race_server.core.observation import Observation, layout_of
+from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.errors import DriverError, LinkError
 from race_server.live.client.driver import KartClient
 from race_server.live.client.driver_loop import Answer, DriverLoop
@@ -16,6 +18,7 @@ from race_server.live.client.event_stream import EventStream
 from race_server.live.client.latency_limiter import FRESH_S
 from race_server.live.client.link_stats import LinkStats
 from race_server.net.wire.drive import ObservationFrame
+from race_server.net.wire.parking import OrderFrame
 from support.briefings import briefing
 
 LAYOUT = layout_of("track", 0)
@@ -189,3 +192,43 @@ def test_another_race_counts_its_events_from_one_again() -> None:
     stream.receive(1, map(event, (1, 2)))
     assert numbers(stream.receive(2, [event(1)])) == [1]
     assert numbers(stream.recent()) == [1]
+
+
+class Parker(Driver):
+    """Remembers its orders to park as well."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.slots: list[int] = []
+
+    def park(self, order: ParkingOrder) -> None:
+        self.slots.append(round(order.slot.x))
+
+
+def order(epoch: int, sequence: int, x: float) -> OrderFrame:
+    slot = Slot(x, 0.0, 0.0, 3.0, 2.0)
+    return OrderFrame(
+        epoch, sequence, ParkingOrder(slot, Level(), np.zeros((0, 4)), np.zeros((0, 5)))
+    )
+
+
+def test_a_driver_is_handed_each_order_to_park_once_and_the_first_one_again_in_a_new_race() -> None:
+    client, parker = Client(), Parker()
+    loop = DriverLoop(parker, "parker", BRIEFING, LAYOUT, client.stats, give_up_s=30.0, now_s=0.0)
+    client.loop = loop
+    loop.on_order(order(0, 0, 1.0))  # in the lobby
+    client.observe(0, epoch=1)
+    for sequence in (1, 1, 1):  # sent twice a second
+        loop.on_order(order(1, sequence, 2.0))
+    loop.on_order(None)
+    client.observe(3, epoch=1)
+    assert parker.slots == [1, 2]
+    client.observe(0, epoch=2)
+    loop.on_order(order(1, 1, 2.0))  # of the race before
+    assert parker.slots == [1, 2, 1]
+
+
+def test_a_driver_that_takes_no_orders_drives_on() -> None:
+    client = Client()
+    client.loop.on_order(order(1, 0, 1.0))
+    assert client.observe(0) is not None

@@ -82,6 +82,10 @@ def test_a_seat_is_driven_from_a_browser_until_the_hand_is_off_the_wheel(lobby: 
         driver.send(control(20))  # a copy counts no more
         driver.send(control(41))
         assert driver.word("notice")["code"] == "driving"
+        driver.send({"type": "park", "park": True})
+        answer = driver.word("park")
+        assert not answer["accepted"]
+        assert answer["reason"] == "there is no car park here; serve one with --lot"
 
 
 def test_a_driver_is_not_disturbed_by_who_stole_its_words_and_comes_back_with_them() -> None:

@@ -12,7 +12,17 @@ import ark_fbs
 import pytest
 
 from race_server.core.messages import Button, EventKind, Flag, Phase, PoseFault, Source, Trust
-from race_server.net.wire import admin, drive, journal, line, links, lobby, placement, spectate
+from race_server.net.wire import (
+    admin,
+    drive,
+    journal,
+    line,
+    links,
+    lobby,
+    parking,
+    placement,
+    spectate,
+)
 from race_server.net.wire import pose as poses
 from race_server.net.wire.rays import encode_rays
 from race_server.session.failsafe import FailsafeStage
@@ -62,6 +72,8 @@ AGAIN: dict[str, Callable[[bytes], bytes]] = {
     "line": lambda data: line.encode_line(line.decode_line(data)),
     "course": lambda data: lobby.encode_course(lobby.decode_course(data)),
     "briefing": lambda data: lobby.encode_welcome(lobby.decode_welcome(data)),
+    "lot": lambda data: parking.encode_lot(parking.decode_lot(data)),
+    "order": lambda data: parking.encode_order(parking.decode_order(data)),
     "rays": lambda data: encode_rays(decode_rays(data)),
     "start": lambda data: journal.encode_start(journal.decode_start(data)),
     "inputs": lambda data: journal.encode_inputs(*journal.decode_inputs(data)),
@@ -110,6 +122,7 @@ RECORDED = {
     "spectate.Snapshot": "snapshot",
     "spectate.Events": "events",
     "spectate.Standings": "standings",
+    "spectate.Lot": "lot",
 }
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from race_server.core.messages import Button, Control
 from race_server.errors import WireError
-from race_server.net.wire import drive, lobby, spectate
-from support.messages import EVENTS, STANDINGS, WELCOME, snapshot
+from race_server.net.wire import drive, lobby, parking, spectate
+from support.messages import EVENTS, LOT, ORDER, STANDINGS, WELCOME, snapshot
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
 CONTROL = drive.encode_control(
@@ -24,6 +24,8 @@ WRITTEN = {
     ("spectate", "Standings"): spectate.encode_standings(STANDINGS),
     ("session", "JoinRequest"): lobby.encode_join(lobby.Join("me", "lidar", 2, 5)),
     ("session", "Briefing"): lobby.encode_welcome(WELCOME),
+    ("drive", "ParkingOrder"): parking.encode_order(ORDER),
+    ("spectate", "Lot"): parking.encode_lot(LOT),
     ("session", "Reply"): lobby.encode_reply("no"),
 }
 
@@ -31,6 +33,8 @@ DECODERS: dict[tuple[str, str], Callable[[bytes], object]] = {
     ("drive", "ControlMessage"): drive.decode_control,
     ("session", "JoinRequest"): lobby.decode_join,
     ("spectate", "Snapshot"): spectate.decode_snapshot,
+    ("drive", "ParkingOrder"): parking.decode_order,
+    ("spectate", "Lot"): parking.decode_lot,
     ("spectate", "Events"): spectate.decode_events,
     ("spectate", "Standings"): spectate.decode_standings,
 }

@@ -1,6 +1,7 @@
 """Messages: the fast code and the generated code agree, and nothing from outside gets through."""
 
 import filecmp
+import json
 import random
 import struct
 from collections.abc import Callable
@@ -19,9 +20,10 @@ from race_server.core.messages import (
     Phase,
     Pose,
     Source,
+    Standing,
 )
 from race_server.errors import SeatError, WireError
-from race_server.net.wire import admin, drive, line, links, lobby, rays, spectate, topics
+from race_server.net.wire import admin, drive, line, links, lobby, parking, rays, spectate, topics
 from race_server.net.wire import pose as poses
 from race_server.net.wire.generate import PAGE_TARGET, TARGET, generate, generate_page
 from race_server.net.wire.strict import root_of
@@ -32,9 +34,13 @@ from support.messages import (
     HUD,
     LINE,
     LINKS,
+    LOT,
+    ORDER,
+    PARKED,
     RAYS,
     STANDINGS,
     WELCOME,
+    lot_snapshot,
     snapshot,
 )
 from support.rays import decode_rays
@@ -205,6 +211,53 @@ def test_links_come_back_as_they_were_sent() -> None:
     assert back.links.tolist() == LINKS.links.tolist()
 
 
+def test_a_round_in_a_car_park_comes_back_as_it_was_sent() -> None:
+    back = parking.decode_lot(parking.encode_lot(LOT))
+    assert (back.epoch, back.tick) == (2, 600)
+    assert back.goals.tolist() == LOT.goals.tolist()
+    assert back.blocks.tolist() == [(5.0, 2.0, 0.5, 1.5, 1.0, 2, bytes(3))]
+
+
+def same_order(one: parking.OrderFrame, other: parking.OrderFrame) -> bool:
+    numbers = (one.epoch, one.sequence) == (other.epoch, other.sequence)
+    return numbers and same(one.order, other.order)
+
+
+def test_an_order_to_park_comes_back_as_it_was_sent_alone_and_in_a_briefing() -> None:
+    assert same_order(parking.decode_order(parking.encode_order(ORDER)), ORDER)
+    welcome = lobby.decode_welcome(lobby.encode_welcome(replace(WELCOME, order=ORDER)))
+    assert welcome.order is not None
+    assert same_order(welcome.order, ORDER)
+    assert lobby.decode_welcome(lobby.encode_welcome(WELCOME)).order is None
+
+
+def test_an_order_whose_walls_are_not_whole_or_not_finite_is_refused() -> None:
+    for walls, why in ((np.ones(7), "rows have 4"), (np.array([[np.nan] * 4]), "not finite")):
+        bad = replace(ORDER, order=replace(ORDER.order, walls=walls))
+        with pytest.raises(WireError, match=why):
+            parking.decode_order(parking.encode_order(bad))
+
+
+def test_people_and_figures_of_parking_come_back_as_they_were_sent() -> None:
+    frame = lot_snapshot()
+    writer = spectate.SnapshotWriter()
+    assert spectate.decode_snapshot(writer.write(snapshot())).walkers.tolist() == []
+    back = spectate.decode_snapshot(writer.write(frame))
+    assert back.walkers.tolist() == frame.walkers.tolist()
+    table = replace(STANDINGS, rows=(PARKED,))
+    assert spectate.decode_standings(spectate.encode_standings(table)).rows == (PARKED,)
+
+
+def test_a_row_of_standings_comes_back_from_plain_data() -> None:
+    for row in (*STANDINGS.rows, PARKED):
+        assert Standing.of_json(json.loads(json.dumps(row.as_json()))) == row
+
+
+def test_slots_of_a_car_park_come_with_its_course() -> None:
+    lot = replace(COURSE, slots=np.array([[1.0, 2.0, 0.5, 3.0, 2.0]]))
+    assert same(lobby.decode_course(lobby.encode_course(lot)), lot)
+
+
 def test_rays_come_back_as_they_were_sent() -> None:
     assert same(decode_rays(rays.encode_rays(RAYS)), RAYS)
 
@@ -224,6 +277,8 @@ MESSAGES = [
     (lobby.decode_course, lobby.encode_course(COURSE)),
     (line.decode_line, line.encode_line(LINE)),
     (links.decode_links, links.encode_links(LINKS)),
+    (parking.decode_lot, parking.encode_lot(LOT)),
+    (parking.decode_order, parking.encode_order(ORDER)),
     (decode_rays, rays.encode_rays(RAYS)),
 ]
 

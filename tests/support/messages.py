@@ -1,21 +1,27 @@
 """One message of each kind, with numbers that can be told apart."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from race_server.core.driver import Briefing
+from race_server.core.level import Level
 from race_server.core.messages import (
     Cleanness,
+    Ending,
     Event,
     EventKind,
     Flag,
+    Parking,
     Phase,
     PoseFault,
     Standing,
     Status,
     Trust,
 )
+from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.core.vehicles import TT02
-from race_server.net.wire import drive, line, links, lobby, rays, spectate
+from race_server.net.wire import drive, line, links, lobby, parking, rays, spectate
 
 
 def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
@@ -29,12 +35,35 @@ def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
     )
 
 
+def lot_snapshot() -> spectate.SnapshotFrame:
+    """Return a snapshot with two people."""
+    people = np.array([(1.5, -2.5, 0.25), (0.0, 4.0, 0.5)], parking.WALKER)
+    return replace(snapshot(), walkers=people)
+
+
 EVENTS = [
     Event(1, 60, EventKind.LAP, 3, 2, 17_000_000, Cleanness.UNCLEAN),
     Event(2, 61, EventKind.GREEN, -1, -1, 0),
 ]
 
 STANDING = Standing(4, "me", 1, 3, Status.FINISHED, 10, 9, 30, 0, 1, 5_000_000, 2, (11, 10, 9))
+
+PARKED = replace(STANDING, parking=Parking(Ending.PARKED, 7, 40.5, 3.25, 2, 1))
+
+ORDER = parking.OrderFrame(
+    *(2, 1),
+    ParkingOrder(
+        Slot(1.0, 2.0, 0.5, 3.0, 2.0),
+        Level(along=0.5, across=0.25, turn=0.125, still=0.0625, fits=True, hold_s=1.0),
+        np.arange(8.0).reshape(2, 4),
+        np.ones((1, 5)),
+    ),
+)
+LOT = parking.LotFrame(
+    *(2, 600),
+    np.array([(1.0, 2.0, 0.5, 3.0, 2.0, -1, 0), (4.0, 2.0, 0.5, 3.0, 2.0, 7, 3)], parking.GOAL),
+    np.array([(5.0, 2.0, 0.5, 1.5, 1.0, 2, b"")], parking.BLOCK),
+)
 
 STANDINGS = spectate.StandingsFrame(1, 600, 180, Phase.RUNNING, Flag.GREEN, 3, "oval", (STANDING,))
 

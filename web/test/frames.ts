@@ -36,6 +36,7 @@ export function snapshot(changes: Partial<SnapshotFrame> = {}): SnapshotFrame {
     karts: [kart()],
     boxes: new Uint8Array(),
     hazards: [],
+    walkers: [],
     ...changes,
   };
 }
@@ -73,5 +74,6 @@ export function roundCourse(samples = 100): CourseFrame {
     kartLength: 0.45,
     kartWidth: 0.19,
     kartAhead: 0,
+    slots: [],
   };
 }

@@ -23,6 +23,7 @@ function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingF
     penaltyUs: 0,
     itemsUsed: 0,
     lapTimesUs: [],
+    parking: null,
     ...changes,
   };
 }

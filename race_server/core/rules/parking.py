@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from race_server.core import codes
 from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.geometry import cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel
@@ -61,3 +62,26 @@ def is_parked(parker: Record, hull: Hull, stand: Stand, speed: float) -> bool:
     if parker.still > 0.0 and abs(speed) >= parker.still:
         return False
     return parker.fits == 0 or is_inside(parker, hull, stand)
+
+
+@kernel
+def ending_of(status: int, reason: int, touched: int) -> int:
+    """Return how the way of a vehicle has ended, see `race_server.core.messages.Ending`.
+
+    status: of its body; reason: Retirement; touched: what it ran into last, a RayHit.
+    """
+    if status == codes.FINISHED:
+        return codes.IS_PARKED
+    if status != codes.RETIRED:
+        return codes.OPEN
+    if reason == codes.TIME_OUT:
+        return codes.IS_LATE
+    if reason == codes.LEFT_LOT:
+        return codes.HAS_LEFT
+    if reason == codes.HIT_PERSON:
+        return codes.MET_PERSON
+    if reason != codes.CRASH:
+        return codes.HAS_GONE
+    if touched == codes.KART_HIT:
+        return codes.MET_VEHICLE
+    return codes.MET_BLOCK if touched == codes.OBSTACLE else codes.MET_WALL

@@ -7,7 +7,8 @@ from types import MappingProxyType
 from race_server.core import codes
 from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.jit import kernel
-from race_server.core.rules.parking import ALIGNED_WITHIN, Stand, stand_in
+from race_server.core.messages import Ending
+from race_server.core.rules.parking import ALIGNED_WITHIN, Stand, ending_of, stand_in
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import close_episode, weigh_terms
@@ -81,8 +82,7 @@ WIDE = math.radians(15.0)
 STANDS_BELOW = 0.05  # [m/s]
 
 # How an episode ended, by `episode.ending`.
-ENDINGS = ("open", "parked", "late", "left", "wall", "block", "vehicle", "person")
-OPEN, IS_PARKED, IS_LATE, HAS_LEFT, MET_WALL, MET_BLOCK, MET_VEHICLE, MET_PERSON = range(8)
+ENDINGS = tuple(ending.name.lower() for ending in Ending)
 
 
 @kernel
@@ -101,52 +101,33 @@ def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
 
     Fills `buffers.terms[w, k]`, (T,), in the order of TERMS.
     """
-    ending = _ending_of(world, w, k)
-    parker = world.parking.parkers[w, k]
+    body, parker = world.bodies[w, k], world.parking.parkers[w, k]
+    ending = ending_of(body.status, world.racers[w, k].retired_for, parker.touched)
     stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
     _measure(world, buffers, w, k, ending, stand)
     weigh_terms(buffers, w, k)
     _record_figures(world, buffers, w, k, ending, stand)
     # Time that runs out cuts an episode off, unless the task calls it an end.
-    is_late = ending == IS_LATE and buffers.settings[0].late_ends == 0.0
-    return close_episode(buffers, w, k, ending != OPEN and not is_late, is_late)
-
-
-@kernel
-def _ending_of(world: World, w: int, k: int) -> int:
-    """Return how a vehicle's way has ended, see ENDINGS."""
-    body, racer, parker = world.bodies[w, k], world.racers[w, k], world.parking.parkers[w, k]
-    if body.status == codes.FINISHED:
-        return IS_PARKED
-    if body.status != codes.RETIRED:
-        return OPEN
-    if racer.retired_for == codes.TIME_OUT:
-        return IS_LATE
-    if racer.retired_for == codes.LEFT_LOT:
-        return HAS_LEFT
-    if racer.retired_for == codes.HIT_PERSON:
-        return MET_PERSON
-    if parker.touched == codes.KART_HIT:
-        return MET_VEHICLE
-    return MET_BLOCK if parker.touched == codes.OBSTACLE else MET_WALL
+    is_late = ending == codes.IS_LATE and buffers.settings[0].late_ends == 0.0
+    return close_episode(buffers, w, k, ending != codes.OPEN and not is_late, is_late)
 
 
 @kernel
 def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int, stand: Stand) -> None:
-    """Measure the terms of one learning vehicle. ending: see ENDINGS."""
+    """Measure the terms of one learning vehicle. ending: Ending."""
     body, before, terms = world.bodies[w, k], buffers.before[w, k], buffers.terms[w, k]
     distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
     turn = abs(stand.turn)
     limit = max(world.rules[w].limit_ticks, 1)
     share = buffers.settings[0].decision_ticks / limit
     is_aligned = turn <= ALIGNED_WITHIN
-    terms[PARKED] = 1.0 if ending == IS_PARKED else 0.0
-    terms[ALIGNED] = 1.0 if ending == IS_PARKED and is_aligned else 0.0
-    terms[MISPARKED] = 1.0 if ending == IS_PARKED and not is_aligned else 0.0
-    terms[CRASH] = 1.0 if ending >= MET_WALL else 0.0
-    terms[PERSON] = 1.0 if ending == MET_PERSON else 0.0
-    terms[LEFT] = 1.0 if ending == HAS_LEFT else 0.0
-    terms[LATE] = 1.0 if ending == IS_LATE else 0.0
+    terms[PARKED] = 1.0 if ending == codes.IS_PARKED else 0.0
+    terms[ALIGNED] = 1.0 if ending == codes.IS_PARKED and is_aligned else 0.0
+    terms[MISPARKED] = 1.0 if ending == codes.IS_PARKED and not is_aligned else 0.0
+    terms[CRASH] = 1.0 if codes.MET_WALL <= ending <= codes.MET_PERSON else 0.0
+    terms[PERSON] = 1.0 if ending == codes.MET_PERSON else 0.0
+    terms[LEFT] = 1.0 if ending == codes.HAS_LEFT else 0.0
+    terms[LATE] = 1.0 if ending == codes.IS_LATE else 0.0
     terms[TIME] = share
     terms[REVERSING] = share if body.throttle < 0.0 else 0.0
     terms[STEERING_WIDE] = share if abs(body.steering) > WIDE else 0.0
@@ -164,7 +145,7 @@ def _record_figures(
 ) -> None:
     """Record what a learning vehicle's episode has come to so far."""
     parker, episode = world.parking.parkers[w, k], buffers.episodes[w, k]
-    episode.parked = 1 if ending == IS_PARKED else 0
+    episode.parked = 1 if ending == codes.IS_PARKED else 0
     episode.ending = ending
     episode.turn = abs(stand.turn)
     episode.way, episode.reversed = parker.way, parker.reversed

@@ -119,6 +119,7 @@ def _answer_all(
     on_turn: Callable[[], None],
 ) -> None:
     """Answer observations until the race is over for this kart."""
+    loop.on_order(seat.welcome.order)
     while True:
         on_turn()
         frame = seat.receive(timing.observation_timeout_s)
@@ -132,6 +133,7 @@ def _answer_all(
                 seat.ask_again()
                 link_stats.reconnects += loop.has_begun
             continue
+        loop.on_order(seat.receive_order())
         answer = loop.on_frame(frame, now_s)
         if answer is None:
             continue

@@ -1,11 +1,11 @@
 """What a driver's client does with each observation: without links, threads or a clock."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from race_server.core.clock import TICK_S, ticks_of
-from race_server.core.driver import Briefing, Driver
+from race_server.core.driver import Briefing, Driver, ParkingDriver
 from race_server.core.messages import Control
 from race_server.core.observation import Layout, Observation
 from race_server.errors import DriverError, LinkError
@@ -13,6 +13,7 @@ from race_server.live.client.latency_limiter import LatencyLimiter
 from race_server.live.client.link_stats import LinkStats
 from race_server.live.client.predictor import Predictor
 from race_server.net.wire.drive import ObservationFrame
+from race_server.net.wire.parking import OrderFrame
 
 Result = TypeVar("Result")
 
@@ -62,6 +63,21 @@ class DriverLoop:
         self._epoch = self._answered = -1  # the tick that was answered last
         self._sequence = 0
         self._control = Control()
+        self._order: OrderFrame | None = None  # the newest, and that of the round
+        self._first_order: OrderFrame | None = None
+
+    def on_order(self, frame: OrderFrame | None) -> None:
+        """Hand an order to park to the driver, if there is a new one and the driver takes orders.
+
+        Raises:
+            DriverError: the driver raised.
+        """
+        if frame is None or (self._order and _number_of(frame) <= _number_of(self._order)):
+            return
+        self._order = frame
+        self._first_order = self._first_order or frame
+        if isinstance(driver := self._driver, ParkingDriver):
+            call_driver(self._name, "park", lambda: driver.park(frame.order))
 
     @property
     def has_begun(self) -> bool:
@@ -87,6 +103,8 @@ class DriverLoop:
         if frame.epoch == self._epoch and frame.tick < self._answered:
             return None  # late, from a link that was given up
         if frame.epoch != self._epoch:
+            if self.has_begun and self._first_order:  # the same round again
+                self.on_order(replace(self._first_order, epoch=frame.epoch))
             self._epoch, self._sequence, self._answered = frame.epoch, frame.acknowledged, -1
             self._link_stats.begin()
         self._record(frame.tick, now_s)
@@ -117,6 +135,10 @@ class DriverLoop:
             shown = self._predictor.ahead(observation, now_s, age_s, self._limiter.late_s)
         control = call_driver(self._name, "act", lambda: self._driver.act(shown))
         return self._limiter.limit(control, shown.scalar("speed"))
+
+
+def _number_of(frame: OrderFrame) -> tuple[int, int]:
+    return frame.epoch, frame.sequence
 
 
 def call_driver(name: str, what: str, function: Callable[[], Result]) -> Result:

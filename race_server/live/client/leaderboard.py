@@ -8,6 +8,7 @@ from rich.text import Text
 
 from race_server.core.clock import lap_text, seconds_of
 from race_server.core.messages import (
+    Ending,
     Event,
     EventKind,
     Flag,
@@ -25,6 +26,18 @@ _STATUS = {
     Status.FINISHED: "home",
     Status.RETIRED: "out",
 }
+_ENDINGS = {
+    Ending.OPEN: "on the way",
+    Ending.PARKED: "parked",
+    Ending.LATE: "out of time",
+    Ending.LEFT: "too far away",
+    Ending.WALL: "hit a wall",
+    Ending.BLOCK: "hit an obstacle",
+    Ending.VEHICLE: "hit a vehicle",
+    Ending.PERSON: "hit a person",
+    Ending.WITHDREW: "withdrew",
+}
+_ENDING_STYLE = {Ending.OPEN: "", Ending.PARKED: "green"}
 _FLAG_STYLE = {Flag.GREEN: "green", Flag.YELLOW: "yellow", Flag.RED: "red"}
 _MEDALS = {1: "bold yellow", 2: "bold white", 3: "bold dark_orange3"}
 
@@ -42,7 +55,8 @@ class Headline:
 
     def text(self) -> Text:
         """Return the headline as one line."""
-        line = Text.assemble((self.session, "bold"), "  ", self.course, f"  {self.laps} laps  ")
+        laps = f"  {self.laps} laps  " if self.laps else "  "
+        line = Text.assemble((self.session, "bold"), "  ", self.course, laps)
         line.append(self.phase.name.lower(), style="bold cyan")
         if self.phase in {Phase.COUNTDOWN, Phase.RUNNING}:
             line.append(f"  {self.race_s:7.1f} s")
@@ -52,16 +66,9 @@ class Headline:
 
 def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
     """Return the standings of a race as a table."""
-    table = Table(
-        title=headline.text(),
-        title_justify="left",
-        header_style="dim underline",
-        box=None,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
-    for name in ("", "driver"):
-        table.add_column(name, no_wrap=True)
+    if any(row.parking for row in standings):
+        return _parking_board(headline, standings)
+    table = _empty_table(headline)
     for name in ("laps", "last", "best", "time", "gap", "pen.", "items"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
@@ -79,6 +86,44 @@ def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
             _penalties(row),
             str(row.items_used),
             _STATUS[row.status],
+        )
+    return table
+
+
+def _empty_table(headline: Headline) -> Table:
+    """Return a table with the headline, and columns for place and driver."""
+    table = Table(
+        title=headline.text(),
+        title_justify="left",
+        header_style="dim underline",
+        box=None,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    for name in ("", "driver"):
+        table.add_column(name, no_wrap=True)
+    return table
+
+
+def _parking_board(headline: Headline, standings: Sequence[Standing]) -> Table:
+    """Return how all vehicles fare on their way to their slots, as a table."""
+    table = _empty_table(headline)
+    for name in ("slot", "time", "way", "reversed", "moves"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("status", no_wrap=True)
+    for row in standings:
+        parking = row.parking
+        if parking is None:
+            continue
+        table.add_row(
+            str(row.rank),
+            f"{row.driver} {row.seat}",
+            str(parking.slot) if parking.slot >= 0 else "–",
+            lap_text(row.race_time_us),
+            f"{parking.way:.1f} m",
+            f"{parking.reversed:.1f} m",
+            str(parking.moves),
+            Text(_ENDINGS[parking.ending], style=_ENDING_STYLE.get(parking.ending, "red")),
         )
     return table
 

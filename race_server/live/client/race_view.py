@@ -12,6 +12,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.line import decode_line
 from race_server.net.wire.links import decode_links
 from race_server.net.wire.lobby import CourseSheet, decode_course, decode_rules
+from race_server.net.wire.parking import LotFrame, decode_lot
 from race_server.net.wire.spectate import (
     SnapshotFrame,
     StandingsFrame,
@@ -30,6 +31,7 @@ _DECODERS: dict[Topic, Callable[[bytes], Any]] = {
     topics.STANDINGS: decode_standings,
     topics.TABLE: decode_standings,
     topics.LINKS: decode_links,
+    topics.LOT: decode_lot,
     topics.EVENTS: decode_events,
     topics.RECENT: decode_events,
     topics.COURSE: decode_course,
@@ -55,6 +57,7 @@ class RaceView:
         self.snapshot: SnapshotFrame | None = None
         self.standings: StandingsFrame | None = None
         self.course: CourseSheet | None = None
+        self.lot: LotFrame | None = None  # of a car park
         self.events = EventStream(most_events)
         self.offset = ClockOffset()
         self.damaged = 0  # messages that could not be decoded
@@ -81,6 +84,8 @@ class RaceView:
             return Update(is_other, tuple(self.events.receive(epoch, events)))
         if topic is topics.COURSE:
             self.course = message
+        if topic is topics.LOT:
+            self.lot = message
         return Update()
 
     def _receive_snapshot(self, frame: SnapshotFrame, now_s: float) -> Update:
@@ -101,7 +106,7 @@ class RaceView:
         is_other = self.epoch >= 0
         if is_other:
             self.offset.restart()
-        self.epoch, self.snapshot = epoch, None
+        self.epoch, self.snapshot, self.lot = epoch, None, None
         self.events.begin(epoch)
         return is_other
 

@@ -76,7 +76,8 @@ class Reconnect:
             return  # the next timeout tries again
         deadline = time.monotonic() + self._timeout_s
         try:
-            ask = partial(take_seat, link, self._seat.request, self._seat.mailbox)
+            seat = self._seat
+            ask = partial(take_seat, link, seat.request, seat.mailbox, seat.orders)
             fresh = insist(ask, deadline)
             self._prepare(link, deadline)
         except RaceError:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -28,6 +28,7 @@ from race_server.net.wire.lobby import (
     encode_seat_act,
     new_serial,
 )
+from race_server.net.wire.parking import OrderFrame, decode_order
 
 Answer = TypeVar("Answer")
 
@@ -41,6 +42,7 @@ class ClientSeat:
     link: ClientLink
     request: Join  # asks for this same seat again
     send: Callable[[bytes], None]  # a control, as a message; of a real kart a pose
+    orders: Mailbox = field(default_factory=Mailbox)  # to park, given in mid-race
 
     @property
     def number(self) -> int:
@@ -70,6 +72,14 @@ class ClientSeat:
             )
         return frame
 
+    def receive_order(self) -> OrderFrame | None:
+        """Return the newest order to park, None where none has come."""
+        data = self.orders.take(0.0)
+        try:
+            return decode_order(data) if data is not None else None
+        except WireError:
+            return None  # it is sent again
+
     def answer(self, epoch: int, sequence: int, tick: int, control: Control) -> None:
         """Send a control that answers the observation of a tick."""
         self.send(encode_control(ControlFrame(epoch, sequence, tick, _within(control))))
@@ -95,10 +105,12 @@ class ClientSeat:
         return decode_welcome(self.link.ask(topics.JOIN, encode_join(request), self.number))
 
 
-def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> ClientSeat:
+def take_seat(
+    link: ClientLink, join: Join, mailbox: Mailbox | None = None, orders: Mailbox | None = None
+) -> ClientSeat:
     """Return a seat in the session; the same request again gives the same seat.
 
-    mailbox: of the same seat on another link, which then receives from both.
+    mailbox, orders: of the same seat on another link, which then receives from both.
 
     Raises:
         SeatError: the server refuses, with its reason.
@@ -111,9 +123,11 @@ def take_seat(link: ClientLink, join: Join, mailbox: Mailbox | None = None) -> C
     badge = badge_of(welcome.secret)
     topic = topics.POSE if join.tracked else topics.CONTROL
     seat = ClientSeat(
-        welcome, mailbox or Mailbox(), link, request, link.sender(number, badge, topic)
+        *(welcome, mailbox or Mailbox(), link, request),
+        *(link.sender(number, badge, topic), orders or Mailbox()),
     )
     link.listen(topics.OBSERVATION, seat.mailbox.put, number)
+    link.listen(topics.ORDER, seat.orders.put, number)
     link.announce(number, badge)
     return seat
 

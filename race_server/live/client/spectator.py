@@ -10,6 +10,7 @@ from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, decode_course, decode_rules
+from race_server.net.wire.parking import LotFrame
 from race_server.net.wire.spectate import SnapshotFrame, StandingsFrame
 
 # Events that are remembered.
@@ -32,7 +33,7 @@ class Spectator:
         self._lock = threading.Lock()
         self._view = RaceView(MAX_EVENTS)
         self._received_at = time.monotonic()
-        for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS):
+        for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LOT):
             link.listen(topic, partial(self._receive, topic))
         self._ask(topics.TABLE)
         self._ask(topics.RECENT)
@@ -65,6 +66,11 @@ class Spectator:
     def standings(self) -> StandingsFrame | None:
         """The newest standings."""
         return self._view.standings
+
+    @property
+    def lot(self) -> LotFrame | None:
+        """What was drawn for this round in a car park, None where there is none."""
+        return self._view.lot
 
     @property
     def events(self) -> list[Event]:

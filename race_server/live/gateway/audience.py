@@ -12,8 +12,8 @@ from race_server.live.gateway.frames import frame_of
 from race_server.live.gateway.limits import GatewayLimits
 
 # Kinds of messages of which only the newest counts.
-SNAPSHOT, STANDINGS, LINKS, RAYS, HUD, POSITION = (
-    *("snapshot", "standings", "links", "rays"),
+SNAPSHOT, STANDINGS, LINKS, LOT, RAYS, HUD, POSITION = (
+    *("snapshot", "standings", "links", "lot", "rays"),
     *("hud", "position"),
 )
 

@@ -30,7 +30,11 @@ from race_server.live.gateway.requests import PLAYER_REQUESTS, Request, read_req
 from race_server.live.gateway.roles import Identity
 from race_server.live.gateway.state import GatewayState
 from race_server.live.gateway.stewarding import ACTS
+from race_server.net.wire import topics
 from race_server.version import __version__
+
+# What a driver asks of the race for its seat.
+_OF_SEAT = {"ready": topics.READY, "park": topics.PARK}
 
 
 class BrowserSession:
@@ -219,7 +223,7 @@ class BrowserSession:
             self._viewer.rate = request["rate"]
         elif kind in PLAYER_REQUESTS and self._player is not None:
             self._player.handle(request)
-        elif kind in {"ready", "leave"} and self._driver_seat is not None:
+        elif kind in {"ready", "park", "leave"} and self._driver_seat is not None:
             return await self._handle_driver(request, self._driver_seat)
         elif kind in {"act", "log"} and self._identity.role is Role.STEWARD:
             await self._handle_steward(request)
@@ -232,12 +236,13 @@ class BrowserSession:
             await seat.leave()
             await self._websocket.close()
             return False
-        ready, reason = request["ready"], ""
+        kind, reason = request["type"], ""
+        wanted = request[kind]
         try:
-            await seat.get_ready(ready=ready)
+            await seat.ask(_OF_SEAT[kind], wanted=wanted)
         except RaceError as error:
             reason = str(error)
-        self._send(type="ready", ready=ready, accepted=not reason, reason=reason)
+        self._send(type=kind, accepted=not reason, reason=reason, **{kind: wanted})
         return True
 
     async def _handle_steward(self, request: Request) -> None:

@@ -174,14 +174,14 @@ class DriverSeat:
         if self.seat is not None and self._moment is not None:
             self.seat.answer(self._moment[0], self.sequence, self._moment[1], frame.control)
 
-    async def get_ready(self, *, ready: bool) -> None:
-        """Report to the server that this driver is ready, or is not.
+    async def ask(self, topic: topics.Topic, *, wanted: bool) -> None:
+        """Report to the server that this driver is ready, or wants its vehicle parked, or not.
 
         Raises:
             RaceError: the server refuses, or does not answer.
         """
         if self.seat is not None:
-            await self._run_in_pool(partial(self.seat.act, topics.READY, ready=ready))
+            await self._run_in_pool(partial(self.seat.act, topic, ready=wanted))
 
     async def leave(self) -> None:
         """Give the seat up."""

@@ -13,17 +13,18 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.core.rules.items import items
 from race_server.errors import GatewayError, RecordingError, TrackError, WireError
-from race_server.live.gateway.audience import POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
+from race_server.live.gateway.audience import LOT, POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
 from race_server.live.gateway.frames import RecordedEventFrames, event_frames, frame_of
 from race_server.live.gateway.limits import GatewayTiming
 from race_server.live.gateway.rays import RayCaster
 from race_server.live.gateway.requests import Request
 from race_server.net.wire.line import encode_line
 from race_server.net.wire.lobby import encode_course, encode_rules
+from race_server.net.wire.parking import LotFrame, decode_lot
 from race_server.net.wire.rays import encode_rays
 from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import SnapshotFrame, decode_snapshot, decode_standings
-from race_server.storage.recording.channels import SNAPSHOTS
+from race_server.storage.recording.channels import LOTS, SNAPSHOTS
 from race_server.storage.recording.channels import STANDINGS as TABLES
 from race_server.storage.recording.scenario_codec import unpack_scenario
 from race_server.storage.recording.seekable import Moment, SeekableRecording
@@ -55,6 +56,8 @@ class Player:
         self._position_at = self._cast_at = 0.0
         self._snapshot: SnapshotFrame | None = None
         self._caster: RayCaster | None = None
+        self._has_lot = False
+        self._lot: LotFrame | None = None  # of a car park
 
     def handle(self, request: Request) -> None:
         """Do what a browser asks for, one of PLAYER_REQUESTS."""
@@ -105,6 +108,7 @@ class Player:
         try:
             scenario = unpack_scenario(start.setting, start.arrays)
             course = course_sheet(scenario)
+            self._has_lot = scenario.course.lot is not None
             self._caster = RayCaster(course, scenario.lidar, scenario.radar)
         except (RecordingError, TrackError) as error:
             raise GatewayError("no-recording", str(error)) from error
@@ -117,9 +121,10 @@ class Player:
 
     async def _jump(self, tick: int) -> None:
         """Send the state at a tick, and all events until then."""
-        table, snapshot, events = await self._run_in_pool(
+        table, lot, snapshot, events = await self._run_in_pool(
             lambda: (
                 self._recording.newest(TABLES, tick),
+                self._recording.newest(LOTS, tick) if self._has_lot else None,
                 self._recording.newest(SNAPSHOTS, tick),
                 self._event_frames.frames(bisect_right(self._ticks, tick)),
             )
@@ -129,6 +134,8 @@ class Player:
         outbox = self._viewer.outbox
         if table is not None and _is_sound(decode_standings, table):
             outbox.send(table.data)
+        if lot is not None and self._decode_lot(lot):
+            outbox.send(lot.data)
         for frame in events:
             outbox.send_frame(frame)
         if snapshot is not None and self._decode_snapshot(snapshot):
@@ -155,9 +162,11 @@ class Player:
         first, end = bisect_right(self._ticks, before), bisect_right(self._ticks, last)
         for frame in event_frames(self._recording.start.epoch, self._events[first:end]):
             outbox.send_frame(frame)
-        table, snapshot = newest.get(TABLES), newest.get(SNAPSHOTS)
+        table, snapshot, lot = newest.get(TABLES), newest.get(SNAPSHOTS), newest.get(LOTS)
         if table is not None and _is_sound(decode_standings, table):
             outbox.send_newest(STANDINGS, frame_of(table.data))
+        if lot is not None and self._decode_lot(lot):
+            outbox.send_newest(LOT, frame_of(lot.data))
         if snapshot is not None and self._decode_snapshot(snapshot):
             outbox.send_newest(SNAPSHOT, frame_of(snapshot.data))
             self._send_rays()
@@ -169,13 +178,20 @@ class Player:
             return False
         return True
 
+    def _decode_lot(self, moment: Moment) -> bool:
+        try:
+            self._lot = decode_lot(moment.data)
+        except WireError:
+            return False
+        return True
+
     def _send_rays(self) -> None:
         now, viewer = time.monotonic(), self._viewer
         if not viewer.wants_rays or now - self._cast_at < self._timing.rays_s:
             return
         self._cast_at = now
         if self._snapshot is not None and self._caster is not None:
-            if rays := self._caster.cast(self._snapshot, viewer.seat):
+            if rays := self._caster.cast(self._snapshot, viewer.seat, self._lot):
                 viewer.outbox.send_newest(RAYS, frame_of(encode_rays(rays)))
 
     def _send_position(self, *, sought: bool = False) -> None:

@@ -14,6 +14,7 @@ from race_server.core import codes
 from race_server.core.messages import KartFlag
 from race_server.core.state import RADAR_RAYS
 from race_server.net.wire.lobby import CourseSheet
+from race_server.net.wire.parking import BLOCK_NAMES, LotFrame, Rows
 from race_server.net.wire.rays import RaysFrame
 from race_server.net.wire.spectate import SnapshotFrame
 from race_server.scenario.sensors import Lidar, Radar
@@ -30,6 +31,7 @@ class Things:
     segments: Floats  # (P, 4) [m]
     kinds: NDArray[np.uint8]  # (P,) see `race_server.core.codes`
     discs: Floats  # (D, 3) x, y, radius [m]
+    disc_kinds: NDArray[np.uint8]  # (D,)
 
 
 class RayCaster:
@@ -46,13 +48,18 @@ class RayCaster:
             np.array([codes.BORDER, codes.OBSTACLE], np.uint8), [len(course.borders), count]
         )
 
-    def cast(self, frame: SnapshotFrame, seat: int) -> RaysFrame | None:
-        """Return what the kart of a seat would see, None where it is not on the track."""
+    def cast(
+        self, frame: SnapshotFrame, seat: int, lot: LotFrame | None = None
+    ) -> RaysFrame | None:
+        """Return what the kart of a seat would see, None where it is not on the track.
+
+        lot: what stands in a car park besides.
+        """
         own = frame.karts[frame.karts["seat"] == seat]
         if not len(own):
             return None
         x, y, heading = (float(own[name][0]) for name in ("x", "y", "heading"))
-        things, lidar, radar = self._things(frame, seat), self._lidar, self._radar
+        things, lidar, radar = self._things(frame, seat, lot), self._lidar, self._radar
         scan = np.linspace(-0.5 * lidar.field, 0.5 * lidar.field, lidar.rays)
         angles = np.linspace(-0.5 * radar.field, 0.5 * radar.field, RADAR_RAYS)
         ranges, _ = _cast(things, x, y, heading, lidar.ahead, scan, lidar.reach)
@@ -63,9 +70,11 @@ class RayCaster:
             *(distances.astype("f4"), kinds),
         )
 
-    def _things(self, frame: SnapshotFrame, seat: int) -> Things:
+    def _things(self, frame: SnapshotFrame, seat: int, lot: LotFrame | None) -> Things:
         karts, course = frame.karts, self._course
-        is_seen = (karts["status"] == codes.RACING) & (karts["flags"] & KartFlag.SUSPENDED == 0)
+        # In a car park a vehicle stays where it has parked or crashed.
+        is_there = (karts["status"] == codes.RACING) | (lot is not None)
+        is_seen = is_there & (karts["flags"] & KartFlag.SUSPENDED == 0)
         outlines = [np.zeros((0, 4))]
         for kart in karts[is_seen & (karts["seat"] != seat)]:
             turn = float(kart["heading"])
@@ -75,12 +84,27 @@ class RayCaster:
             outlines.append(segments_of(corners))
         bodies = np.concatenate(outlines)
         kinds = np.full(len(bodies), codes.KART_HIT, np.uint8)
-        discs = [frame.hazards[name].astype(float) for name in ("x", "y", "radius")]
+        blocks, block_kinds = _blocks_of(lot)
+        discs = [_discs_of(frame.hazards), _discs_of(frame.walkers)]
         return Things(
-            np.concatenate([self._walls, bodies]),
-            np.concatenate([self._kinds, kinds]),
-            np.stack(discs, axis=1),
+            np.concatenate([self._walls, bodies, blocks]),
+            np.concatenate([self._kinds, kinds, block_kinds]),
+            np.concatenate(discs),
+            np.repeat(np.array([codes.HAZARD_HIT, codes.PERSON], np.uint8), [*map(len, discs)]),
         )
+
+
+def _blocks_of(lot: LotFrame | None) -> tuple[Floats, NDArray[np.uint8]]:
+    """Return the sides of what stands in a car park, (P, 4), and their kinds, (P,)."""
+    rows = [] if lot is None else lot.blocks[BLOCK_NAMES].tolist()
+    sides = [segments_of(corners_of_box(*row[:5])) for row in rows]
+    kinds = np.array([row[5] for row in rows], np.uint8)
+    return np.concatenate([np.zeros((0, 4)), *sides]), np.repeat(kinds, 4)
+
+
+def _discs_of(rows: Rows) -> Floats:
+    """Return x, y and radius [m] of rows, (D, 3)."""
+    return np.stack([rows[name].astype(float) for name in ("x", "y", "radius")], axis=1)
 
 
 def _cast(
@@ -102,10 +126,10 @@ def _cast(
     # The last entry is for rays that hit nothing: their index is -1.
     kinds = np.append(things.kinds[near], np.uint8(codes.NOTHING))[which]
     ways = np.stack([np.cos(heading + angles), np.sin(heading + angles)], axis=1)
-    for disc in things.discs:
+    for disc, kind in zip(things.discs, things.disc_kinds, strict=True):
         found = _to_disc(disc, x, y, ways)
         hits = found < ranges
-        ranges[hits], kinds[hits] = found[hits], codes.HAZARD_HIT
+        ranges[hits], kinds[hits] = found[hits], kind
     return ranges, kinds
 
 

@@ -36,6 +36,7 @@ REQUESTS: dict[str, dict[str, Reader]] = {
     "seek": {"tick": partial(read_int, least=0, most=MAX_TICK, default=0)},
     "step": {"ticks": partial(read_int, least=-MAX_TICK, most=MAX_TICK, default=1)},
     "ready": {"ready": read_bool},
+    "park": {"park": read_bool},
     "leave": {},
     "act": {
         "id": partial(read_int, least=0, most=1 << 53, default=0),

@@ -24,6 +24,7 @@ from race_server.net.auth.keys import ClientKeys
 from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
 from race_server.net.wire.lobby import CourseSheet
+from race_server.net.wire.parking import LotFrame
 from race_server.net.wire.rays import RaysFrame, encode_rays
 from race_server.net.wire.spectate import SnapshotFrame
 from race_server.net.wire.topics import Topic
@@ -152,7 +153,7 @@ class GatewayState:
             return
         if self._caster is None or self._course is not view.course:
             self._course, self._caster = view.course, RayCaster(view.course)
-        work = partial(_cast_all, self._caster, view.snapshot, wanted)
+        work = partial(_cast_all, self._caster, view.snapshot, view.lot, wanted)
         rays = await asyncio.get_running_loop().run_in_executor(self.pool, work)
         frames = {one.seat: frame_of(encode_rays(one)) for one in rays}
         for viewer in audience:
@@ -168,6 +169,8 @@ class GatewayState:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _cast_all(caster: RayCaster, snapshot: SnapshotFrame, seats: set[int]) -> list[RaysFrame]:
-    cast = (caster.cast(snapshot, seat) for seat in seats)
+def _cast_all(
+    caster: RayCaster, snapshot: SnapshotFrame, lot: LotFrame | None, seats: set[int]
+) -> list[RaysFrame]:
+    cast = (caster.cast(snapshot, seat, lot) for seat in seats)
     return [rays for rays in cast if rays is not None]

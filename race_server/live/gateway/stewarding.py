@@ -13,7 +13,7 @@ from race_server.net.transport import ClientLink
 Answer = TypeVar("Answer")
 
 # Decisions that a steward may send; see `race_server.live.server.steward`.
-ACTS = ("flag", "pause", "resume", "penalty", "kick", "close", "open", "restart")
+ACTS = ("flag", "pause", "resume", "penalty", "kick", "close", "open", "restart", "park")
 
 
 class Stewarding:

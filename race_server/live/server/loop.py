@@ -20,12 +20,12 @@ from race_server.live.server.session_log import SessionLog
 from race_server.live.server.steward import Steward
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import no_garbage_collected
+from race_server.live.server.wheels import VALET, Wheels
 from race_server.live.suspects import Suspects
 from race_server.live.watchdog import Watchdog
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.session import Session
-from race_server.session.seats import Seat
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper
@@ -51,6 +51,7 @@ class RaceServer:
     watchdog: Watchdog = field(default_factory=Watchdog)
     suspects: Suspects = field(default_factory=Suspects)
     processes: DriverProcesses = field(default_factory=DriverProcesses)  # of fillers kept apart
+    valet: str = VALET  # driver that parks on request
     missed_ticks: int = 0
     events: list[Event] = field(default_factory=list)
 
@@ -63,10 +64,13 @@ class RaceServer:
         self._local_drivers = LocalDrivers(session, self.suspects)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
         self._publisher = Publisher(session, self.link, self._persistence, orders_s=timing.orders_s)
-        self._steward = Steward(session, self.token, self._penalise_late)
+        self._wheels = Wheels(
+            session, self._local_drivers, self.counters, self.suspects, self.valet
+        )
+        self._steward = Steward(session, self.token, self._penalise_late, self._wheels.park)
         refused, announced = self.counters.refused, self._persistence.announced
         self._requests = RequestHandler(
-            session, self.link, self._steward, refused, announced, timing.show_up_s
+            session, self.link, self._steward, self._wheels, refused, announced, timing.show_up_s
         )
         self.inbox = Inbox(session, self.link, self._requests, self._local_drivers, self.counters)
         self._result: RaceResult | None = None  # of the last race, until the next one begins
@@ -161,6 +165,7 @@ class RaceServer:
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
         self._result = None
+        self._wheels.clear()
         self.session.start(_now_us())
         self._persistence.open(self.pace, self._local_drivers)
         return self._race_on(list(self.session.event_log.recent))
@@ -182,6 +187,7 @@ class RaceServer:
             taken = self.session.seats.taken
             self._wait_until(lambda: all(seat.is_present for seat in taken()), self.timing.answer_s)
         self.session.tracked_karts.resume(self.session.world, _now_us())
+        self._wheels.resume()
         return self._begin_again(self._race_on(events))
 
     def _race_on(self, events: list[Event]) -> RaceResult:
@@ -331,18 +337,7 @@ class RaceServer:
         """Send every seat its observation, and let the local drivers answer at once."""
         self.session.observe()
         self._publisher.publish_seats(but=self._local_drivers)
-        for seat in self.session.seats.taken():
-            if seat.number in self._local_drivers:
-                self._drive_locally(seat)
-
-    def _drive_locally(self, seat: Seat) -> None:
-        try:
-            control = self._local_drivers.answer(seat.number)
-        except DriverError:
-            self.counters.refused.record(Reason.DRIVER, seat.number)
-            self.session.drop(seat.number)
-            return
-        self.inbox.receive_control(seat.number, control)
+        self._wheels.drive(self.inbox.receive_control)
 
 
 def _now_us() -> int:

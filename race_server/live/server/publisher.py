@@ -10,11 +10,13 @@ from race_server.core import codes
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
 from race_server.core.state import EFFECTS, field_of
+from race_server.live.server.lot import lot_of, order_frame_of, walkers_of
 from race_server.live.server.timing import ServerTiming
 from race_server.net.transport import ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
 from race_server.net.wire.links import LINK, LinksFrame, encode_links
+from race_server.net.wire.parking import encode_lot, encode_order
 from race_server.net.wire.spectate import (
     HAZARD,
     KART,
@@ -26,6 +28,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.topics import Topic
 from race_server.session import Session
+from race_server.session.parking import has_lot
 from race_server.session.seats import Seat
 
 
@@ -110,8 +113,18 @@ class Publisher:
     def publish_standings(self) -> None:
         """Send the standings, and while a race is on the state of its drivers' links."""
         self._publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
+        if has_lot(self._session.world):
+            self._publish(topics.LOT, encode_lot(lot_of(self._session)))
+            self.publish_orders()
         if self._session.is_on:
             self._publish(topics.LINKS, encode_links(links_of(self._session)))
+
+    def publish_orders(self) -> None:
+        """Send every seat the order to park that it was given in this race."""
+        for seat in self._session.seats.taken():
+            if seat.orders and seat.is_present:
+                data = encode_order(order_frame_of(self._session, seat))
+                self._link.publish(topics.ORDER, data, seat.number)
 
     def publish_events(self, events: list[Event]) -> None:
         """Send what happened."""
@@ -206,6 +219,7 @@ def snapshot_of(session: Session) -> SnapshotFrame:
         karts=karts[bodies["status"] != codes.ABSENT],
         boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
         hazards=hazards,
+        walkers=walkers_of(session),
     )
 
 

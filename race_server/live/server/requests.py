@@ -9,8 +9,10 @@ from race_server.credentials import key_of
 from race_server.errors import Reason, SeatError, WireError
 from race_server.live.local_drivers import briefing_for
 from race_server.live.server.counters import Refusals
+from race_server.live.server.lot import order_frame_of
 from race_server.live.server.publisher import standings_of
 from race_server.live.server.steward import Steward
+from race_server.live.server.wheels import Wheels
 from race_server.net.transport import Request, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.admin import decode_decision, encode_log
@@ -28,6 +30,7 @@ from race_server.net.wire.lobby import (
 from race_server.net.wire.sheets import LOCKSTEP, course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.session import Session
+from race_server.session.parking import has_lot
 from race_server.session.seats import Seat
 
 
@@ -39,6 +42,7 @@ class RequestHandler:
         session: Session,
         link: ServerLink,
         steward: Steward,
+        wheels: Wheels,
         refused: Refusals,
         announced: Callable[[Iterable[Event]], list[Event]],
         show_up_s: float,
@@ -50,7 +54,7 @@ class RequestHandler:
         """
         self._session = session
         self._link = link
-        self._steward = steward
+        self._steward, self._wheels = steward, wheels
         self._refused = refused
         self._announced = announced
         self._show_up_s = show_up_s
@@ -105,7 +109,7 @@ class RequestHandler:
         session = self._session
         if request.topic is topics.JOIN:
             return self._seat_driver(request)
-        if request.topic in {topics.READY, topics.LEAVE}:
+        if request.topic in {topics.READY, topics.LEAVE, topics.PARK}:
             return self._act_on_seat(request)
         if request.topic is topics.ACT:
             return self._decide(request.payload)
@@ -156,6 +160,10 @@ class RequestHandler:
         self._session.grant(act.secret, act.serial)
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)
+        elif request.topic is topics.PARK and act.ready:
+            self._wheels.park(act.seat)
+        elif request.topic is topics.PARK:
+            self._wheels.release(act.seat)
         else:
             seat.is_ready = act.ready
         return encode_reply("")
@@ -171,7 +179,8 @@ class RequestHandler:
     def _welcome(self, seat: Seat, secret: int) -> Welcome:
         session = self._session
         briefing = briefing_for(session, seat)
-        return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays)
+        order = order_frame_of(session, seat) if has_lot(session.world) else None
+        return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays, order)
 
 
 def _agreed(named: int, claimed: int) -> int:

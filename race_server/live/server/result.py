@@ -67,12 +67,7 @@ class RaceResult:
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as plain data: the document that `--json` prints."""
-        karts = []
-        for row in self.standings:
-            kart = asdict(row)
-            kart["lap_times_us"] = list(row.lap_times_us)
-            kart["status"] = row.status.name.lower()
-            karts.append(kart)
+        karts = [row.as_json() for row in self.standings]
         return {
             "digest": self.digest,
             "ticks": self.ticks,

@@ -16,6 +16,10 @@ MOST_LINES = 500
 MOST_PENALTY_S = 600.0
 
 
+def _refuse_to_park(_seat: int, _slot: int) -> None:
+    raise SeatError("there is no car park here", Reason.DECISION)
+
+
 def _refuse_late(_seat: int, _seconds: float) -> str:
     raise SeatError("no race is on", Reason.DECISION)
 
@@ -28,13 +32,15 @@ class Steward:
         session: Session,
         token: str,
         penalise_late: Callable[[int, float], str] = _refuse_late,
+        park: Callable[[int, int], None] = _refuse_to_park,
     ) -> None:
         """Obey a client that shows the token.
 
         token: "" for no steward. penalise_late: changes the result of a race that is over, and
-        returns the driver's name.
+        returns the driver's name. park: has the vehicle of a seat parked in a slot.
         """
         self._session = session
+        self._park_seat = park
         self._penalise_late = penalise_late
         self._token = token
         self.challenge = secrets.randbits(63) | 1
@@ -123,6 +129,20 @@ class Steward:
         self._session.race_control.open_seat(decision.seat)
         return f"seat {decision.seat} open"
 
+    def _park(self, decision: Decision) -> str:
+        """Have one vehicle parked, or all that drive: each in the slot that it has."""
+        self._need_race()
+        if not decision.value.is_integer():
+            raise SeatError(f"slot {decision.value:g} is no number of a slot", Reason.DECISION)
+        slot, session = int(decision.value), self._session
+        seats = [decision.seat]
+        if decision.seat < 0:
+            slot, taken = -1, session.seats.taken()
+            seats = [seat.number for seat in taken if session.is_racing(seat.number)]
+        for seat in seats:
+            self._park_seat(seat, slot)
+        return f"seats {', '.join(map(str, seats))} park" + (f" in slot {slot}" * (slot >= 0))
+
     def _restart(self, _: Decision) -> str:
         self._need_race()
         self.wants_restart = True
@@ -143,4 +163,5 @@ _ACTS: dict[str, Callable[[Steward, Decision], str]] = {
     "close": Steward._close,
     "open": Steward._open,
     "restart": Steward._restart,
+    "park": Steward._park,
 }

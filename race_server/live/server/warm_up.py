@@ -37,7 +37,9 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
 
 
 def _let_decide(name: str, scenario: Scenario) -> None:
-    alone = Session("rehearsal", replace(scenario, karts=1))
+    # Without a countdown: what a driver does once the lights are out is compiled too.
+    rules = replace(scenario.rules, countdown_s=0.0)
+    alone = Session("rehearsal", replace(scenario, karts=1, rules=rules))
     local_drivers = LocalDrivers(alone)
     local_drivers.admit(name, driver_named(name), 0)
     alone.start()

@@ -18,13 +18,14 @@ from race_server.net.wire import topics
 from race_server.net.wire.generated.session import Briefing as BriefingTable
 from race_server.net.wire.generated.session import Course as CourseTable
 from race_server.net.wire.generated.session import JoinRequest, Reply, Rules, SeatRequest
+from race_server.net.wire.parking import OrderFrame, build_order, read_order
 from race_server.net.wire.strict import U32, root_of
 
 # Must be equal on both ends; raised with every incompatible change.
 PROTOCOL = 2
 I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
 BRIEFING_ID, REPLY_ID = b"RBRF", b"RRPL"
-MOST_BRIEFING = 8192
+MOST_BRIEFING = 1 << 18
 MOST_TEXTS = 256  # in a list: items, rules, figures of a vehicle
 _VEHICLE_NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
 _DAMAGE = (struct.error, TypeError, ValueError, IndexError, AttributeError, KeyError)
@@ -76,6 +77,7 @@ class Welcome:
     secret: int
     epoch: int
     lidar_rays: int
+    order: OrderFrame | None = None  # only in a car park
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ class CourseSheet:
     kart_length: float = 0.0
     kart_width: float = 0.0
     kart_ahead: float = 0.0
+    slots: Floats = field(default_factory=lambda: np.zeros((0, 5)))  # (S, 5)
 
 
 def encode_join(join: Join) -> bytes:
@@ -195,6 +198,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
         "VehicleNames": _texts(builder, _VEHICLE_NUMBERS, BriefingTable.StartVehicleNamesVector),
         "VehicleValues": builder.CreateNumpyVector(np.array(values, "<f8")),
     }
+    order = build_order(builder, welcome.order) if welcome.order else 0
     BriefingTable.Start(builder)
     BriefingTable.AddSeat(builder, briefing.seat)
     BriefingTable.AddSecret(builder, welcome.secret)
@@ -204,6 +208,8 @@ def encode_welcome(welcome: Welcome) -> bytes:
     BriefingTable.AddLidarRays(builder, welcome.lidar_rays)
     BriefingTable.AddLidarField(builder, briefing.lidar_field)
     BriefingTable.AddLidarReach(builder, briefing.lidar_reach)
+    if order:
+        BriefingTable.AddOrder(builder, order)
     for name, offset in texts.items():
         getattr(BriefingTable, f"Add{name}")(builder, offset)
     builder.Finish(BriefingTable.End(builder), BRIEFING_ID)
@@ -245,7 +251,9 @@ def decode_welcome(data: bytes) -> Welcome:
             lidar_field=root.LidarField(),
             lidar_reach=root.LidarReach(),
         )
-        return Welcome(briefing, root.Secret(), root.Epoch(), root.LidarRays())
+        asked = table.table(13)
+        order = read_order(asked) if asked else None
+        return Welcome(briefing, root.Secret(), root.Epoch(), root.LidarRays(), order)
     except _DAMAGE as error:
         raise WireError(f"briefing is damaged: {error}") from error
 
@@ -259,6 +267,7 @@ _COURSE_SHAPES = {
     "grid": 3,
     "boxes": 2,
     "obstacles": 5,
+    "slots": 5,
 }
 _COURSE_NUMBERS = ("spacing", "kerb", "grass", "kart_length", "kart_width", "kart_ahead")
 
@@ -270,6 +279,8 @@ def encode_course(sheet: CourseSheet) -> bytes:
         name: builder.CreateString(getattr(sheet, name)) for name in ("name", "title", "digest")
     }
     for name in _COURSE_SHAPES:
+        if name == "slots" and not len(sheet.slots):
+            continue  # a race track, as it was written before there were car parks
         array = np.ascontiguousarray(getattr(sheet, name), "<f8").ravel()
         offsets[name] = builder.CreateNumpyVector(array)
     offsets["sectors"] = builder.CreateNumpyVector(np.array(sheet.sectors, "<u4"))

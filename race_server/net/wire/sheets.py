@@ -35,6 +35,7 @@ def course_sheet(scenario: "Scenario") -> CourseSheet:
         kart_length=vehicle.length,
         kart_width=vehicle.width,
         kart_ahead=vehicle.box_offset,
+        slots=np.zeros((0, 5)) if course.lot is None else course.lot.slots,
     )
 
 

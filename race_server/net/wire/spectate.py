@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import flatbuffers
@@ -13,8 +13,16 @@ from race_server.core.messages import Event, EventKind, Flag, Phase, Standing, S
 from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.spectate import Event as EventStruct
-from race_server.net.wire.generated.spectate import Events, Hazard, Kart, Snapshot, Standings
+from race_server.net.wire.generated.spectate import (
+    Events,
+    Hazard,
+    Kart,
+    Snapshot,
+    Standings,
+    Walker,
+)
 from race_server.net.wire.generated.spectate import Standing as StandingTable
+from race_server.net.wire.parking import WALKER, add_parking, read_parking, walkers_in
 from race_server.net.wire.rows import build_rows
 from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
 
@@ -62,17 +70,18 @@ class SnapshotFrame:
     karts: Rows  # KART
     boxes: NDArray[np.uint8]
     hazards: Rows  # HAZARD
+    walkers: Rows = field(default_factory=lambda: np.zeros(0, WALKER))  # WALKER
 
 
 class SnapshotWriter:
-    """Writes snapshots into preallocated messages, one for each count of karts and objects."""
+    """Writes snapshots into preallocated messages, one for each count of what is in them."""
 
     def __init__(self) -> None:
-        self._templates: dict[tuple[int, int, int], _Template] = {}
+        self._templates: dict[tuple[int, ...], _Template] = {}
 
     def write(self, frame: SnapshotFrame) -> bytes:
         """Return a snapshot as a message."""
-        counts = (len(frame.karts), len(frame.boxes), len(frame.hazards))
+        counts = tuple(map(len, (frame.karts, frame.boxes, frame.hazards, frame.walkers)))
         template = self._templates.get(counts)
         if template is None:
             template = self._templates[counts] = _Template(frame)
@@ -90,6 +99,7 @@ class _Template:
         self.boxes = np.frombuffer(self.data, np.uint8, count, boxes)
         hazards, count = table.vector(8, HAZARD.itemsize, MOST_HAZARDS)
         self.hazards = np.frombuffer(self.data, HAZARD, count, hazards)
+        self.walkers = walkers_in(table, self.data)
 
     def fill(self, frame: SnapshotFrame) -> bytes:
         data, places = self.data, self.places
@@ -102,6 +112,7 @@ class _Template:
         self.karts[:] = frame.karts
         self.boxes[:] = frame.boxes
         self.hazards[:] = frame.hazards
+        self.walkers[:] = frame.walkers
         return bytes(data)
 
 
@@ -112,6 +123,10 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     karts = build_rows(builder, Snapshot.StartKartsVector, Kart.CreateKart, frame.karts)
     boxes = builder.CreateByteVector(frame.boxes.tobytes())
     hazards = build_rows(builder, Snapshot.StartHazardsVector, Hazard.CreateHazard, frame.hazards)
+    walkers = 0
+    if len(frame.walkers):
+        start = Snapshot.StartWalkersVector
+        walkers = build_rows(builder, start, Walker.CreateWalker, frame.walkers)
     Snapshot.Start(builder)
     Snapshot.AddMonotonicUs(builder, frame.monotonic_us)
     Snapshot.AddEpoch(builder, frame.epoch)
@@ -122,6 +137,8 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     Snapshot.AddKarts(builder, karts)
     Snapshot.AddBoxes(builder, boxes)
     Snapshot.AddHazards(builder, hazards)
+    if walkers:
+        Snapshot.AddWalkers(builder, walkers)
     builder.Finish(Snapshot.End(builder), topics.SNAPSHOT.identifier)
     return bytes(builder.Output())
 
@@ -155,6 +172,7 @@ def decode_snapshot(data: bytes) -> SnapshotFrame:
         karts=karts,
         boxes=boxes,
         hazards=hazards,
+        walkers=walkers_in(table, data),
     )
 
 
@@ -264,6 +282,8 @@ def encode_standings(frame: StandingsFrame) -> bytes:
         for name in _NUMBERS:
             getattr(StandingTable, f"Add{_camel(name)}")(builder, int(getattr(row, name)))
         StandingTable.AddLapTimesUs(builder, laps)
+        if row.parking is not None:
+            StandingTable.AddParking(builder, add_parking(builder, row.parking))
         offsets.append(StandingTable.End(builder))
     Standings.StartRowsVector(builder, len(offsets))
     for offset in reversed(offsets):
@@ -323,4 +343,5 @@ def _standing(row: Table, most_laps: int) -> Standing:
     except ValueError as error:
         raise WireError(f"standings are damaged: {error}") from error
     driver = row.text(0, NAME_BYTES)[:MOST_NAME]
-    return Standing(**numbers, status=status, driver=driver, lap_times_us=laps)
+    parking = read_parking(row, 13)
+    return Standing(**numbers, status=status, driver=driver, lap_times_us=laps, parking=parking)

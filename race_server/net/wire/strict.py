@@ -129,6 +129,17 @@ class Table:
                 raise WireError(f"field {slot} is not UTF-8 text") from error
         return tuple(found)
 
+    def table(self, slot: int) -> "Table | None":
+        """Return a table in a field, None where it is missing.
+
+        Raises:
+            WireError: it leaves the message.
+        """
+        place = self.field(slot, U32.size)
+        if not place:
+            return None
+        return _table_at(self.data, place + int(U32.unpack_from(self.data, place)[0]))
+
     def tables(self, slot: int, most: int) -> Iterator["Table"]:
         """Yield the tables of a vector of at most `most`.
 

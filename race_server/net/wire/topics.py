@@ -58,10 +58,12 @@ CONTROL = Topic("in/{seat}", "ControlMessage", b"RCTL", "up", "20 Hz", 256, True
 POSE = Topic("pose/{seat}", "PoseMessage", b"RPOS", "up", "10–100 Hz", 256, True, True, POSE_HZ)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
+ORDER = Topic("order/{seat}", "ParkingOrder", b"RORD", "down", "2 Hz", 262144, True, False)
 SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, True, True)
 EVENTS = Topic("out/events", "Events", b"REVT", "out", "as they happen", 65536, False, True)
 STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, True, True)
 LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
+LOT = Topic("out/lot", "Lot", b"RLOT", "out", "2 Hz", 131072, True, True)
 
 # The seat is in the key, so that access rules distinguish seats; `any` for any free one.
 JOIN = Topic(
@@ -80,6 +82,9 @@ READY = Topic(
 )
 LEAVE = Topic(
     "q/leave/{seat}", "SeatRequest → Reply", b"RSRQ", "query", "", 128, False, True, QUERY_HZ
+)
+PARK = Topic(
+    "q/park/{seat}", "SeatRequest → Reply", b"RSRQ", "query", "", 128, False, True, QUERY_HZ
 )
 COURSE = Topic("q/course", "→ Course", b"RCRS", "query", "", 0, False, True, SHARED_HZ)
 RULES = Topic("q/rules", "→ Rules", b"RRUL", "query", "", 0, False, True, SHARED_HZ)
@@ -100,13 +105,16 @@ TOPICS = (
     POSE,
     OBSERVATION,
     HUD,
+    ORDER,
     SNAPSHOT,
     EVENTS,
     STANDINGS,
     LINKS,
+    LOT,
     JOIN,
     READY,
     LEAVE,
+    PARK,
     COURSE,
     RULES,
     LINE,

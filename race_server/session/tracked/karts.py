@@ -39,6 +39,8 @@ class TrackedKarts:
         self._line: Floats = course.line[::step, :2]
         width = course.half_widths[::step].max(axis=1) + course.kerb + course.grass
         self._widths: Floats = width + 0.5 * step * course.spacing
+        # A car park has no line, but its area.
+        self._area: Floats | None = None if len(course.line) else course.borders.reshape(-1, 2)
         self.trackers: dict[int, Tracker] = {}
         self._lengths: dict[int, float] = {}
 
@@ -87,6 +89,9 @@ class TrackedKarts:
 
     def is_inside(self, x: float, y: float, beyond: float) -> bool:
         """Return whether a point lies on the course or at most `beyond` [m] outside."""
+        if self._area is not None:
+            low, high = self._area.min(axis=0) - beyond, self._area.max(axis=0) + beyond
+            return bool(low[0] <= x <= high[0] and low[1] <= y <= high[1])
         distances = np.hypot(self._line[:, 0] - x, self._line[:, 1] - y)
         return bool((distances <= self._widths + beyond).any())
 

@@ -50,10 +50,11 @@ LAPS = ChannelKind("laps", "journal.Lap")
 SNAPSHOTS = ChannelKind("out/snapshot", "spectate.Snapshot")
 EVENTS = ChannelKind("out/events", "spectate.Events")
 STANDINGS = ChannelKind("out/standings", "spectate.Standings")
+LOTS = ChannelKind("out/lot", "spectate.Lot")
 # What Foxglove draws, see `scene.py`.
 SCENE = ChannelKind("scene", "foxglove.SceneUpdate", "json")
 
 CHANNELS = (
     *(START, INPUTS, PLACEMENTS, ACTS, GRANTED, DIGEST, LAPS),
-    *(SNAPSHOTS, EVENTS, STANDINGS, SCENE),
+    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, SCENE),
 )

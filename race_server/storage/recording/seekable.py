@@ -22,6 +22,7 @@ from race_server.net.wire.journal import StartFrame, decode_digest, decode_start
 from race_server.storage.recording.channels import (
     DIGEST,
     EVENTS,
+    LOTS,
     SNAPSHOTS,
     STANDINGS,
     START,
@@ -41,7 +42,7 @@ from race_server.storage.recording.reader import NANOSECONDS, learn
 KEPT_CHUNKS = 8
 # Chunks to search backwards for the standings, which are written twice a second.
 LOOK_BACK = 64
-_SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS)}
+_SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS)}
 
 
 @dataclass(frozen=True, slots=True)

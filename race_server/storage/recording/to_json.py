@@ -15,6 +15,7 @@ from race_server.net.wire.journal import (
     decode_lap,
     decode_start,
 )
+from race_server.net.wire.parking import BLOCK_NAMES, GOAL, decode_lot
 from race_server.net.wire.placement import decode_placements
 from race_server.net.wire.spectate import decode_events, decode_snapshot, decode_standings
 from race_server.session.interventions import InterventionKind
@@ -25,6 +26,7 @@ from race_server.storage.recording.channels import (
     GRANTED,
     INPUTS,
     LAPS,
+    LOTS,
     PLACEMENTS,
     SCENE,
     SNAPSHOTS,
@@ -116,8 +118,15 @@ def _events(data: bytes) -> Words:
 
 def _standings(data: bytes) -> Words:
     frame = decode_standings(data)
-    rows = [{**asdict(row), "status": row.status.name.lower()} for row in frame.rows]
-    return {"tick": frame.tick, "rows": rows}
+    return {"tick": frame.tick, "rows": [row.as_json() for row in frame.rows]}
+
+
+def _lot(data: bytes) -> Words:
+    frame = decode_lot(data)
+    goals = [dict(zip(GOAL.names or (), row, strict=True)) for row in frame.goals.tolist()]
+    rows = frame.blocks[BLOCK_NAMES].tolist()
+    blocks = [dict(zip(BLOCK_NAMES, row, strict=True)) for row in rows]
+    return {"tick": frame.tick, "goals": goals, "blocks": blocks}
 
 
 _READERS: dict[str, Callable[[bytes], Words]] = {
@@ -131,5 +140,6 @@ _READERS: dict[str, Callable[[bytes], Words]] = {
     SNAPSHOTS.key: _snapshot,
     EVENTS.key: _events,
     STANDINGS.key: _standings,
+    LOTS.key: _lot,
     SCENE.key: json.loads,
 }

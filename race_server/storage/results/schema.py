@@ -86,7 +86,13 @@ _TRACES = (
     ) strict
     """,
 )
-MIGRATIONS = (_TABLES, _INDICES, _TRACES)
+# How a vehicle fared on its way to its slot, whose length is in metres; null in races.
+_PARKING = (
+    "alter table entry add column ending text",
+    "alter table entry add column way real",
+    "alter table entry add column moves integer",
+)
+MIGRATIONS = (_TABLES, _INDICES, _TRACES, _PARKING)
 
 # What SQLite reports, what that means, and the way out.
 _OTHER_FILE = "name another with --results FILE, or race without: --results none"

@@ -172,7 +172,8 @@ class Store:
         )
         self._connection.executemany(
             "update entry set rank = ?, status = ?, race_time_us = ?, penalties = ?, "
-            "penalty_us = ?, items_used = ? where race = ? and seat = ?",
+            "penalty_us = ?, items_used = ?, ending = ?, way = ?, moves = ? "
+            "where race = ? and seat = ?",
             [
                 (
                     row.rank,
@@ -181,6 +182,7 @@ class Store:
                     row.penalties,
                     row.penalty_us,
                     row.items_used,
+                    *_parking_of(row),
                     race,
                     row.seat,
                 )
@@ -194,3 +196,11 @@ class Store:
             self._connection.execute("pragma wal_checkpoint(passive)").fetchall()
         except sqlite3.Error:
             return
+
+
+def _parking_of(row: Standing) -> tuple[str | None, float | None, int | None]:
+    """Return how a way to a slot ended, its length [m], and its changes of direction."""
+    parking = row.parking
+    if parking is None:
+        return None, None, None
+    return parking.ending.name.lower(), parking.way, parking.moves

@@ -220,7 +220,7 @@ def _kill_and_wait(
     while report.kills < most:
         pause = threading.Event()
         pause.wait(chance.uniform(SOONEST_S, LATEST_S))
-        if spectator.is_nearly_over() or not (children := _children(guard)):
+        if spectator.is_nearly_over() or not (children := children_of(guard)):
             return
         point, delay_s = draw_point(chance)
         is_writing = kill_at(point, children[0], files, delay_s)
@@ -235,7 +235,7 @@ def _kill_and_wait(
         tell(report.kills)
 
 
-def _children(parent: int) -> list[int]:
+def children_of(parent: int) -> list[int]:
     """Return the child processes of a process (Linux: /proc)."""
     path = Path(f"/proc/{parent}/task/{parent}/children")
     return [int(word) for word in path.read_text().split()] if path.exists() else []

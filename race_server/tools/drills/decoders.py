@@ -12,6 +12,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from race_server.core.driver import Briefing
+from race_server.core.level import Level
 from race_server.core.messages import (
     Control,
     Event,
@@ -24,6 +25,7 @@ from race_server.core.messages import (
     Status,
     Trust,
 )
+from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.core.vehicles import TT02
 from race_server.errors import GatewayError, RaceError, RecordingError, ResultsError, SeatError
 from race_server.errors import WireError as Damage
@@ -37,6 +39,7 @@ from race_server.net.wire import (
     line,
     links,
     lobby,
+    parking,
     placement,
     pose,
     spectate,
@@ -134,7 +137,7 @@ def _of_clients() -> Iterator[Decoder]:
     yield _client(
         lobby.encode_welcome(lobby.Welcome(briefing, 99, 2, 201)),
         lobby.decode_welcome,
-        8192,
+        lobby.MOST_BRIEFING,
         "Briefing",
         ("Items", "VehicleNames"),
     )
@@ -176,6 +179,11 @@ def _of_races() -> Iterator[Decoder]:
     row = np.array([(-1, 0, 3, 0, 0, b""), (50, 7, 0, 2, 5, b"")], links.LINK)
     frame = links.LinksFrame(2, 600, row)
     yield _client(links.encode_links(frame), links.decode_links, topics.LINKS.most_bytes)
+    order = ParkingOrder(Slot(1.0, 2.0, 0.5, 3.0, 2.0), Level(), np.ones((4, 4)), np.ones((2, 5)))
+    asked = parking.encode_order(parking.OrderFrame(2, 1, order))
+    yield _client(asked, parking.decode_order, topics.ORDER.most_bytes)
+    lot = parking.LotFrame(2, 600, np.zeros(3, parking.GOAL), np.zeros(4, parking.BLOCK))
+    yield _client(parking.encode_lot(lot), parking.decode_lot, topics.LOT.most_bytes)
     snapshot = spectate.SnapshotFrame(
         *(7, 2, 600, 0.5, Phase.RUNNING, Flag.YELLOW, np.zeros(3, spectate.KART)),
         *(np.array([1, 0, 1], np.uint8), np.zeros(2, spectate.HAZARD)),

@@ -17,6 +17,7 @@ export interface KartStyle {
   ratio: number; // pixels of the canvas in one of the picture
   colours: MapColours;
   followed: number; // seat, -1 for none
+  isBox: boolean; // of its true size and shape, as in a car park
 }
 
 /** Draws karts, those in front last so that they lie on top. */
@@ -35,12 +36,13 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
   const { camera, ratio, body } = style;
   const place = camera.toPicture(middleOf(kart, body.ahead));
   const length = lengthOn(style);
-  const width = length > LEAST_PIXELS ? body.width * camera.scale : 0.56 * length;
+  const width = style.isBox || length > LEAST_PIXELS ? body.width * camera.scale : 0.56 * length;
   context.setTransform(ratio, 0, 0, ratio, place.x * ratio, place.y * ratio);
   context.globalAlpha = opacityOf(kart);
   drawRings(context, kart, style, length);
   context.rotate(-kart.heading);
-  drawBody(context, kart.seat, length, width, style.colours);
+  if (style.isBox) drawVehicle(context, kart.seat, length, width, style.colours);
+  else drawBody(context, kart.seat, length, width, style.colours);
   context.rotate(kart.heading);
   drawNumber(context, kart.seat, Math.max(0.62 * width, 10));
   context.globalAlpha = 1;
@@ -53,8 +55,8 @@ export function opacityOf(kart: KartFrame): number {
 }
 
 /** Returns how long karts are on the picture [pixels]. */
-export function lengthOn({ body, camera }: KartStyle): number {
-  return Math.max(body.length * camera.scale, LEAST_PIXELS);
+export function lengthOn({ body, camera, isBox }: KartStyle): number {
+  return isBox ? body.length * camera.scale : Math.max(body.length * camera.scale, LEAST_PIXELS);
 }
 
 /** Returns the middle of a kart's body; its place is its centre of gravity. */
@@ -92,6 +94,25 @@ function drawBody(
   context.lineWidth = 1.5;
   context.strokeStyle = colours.halo;
   context.stroke();
+}
+
+/** Draws a vehicle as the rectangle that it takes, with a windscreen that shows its front. */
+function drawVehicle(
+  context: CanvasRenderingContext2D,
+  seat: number,
+  length: number,
+  width: number,
+  colours: MapColours,
+): void {
+  const livery = liveryOf(seat);
+  context.fillStyle = livery.colour;
+  context.fillRect(-0.5 * length, -0.5 * width, length, width);
+  context.fillStyle = livery.ink;
+  context.fillRect(0.24 * length, -0.4 * width, 0.12 * length, 0.8 * width);
+  if (livery.hasStripe) context.fillRect(-0.46 * length, -0.5 * width, 0.08 * length, width);
+  context.lineWidth = 1;
+  context.strokeStyle = colours.halo;
+  context.strokeRect(-0.5 * length, -0.5 * width, length, width);
 }
 
 function drawNumber(context: CanvasRenderingContext2D, seat: number, size: number): void {

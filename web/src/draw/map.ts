@@ -4,6 +4,7 @@ import type { Race } from '../race/race.svelte';
 import type { SnapshotFrame } from '../wire/frames';
 import { Camera } from './camera';
 import { drawKarts } from './karts';
+import { drawPeople, drawRound, drawWays } from './lot';
 import { drawNames, namesOn } from './names';
 import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
 import { type MapColours, mapColours } from './palette';
@@ -102,14 +103,22 @@ export class TrackMap {
     camera.apply(top, ratio);
     drawBoxes(top, race.course!, frame.boxes, Math.max(0.3 * body.length, 5 * pixel), pixel);
     drawHazards(top, frame.hazards, pixel);
-    if (choice.trails) drawTrails(top, race.trails, frame, pixel);
+    if (race.isLot) this.drawLot(frame, race, choice, pixel);
+    else if (choice.trails) drawTrails(top, race.trails, frame, pixel);
     const { rays } = race;
     if (choice.rays && rays?.seat === choice.followed) {
       if (Math.abs(frame.tick - rays.tick) < RAYS_OLD_TICKS) drawRays(top, rays, pixel);
     }
     const { followed } = choice;
-    const style = { body, camera, ratio, colours: this.colours, followed };
+    const style = { body, camera, ratio, colours: this.colours, followed, isBox: race.isLot };
     drawKarts(top, frame.karts, style);
     if (choice.names) drawNames(top, frame.karts, namesOn(race, frame, followed), style);
+  }
+
+  private drawLot(frame: SnapshotFrame, race: Race, choice: MapChoice, pixel: number): void {
+    const { top, colours } = this;
+    if (race.lot) drawRound(top, race.lot, choice.followed, colours, pixel);
+    if (choice.trails) drawWays(top, race, choice.followed, colours, pixel);
+    drawPeople(top, frame.walkers, colours, pixel);
   }
 }

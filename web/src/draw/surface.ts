@@ -2,6 +2,7 @@
 
 import type { Course, Point } from '../race/course';
 import type { ReferenceLine, Zone } from '../race/line';
+import { drawSlots } from './lot';
 import type { MapColours } from './palette';
 
 export const ZONE_COLOURS: Record<Zone, string> = {
@@ -33,6 +34,7 @@ export class Surface {
     }
     this.asphalt = ribbon(course, 0);
     this.kerbs = kerb > 0 ? ribbon(course, kerb) : null;
+    if (course.isLot) return;
     const centre = Array.from({ length: course.samples }, (_, i) => course.beside(i, 0));
     addWay(this.middle, [...centre, centre[0]!]);
     if (line) this.addZones(line);
@@ -55,8 +57,12 @@ export class Surface {
       context.fill(this.asphalt, 'evenodd');
     }
     this.drawObstacles(context, colours);
-    this.drawSectors(context, colours, pixel);
-    this.drawStart(context, colours, pixel);
+    if (this.course.isLot) {
+      drawSlots(context, this.course.frame.slots, colours, pixel);
+    } else {
+      this.drawSectors(context, colours, pixel);
+      this.drawStart(context, colours, pixel);
+    }
     if (showLine) this.drawZones(context, pixel);
     context.strokeStyle = colours.border;
     context.lineWidth = 1.6 * pixel;

@@ -119,7 +119,15 @@ export function between(early: SnapshotFrame, late: SnapshotFrame, share: number
   });
   const lights = early.lights + share * (late.lights - early.lights);
   const tick = early.tick + share * (late.tick - early.tick);
-  return { ...late, karts, lights, tick };
+  const walkers = late.walkers.map((walker, row) => {
+    const old = early.walkers[row] ?? walker;
+    return {
+      ...walker,
+      x: old.x + share * (walker.x - old.x),
+      y: old.y + share * (walker.y - old.y),
+    };
+  });
+  return { ...late, karts, walkers, lights, tick };
 }
 
 function blend(early: KartFrame, late: KartFrame, share: number): KartFrame {

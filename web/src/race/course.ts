@@ -29,6 +29,11 @@ export class Course {
     this.box = boxOf(this.loops.flat());
   }
 
+  /** Whether it is a car park: nothing to race along. */
+  get isLot(): boolean {
+    return this.samples === 0;
+  }
+
   x(sample: number): number {
     return this.frame.line[4 * sample]!;
   }

@@ -8,12 +8,13 @@ import type {
   Frame,
   HudFrame,
   KartFrame,
+  LotFrame,
   RaysFrame,
   RulesFrame,
   SnapshotFrame,
   StandingsFrame,
 } from '../wire/frames';
-import { Flag, Phase } from '../wire/tables';
+import { Flag, Phase, Status } from '../wire/tables';
 import { TICKS_PER_SECOND } from './clock';
 import { SnapshotBuffer } from './buffer';
 import { Course } from './course';
@@ -22,7 +23,9 @@ import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
 import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
+import { clearanceOf } from './clearance';
 import { Trails } from './trails';
+import { Ways } from './ways';
 
 // Interval of updates of text and tables [ms].
 const READ_MS = 250;
@@ -52,6 +55,7 @@ export interface Headline {
 export class Race {
   course = $state.raw<Course | null>(null);
   line = $state.raw<ReferenceLine | null>(null);
+  lot = $state.raw<LotFrame | null>(null);
   reference = $state.raw<LapTrace | null>(null);
   rules = $state.raw<RulesFrame | null>(null);
   standings = $state.raw<StandingsFrame | null>(null);
@@ -63,6 +67,9 @@ export class Race {
 
   readonly buffer: SnapshotBuffer;
   readonly trails = new Trails();
+  readonly ways = new Ways(); // in a car park
+  readonly clearances = new Map<number, number>(); // least so far of each seat [m]
+  readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
   private sectors = new Sectors();
@@ -98,12 +105,19 @@ export class Race {
         return;
       case 'links':
         return this.ages.take(frame);
+      case 'lot':
+        this.lot = frame;
+        return;
       case 'hud':
         this.hud = frame;
         return;
       case 'briefing':
         this.briefing = frame;
     }
+  }
+
+  get isLot(): boolean {
+    return this.course?.isLot ?? false;
   }
 
   /** The body of a kart. */
@@ -149,6 +163,9 @@ export class Race {
     this.paces = new Map();
     this.ages = new InputAges();
     this.trails.clear();
+    this.ways.clear();
+    this.clearances.clear();
+    this.endedS.clear();
     this.rays = null;
   }
 
@@ -172,9 +189,20 @@ export class Race {
     this.buffer.push(frame, arrivedMs);
     this.trails.note(frame);
     this.ages.note(frame, arrivedMs);
-    this.notePaces(frame);
+    if (this.isLot) this.noteLot(frame);
+    else this.notePaces(frame);
     if (arrivedMs - this.readMs > READ_MS || frame.flag !== this.headline?.flag) {
       this.read(frame, arrivedMs);
+    }
+  }
+
+  private noteLot(frame: SnapshotFrame): void {
+    this.ways.note(frame, this.body.ahead);
+    if (frame.lights > 0) return;
+    for (const kart of frame.karts) {
+      if (kart.status !== Status.RACING) continue;
+      const now = clearanceOf(kart, frame, this.body, this.course!, this.lot);
+      this.clearances.set(kart.seat, Math.min(this.clearances.get(kart.seat) ?? Infinity, now));
     }
   }
 

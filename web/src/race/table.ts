@@ -1,6 +1,6 @@
 // The rows of the leaderboard, from standings and snapshots.
 
-import type { SnapshotFrame, StandingsFrame } from '../wire/frames';
+import type { ParkingFrame, SnapshotFrame, StandingsFrame } from '../wire/frames';
 import { Status } from '../wire/tables';
 import { TICKS_PER_SECOND } from './clock';
 import { type Pace, gapBetween } from './pace';
@@ -25,6 +25,7 @@ export interface Row {
   raceUs: number; // 0 until the finish
   flags: number;
   ageMs: number; // of its newest input, NaN if unknown
+  parking: ParkingFrame | null;
 }
 
 export interface Sources {
@@ -61,6 +62,7 @@ export function tableOf(sources: Sources): Row[] {
       raceUs: row.raceTimeUs,
       flags: kart?.flags ?? 0,
       ageMs: ages.get(row.seat) ?? NaN,
+      parking: row.parking,
     };
   });
   rows.sort((one, other) => one.place - other.place || one.seat - other.seat);

@@ -26,6 +26,8 @@ export class Visit {
   position = $state.raw<Position | null>(null);
   log = $state.raw<readonly string[]>([]);
   isReady = $state(false); // of a driver in the lobby
+  isParking = $state(false); // the server has the wheel
+  parkRefusal = $state('');
   roundTripMs = $state(NaN);
   readonly acted = new SvelteMap<number, Acted>();
   readonly race: Race;
@@ -73,7 +75,9 @@ export class Visit {
     const before = this.race.standings?.phase;
     this.race.take(frame, arrivedMs);
     // Readiness for one race does not count for the next.
-    if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) this.isReady = false;
+    if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) {
+      [this.isReady, this.isParking, this.parkRefusal] = [false, false, ''];
+    }
   }
 
   private hear(told: Told, arrivedMs: number): void {
@@ -91,6 +95,10 @@ export class Visit {
       case 'ready':
         if (told.accepted) this.isReady = told.ready;
         else this.notice = { type: 'notice', code: 'ready', reason: told.reason };
+        return;
+      case 'park':
+        if (told.accepted) this.isParking = told.park;
+        this.parkRefusal = told.reason;
         return;
       case 'pong':
         this.clock.note(told.t, arrivedMs, told.server_us);

@@ -3,11 +3,13 @@
 import { ByteBuffer } from 'flatbuffers';
 
 import type {
+  Disc,
   EffectFrame,
   EventFrame,
   Frame,
   HazardFrame,
   KartFrame,
+  Rectangle,
   StandingFrame,
 } from './frames';
 import {
@@ -17,6 +19,7 @@ import {
   Hud,
   Line,
   Links,
+  Lot,
   Rays,
   Rules,
   Snapshot,
@@ -46,6 +49,7 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RLIN: readLine,
   RRAY: readRays,
   RLNK: readLinks,
+  RLOT: readLot,
   RHUD: readHud,
   RBRF: readBriefing,
 };
@@ -63,6 +67,7 @@ function readSnapshot(buffer: ByteBuffer): Frame {
     karts: rowsOf(table.kartsLength(), (row) => readKart(table, row)),
     boxes: table.boxesArray() ?? new Uint8Array(),
     hazards: rowsOf(table.hazardsLength(), (row) => readHazard(table, row)),
+    walkers: rowsOf(table.walkersLength(), (row) => readWalker(table, row)),
   };
 }
 
@@ -99,6 +104,11 @@ function readHazard(table: Snapshot, row: number): HazardFrame {
   };
 }
 
+function readWalker(table: Snapshot, row: number): Disc {
+  const walker = table.walkers(row)!;
+  return { x: walker.x(), y: walker.y(), radius: walker.radius() };
+}
+
 function readStandings(buffer: ByteBuffer): Frame {
   const table = Standings.getRootAsStandings(buffer);
   return {
@@ -116,6 +126,7 @@ function readStandings(buffer: ByteBuffer): Frame {
 
 function readStanding(table: Standings, index: number): StandingFrame {
   const row = table.rows(index)!;
+  const parking = row.parking();
   return {
     driver: row.driver() ?? '',
     seat: row.seat(),
@@ -130,6 +141,13 @@ function readStanding(table: Standings, index: number): StandingFrame {
     penaltyUs: Number(row.penaltyUs()),
     itemsUsed: row.itemsUsed(),
     lapTimesUs: rowsOf(row.lapTimesUsLength(), (lap) => Number(row.lapTimesUs(lap))),
+    parking: parking && {
+      ending: parking.ending(),
+      slot: parking.slot(),
+      way: parking.way(),
+      reversed: parking.reversed(),
+      moves: parking.moves(),
+    },
   };
 }
 
@@ -174,6 +192,49 @@ function readCourse(buffer: ByteBuffer): Frame {
     kartLength: table.kartLength(),
     kartWidth: table.kartWidth(),
     kartAhead: table.kartAhead(),
+    slots: rectanglesIn(table.slotsArray() ?? NOTHING),
+  };
+}
+
+/** Returns rectangles from rows of five numbers. */
+function rectanglesIn(all: ArrayLike<number>): Rectangle[] {
+  return rowsOf(Math.floor(all.length / 5), (row) => {
+    const [x, y, heading, length, width] = [0, 1, 2, 3, 4].map((part) => all[5 * row + part]!);
+    return { x: x!, y: y!, heading: heading!, length: length!, width: width! };
+  });
+}
+
+function readLot(buffer: ByteBuffer): Frame {
+  const table = Lot.getRootAsLot(buffer);
+  return {
+    kind: 'lot',
+    epoch: table.epoch(),
+    goals: rowsOf(table.goalsLength(), (row) => {
+      const goal = table.goals(row)!;
+      return { ...rectangleOf(goal), seat: goal.seat(), slot: goal.slot() };
+    }),
+    blocks: rowsOf(table.blocksLength(), (row) => {
+      const block = table.blocks(row)!;
+      return { ...rectangleOf(block), kind: block.kind() };
+    }),
+  };
+}
+
+interface Rectangular {
+  x(): number;
+  y(): number;
+  heading(): number;
+  length(): number;
+  width(): number;
+}
+
+function rectangleOf(one: Rectangular): Rectangle {
+  return {
+    x: one.x(),
+    y: one.y(),
+    heading: one.heading(),
+    length: one.length(),
+    width: one.width(),
   };
 }
 

@@ -1,6 +1,6 @@
 // Messages of the gateway as plain data. SI units; angles in radians, left positive.
 
-import type { EventKind, Flag, Phase, RayHit, Status } from './tables';
+import type { Ending, EventKind, Flag, Phase, RayHit, Status } from './tables';
 
 export interface KartFrame {
   seat: number;
@@ -29,6 +29,22 @@ export interface HazardFrame {
   owner: number;
 }
 
+/** A person on the ground. */
+export interface Disc {
+  x: number; // [m]
+  y: number;
+  radius: number;
+}
+
+/** A rectangle on the ground. */
+export interface Rectangle {
+  x: number; // [m] of its middle
+  y: number;
+  heading: number;
+  length: number; // [m]
+  width: number;
+}
+
 export interface SnapshotFrame {
   kind: 'snapshot';
   serverMs: number; // the server's clock
@@ -40,6 +56,15 @@ export interface SnapshotFrame {
   karts: KartFrame[];
   boxes: Uint8Array; // 1 for each item box that is ready
   hazards: HazardFrame[];
+  walkers: Disc[]; // people in a car park
+}
+
+export interface ParkingFrame {
+  ending: Ending;
+  slot: number; // -1 where it has no number
+  way: number; // [m] driven
+  reversed: number; // [m] of it in reverse
+  moves: number; // changes of direction
 }
 
 export interface StandingFrame {
@@ -56,6 +81,7 @@ export interface StandingFrame {
   penaltyUs: number;
   itemsUsed: number;
   lapTimesUs: number[];
+  parking: ParkingFrame | null; // only in a car park
 }
 
 export interface StandingsFrame {
@@ -103,6 +129,24 @@ export interface CourseFrame {
   kartLength: number; // [m], 0 if unknown
   kartWidth: number; // [m]
   kartAhead: number; // [m] from the centre of gravity forward to the middle of the body
+  slots: Rectangle[]; // of a car park
+}
+
+export interface Goal extends Rectangle {
+  seat: number;
+  slot: number; // -1 where it has no number
+}
+
+export interface Block extends Rectangle {
+  kind: RayHit;
+}
+
+/** What was drawn for a round in a car park. */
+export interface LotFrame {
+  kind: 'lot';
+  epoch: number;
+  goals: Goal[];
+  blocks: Block[];
 }
 
 export interface RulesFrame {
@@ -181,5 +225,6 @@ export type Frame =
   | LineFrame
   | RaysFrame
   | LinksFrame
+  | LotFrame
   | HudFrame
   | BriefingFrame;

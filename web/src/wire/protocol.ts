@@ -73,12 +73,20 @@ export interface ReadyAnswer {
   reason: string;
 }
 
-export type Told = Welcome | Refused | Notice | ReadyAnswer | Acted | Log | Pong | Position;
+export interface ParkAnswer {
+  type: 'park';
+  park: boolean;
+  accepted: boolean;
+  reason: string;
+}
+
+export type Told = Welcome | Refused | Notice | ReadyAnswer | ParkAnswer | Acted | Log | Pong | Position;
 
 export type Request =
   | { type: 'follow'; seat: number; rays: boolean }
   | { type: 'rate'; rate: number }
   | { type: 'ready'; ready: boolean }
+  | { type: 'park'; park: boolean }
   | { type: 'leave' }
   | { type: 'act'; act: string; seat: number; value: number; id: number }
   | { type: 'log' }

@@ -1,5 +1,5 @@
 // What the page uses of the code that flatc generates: enumerations, readers and writers.
-export { Button, EventKind, Flag, KartFlag, Phase, RayHit, Status } from './generated/codes.js';
+export { Button, Ending, EventKind, Flag, KartFlag, Phase, RayHit, Status } from './generated/codes.js';
 export { Control } from './generated/drive/control.js';
 export { ControlMessage } from './generated/drive/control-message.js';
 export { Hud } from './generated/drive/hud.js';
@@ -8,6 +8,7 @@ export { Course } from './generated/session/course.js';
 export { Line } from './generated/session/line.js';
 export { Rules } from './generated/session/rules.js';
 export { Events } from './generated/spectate/events.js';
+export { Lot } from './generated/spectate/lot.js';
 export { Links } from './generated/spectate/links.js';
 export { Rays } from './generated/spectate/rays.js';
 export { Snapshot } from './generated/spectate/snapshot.js';

@@ -4,6 +4,7 @@
 
 export { Button } from './codes/button.js';
 export { Cleanness } from './codes/cleanness.js';
+export { Ending } from './codes/ending.js';
 export { EventKind } from './codes/event-kind.js';
 export { FailsafeStage } from './codes/failsafe-stage.js';
 export { Flag } from './codes/flag.js';

@@ -2,13 +2,18 @@
 
 /* eslint-disable @typescript-eslint/no-unused-vars, @typescript-eslint/no-explicit-any, @typescript-eslint/no-non-null-assertion */
 
+export { Block } from './spectate/block.js';
 export { Event } from './spectate/event.js';
 export { Events } from './spectate/events.js';
+export { Goal } from './spectate/goal.js';
 export { Hazard } from './spectate/hazard.js';
 export { Kart } from './spectate/kart.js';
 export { Link } from './spectate/link.js';
 export { Links } from './spectate/links.js';
+export { Lot } from './spectate/lot.js';
+export { Parking } from './spectate/parking.js';
 export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';
 export { Standings } from './spectate/standings.js';
+export { Walker } from './spectate/walker.js';

@@ -10,3 +10,5 @@ class InterventionKind(object):
     CLOSE = 4
     OPEN = 5
     CLOCK = 6
+    PARK = 7
+    WHEEL = 8

@@ -161,8 +161,19 @@ class Briefing(object):
             return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
         return 0.0
 
+    # Briefing
+    def Order(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            x = self._tab.Indirect(o + self._tab.Pos)
+            from race_server.net.wire.generated.drive.ParkingOrder import ParkingOrder
+            obj = ParkingOrder()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
 def BriefingStart(builder):
-    builder.StartObject(13)
+    builder.StartObject(14)
 
 def Start(builder):
     BriefingStart(builder)
@@ -262,6 +273,12 @@ def BriefingAddLidarReach(builder, lidarReach):
 
 def AddLidarReach(builder, lidarReach):
     BriefingAddLidarReach(builder, lidarReach)
+
+def BriefingAddOrder(builder, order):
+    builder.PrependUOffsetTRelativeSlot(13, flatbuffers.number_types.UOffsetTFlags.py_type(order), 0)
+
+def AddOrder(builder, order):
+    BriefingAddOrder(builder, order)
 
 def BriefingEnd(builder):
     return builder.EndObject()

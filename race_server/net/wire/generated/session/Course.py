@@ -303,8 +303,35 @@ class Course(object):
             return self._tab.Get(flatbuffers.number_types.Float64Flags, o + self._tab.Pos)
         return 0.0
 
+    # Course
+    def Slots(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(38))
+        if o != 0:
+            a = self._tab.Vector(o)
+            return self._tab.Get(flatbuffers.number_types.Float64Flags, a + flatbuffers.number_types.UOffsetTFlags.py_type(j * 8))
+        return 0
+
+    # Course
+    def SlotsAsNumpy(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(38))
+        if o != 0:
+            return self._tab.GetVectorAsNumpy(flatbuffers.number_types.Float64Flags, o)
+        return 0
+
+    # Course
+    def SlotsLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(38))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Course
+    def SlotsIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(38))
+        return o == 0
+
 def CourseStart(builder):
-    builder.StartObject(17)
+    builder.StartObject(18)
 
 def Start(builder):
     CourseStart(builder)
@@ -458,6 +485,18 @@ def CourseAddKartAhead(builder, kartAhead):
 
 def AddKartAhead(builder, kartAhead):
     CourseAddKartAhead(builder, kartAhead)
+
+def CourseAddSlots(builder, slots):
+    builder.PrependUOffsetTRelativeSlot(17, flatbuffers.number_types.UOffsetTFlags.py_type(slots), 0)
+
+def AddSlots(builder, slots):
+    CourseAddSlots(builder, slots)
+
+def CourseStartSlotsVector(builder, numElems):
+    return builder.StartVector(8, numElems, 8)
+
+def StartSlotsVector(builder, numElems):
+    return CourseStartSlotsVector(builder, numElems)
 
 def CourseEnd(builder):
     return builder.EndObject()

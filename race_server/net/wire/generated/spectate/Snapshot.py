@@ -141,8 +141,32 @@ class Snapshot(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(20))
         return o == 0
 
+    # Snapshot
+    def Walkers(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(22))
+        if o != 0:
+            x = self._tab.Vector(o)
+            x += flatbuffers.number_types.UOffsetTFlags.py_type(j) * 12
+            from race_server.net.wire.generated.spectate.Walker import Walker
+            obj = Walker()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
+    # Snapshot
+    def WalkersLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(22))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Snapshot
+    def WalkersIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(22))
+        return o == 0
+
 def SnapshotStart(builder):
-    builder.StartObject(9)
+    builder.StartObject(10)
 
 def Start(builder):
     SnapshotStart(builder)
@@ -218,6 +242,18 @@ def SnapshotStartHazardsVector(builder, numElems):
 
 def StartHazardsVector(builder, numElems):
     return SnapshotStartHazardsVector(builder, numElems)
+
+def SnapshotAddWalkers(builder, walkers):
+    builder.PrependUOffsetTRelativeSlot(9, flatbuffers.number_types.UOffsetTFlags.py_type(walkers), 0)
+
+def AddWalkers(builder, walkers):
+    SnapshotAddWalkers(builder, walkers)
+
+def SnapshotStartWalkersVector(builder, numElems):
+    return builder.StartVector(12, numElems, 4)
+
+def StartWalkersVector(builder, numElems):
+    return SnapshotStartWalkersVector(builder, numElems)
 
 def SnapshotEnd(builder):
     return builder.EndObject()

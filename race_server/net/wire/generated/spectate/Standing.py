@@ -135,8 +135,19 @@ class Standing(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(28))
         return o == 0
 
+    # Standing
+    def Parking(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            x = o + self._tab.Pos
+            from race_server.net.wire.generated.spectate.Parking import Parking
+            obj = Parking()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
 def StandingStart(builder):
-    builder.StartObject(13)
+    builder.StartObject(14)
 
 def Start(builder):
     StandingStart(builder)
@@ -224,6 +235,12 @@ def StandingStartLapTimesUsVector(builder, numElems):
 
 def StartLapTimesUsVector(builder, numElems):
     return StandingStartLapTimesUsVector(builder, numElems)
+
+def StandingAddParking(builder, parking):
+    builder.PrependStructSlot(13, flatbuffers.number_types.UOffsetTFlags.py_type(parking), 0)
+
+def AddParking(builder, parking):
+    StandingAddParking(builder, parking)
 
 def StandingEnd(builder):
     return builder.EndObject()

@@ -9,5 +9,7 @@ export enum InterventionKind {
   PENALTY = 3,
   CLOSE = 4,
   OPEN = 5,
-  CLOCK = 6
+  CLOCK = 6,
+  PARK = 7,
+  WHEEL = 8
 }

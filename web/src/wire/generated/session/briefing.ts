@@ -4,6 +4,9 @@
 
 import * as flatbuffers from 'flatbuffers';
 
+import { ParkingOrder } from '../drive/parking-order.js';
+
+
 export class Briefing {
   bb: flatbuffers.ByteBuffer|null = null;
   bb_pos = 0;
@@ -115,8 +118,13 @@ lidarReach():number {
   return offset ? this.bb!.readFloat64(this.bb_pos + offset) : 0.0;
 }
 
+order(obj?:ParkingOrder):ParkingOrder|null {
+  const offset = this.bb!.__offset(this.bb_pos, 30);
+  return offset ? (obj || new ParkingOrder()).__init(this.bb!.__indirect(this.bb_pos + offset), this.bb!) : null;
+}
+
 static startBriefing(builder:flatbuffers.Builder) {
-  builder.startObject(13);
+  builder.startObject(14);
 }
 
 static addSeat(builder:flatbuffers.Builder, seat:number) {
@@ -212,6 +220,10 @@ static addLidarReach(builder:flatbuffers.Builder, lidarReach:number) {
   builder.addFieldFloat64(12, lidarReach, 0.0);
 }
 
+static addOrder(builder:flatbuffers.Builder, orderOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(13, orderOffset, 0);
+}
+
 static endBriefing(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 18) // preset
@@ -222,21 +234,4 @@ static endBriefing(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createBriefing(builder:flatbuffers.Builder, seat:number, secret:bigint, epoch:number, laps:number, decision:number, lidarRays:number, lidarField:number, presetOffset:flatbuffers.Offset, itemsOffset:flatbuffers.Offset, vehicleOffset:flatbuffers.Offset, vehicleNamesOffset:flatbuffers.Offset, vehicleValuesOffset:flatbuffers.Offset, lidarReach:number):flatbuffers.Offset {
-  Briefing.startBriefing(builder);
-  Briefing.addSeat(builder, seat);
-  Briefing.addSecret(builder, secret);
-  Briefing.addEpoch(builder, epoch);
-  Briefing.addLaps(builder, laps);
-  Briefing.addDecision(builder, decision);
-  Briefing.addLidarRays(builder, lidarRays);
-  Briefing.addLidarField(builder, lidarField);
-  Briefing.addPreset(builder, presetOffset);
-  Briefing.addItems(builder, itemsOffset);
-  Briefing.addVehicle(builder, vehicleOffset);
-  Briefing.addVehicleNames(builder, vehicleNamesOffset);
-  Briefing.addVehicleValues(builder, vehicleValuesOffset);
-  Briefing.addLidarReach(builder, lidarReach);
-  return Briefing.endBriefing(builder);
-}
 }

@@ -193,8 +193,23 @@ kartAhead():number {
   return offset ? this.bb!.readFloat64(this.bb_pos + offset) : 0.0;
 }
 
+slots(index: number):number|null {
+  const offset = this.bb!.__offset(this.bb_pos, 38);
+  return offset ? this.bb!.readFloat64(this.bb!.__vector(this.bb_pos + offset) + index * 8) : 0;
+}
+
+slotsLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 38);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
+slotsArray():Float64Array|null {
+  const offset = this.bb!.__offset(this.bb_pos, 38);
+  return offset ? new Float64Array(this.bb!.bytes().buffer, this.bb!.bytes().byteOffset + this.bb!.__vector(this.bb_pos + offset), this.bb!.__vector_len(this.bb_pos + offset)) : null;
+}
+
 static startCourse(builder:flatbuffers.Builder) {
-  builder.startObject(17);
+  builder.startObject(18);
 }
 
 static addName(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset) {
@@ -401,6 +416,27 @@ static addKartAhead(builder:flatbuffers.Builder, kartAhead:number) {
   builder.addFieldFloat64(16, kartAhead, 0.0);
 }
 
+static addSlots(builder:flatbuffers.Builder, slotsOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(17, slotsOffset, 0);
+}
+
+static createSlotsVector(builder:flatbuffers.Builder, data:number[]|Float64Array):flatbuffers.Offset;
+/**
+ * @deprecated This Uint8Array overload will be removed in the future.
+ */
+static createSlotsVector(builder:flatbuffers.Builder, data:number[]|Uint8Array):flatbuffers.Offset;
+static createSlotsVector(builder:flatbuffers.Builder, data:number[]|Float64Array|Uint8Array):flatbuffers.Offset {
+  builder.startVector(8, data.length, 8);
+  for (let i = data.length - 1; i >= 0; i--) {
+    builder.addFloat64(data[i]!);
+  }
+  return builder.endVector();
+}
+
+static startSlotsVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(8, numElems, 8);
+}
+
 static endCourse(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 4) // name
@@ -415,7 +451,7 @@ static endCourse(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createCourse(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, titleOffset:flatbuffers.Offset, digestOffset:flatbuffers.Offset, spacing:number, lineOffset:flatbuffers.Offset, halfWidthsOffset:flatbuffers.Offset, kerb:number, bordersOffset:flatbuffers.Offset, gatesOffset:flatbuffers.Offset, gridOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, grass:number, obstaclesOffset:flatbuffers.Offset, sectorsOffset:flatbuffers.Offset, kartLength:number, kartWidth:number, kartAhead:number):flatbuffers.Offset {
+static createCourse(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, titleOffset:flatbuffers.Offset, digestOffset:flatbuffers.Offset, spacing:number, lineOffset:flatbuffers.Offset, halfWidthsOffset:flatbuffers.Offset, kerb:number, bordersOffset:flatbuffers.Offset, gatesOffset:flatbuffers.Offset, gridOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, grass:number, obstaclesOffset:flatbuffers.Offset, sectorsOffset:flatbuffers.Offset, kartLength:number, kartWidth:number, kartAhead:number, slotsOffset:flatbuffers.Offset):flatbuffers.Offset {
   Course.startCourse(builder);
   Course.addName(builder, nameOffset);
   Course.addTitle(builder, titleOffset);
@@ -434,6 +470,7 @@ static createCourse(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, 
   Course.addKartLength(builder, kartLength);
   Course.addKartWidth(builder, kartWidth);
   Course.addKartAhead(builder, kartAhead);
+  Course.addSlots(builder, slotsOffset);
   return Course.endCourse(builder);
 }
 }

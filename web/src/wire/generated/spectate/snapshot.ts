@@ -8,6 +8,7 @@ import { Flag } from '../codes/flag.js';
 import { Phase } from '../codes/phase.js';
 import { Hazard } from '../spectate/hazard.js';
 import { Kart } from '../spectate/kart.js';
+import { Walker } from '../spectate/walker.js';
 
 
 export class Snapshot {
@@ -93,8 +94,18 @@ hazardsLength():number {
   return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
 }
 
+walkers(index: number, obj?:Walker):Walker|null {
+  const offset = this.bb!.__offset(this.bb_pos, 22);
+  return offset ? (obj || new Walker()).__init(this.bb!.__vector(this.bb_pos + offset) + index * 12, this.bb!) : null;
+}
+
+walkersLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 22);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
 static startSnapshot(builder:flatbuffers.Builder) {
-  builder.startObject(9);
+  builder.startObject(10);
 }
 
 static addMonotonicUs(builder:flatbuffers.Builder, monotonicUs:bigint) {
@@ -153,6 +164,14 @@ static startHazardsVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(16, numElems, 4);
 }
 
+static addWalkers(builder:flatbuffers.Builder, walkersOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(9, walkersOffset, 0);
+}
+
+static startWalkersVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(12, numElems, 4);
+}
+
 static endSnapshot(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 16) // karts
@@ -161,7 +180,7 @@ static endSnapshot(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:number, tick:number, lights:number, phase:Phase, flag:Flag, kartsOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, hazardsOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:number, tick:number, lights:number, phase:Phase, flag:Flag, kartsOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, hazardsOffset:flatbuffers.Offset, walkersOffset:flatbuffers.Offset):flatbuffers.Offset {
   Snapshot.startSnapshot(builder);
   Snapshot.addMonotonicUs(builder, monotonicUs);
   Snapshot.addEpoch(builder, epoch);
@@ -172,6 +191,7 @@ static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:num
   Snapshot.addKarts(builder, kartsOffset);
   Snapshot.addBoxes(builder, boxesOffset);
   Snapshot.addHazards(builder, hazardsOffset);
+  Snapshot.addWalkers(builder, walkersOffset);
   return Snapshot.endSnapshot(builder);
 }
 }

@@ -5,6 +5,7 @@
 import * as flatbuffers from 'flatbuffers';
 
 import { Status } from '../codes/status.js';
+import { Parking } from '../spectate/parking.js';
 
 
 export class Standing {
@@ -97,8 +98,13 @@ lapTimesUsLength():number {
   return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
 }
 
+parking(obj?:Parking):Parking|null {
+  const offset = this.bb!.__offset(this.bb_pos, 30);
+  return offset ? (obj || new Parking()).__init(this.bb_pos + offset, this.bb!) : null;
+}
+
 static startStanding(builder:flatbuffers.Builder) {
-  builder.startObject(13);
+  builder.startObject(14);
 }
 
 static addDriver(builder:flatbuffers.Builder, driverOffset:flatbuffers.Offset) {
@@ -165,27 +171,14 @@ static startLapTimesUsVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(8, numElems, 8);
 }
 
+static addParking(builder:flatbuffers.Builder, parkingOffset:flatbuffers.Offset) {
+  builder.addFieldStruct(13, parkingOffset, 0);
+}
+
 static endStanding(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 4) // driver
   return offset;
 }
 
-static createStanding(builder:flatbuffers.Builder, driverOffset:flatbuffers.Offset, seat:number, rank:number, laps:number, status:Status, lastLapUs:bigint, bestLapUs:bigint, raceTimeUs:bigint, gapUs:bigint, penalties:number, penaltyUs:bigint, itemsUsed:number, lapTimesUsOffset:flatbuffers.Offset):flatbuffers.Offset {
-  Standing.startStanding(builder);
-  Standing.addDriver(builder, driverOffset);
-  Standing.addSeat(builder, seat);
-  Standing.addRank(builder, rank);
-  Standing.addLaps(builder, laps);
-  Standing.addStatus(builder, status);
-  Standing.addLastLapUs(builder, lastLapUs);
-  Standing.addBestLapUs(builder, bestLapUs);
-  Standing.addRaceTimeUs(builder, raceTimeUs);
-  Standing.addGapUs(builder, gapUs);
-  Standing.addPenalties(builder, penalties);
-  Standing.addPenaltyUs(builder, penaltyUs);
-  Standing.addItemsUsed(builder, itemsUsed);
-  Standing.addLapTimesUs(builder, lapTimesUsOffset);
-  return Standing.endStanding(builder);
-}
 }

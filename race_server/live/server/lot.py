@@ -1,0 +1,42 @@
+"""What spectators and drivers are sent of a car park."""
+
+import numpy as np
+
+from race_server.core import codes
+from race_server.live.local_drivers import order_for
+from race_server.net.wire.parking import BLOCK, GOAL, WALKER, LotFrame, OrderFrame, Rows
+from race_server.session import Session
+from race_server.session.seats import Seat
+
+
+def order_frame_of(session: Session, seat: Seat) -> OrderFrame:
+    """Return the order of a seat as it is sent."""
+    return OrderFrame(session.epoch, seat.orders, order_for(session, seat.number))
+
+
+def lot_of(session: Session) -> LotFrame:
+    """Return what was drawn for this round; vehicles of the session are in the snapshot."""
+    parking, statuses = session.world.parking, session.world.bodies["status"][0]
+    seats = np.flatnonzero(statuses != codes.ABSENT)
+    goals = np.zeros(len(seats), GOAL)
+    for name in ("x", "y", "heading", "length", "width", "slot"):
+        goals[name] = parking.parkers[name][0, seats]
+    goals["seat"] = seats
+    # Block k is vehicle k once it stands.
+    standing = parking.blocks[0, len(statuses) :]
+    standing = standing[standing["kind"] != codes.NOTHING]
+    blocks = np.zeros(len(standing), BLOCK)
+    for name in ("x", "y", "heading", "kind"):
+        blocks[name] = standing[name]
+    blocks["length"], blocks["width"] = 2.0 * standing["half_length"], 2.0 * standing["half_width"]
+    return LotFrame(session.epoch, session.tick, goals, blocks)
+
+
+def walkers_of(session: Session) -> Rows:
+    """Return the people (WALKER) who walk there."""
+    there = session.world.parking.walkers[0]
+    there = there[there["radius"] > 0.0]
+    walkers = np.zeros(len(there), WALKER)
+    for name in ("x", "y", "radius"):
+        walkers[name] = there[name]
+    return walkers

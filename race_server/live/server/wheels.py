@@ -1,0 +1,150 @@
+"""The drivers inside the server: those of seats that it fills, and its parking drivers.
+
+A parking driver takes the wheel of a kart whose driver, or whose steward, asks for it. Flags and
+the clock of race control stay above it, as above every driver.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from race_server.core.driver import Driver, ParkingDriver, driver_named, tell_to_park
+from race_server.core.observation import Observation
+from race_server.errors import DriverError, Reason, SeatError
+from race_server.live.local_drivers import LocalDrivers, briefing_for, order_for
+from race_server.live.server.counters import Counters
+from race_server.live.suspects import Suspects
+from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
+from race_server.session import Session
+from race_server.session.observations import Observations
+from race_server.session.parking import check_slot
+
+# The driver that parks, where the server names no other.
+VALET = "valet"
+
+
+class Wheels:
+    """All drivers inside the server, as they are asked for their controls."""
+
+    def __init__(
+        self,
+        session: Session,
+        local_drivers: LocalDrivers,
+        counters: Counters,
+        suspects: Suspects,
+        valet: str,
+    ) -> None:
+        """Begin with no parking driver. valet: name of the driver that parks."""
+        self._session, self._local_drivers, self._valet = session, local_drivers, valet
+        self._counters, self._suspects = counters, suspects
+        self._valets: dict[int, Driver] = {}  # by seat
+        self._observations = Observations(len(session.seats), session.scenario.lidar.rays)
+
+    def drive(self, receive: Callable[[int, bytes], None]) -> None:
+        """Let every driver inside answer what it observes now. receive: a control of a seat."""
+        for seat in self._session.seats.taken():
+            if seat.number in self._local_drivers:
+                self._drive_locally(seat.number, receive)
+        if self._valets:
+            self._observations.compute(self._session.world)
+            for number in list(self._valets):
+                self._lead(number)
+
+    def _drive_locally(self, number: int, receive: Callable[[int, bytes], None]) -> None:
+        try:
+            control = self._local_drivers.answer(number)
+        except DriverError:
+            self._counters.refused.record(Reason.DRIVER, number)
+            self._session.drop(number)
+            return
+        receive(number, control)
+
+    def _lead(self, number: int) -> None:
+        """Let a parking driver answer; one that fails gives the wheel back."""
+        session, valet = self._session, self._valets[number]
+        seen = self._observations.of(number).copy()
+        observation = Observation(session.tick, session.layout(valet.preset), seen)
+        try:
+            with self._suspects.asking(number):
+                control = valet.act(observation)
+            # As over the network, so that the same numbers are refused.
+            frame = ControlFrame(session.epoch, 0, session.tick, control)
+            control = decode_control(encode_control(frame)).control
+        except (Exception, SystemExit):
+            self._counters.refused.record(Reason.DRIVER, number)
+            self.release(number)
+            return
+        session.seats[number].lead(control, session.tick)
+
+    def park(self, number: int, slot: int = -1) -> None:
+        """Have the vehicle of a seat parked. slot: number, -1 for the one that it has.
+
+        A real kart is sent the order, and a driver inside that parks is given it; of any other
+        kart the parking driver takes the wheel.
+
+        Raises:
+            SeatError: no race is on, the vehicle is not driven, the slot is not free, or there is
+                no driver that parks.
+        """
+        session = self._session
+        seat = session.seat(number)
+        if not session.is_racing(number):
+            raise SeatError(f"the vehicle of seat {number} does not drive now", Reason.DECISION)
+        check_slot(session.world, number, slot)
+        local = self._local_drivers.driver_of(number)
+        try:
+            if seat.is_tracked:
+                session.race_control.park(number, slot)
+            elif isinstance(local, ParkingDriver):
+                session.race_control.park(number, slot)
+                local.park(order_for(session, number))
+            else:
+                valet = driver_named(self._valet)  # before anything is recorded
+                session.race_control.park(number, slot)
+                self._take_wheel(number, valet)
+                if not seat.is_led:
+                    session.race_control.hand_wheel(number, to_server=True)
+        except DriverError as error:
+            raise SeatError(str(error), Reason.DRIVER) from error
+
+    def _take_wheel(self, number: int, driver: Driver) -> None:
+        """Let a new parking driver take a kart over.
+
+        Raises:
+            DriverError: it cannot park.
+        """
+        session = self._session
+        with self._suspects.asking(number):
+            driver.reset(briefing_for(session, session.seats[number]))
+            tell_to_park(driver, self._valet, order_for(session, number))
+        self._valets[number] = driver
+        self._observations.show(number, driver.preset)
+
+    def release(self, number: int) -> None:
+        """Give the wheel of a kart back to its driver."""
+        if self._valets.pop(number, None):
+            self._observations.show(number, "")
+            self._session.race_control.hand_wheel(number, to_server=False)
+
+    def resume(self) -> None:
+        """Take the wheels again that the server before this one had."""
+        for seat in self._session.seats.taken():
+            if not (seat.is_led and self._session.is_racing(seat.number)):
+                continue
+            if not self._retake(seat.number):
+                self._counters.refused.record(Reason.DRIVER, seat.number)
+                self._session.race_control.hand_wheel(seat.number, to_server=False)
+
+    def _retake(self, number: int) -> bool:
+        """Take a wheel again; False where the parking driver is barred or cannot park any more."""
+        if self._suspects.is_barred(number):
+            return False
+        with suppress(DriverError):
+            self._take_wheel(number, driver_named(self._valet))
+            return True
+        return False
+
+    def clear(self) -> None:
+        """Begin a race: no parking driver drives."""
+        for number in list(self._valets):
+            self._observations.show(number, "")
+        self._valets.clear()

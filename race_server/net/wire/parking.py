@@ -1,0 +1,191 @@
+"""Encode and decode what concerns car parks: the order to park, and what was drawn for a round."""
+
+import struct
+from dataclasses import dataclass, fields
+from typing import Any
+
+import flatbuffers
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core.level import Level
+from race_server.core.messages import Ending, Parking
+from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.errors import WireError
+from race_server.net.wire import topics
+from race_server.net.wire.generated.drive import ParkingOrder as OrderTable
+from race_server.net.wire.generated.drive.Level import CreateLevel
+from race_server.net.wire.generated.drive.Slot import CreateSlot
+from race_server.net.wire.generated.spectate import Block, Goal, Lot
+from race_server.net.wire.generated.spectate.Parking import CreateParking
+from race_server.net.wire.rows import build_rows
+from race_server.net.wire.strict import U32, Table, root_of
+
+GOAL = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "heading", "length", "width")),
+        ("slot", "<i2"),
+        ("seat", "<u2"),
+    ]
+)
+BLOCK = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "heading", "length", "width")),
+        ("kind", "u1"),
+        ("", "V3"),  # pads to a multiple of four
+    ]
+)
+WALKER = np.dtype([("x", "<f4"), ("y", "<f4"), ("radius", "<f4")])
+MOST_GOALS, MOST_WALKERS, MOST_BLOCKS, MOST_NUMBERS = 64, 64, 4096, 1 << 15
+BLOCK_NAMES = list(BLOCK.names or ())[:-1]
+_SLOT, _LEVEL = struct.Struct("<5f"), struct.Struct("<7fB3x")
+_PARKING = struct.Struct("<ffIIhBx")
+# The numbers of a level in the order of the message; `hold` is `hold_s`, and `fits` follows.
+_TOLERANCES = ("within", "along", "across", "turn", "still", "leave", "hold_s")
+assert {*_TOLERANCES, "fits"} == {one.name for one in fields(Level)}
+
+Rows = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderFrame:
+    """An order to park, with its number among those to the seat in this epoch."""
+
+    epoch: int
+    sequence: int
+    order: ParkingOrder
+
+
+def encode_order(frame: OrderFrame) -> bytes:
+    """Return an order to park as a message."""
+    builder = flatbuffers.Builder(1024)
+    builder.Finish(build_order(builder, frame), topics.ORDER.identifier)
+    return bytes(builder.Output())
+
+
+def build_order(builder: Any, frame: OrderFrame) -> int:
+    """Write the table of an order and return its offset."""
+    order = frame.order
+    walls = builder.CreateNumpyVector(np.ascontiguousarray(order.walls, "<f4").ravel())
+    blocks = builder.CreateNumpyVector(np.ascontiguousarray(order.blocks, "<f4").ravel())
+    OrderTable.Start(builder)
+    OrderTable.AddEpoch(builder, frame.epoch)
+    OrderTable.AddSequence(builder, frame.sequence)
+    OrderTable.AddSlot(builder, CreateSlot(builder, *order.slot))
+    tolerances = [getattr(order.level, name) for name in (*_TOLERANCES, "fits")]
+    OrderTable.AddLevel(builder, CreateLevel(builder, *tolerances))
+    OrderTable.AddWalls(builder, walls)
+    OrderTable.AddBlocks(builder, blocks)
+    return int(OrderTable.End(builder))
+
+
+def decode_order(data: bytes) -> OrderFrame:
+    """Return the order to park in a message.
+
+    Raises:
+        WireError: damaged, foreign, or a number that is not finite.
+    """
+    return read_order(root_of(data, topics.ORDER.identifier, topics.ORDER.most_bytes))
+
+
+def read_order(table: Table) -> OrderFrame:
+    """Return the order to park in a table.
+
+    Raises:
+        WireError: damaged, or a number that is not finite.
+    """
+    slot, level = table.field(2, _SLOT.size), table.field(3, _LEVEL.size)
+    if not (slot and level):
+        raise WireError("an order to park without a slot")
+    place = _SLOT.unpack_from(table.data, slot)
+    *tolerances, fits = _LEVEL.unpack_from(table.data, level)
+    walls, blocks = _numbers(table, 4, 4), _numbers(table, 5, 5)
+    everything = np.concatenate([place, tolerances, walls.ravel(), blocks.ravel()])
+    if not np.isfinite(everything).all():
+        raise WireError("an order to park holds a number that is not finite")
+    named = dict(zip(_TOLERANCES, tolerances, strict=True))
+    order = ParkingOrder(Slot(*place), Level(**named, fits=bool(fits)), walls, blocks)
+    return OrderFrame(table.scalar(0, U32), table.scalar(1, U32), order)
+
+
+def _numbers(table: Table, slot: int, columns: int) -> NDArray[np.float64]:
+    """Return a vector of float32 as rows of `columns`.
+
+    Raises:
+        WireError: it is missing, longer, leaves the message, or its last row is not whole.
+    """
+    first, count = table.vector(slot, 4, MOST_NUMBERS)
+    if count % columns:
+        raise WireError(f"field {slot} of {count} numbers; rows have {columns}")
+    return np.frombuffer(table.data, "<f4", count, first).astype(float).reshape(-1, columns)
+
+
+@dataclass(frozen=True, slots=True)
+class LotFrame:
+    """What was drawn for a round in a car park."""
+
+    epoch: int
+    tick: int
+    goals: Rows  # GOAL
+    blocks: Rows  # BLOCK
+
+
+def encode_lot(frame: LotFrame) -> bytes:
+    """Return a round in a car park as a message."""
+    builder = flatbuffers.Builder(1024)
+    goals = build_rows(builder, Lot.StartGoalsVector, Goal.CreateGoal, frame.goals)
+    named = frame.blocks[BLOCK_NAMES]
+    blocks = build_rows(builder, Lot.StartBlocksVector, Block.CreateBlock, named)
+    Lot.Start(builder)
+    Lot.AddEpoch(builder, frame.epoch)
+    Lot.AddTick(builder, frame.tick)
+    Lot.AddGoals(builder, goals)
+    Lot.AddBlocks(builder, blocks)
+    builder.Finish(Lot.End(builder), topics.LOT.identifier)
+    return bytes(builder.Output())
+
+
+def decode_lot(data: bytes) -> LotFrame:
+    """Return a round in a car park from a message.
+
+    Raises:
+        WireError: damaged, foreign, or a place that is not finite.
+    """
+    table = root_of(data, topics.LOT.identifier, topics.LOT.most_bytes)
+    first, count = table.vector(2, GOAL.itemsize, MOST_GOALS)
+    goals = np.frombuffer(data, GOAL, count, first)
+    first, count = table.vector(3, BLOCK.itemsize, MOST_BLOCKS)
+    blocks = np.frombuffer(data, BLOCK, count, first)
+    for rows in (goals, blocks):
+        if not all(np.isfinite(rows[name]).all() for name in BLOCK_NAMES[:-1]):
+            raise WireError("a car park holds a place that is not finite")
+    return LotFrame(table.scalar(0, U32), table.scalar(1, U32), goals, blocks)
+
+
+def walkers_in(table: Table, data: bytes | bytearray) -> Rows:
+    """Return the people (WALKER) in a snapshot; none in one from before there were any."""
+    if not table.field(9, U32.size):
+        return np.zeros(0, WALKER)
+    first, count = table.vector(9, WALKER.itemsize, MOST_WALKERS)
+    return np.frombuffer(data, WALKER, count, first)
+
+
+def add_parking(builder: Any, parking: Parking) -> int:
+    """Write the figures of a vehicle that parks and return their offset."""
+    figures = (parking.way, parking.reversed, parking.moves, parking.walked_into)
+    return int(CreateParking(builder, *figures, parking.slot, int(parking.ending)))
+
+
+def read_parking(table: Table, slot: int) -> Parking | None:
+    """Return the figures of a vehicle that parks; None where there are none.
+
+    Raises:
+        WireError: an ending that is not known, or a way that is not finite.
+    """
+    place = table.field(slot, _PARKING.size)
+    if not place:
+        return None
+    way, back, moves, walked_into, number, ending = _PARKING.unpack_from(table.data, place)
+    if ending > max(Ending) or not np.isfinite((way, back)).all():
+        raise WireError(f"standings are damaged: a way of {way} m with ending {ending}")
+    return Parking(Ending(ending), number, way, back, moves, walked_into)

@@ -1,0 +1,212 @@
+"""Have many vehicles parked in a running session, and kill its server half way.
+
+All drivers stand with the brake on until the steward says `park`; then the server's parking driver
+takes every wheel. All have to be parked in time, no person may be hit, and the recording, driven
+again, has to end with the digest of the session.
+"""
+
+import math
+import os
+import signal
+import tempfile
+import threading
+import time
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from race_server.competition.launch import START_S
+from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.messages import Control, EventKind, Phase, Standing, Status
+from race_server.errors import KeysError, LinkError, RaceError, SeatError
+from race_server.live.client.driver import KartClient
+from race_server.live.client.spectator import Spectator
+from race_server.live.client.steward import StewardClient
+from race_server.live.server.wheels import VALET
+from race_server.net.auth.token import read_token
+from race_server.net.transport import ClientLink
+from race_server.storage.recording.reader import read_recording
+from race_server.storage.recording.rerun import Rerun
+from race_server.tools.drills.crash import children_of
+from race_server.tools.drills.report import SmallDrill, document_of
+from race_server.tools.drills.server_process import (
+    SESSION,
+    ServerProcess,
+    server_process,
+    wait_until,
+)
+
+SMALL = SmallDrill("--seats 3 --lot zone-30 --together 1", 60, "parked")
+
+# A session of the drill lasts at most this long: by its own clock, and by that of the wall [s].
+LIMIT_S, MOST_S = 600, 900.0
+# A vehicle that drives for longer than this no longer holds up the others [s].
+STUCK_S = 60.0
+# A server whose session is over ends within this time [s].
+END_S = 30.0
+
+
+class Waiting(KartClient):
+    """Stands with the brake on: another driver is to park."""
+
+    preset = "track"
+
+    def act(self, _: object) -> Control:
+        """Return a full brake."""
+        return Control(brake=1.0)
+
+
+@dataclass
+class Yard:
+    """A session under the drill, as its spectator and its steward see it."""
+
+    process: ServerProcess
+    spectator: Spectator
+    link: ClientLink
+
+    def parked(self) -> int:
+        """Return how many vehicles are parked by now."""
+        return sum(row.status is Status.FINISHED for row in self.rows())
+
+    def driving(self) -> set[int]:
+        """Return the seats whose vehicles are neither parked nor out."""
+        return {row.seat for row in self.rows() if row.status is Status.RACING}
+
+    def rows(self) -> tuple[Standing, ...]:
+        """Return the newest standings."""
+        frame = self.spectator.standings
+        return frame.rows if frame else ()
+
+    def order(self, seat: int) -> bool:
+        """Have the vehicle of a seat parked; False where the server does not answer now."""
+        address = self.process.address
+        try:
+            steward = StewardClient(self.link, read_token(address, SESSION), "drill")
+            steward.decide("park", seat=seat, value=-1.0)
+        except (LinkError, KeysError):
+            return False  # a server that was killed is still on its way back
+        except SeatError:
+            return seat not in self.driving()  # out already, or the request was granted before
+        return True
+
+
+def drill_park(
+    lot: str = "yard-70",
+    *,
+    seats: int = 20,
+    driver: str = VALET,
+    together: int = 4,
+    seed: int = 1,
+    kill: bool = True,
+) -> dict[str, Any]:
+    """Return the figures of a session in which all vehicles park on command.
+
+    driver: that parks; together: number of vehicles that drive at a time, those nearest to their
+    slots first; kill: end the server once, when half of the vehicles were told.
+    """
+    words = ["--lot", lot, "--karts", str(seats), "--wait-for", str(seats), "--valet", driver]
+    words += ["--seed", str(seed), "--one-process", "--limit", str(LIMIT_S)]
+    faults: list[str] = []
+    with (
+        tempfile.TemporaryDirectory(prefix="drill-") as folder,
+        server_process([*words, "--record", folder], is_guarded=True) as process,
+    ):
+        try:
+            kills = _run(process, seats, together, kill=kill)
+            document = process.stop()
+        except RaceError as error:
+            return document_of([f"{error}; {process.last_words()}"], lot=lot, seats=seats)
+        (path,) = Path(folder).glob("*.mcap")
+        rerun = Rerun(read_recording(path))
+        for _ in rerun.run():
+            pass
+        if rerun.difference is not None:
+            faults.append(f"the recording differs from tick {rerun.difference.tick} on")
+        elif rerun.session.digest() != document["digest"]:
+            faults.append("the recording ends with another digest than the session")
+    if kill and not kills:
+        faults.append("the session was over before the server could be killed")
+    return _report(document, faults, lot=lot, driver=driver, seats=seats, kills=kills, seed=seed)
+
+
+def _report(document: dict[str, Any], faults: list[str], **about: Any) -> dict[str, Any]:
+    """Return the document of a drill. document: of the session."""
+    endings = Counter(kart["parking"]["ending"] for kart in document["karts"])
+    hits = sum(event["kind"] == EventKind.HIT_PERSON.name.lower() for event in document["events"])
+    parked = endings.pop("parked", 0)
+    if endings:
+        others = ", ".join(f"{count} {ending}" for ending, count in endings.items())
+        faults.append(f"not parked: {others}")
+    if hits:
+        faults.append(f"{hits} times a person was hit")
+    ways = [kart["parking"]["way"] for kart in document["karts"]]
+    return document_of(
+        faults,
+        **about,
+        parked=parked,
+        people_hit=hits,
+        seconds=round(document["ticks"] / TICKS_PER_SECOND, 1),
+        way_mean=round(sum(ways) / len(ways), 1),
+    )
+
+
+def _run(process: ServerProcess, seats: int, together: int, *, kill: bool) -> int:
+    """Let all vehicles park; return how many times the server was killed.
+
+    Raises:
+        RaceError: the session does not begin, or does not end.
+    """
+    process.wait_for(Phase.LOBBY)
+    threads = [
+        threading.Thread(target=_wait_in_seat, args=(process.address, seat), daemon=True)
+        for seat in range(seats)
+    ]
+    for thread in threads:
+        thread.start()
+    with ClientLink(process.address, SESSION, timeout_s=START_S) as link:
+        yard = Yard(process, Spectator(link), link)
+        wait_until(lambda: len(yard.driving()) == seats, START_S, "the start")
+        order = _nearest_first(yard)
+        ordered: dict[int, float] = {}  # seats, and when [s]
+        kills, deadline = 0, time.monotonic() + MOST_S
+        while process.server.poll() is None and (yard.driving() or not order):
+            if time.monotonic() > deadline:
+                raise RaceError(f"the session did not end within {MOST_S:g} s")
+            now, driving = time.monotonic(), yard.driving()
+            waiting = [seat for seat in order if seat not in ordered]
+            lately = [s for s, at in ordered.items() if s in driving and now < at + STUCK_S]
+            if waiting and len(lately) < together and yard.order(waiting[0]):
+                ordered[waiting[0]] = now
+            if kill and not kills and 2 * len(ordered) >= seats:
+                os.kill(children_of(process.server.pid)[0], signal.SIGKILL)
+                kills += 1
+            time.sleep(0.05)
+    wait_until(lambda: process.server.poll() is not None, END_S, "the end of the server")
+    return kills
+
+
+def _nearest_first(yard: Yard) -> list[int]:
+    """Return all seats, those whose vehicles are nearest to their slots first."""
+
+    def is_known() -> bool:
+        return yard.spectator.snapshot() is not None and yard.spectator.lot is not None
+
+    wait_until(is_known, START_S, "a round")
+    frame, lot = yard.spectator.snapshot(), yard.spectator.lot
+    assert frame is not None
+    assert lot is not None
+    places = {int(kart["seat"]): (kart["x"], kart["y"]) for kart in frame.karts}
+
+    def distance(goal: Any) -> float:
+        x, y = places[int(goal["seat"])]
+        return math.hypot(goal["x"] - x, goal["y"] - y)
+
+    return [int(goal["seat"]) for goal in sorted(lot.goals, key=distance)]
+
+
+def _wait_in_seat(address: str, seat: int) -> None:
+    """Hold a seat until the session is over."""
+    with suppress(RaceError):
+        Waiting().run(address, session=SESSION, name=f"waiting {seat}", seat=seat)

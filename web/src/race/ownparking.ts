@@ -1,0 +1,54 @@
+// How one vehicle fares on its way to its slot, for the page's counters.
+
+import { Ending, Status } from '../wire/tables';
+import { wrap } from './buffer';
+import type { Race } from './race.svelte';
+
+export interface OwnParking {
+  seat: number;
+  driver: string;
+  ending: number;
+  slot: number; // -1 where it has no number
+  seconds: number; // since the lights went out, until it ended
+  way: number; // [m]
+  reversed: number; // [m]
+  moves: number;
+  toSlot: number; // [m] of the middle of the body from that of the slot
+  offDegrees: number; // of its heading against that of the slot
+  clearance: number; // least so far [m], NaN if unknown
+  speed: number; // [m/s]
+}
+
+/** Returns the figures of the vehicle of a seat, null where it has none. */
+export function ownParking(race: Race, seat: number): OwnParking | null {
+  const row = race.standings?.rows.find((one) => one.seat === seat);
+  const kart = race.kart(seat);
+  if (!row?.parking || !race.standings) return null;
+  const goal = race.lot?.goals.find((one) => one.seat === seat);
+  const { ahead } = race.body;
+  const tick = race.buffer.newest?.tick ?? race.standings.tick;
+  const isOpen = kart?.status === Status.RACING && row.parking.ending === Ending.OPEN;
+  const since = Math.max(tick - race.standings.startTick, 0) / 60;
+  if (isOpen || !race.endedS.has(seat)) race.endedS.set(seat, since);
+  return {
+    seat,
+    driver: row.driver,
+    ending: row.parking.ending,
+    slot: row.parking.slot,
+    seconds: row.raceTimeUs ? row.raceTimeUs / 1e6 : (race.endedS.get(seat) ?? since),
+    way: row.parking.way,
+    reversed: row.parking.reversed,
+    moves: row.parking.moves,
+    toSlot:
+      goal && kart
+        ? Math.hypot(
+            goal.x - kart.x - ahead * Math.cos(kart.heading),
+            goal.y - kart.y - ahead * Math.sin(kart.heading),
+          )
+        : NaN,
+    offDegrees:
+      goal && kart ? (Math.abs(wrap(kart.heading - goal.heading)) * 180) / Math.PI : NaN,
+    clearance: race.clearances.get(seat) ?? NaN,
+    speed: kart?.speed ?? 0,
+  };
+}
