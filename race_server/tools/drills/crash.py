@@ -29,6 +29,7 @@ from race_server.competition.launch import (
     process_group,
     spread,
 )
+from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import EventKind, Phase
 from race_server.errors import LinkError, RaceError, WireError
 from race_server.logs import last_words
@@ -48,7 +49,8 @@ TRACK, KARTS = "oval-report", 8
 DRIVERS = ("pure_pursuit", "follow_gap", "avoider")
 # Time from the start or the resumption of a race to the next kill [s].
 SOONEST_S, LATEST_S = 0.3, 2.0
-RESUME_S = 1.0  # limit for a race to resume
+# Limit for a race to resume [s], and what each second raced may add: it is driven again.
+RESUME_S, RERUN_S = 1.0, 0.005
 PATIENCE_S = 30.0
 
 Lap = tuple[int, int, int]  # seat, number, time [µs]
@@ -96,6 +98,7 @@ class RaceReport:
     points: Counter[KillPoint] = field(default_factory=Counter)  # that kills fell into
     torn: int = 0  # kills that left half a commit or half a chunk
     resume_s: list[float] = field(default_factory=list)
+    slow: int = 0  # resumptions beyond their limit
     lost_ticks: list[int] = field(default_factory=list)
     real_laps: int = 0
     faults: list[str] = field(default_factory=list)
@@ -126,9 +129,11 @@ def drill_crash(
             break
     resumes = [value for report in reports for value in report.resume_s]
     faults = [fault for report in reports for fault in report.faults]
-    slow = [value for value in resumes if value > RESUME_S]
-    if slow:
-        faults.append(f"{len(slow)} of {len(resumes)} times it took more than {RESUME_S:g} s")
+    if slow := sum(report.slow for report in reports):
+        faults.append(
+            f"{slow} of {len(resumes)} times it took more than {RESUME_S:g} s "
+            f"and {1000.0 * RERUN_S:g} ms for each second raced"
+        )
     return document_of(
         faults,
         kills=sum(report.kills for report in reports),
@@ -230,7 +235,9 @@ def _kill_and_wait(
         report.kills += 1
         # A message that was on its way when the server died does not count.
         _wait(partial(spectator.hears_since, killed_at + 0.05), PATIENCE_S, "resume")
-        report.resume_s.append(spectator.heard_at - killed_at)
+        took_s = spectator.heard_at - killed_at
+        report.resume_s.append(took_s)
+        report.slow += took_s > RESUME_S + RERUN_S * tick / TICKS_PER_SECOND
         report.lost_ticks.append(max(tick - spectator.tick, 0))
         tell(report.kills)
 
