@@ -176,6 +176,7 @@ def test_a_driver_that_takes_no_order_demonstrates_nothing() -> None:
 
 
 @pytest.mark.usefixtures("demonstrator")
+@pytest.mark.slow
 def test_a_training_with_all_aids_is_run_examined_and_drawn(tmp_path: Path) -> None:
     changes = (*GAIL, *CLONING, "action=report_a", "curiosity.bonus=0.02", stages(((2, 6),), 0.5))
     row = Variant("aided", changes, theirs=("1", "2", "3", "4"), imitates=("gail", "cloning"))

@@ -232,6 +232,7 @@ def test_without_an_order_it_stands() -> None:
     assert (control.steering, control.throttle, control.brake) == (0.0, 0.0, 1.0)
 
 
+@pytest.mark.slow
 def test_another_process_plans_the_same_way() -> None:
     task = order(heading=1.0)
     asked = (KART_13, Pose(0.0, 0.0, 0.0), task, chart_of(task))

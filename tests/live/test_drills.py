@@ -12,10 +12,10 @@ from race_server.tools.drills.small import run_all, small_drills
 from race_server.tools.drills.soak import memory_slope
 from race_server.tools.drills.torn import commit_ends, is_torn
 
-MOST_S = 420.0
+MOST_S = 480.0
 
 
-def test_every_drill_takes_part_in_all_of_them_within_seven_minutes() -> None:
+def test_every_drill_takes_part_in_all_of_them_within_eight_minutes() -> None:
     commands = {
         command.name or command.callback.__name__ for command in drill.app.registered_commands
     }

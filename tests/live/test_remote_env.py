@@ -274,7 +274,10 @@ def test_no_server_and_no_seat_say_so() -> None:
     [
         ({"reward": "report_b"}, "reward term 'report_b' cannot be known from .*'track'"),
         ({"reward": {"lead": 1.0}}, "'lead' cannot be known .*'track': choose another reward"),
-        ({"reward": {"range": 1.0}}, "'range' cannot be known .* choose one of lidar, full"),
+        (
+            {"reward": {"range": 1.0}},
+            "'range' cannot be known .* choose one of lidar, lot_lidar, full",
+        ),
         (
             {"observation": "lidar"},
             "'progress' cannot be known .* choose one of track, line, rivals",
@@ -282,7 +285,7 @@ def test_no_server_and_no_seat_say_so() -> None:
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
         (
             {"observation": "report_b"},
-            "a server gives one of lidar, radar, track, line, rivals, lot, full",
+            "a server gives one of lidar, radar, track, line, rivals, lot, lot_lidar, full",
         ),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
         ({"action": "residual"}, "action 'residual' advises a driver inside the world"),

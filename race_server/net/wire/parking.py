@@ -100,8 +100,7 @@ def read_order(table: Table) -> OrderFrame:
     place = _SLOT.unpack_from(table.data, slot)
     *tolerances, fits = _LEVEL.unpack_from(table.data, level)
     walls, blocks = _numbers(table, 4, 4), _numbers(table, 5, 5)
-    everything = np.concatenate([place, tolerances, walls.ravel(), blocks.ravel()])
-    if not np.isfinite(everything).all():
+    if not np.isfinite([*place, *tolerances]).all():
         raise WireError("an order to park holds a number that is not finite")
     named = dict(zip(_TOLERANCES, tolerances, strict=True))
     order = ParkingOrder(Slot(*place), Level(**named, fits=bool(fits)), walls, blocks)
@@ -112,12 +111,16 @@ def _numbers(table: Table, slot: int, columns: int) -> NDArray[np.float64]:
     """Return a vector of float32 as rows of `columns`.
 
     Raises:
-        WireError: it is missing, longer, leaves the message, or its last row is not whole.
+        WireError: it is missing, longer, leaves the message, holds a number that is not finite, or
+            its last row is not whole.
     """
     first, count = table.vector(slot, 4, MOST_NUMBERS)
     if count % columns:
         raise WireError(f"field {slot} of {count} numbers; rows have {columns}")
-    return np.frombuffer(table.data, "<f4", count, first).astype(float).reshape(-1, columns)
+    numbers = np.frombuffer(table.data, "<f4", count, first)
+    if not np.isfinite(numbers).all():
+        raise WireError(f"field {slot} holds a number that is not finite")
+    return numbers.astype(float).reshape(-1, columns)
 
 
 @dataclass(frozen=True, slots=True)
