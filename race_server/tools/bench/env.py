@@ -14,7 +14,7 @@ from race_server.envs.single import time_trial
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
 from race_server.tools.bench.core import profile
-from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
+from race_server.tools.bench.rates import batch_rate, has_highway, is_over, ratio, replay_rate
 
 TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")
@@ -124,9 +124,7 @@ def _gymnasium(seconds: float) -> float:
 def _highway(seconds: float) -> tuple[dict[str, float | None], dict[str, Any]]:
     """Return the figures of highway-env, None if it is not installed, and notes on them."""
     figures: dict[str, float | None] = {"highway_lidar": None, "highway_kinematics": None}
-    try:
-        import highway_env  # noqa: F401  # registers its environments
-    except ImportError:
+    if not has_highway():
         return figures, {}
     import gymnasium
 

@@ -13,7 +13,7 @@ from race_server.envs.buffers import RESET_WORLD
 from race_server.envs.parallel import parallel_lot
 from race_server.envs.parking.single import park_goal
 from race_server.envs.presets import parking_task
-from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
+from race_server.tools.bench.rates import batch_rate, has_highway, is_over, ratio, replay_rate
 
 WORLDS, VEHICLES = 64, 8
 OPEN, YARD, GATE = "zone-30", "yard-70", "gate"
@@ -107,9 +107,7 @@ def _reset_us(lot: str) -> float:
 
 def _highway(figure: str, seconds: float) -> float | None:
     """Return steps per second of an environment of highway-env under random actions."""
-    try:
-        import highway_env  # noqa: F401  # registers its environments
-    except ImportError:
+    if not has_highway():
         return None
     env: Any = gymnasium.make(THEIRS[figure], disable_env_checker=True).unwrapped
     env.action_space.seed(0)
