@@ -37,9 +37,9 @@ from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.spectate import decode_events, decode_snapshot
 from race_server.storage.recording.reader import read_recording
-from race_server.storage.recording.rerun import Rerun
 from race_server.storage.results.queries import all_laps
 from race_server.tools.drills.kill_points import KillPoint, draw_point, kill_at
+from race_server.tools.drills.replay import replay_of
 from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.torn import is_torn
 
@@ -281,10 +281,5 @@ def _check(
     for name, laps in (("result", driven), ("results file", kept), ("recording", recorded)):
         if missing := spectator.laps - laps:
             report.faults.append(f"{len(missing)} announced laps are not in the {name}")
-    rerun = Rerun(recording)
-    for _ in rerun.run():
-        pass
-    if rerun.difference is not None:
-        report.faults.append(f"its recording differs from tick {rerun.difference.tick} on")
-    elif rerun.session.digest() != document["digest"]:
-        report.faults.append("its recording ends with another digest than the race")
+    if fault := replay_of(recording, document["digest"]).fault:
+        report.faults.append(f"its recording {fault}")

@@ -16,8 +16,8 @@ from race_server.core.messages import EventKind, Flag, PoseFault, Status, Trust
 from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_named
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import read_recording
-from race_server.storage.recording.rerun import Rerun
 from race_server.terminal import Console
+from race_server.tools.drills.replay import replay_of
 from race_server.tools.drills.report import SmallDrill, document_of
 
 SMALL = SmallDrill(
@@ -98,18 +98,10 @@ def _drive_again(folder: Path, digest: str) -> dict[str, Any]:
     """Simulate a race again from its recording and compare the two."""
     (path,) = folder.glob(f"{SESSION}-*.mcap")
     recording = read_recording(path)
-    rerun = Rerun(recording)
-    for _ in rerun.run():
-        pass
-    why = []
-    if rerun.difference is not None:
-        why.append(
-            f"the simulated race differs from the recorded one from tick {rerun.difference.tick} on"
-        )
-    elif not recording.is_complete or rerun.session.digest() != digest:
-        why.append("the simulated race ends with another digest than the recorded one")
+    replay = replay_of(recording, digest)
+    why = [f"its recording {replay.fault}"] if replay.fault else []
     placements = sum(isinstance(entry, Placements) for entry in recording.entries)
-    return {"why": why, "digests": rerun.compared, "placements": placements}
+    return {"why": why, "digests": replay.digests, "placements": placements}
 
 
 def _link(setting: MixedRaceSetting) -> tuple[str, ...]:

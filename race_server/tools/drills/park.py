@@ -28,8 +28,8 @@ from race_server.live.server.wheels import VALET
 from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
 from race_server.storage.recording.reader import read_recording
-from race_server.storage.recording.rerun import Rerun
 from race_server.tools.drills.crash import children_of
+from race_server.tools.drills.replay import replay_of
 from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import (
     SESSION,
@@ -119,13 +119,8 @@ def drill_park(
         except RaceError as error:
             return document_of([f"{error}; {process.last_words()}"], lot=lot, seats=seats)
         (path,) = Path(folder).glob("*.mcap")
-        rerun = Rerun(read_recording(path))
-        for _ in rerun.run():
-            pass
-        if rerun.difference is not None:
-            faults.append(f"the recording differs from tick {rerun.difference.tick} on")
-        elif rerun.session.digest() != document["digest"]:
-            faults.append("the recording ends with another digest than the session")
+        if fault := replay_of(read_recording(path), document["digest"]).fault:
+            faults.append(f"the recording {fault}")
     if kill and not kills:
         faults.append("the session was over before the server could be killed")
     return _report(document, faults, lot=lot, driver=driver, seats=seats, kills=kills, seed=seed)

@@ -18,9 +18,9 @@ from typing import Any
 from race_server.competition.launch import START_S
 from race_server.errors import RecordingError, ResultsError
 from race_server.storage.recording.reader import Line, read_lines, read_recording
-from race_server.storage.recording.rerun import Rerun
 from race_server.storage.recording.seekable import SeekableRecording
 from race_server.storage.results.queries import all_laps
+from race_server.tools.drills.replay import replay_of
 from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import SESSION, server_process, wait_until
 from race_server.tools.drills.torn import chunk_ends, commit_ends
@@ -154,11 +154,8 @@ def _read_cut(piece: Path, at: int, expected: int, report: CutReport, *, is_reru
             report.faults.append(f"a recording cut at byte {at} ends at two ticks")
     if not is_rerun:
         return
-    rerun = Rerun(recording)
-    for _ in rerun.run():
-        pass
-    if rerun.difference is not None:
-        report.faults.append(f"a recording cut at byte {at} makes another race")
+    if fault := replay_of(recording).fault:
+        report.faults.append(f"a recording cut at byte {at} {fault}")
 
 
 def cut_results(
