@@ -16,7 +16,7 @@ from race_server.core.lots import CarPark, bytes_of, part_of_parking
 from race_server.core.records import Record as Record
 from race_server.core.records import Records as Records
 from race_server.core.records import fields_of, record_of
-from race_server.core.vehicles import VEHICLE
+from race_server.core.vehicles import TRAILERS, VEHICLE
 
 Floats = NDArray[np.float64]
 Float32s = NDArray[np.float32]
@@ -31,20 +31,26 @@ RADAR_RAYS = 9
 
 EFFECT = record_of(fields_of("speed_scale thrust_scale grip_scale", "source until_tick"))
 
+# What of a trailer moves: its place follows from its heading and from what draws it.
+TOWED = record_of(fields_of("heading yaw_rate", ""))
+
 # One body: what moves, steers, meets others and carries sensors, in a race as in a car park. Angles
 # [rad], lengths [m], speeds [m/s]; fields ending in _tick or _until are ticks.
 BODY = record_of(
-    fields_of(
-        # Motion: position of the centre of gravity; speeds along and across the body.
-        "x y heading speed lateral_speed yaw_rate steering "
-        # What the driver asked for last: shares of the limits.
-        "steering_command throttle brake "
-        # What flags, effects and surface leave of speed [m/s], motor force and grip.
-        "speed_cap thrust_scale grip_scale",
-        # `contact_pairs`: bits of the bodies after it that it may meet; `sensors`: bits of Sensor;
-        # `trust`: how far the pose of a real kart is believed, see Trust.
-        "status buttons surface contact_pairs ghost_until sensors trust",
-    )
+    [
+        *fields_of(
+            # Motion: position of the centre of gravity; speeds along and across the body.
+            "x y heading speed lateral_speed yaw_rate steering "
+            # What the driver asked for last: shares of the limits.
+            "steering_command throttle brake "
+            # What flags, effects and surface leave of speed [m/s], motor force and grip.
+            "speed_cap thrust_scale grip_scale",
+            # `contact_pairs`: bits of the bodies after it that it may meet; `sensors`: bits of
+            # Sensor; `trust`: how far the pose of a real kart is believed, see Trust.
+            "status buttons surface contact_pairs ghost_until sensors trust",
+        ),
+        ("trailers", TOWED, (TRAILERS,)),
+    ]
 )
 
 # One kart's race: its place on the course, gates, laps and what the stewards watch. Fields ending

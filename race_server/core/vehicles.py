@@ -1,14 +1,47 @@
-"""Vehicles in numbers: what a kart is, and the presets with their sources."""
+"""Vehicles in numbers: what a kart is, and what it draws."""
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.records import fields_of, record_of
 from race_server.errors import VehicleError
 
+# Ends the name of a preset that is to be driven without slip.
+KINEMATIC = "-kinematic"
 GRAVITY = 9.81  # [m/s²]
 KMH = 1.0 / 3.6  # [m/s] in one km/h
+
+
+# A vehicle draws at most so many trailers, one behind the other.
+TRAILERS = 3
+
+
+@dataclass(frozen=True)
+class Trailer:
+    """One axle behind a hitch, with a box on it. Led without force: it has no mass here.
+
+    The mass of what is drawn belongs to that of the vehicle.
+    """
+
+    hitch: float  # [m] from the axle ahead back to the hitch; negative: the hitch is ahead of it
+    bar: float  # [m] from the hitch back to the axle of this trailer
+    ahead: float  # [m] from the hitch forward to the front of the box; negative behind a drawbar
+    behind: float  # [m] from the axle back to the rear of the box
+    width: float  # [m] of the box
+    limit: float  # [rad] a larger angle at the hitch is a jack-knife
+
+    @property
+    def length(self) -> float:
+        """Length of the box [m]."""
+        return self.ahead + self.bar + self.behind
+
+    @property
+    def box_offset(self) -> float:
+        """Distance from the axle forward to the middle of the box [m]."""
+        return 0.5 * (self.ahead + self.bar - self.behind)
 
 
 @dataclass(frozen=True)
@@ -42,6 +75,14 @@ class Vehicle:
     cornering: float  # [1/rad] cornering stiffness as a share of the load
     kinematic_below: float  # [m/s] slower than this there is no slip
     dynamic_above: float  # [m/s] faster than this the tyres alone decide
+    trailers: tuple[Trailer, ...] = ()  # the nearest one first
+
+    def __post_init__(self) -> None:
+        """Refuse more trailers than there is room for."""
+        if len(self.trailers) > TRAILERS:
+            raise VehicleError(
+                f"vehicle {self.name!r} draws {len(self.trailers)} trailers: at most {TRAILERS} do"
+            )
 
     @property
     def wheelbase(self) -> float:
@@ -55,16 +96,17 @@ class Vehicle:
 
     def without_slip(self) -> "Vehicle":
         """Return the same vehicle with the kinematic model alone: the wheels never slip."""
-        return replace(self, name=self.name + _KINEMATIC, kinematic_below=1e9, dynamic_above=2e9)
+        return replace(self, name=self.name + KINEMATIC, kinematic_below=1e9, dynamic_above=2e9)
 
 
-# Ends the name of a preset that is to be driven without slip.
-_KINEMATIC = "-kinematic"
+_NUMBERS = [field.name for field in fields(Vehicle) if field.name not in {"name", "trailers"}]
+_TRAILER_NUMBERS = [field.name for field in fields(Trailer)]
 
-_NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
-
-# One kart's vehicle as the kernels read it.
-VEHICLE = np.dtype((np.record, [(name, np.float64) for name in _NUMBERS]))
+# One trailer's sizes as the kernels read them, and the vehicle that draws it.
+DRAWN = record_of(fields_of(" ".join(_TRAILER_NUMBERS), ""))
+VEHICLE = record_of(
+    [*fields_of(" ".join(_NUMBERS), "trailer_count"), ("trailers", DRAWN, (TRAILERS,))]
+)
 
 
 def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
@@ -72,152 +114,15 @@ def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
     record = np.zeros(1, VEHICLE)
     for name in _NUMBERS:
         record[name] = getattr(vehicle, name)
+    record["trailer_count"] = len(vehicle.trailers)
+    for number, trailer in enumerate(vehicle.trailers):
+        for name in _TRAILER_NUMBERS:
+            record["trailers"][name][0, number] = getattr(trailer, name)
     return record
 
 
-def vehicle_of(record: NDArray[np.void]) -> Vehicle:
+def vehicle_of(record: Any) -> Vehicle:
     """Return the vehicle of a VEHICLE record, which knows no name."""
-    return Vehicle("", **{name: float(record[name]) for name in _NUMBERS})
-
-
-# The 1/10 car of the Paris-Saclay autonomous race, on a Tamiya TT-02 chassis.
-# Wheelbase, mass, steering, motor: Webots model TT02_2023b of the race's simulator. The final
-# drive follows from 13 800 rpm at 36 km/h with wheels of 0.04 m: 5.78, so that 0.0234 N m become
-# 3.38 N. Body: the rules allow 400-480 by 160-190 mm. Grip: 5 m/s² in a bend and 4 m/s² of
-# braking on a smooth floor, our choice. Inertia: that of a uniform box. Drag is negligible.
-TT02 = Vehicle(
-    name="tt02",
-    length=0.45,
-    width=0.19,
-    box_offset=0.0,
-    front_axle=0.1285,
-    rear_axle=0.1285,
-    mass=2.331,
-    yaw_inertia=2.331 * (0.45**2 + 0.19**2) / 12.0,
-    steering_limit=0.314,
-    steering_rate=3.2,
-    motor_force=3.38,
-    motor_power=32.0,
-    brake_force=9.3,
-    front_drive=0.5,
-    front_brake=0.5,
-    top_speed=36.0 * KMH,
-    reverse_speed=1.0,
-    rolling=0.02,
-    drag=0.004,
-    grip=5.0 / GRAVITY,
-    cornering=8.0,
-    kinematic_below=0.5,
-    dynamic_above=1.5,
-)
-
-# The same car with the drift kit of the report of 2023, whose wheels turn by about 30°. Without
-# slip it turns on 0.45 m; the report measured 0.70 m at low speed.
-TT02_DRIFT = replace(TT02, name="tt02-drift", steering_limit=float(np.radians(30.0)))
-
-# The 1/10 car in round figures, to compare minimum lap times with: turning radius 0.70 m,
-# grip and braking on a smooth floor, more motor than ours, a curvature that changes by 6 1/(m s),
-# and no losses: neither rolling nor air drag, and tyres so stiff that they hardly slip. At the
-# limit 0.2 degrees of slip hold back 0.015 m/s², where those of the TT-02 do 0.94. The motor's
-# power is never the limit.
-TT02_FACTS = replace(
-    TT02,
-    name="tt02-facts",
-    steering_limit=float(np.arctan(TT02.wheelbase / 0.70)),
-    steering_rate=6.0 * TT02.wheelbase,
-    motor_force=3.0 * TT02.mass,
-    motor_power=3.0 * TT02.mass * 36.0 * KMH,
-    brake_force=4.0 * TT02.mass,
-    rolling=0.0,
-    drag=0.0,
-    cornering=500.0,
-)
-
-# An electric rental kart with its driver. Size and wheelbase: the vehicle description of the
-# Japan Automotive AI Challenge kart (2024): wheelbase 1.087 m, overhangs 0.467 and 0.510 m,
-# 1.30 m wide, steering up to 0.64 rad. Mass, power and accelerations: Sodi RSX2, 186 kg and a
-# driver of 75 kg, 10.3 kW, 0-50 km/h in about 3.2 s, 0.89 g in bends, 0.75 g braking. Rear
-# drive, rear brakes as on rental karts; 60 % of the weight on the rear axle. Tyre stiffness,
-# drag and the two blending speeds are our choice.
-KART_60 = Vehicle(
-    name="kart-60",
-    length=2.06,
-    width=1.30,
-    box_offset=0.087,
-    front_axle=0.652,
-    rear_axle=0.435,
-    mass=261.0,
-    yaw_inertia=261.0 * (1.6**2 + 1.0**2) / 12.0,
-    steering_limit=0.55,
-    steering_rate=2.5,
-    motor_force=1200.0,
-    motor_power=10_300.0,
-    brake_force=0.75 * 261.0 * GRAVITY,
-    front_drive=0.0,
-    front_brake=0.3,
-    top_speed=60.0 * KMH,
-    reverse_speed=1.5,
-    rolling=0.015,
-    drag=0.35,
-    grip=0.89,
-    cornering=10.0,
-    kinematic_below=1.0,
-    dynamic_above=3.0,
-)
-
-# Rental karts are throttled by the hall: 30 km/h for learners, 13 km/h for automatic parking.
-KART_30 = replace(KART_60, name="kart-30", top_speed=30.0 * KMH)
-KART_13 = replace(KART_60, name="kart-13", top_speed=13.0 * KMH)
-
-# The car of the Trajectory Planning Competition for Automated Parking (TPCAP, 2022): wheelbase
-# 2.80 m, overhangs 0.96 and 0.929 m, 1.942 m wide, steering up to 0.75 rad at 0.5 rad/s, 2.5 m/s
-# both ways, 1.0 m/s² of speeding up and of braking. Motor and brakes give just that, with a rolling
-# resistance of 0.12 m/s². Our choice: 1500 kg, 55 % of them on the driven front axle, the inertia
-# of a uniform box, drag of 2.2 m² with a coefficient of 0.3, and speeds up to which it never slips.
-CAR = Vehicle(
-    name="car",
-    length=0.96 + 2.80 + 0.929,
-    width=1.942,
-    box_offset=0.5 * (0.96 + 2.80 - 0.929) - 1.54,
-    front_axle=1.26,
-    rear_axle=1.54,
-    mass=1500.0,
-    yaw_inertia=1500.0 * (4.689**2 + 1.942**2) / 12.0,
-    steering_limit=0.75,
-    steering_rate=0.5,
-    motor_force=1500.0 * (1.0 + 0.012 * GRAVITY),
-    motor_power=5000.0,
-    brake_force=1500.0 * (1.0 - 0.012 * GRAVITY),
-    front_drive=1.0,
-    front_brake=0.6,
-    top_speed=2.5,
-    reverse_speed=2.5,
-    rolling=0.012,
-    drag=0.4,
-    grip=0.9,
-    cornering=10.0,
-    kinematic_below=3.0,
-    dynamic_above=6.0,
-)
-
-VEHICLES = {
-    vehicle.name: vehicle
-    for vehicle in (TT02, TT02_DRIFT, TT02_FACTS, KART_13, KART_30, KART_60, CAR)
-}
-
-
-def vehicle_named(name: str) -> Vehicle:
-    """Return the preset called `name`; ``tt02-kinematic`` is ``tt02`` without slip.
-
-    Raises:
-        VehicleError: there is none.
-    """
-    preset = name.removesuffix(_KINEMATIC)
-    if preset not in VEHICLES:
-        known = ", ".join(sorted(VEHICLES))
-        raise VehicleError(
-            f"vehicle {name!r} is unknown; choose one of {known}, "
-            f"or one of them with {_KINEMATIC!r} behind its name"
-        )
-    vehicle = VEHICLES[preset]
-    return vehicle.without_slip() if name.endswith(_KINEMATIC) else vehicle
+    drawn = record["trailers"][: int(record["trailer_count"])]
+    trailers = tuple(Trailer(*(float(one[name]) for name in _TRAILER_NUMBERS)) for one in drawn)
+    return Vehicle("", **{name: float(record[name]) for name in _NUMBERS}, trailers=trailers)

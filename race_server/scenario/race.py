@@ -12,7 +12,8 @@ from race_server.core.rules.items import item_table
 from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
 from race_server.core.state import RADAR_RAYS, Record, SensorData, World, empty_world
-from race_server.core.vehicles import TT02, Vehicle, vehicle_record
+from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.errors import ScenarioError
 from race_server.scenario.level import level_named
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_server.core.vehicles import CAR, GRAVITY, KART_13
+from race_server.core.vehicle_presets import CAR, KART_13
+from race_server.core.vehicles import GRAVITY
 from race_server.errors import LotError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import slots_of

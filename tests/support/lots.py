@@ -10,7 +10,7 @@ from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import World
 from race_server.core.step import advance
-from race_server.core.vehicles import KART_13
+from race_server.core.vehicle_presets import KART_13
 from race_server.scenario.level import level_named
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.parking import LOT_RULES

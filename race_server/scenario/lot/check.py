@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.lot.drawn import Drawn, draw_rounds
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.footprint import Footprint, wall_under

@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.state import World
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.lot.footprint import Footprint
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world

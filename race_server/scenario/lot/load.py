@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from race_server.core.lots import ROLES
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import LotError, VehicleError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import faults_of

@@ -26,7 +26,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.errors import GatewayError, RaceError, RecordingError, ResultsError, SeatError
 from race_server.errors import WireError as Damage
 from race_server.live.gateway.handshake import read_hello
