@@ -307,11 +307,20 @@ def field_of(world: World, name: str) -> Records:
     raise KeyError(name)
 
 
+def _trailers_of(world: World, index: int) -> list[bytes]:
+    """Return what the digest of one world takes of trailers; nothing of a vehicle without any."""
+    counts = world.vehicles["trailer_count"][index]
+    trailers = world.bodies["trailers"][index]
+    return [trailers[kart, : counts[kart]].tobytes() for kart in np.flatnonzero(counts).tolist()]
+
+
 def digest(world: World, index: int = 0) -> str:
     """Return a digest of one world: equal for equal seeds and inputs on every machine."""
     result = hashlib.blake2b(digest_size=16)
     result.update(np.ascontiguousarray(world.races[index]).tobytes())
     result.update(hashed_karts(world, index).tobytes())
+    for content in _trailers_of(world, index):
+        result.update(content)
     for records in (world.boxes, world.hazards):
         result.update(np.ascontiguousarray(records[index]).tobytes())
     for content in bytes_of(world.parking, index):

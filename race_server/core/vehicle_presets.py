@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_server.core.vehicles import GRAVITY, KINEMATIC, KMH, Trailer, Vehicle
+from race_server.core.vehicles import GRAVITY, KINEMATIC, KMH, Feeler, Trailer, Vehicle
 from race_server.errors import VehicleError
 
 # The 1/10 car of the Paris-Saclay autonomous race, on a Tamiya TT-02 chassis.
@@ -128,6 +128,24 @@ CAR = Vehicle(
 )
 
 
+# Our choice, as the report on an articulated vehicle that learns to park names 14 rays and no
+# directions: from the middle of the front of what draws; from the sides of the trailer, in its
+# middle and at its rear; from the middle of its rear.
+_FRONT_RAYS = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
+_REAR_RAYS = (180.0, 150.0, -150.0)
+
+
+def _feelers(length: float, trailer: Trailer) -> tuple[Feeler, ...]:
+    """Return the feelers of a vehicle with one trailer. length: of what draws it [m]."""
+    rear, side = -0.5 * trailer.length, 0.5 * trailer.width
+    rays = [
+        *((0, 0.5 * length, 0.0, angle) for angle in _FRONT_RAYS),
+        *((1, at, turn * side, turn * 90.0) for at in (0.0, rear) for turn in (1.0, -1.0)),
+        *((1, rear, 0.0, angle) for angle in _REAR_RAYS),
+    ]
+    return tuple(Feeler(*place, float(np.radians(angle))) for *place, angle in rays)
+
+
 def _slow(
     name: str, base: Vehicle, trailer: Trailer, mass: float, acceleration: float, reverse: float
 ) -> Vehicle:
@@ -149,6 +167,7 @@ def _slow(
         kinematic_below=3.0,
         dynamic_above=6.0,
         trailers=(trailer,),
+        feelers=_feelers(base.length, trailer),
     )
 
 
@@ -187,7 +206,8 @@ LORRY_OFF_AXLE = _slow(
     1.5,
 )
 
-# A car with a caravan on its ball, and a kart with a cart; sizes are our choice.
+# A car with a caravan on its ball, and a kart with a cart; sizes are our choice, such
+# that a box just clears what draws it at the limit of the hitch.
 _FAMILY_CAR = replace(
     CAR,
     length=0.96 + 2.80 + 0.93,
@@ -207,7 +227,7 @@ KART_CART = _slow(
     "kart-cart",
     KART_13,
     Trailer(
-        hitch=0.35, bar=1.20, ahead=-0.30, behind=0.5, width=1.1, limit=float(np.radians(50.0))
+        hitch=0.35, bar=1.20, ahead=-0.65, behind=0.5, width=1.1, limit=float(np.radians(50.0))
     ),
     300.0,
     1.5,

@@ -1,5 +1,7 @@
 """Vehicles in numbers: what a kart is, and what it draws."""
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -15,8 +17,8 @@ GRAVITY = 9.81  # [m/s²]
 KMH = 1.0 / 3.6  # [m/s] in one km/h
 
 
-# A vehicle draws at most so many trailers, one behind the other.
-TRAILERS = 3
+# A vehicle draws at most so many trailers, one behind the other, and has so many feelers.
+TRAILERS, FEELERS = 3, 14
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,16 @@ class Trailer:
     def box_offset(self) -> float:
         """Distance from the axle forward to the middle of the box [m]."""
         return 0.5 * (self.ahead + self.bar - self.behind)
+
+
+@dataclass(frozen=True)
+class Feeler:
+    """A ray that measures how far something is from one of the boxes of a vehicle."""
+
+    box: int  # that carries it: 0 is the vehicle's own, 1 that of the nearest trailer
+    ahead: float  # [m] from the middle of the box
+    left: float  # [m]
+    angle: float  # [rad] of the ray against the box, left positive
 
 
 @dataclass(frozen=True)
@@ -76,13 +88,24 @@ class Vehicle:
     kinematic_below: float  # [m/s] slower than this there is no slip
     dynamic_above: float  # [m/s] faster than this the tyres alone decide
     trailers: tuple[Trailer, ...] = ()  # the nearest one first
+    feelers: tuple[Feeler, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse more trailers than there is room for."""
+        """Refuse more trailers and feelers than there is room for."""
         if len(self.trailers) > TRAILERS:
             raise VehicleError(
                 f"vehicle {self.name!r} draws {len(self.trailers)} trailers: at most {TRAILERS} do"
             )
+        if len(self.feelers) > FEELERS:
+            raise VehicleError(
+                f"vehicle {self.name!r} has {len(self.feelers)} feelers: at most {FEELERS} fit"
+            )
+        for feeler in self.feelers:
+            if not 0 <= feeler.box <= len(self.trailers):
+                raise VehicleError(
+                    f"vehicle {self.name!r}: a feeler on box {feeler.box}; give 0 to "
+                    f"{len(self.trailers)}, the number of its trailers"
+                )
 
     @property
     def wheelbase(self) -> float:
@@ -94,18 +117,65 @@ class Vehicle:
         """Smallest radius [m] of the rear axle's path without slip."""
         return self.wheelbase / float(np.tan(self.steering_limit))
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Front and rear [m] of all boxes ahead of the centre of gravity, standing straight."""
+        front, rear = self.box_offset + 0.5 * self.length, self.box_offset - 0.5 * self.length
+        axle = -self.rear_axle
+        for trailer in self.trailers:
+            front = max(front, axle - trailer.hitch + trailer.ahead)
+            axle -= trailer.hitch + trailer.bar
+            rear = min(rear, axle - trailer.behind)
+        return front, rear
+
+    @property
+    def overall_length(self) -> float:
+        """Length [m] of all boxes, standing straight."""
+        front, rear = self.ends
+        return front - rear
+
+    @property
+    def overall_width(self) -> float:
+        """Width [m] of the widest box."""
+        return max(self.width, *(trailer.width for trailer in self.trailers), 0.0)
+
+    def boxes_at(
+        self, x: float, y: float, heading: float, headings: Sequence[float]
+    ) -> list[tuple[float, float, float, float, float]]:
+        """Return middle (x, y) [m], heading [rad], length and width [m] of each box.
+
+        x, y: centre of gravity; headings: of the trailers.
+        """
+        cos, sin = math.cos(heading), math.sin(heading)
+        boxes = [(x + self.box_offset * cos, y + self.box_offset * sin, heading)]
+        sizes = [(self.length, self.width)]
+        x, y = x - self.rear_axle * cos, y - self.rear_axle * sin
+        for trailer, turned in zip(self.trailers, headings, strict=False):
+            x, y = x - trailer.hitch * cos, y - trailer.hitch * sin
+            cos, sin = math.cos(turned), math.sin(turned)
+            x, y = x - trailer.bar * cos, y - trailer.bar * sin
+            boxes.append((x + trailer.box_offset * cos, y + trailer.box_offset * sin, turned))
+            sizes.append((trailer.length, trailer.width))
+        return [(*box, *size) for box, size in zip(boxes, sizes, strict=True)]
+
     def without_slip(self) -> "Vehicle":
         """Return the same vehicle with the kinematic model alone: the wheels never slip."""
         return replace(self, name=self.name + KINEMATIC, kinematic_below=1e9, dynamic_above=2e9)
 
 
-_NUMBERS = [field.name for field in fields(Vehicle) if field.name not in {"name", "trailers"}]
+_PARTS = {"trailers": Trailer, "feelers": Feeler}
+_NUMBERS = [field.name for field in fields(Vehicle) if field.name not in {"name", *_PARTS}]
 _TRAILER_NUMBERS = [field.name for field in fields(Trailer)]
 
-# One trailer's sizes as the kernels read them, and the vehicle that draws it.
+# One trailer's sizes as the kernels read them, one feeler, and the vehicle that has them.
 DRAWN = record_of(fields_of(" ".join(_TRAILER_NUMBERS), ""))
+FEELER = record_of(fields_of("ahead left angle cos sin", "box"))
 VEHICLE = record_of(
-    [*fields_of(" ".join(_NUMBERS), "trailer_count"), ("trailers", DRAWN, (TRAILERS,))]
+    [
+        *fields_of(" ".join(_NUMBERS), "trailer_count feeler_count"),
+        ("trailers", DRAWN, (TRAILERS,)),
+        ("feelers", FEELER, (FEELERS,)),
+    ]
 )
 
 
@@ -115,14 +185,69 @@ def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
     for name in _NUMBERS:
         record[name] = getattr(vehicle, name)
     record["trailer_count"] = len(vehicle.trailers)
-    for number, trailer in enumerate(vehicle.trailers):
-        for name in _TRAILER_NUMBERS:
-            record["trailers"][name][0, number] = getattr(trailer, name)
+    record["feeler_count"] = len(vehicle.feelers)
+    for part in _PARTS:
+        for number, one in enumerate(getattr(vehicle, part)):
+            for name, value in vars(one).items():
+                record[part][name][0, number] = value
+    record["feelers"]["cos"] = np.cos(record["feelers"]["angle"])
+    record["feelers"]["sin"] = np.sin(record["feelers"]["angle"])
     return record
 
 
 def vehicle_of(record: Any) -> Vehicle:
     """Return the vehicle of a VEHICLE record, which knows no name."""
-    drawn = record["trailers"][: int(record["trailer_count"])]
-    trailers = tuple(Trailer(*(float(one[name]) for name in _TRAILER_NUMBERS)) for one in drawn)
-    return Vehicle("", **{name: float(record[name]) for name in _NUMBERS}, trailers=trailers)
+    numbers = {name: float(record[name]) for name in _NUMBERS}
+    trailers = record["trailers"][: int(record["trailer_count"])]
+    feelers = record["feelers"][: int(record["feeler_count"])]
+    return Vehicle(
+        "",
+        **numbers,
+        trailers=tuple(_part(Trailer, one) for one in trailers),
+        feelers=tuple(_part(Feeler, one) for one in feelers),
+    )
+
+
+def numbers_of(vehicle: Vehicle) -> dict[str, float]:
+    """Return all numbers of a vehicle by name, such as ``mass`` and ``trailers.1.bar``."""
+    numbers = {name: float(getattr(vehicle, name)) for name in _NUMBERS}
+    for part in _PARTS:
+        for number, one in enumerate(getattr(vehicle, part)):
+            for name, value in vars(one).items():
+                numbers[f"{part}.{number}.{name}"] = float(value)
+    return numbers
+
+
+def vehicle_from(name: str, numbers: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle that `numbers_of` took apart.
+
+    Raises:
+        KeyError: a number is missing.
+        VehicleError: more trailers or feelers than there is room for.
+    """
+    parts: dict[str, list[Any]] = {part: [] for part in _PARTS}
+    for part, kind in _PARTS.items():
+        while any(key.startswith(f"{part}.{len(parts[part])}.") for key in numbers):
+            prefix = f"{part}.{len(parts[part])}."
+            own = {field.name: numbers[prefix + field.name] for field in fields(kind)}
+            parts[part].append(_part(kind, own))
+    return Vehicle(
+        name,
+        **{key: numbers[key] for key in _NUMBERS},
+        trailers=tuple(parts["trailers"]),
+        feelers=tuple(parts["feelers"]),
+    )
+
+
+def vehicle_in(words: Mapping[str, Any]) -> Vehicle:
+    """Return the vehicle that `dataclasses.asdict` took apart; old ones have no trailers."""
+    parts = {
+        part: tuple(kind(**one) for one in words.get(part, ())) for part, kind in _PARTS.items()
+    }
+    return Vehicle(**{**words, **parts})
+
+
+def _part(kind: type, numbers: Any) -> Any:
+    """Return a trailer or a feeler from its numbers, by name."""
+    values = {field.name: float(numbers[field.name]) for field in fields(kind)}
+    return kind(**{**values, **({"box": int(values["box"])} if "box" in values else {})})

@@ -12,7 +12,7 @@ car with n trailers (Laumond, Robot Motion Planning and Control, 1998). With sli
 """
 
 from race_server.core.kernels.geometry import Pose, cos_sin, wrap_angle
-from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.motion import Motion
 from race_server.core.state import Record
 
@@ -57,7 +57,7 @@ def lead_trailers(body: Record, vehicle: Record, moved: Motion, dt: float) -> No
         heading, yaw_rate, u, w = start, trailer.yaw_rate, u * cos - w * sin, 0.0
 
 
-@kernel
+@large_kernel
 def axle_pose(body: Record, vehicle: Record, number: int) -> Pose:
     """Return the pose of an axle: of the vehicle's rear axle for 0, of trailer `number` - 1 else.
 
@@ -81,3 +81,70 @@ def straighten(body: Record, vehicle: Record) -> None:
     for number in range(vehicle.trailer_count):
         body.trailers[number].heading = body.heading
         body.trailers[number].yaw_rate = 0.0
+
+
+@large_kernel
+def axle_motion(body: Record, vehicle: Record, number: int) -> tuple[float, float]:
+    """Return speed [m/s] and yaw rate [rad/s] of the axle of trailer `number` - 1.
+
+    body: BODY; vehicle: VEHICLE. They follow from the motion of the body as it is now, also after
+    a blow.
+    """
+    u, yaw_rate = body.speed, body.yaw_rate
+    w = body.lateral_speed - vehicle.rear_axle * yaw_rate
+    for trailer in range(number):
+        drawn = vehicle.trailers[trailer]
+        w -= drawn.hitch * yaw_rate
+        cos, sin = cos_sin(hitch_angle(body, trailer))
+        u, w, yaw_rate = u * cos - w * sin, 0.0, (u * sin + w * cos) / drawn.bar
+    return u, yaw_rate
+
+
+@large_kernel
+def through_hitches(
+    body: Record, vehicle: Record, number: int, ahead: float, turn: float
+) -> tuple[float, float, float]:
+    """Return what a blow on trailer `number` - 1 does to the vehicle that draws it.
+
+    body: BODY; vehicle: VEHICLE; ahead: impulse along the trailer's axle [N s], turn: its moment
+    about the axle [N m s]. Impulses along and across the vehicle, and the moment about its centre
+    of gravity: those that do the same work at every motion that the hitches allow, since trailers
+    have no mass.
+    """
+    across = 0.0
+    for before in range(number):
+        trailer = number - 1 - before
+        drawn = vehicle.trailers[trailer]
+        cos, sin = cos_sin(hitch_angle(body, trailer))
+        ahead, across = ahead * cos + turn * sin / drawn.bar, turn * cos / drawn.bar - ahead * sin
+        turn = -drawn.hitch * across
+    return ahead, across, turn - vehicle.rear_axle * across
+
+
+@kernel
+def place_in_line(vehicle: Record, number: int) -> float:
+    """Return how far ahead [m] of the middle of a straight vehicle the middle of a box lies.
+
+    vehicle: VEHICLE; number: of the box. 0 for a vehicle without trailers.
+    """
+    return line_up_boxes(vehicle, number) if vehicle.trailer_count > 0 else 0.0
+
+
+@large_kernel
+def line_up_boxes(vehicle: Record, number: int) -> float:
+    """Return the same for a vehicle with trailers. vehicle: VEHICLE."""
+    front, rear, wanted = 0.0, 0.0, 0.0
+    axle = -vehicle.rear_axle  # all from the centre of gravity, forward
+    for box in range(vehicle.trailer_count + 1):
+        if box == 0:
+            first = vehicle.box_offset + 0.5 * vehicle.length
+            last = vehicle.box_offset - 0.5 * vehicle.length
+        else:
+            drawn = vehicle.trailers[box - 1]
+            first = axle - drawn.hitch + drawn.ahead
+            axle -= drawn.hitch + drawn.bar
+            last = axle - drawn.behind
+        front, rear = (first, last) if box == 0 else (max(front, first), min(rear, last))
+        if box == number:
+            wanted = 0.5 * (first + last)
+    return wanted - 0.5 * (front + rear)

@@ -19,10 +19,19 @@ from race_server.net.wire.generated.spectate import (
     Kart,
     Snapshot,
     Standings,
+    Trailer,
     Walker,
 )
 from race_server.net.wire.generated.spectate import Standing as StandingTable
-from race_server.net.wire.parking import WALKER, add_parking, read_parking, walkers_in
+from race_server.net.wire.parking import (
+    TRAILER,
+    TRAILER_NAMES,
+    WALKER,
+    add_parking,
+    read_parking,
+    trailers_in,
+    walkers_in,
+)
 from race_server.net.wire.rows import build_rows
 from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
 
@@ -71,6 +80,7 @@ class SnapshotFrame:
     boxes: NDArray[np.uint8]
     hazards: Rows  # HAZARD
     walkers: Rows = field(default_factory=lambda: np.zeros(0, WALKER))  # WALKER
+    trailers: Rows = field(default_factory=lambda: np.zeros(0, TRAILER))  # TRAILER
 
 
 class SnapshotWriter:
@@ -81,7 +91,8 @@ class SnapshotWriter:
 
     def write(self, frame: SnapshotFrame) -> bytes:
         """Return a snapshot as a message."""
-        counts = tuple(map(len, (frame.karts, frame.boxes, frame.hazards, frame.walkers)))
+        rows = (frame.karts, frame.boxes, frame.hazards, frame.walkers, frame.trailers)
+        counts = tuple(map(len, rows))
         template = self._templates.get(counts)
         if template is None:
             template = self._templates[counts] = _Template(frame)
@@ -100,6 +111,7 @@ class _Template:
         hazards, count = table.vector(8, HAZARD.itemsize, MOST_HAZARDS)
         self.hazards = np.frombuffer(self.data, HAZARD, count, hazards)
         self.walkers = walkers_in(table, self.data)
+        self.trailers = trailers_in(table, self.data)
 
     def fill(self, frame: SnapshotFrame) -> bytes:
         data, places = self.data, self.places
@@ -113,6 +125,7 @@ class _Template:
         self.boxes[:] = frame.boxes
         self.hazards[:] = frame.hazards
         self.walkers[:] = frame.walkers
+        self.trailers[:] = frame.trailers
         return bytes(data)
 
 
@@ -127,6 +140,10 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     if len(frame.walkers):
         start = Snapshot.StartWalkersVector
         walkers = build_rows(builder, start, Walker.CreateWalker, frame.walkers)
+    trailers = 0
+    if len(frame.trailers):
+        named = frame.trailers[TRAILER_NAMES]
+        trailers = build_rows(builder, Snapshot.StartTrailersVector, Trailer.CreateTrailer, named)
     Snapshot.Start(builder)
     Snapshot.AddMonotonicUs(builder, frame.monotonic_us)
     Snapshot.AddEpoch(builder, frame.epoch)
@@ -139,6 +156,8 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     Snapshot.AddHazards(builder, hazards)
     if walkers:
         Snapshot.AddWalkers(builder, walkers)
+    if trailers:
+        Snapshot.AddTrailers(builder, trailers)
     builder.Finish(Snapshot.End(builder), topics.SNAPSHOT.identifier)
     return bytes(builder.Output())
 
@@ -173,6 +192,7 @@ def decode_snapshot(data: bytes) -> SnapshotFrame:
         boxes=boxes,
         hazards=hazards,
         walkers=walkers_in(table, data),
+        trailers=trailers_in(table, data),
     )
 
 
