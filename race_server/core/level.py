@@ -13,8 +13,8 @@ _CHOICES = ("fits", "last")
 class Level:
     """Tolerances of a parked body. Zero: does not matter.
 
-    Each box of a vehicle with trailers has a place of its own: where it would be if all stood
-    straight in the middle of the slot.
+    Each box of a vehicle with trailers has a place in the slot: where it would be if all stood
+    straight in the middle.
     """
 
     within: float = 0.0  # [m] of its middle from the slot's

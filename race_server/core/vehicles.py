@@ -17,7 +17,7 @@ GRAVITY = 9.81  # [m/s²]
 KMH = 1.0 / 3.6  # [m/s] in one km/h
 
 
-# A vehicle draws at most so many trailers, one behind the other, and has so many feelers.
+# The most trailers that a vehicle draws, one behind the other, and the most feelers that it has.
 TRAILERS, FEELERS = 3, 14
 
 

@@ -1,7 +1,7 @@
 """When a vehicle is parked: pure functions of where its boxes stand in the slot.
 
-Each box of a vehicle with trailers has a place of its own in the slot: where it would be if all
-stood straight in the middle. Without trailers that is the middle of the slot.
+Each box of a vehicle with trailers has a place in the slot: where it would be if all stood
+straight in the middle. Without trailers that is the middle of the slot.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Feelers: rays from the boxes of a vehicle to what is near it, as they are observed.
 
-They have no noise and no rate of their own: they are cast when a seat observes. The vehicle's own
-boxes are not seen.
+They have neither noise nor a rate: they are cast when a seat observes. The vehicle's own boxes are
+not seen.
 """
 
 import math

@@ -256,7 +256,7 @@ def _has_block_room(world: World, w: int, number: int) -> bool:
 def _draw_start(world: World, w: int, k: int) -> None:
     """Put a vehicle into one of the lot's start zones, clear of all that stands there.
 
-    Where vehicles start in slots, put it straight into the middle of its own.
+    Where vehicles start in slots, put it straight into the middle of the one that it drew.
     """
     seed, began = world.races[w].seed, world.parking.parkers[w, k].began
     if began >= 0:
