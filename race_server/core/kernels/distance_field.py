@@ -138,6 +138,52 @@ def fill_distances(
 
 
 @kernel
+def _over_neighbours(
+    grid: Grid, distances: Floats, row: int, column: int, step: int, has_diagonals: bool
+) -> float:
+    """Return the least distance [m] to a cell over its neighbours on one side.
+
+    distances: (rows, columns) [m], their signs do not matter; step: -1 for the neighbours before
+    the cell, row by row, 1 for those behind it.
+    """
+    i, j, cell = row + step, column + step, grid.cell
+    least = abs(distances[row, j]) + cell if 0 <= j < grid.columns else math.inf
+    if 0 <= i < grid.rows:
+        least = min(least, abs(distances[i, column]) + cell)
+        for beside in (column - 1, column + 1):
+            if has_diagonals and 0 <= beside < grid.columns:
+                least = min(least, abs(distances[i, beside]) + cell * DIAGONAL)
+    return least
+
+
+@large_kernel
+def fill_cut_off(grid: Grid, distances: Floats, has_diagonals: bool) -> None:
+    """Continue distances from cell to cell over those that are cut off, until none is infinite.
+
+    distances: (rows, columns) [m], of which one at least is finite; has_diagonals: whether a step
+    may lead over a corner. Sweeps from either end, as distance transforms of pictures make them,
+    until nothing changes. Until then what is continued is below zero.
+    """
+    cells, has_changed = grid.rows * grid.columns, True
+    while has_changed:
+        has_changed = False
+        for step in (-1, 1):
+            for number in range(cells):
+                cell = number if step < 0 else cells - 1 - number
+                row, column = cell // grid.columns, cell % grid.columns
+                value = distances[row, column]
+                if 0.0 <= value < math.inf:
+                    continue
+                near = _over_neighbours(grid, distances, row, column, step, has_diagonals)
+                if near < abs(value):
+                    distances[row, column] = -near
+                    has_changed = True
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            distances[row, column] = abs(distances[row, column])
+
+
+@kernel
 def distance_at(grid: Grid, distances: Floats, x: float, y: float) -> float:
     """Return the distance [m] at a place [m], bilinear between the middles of four cells.
 

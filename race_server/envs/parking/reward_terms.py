@@ -17,6 +17,9 @@ from race_server.core.rules.parking import (
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import close_episode, weigh_terms
+from race_server.envs.parking.heuristics.aim import aim_of
+from race_server.envs.parking.heuristics.field import Field, chart_of
+from race_server.envs.parking.heuristics.table import way_left
 
 # What each term measures over one decision of one vehicle. The order is that of the numbers below;
 # a test holds the two together. A share is the part of the time limit that a decision takes, so
@@ -36,12 +39,14 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "steering_wide": "that share while the wheels are turned by more than 15°",
         "standing": "that share while it stands",
         "goal_distance": "distance to the slot [m], times that share",
-        "goal_progress": "metres gained towards the slot",
+        "goal_progress": "metres gained towards the slot, by the heuristic of the task and in the "
+        "way of its shaping",
         "goal_turn": "radians gained towards the slot's heading, the more the nearer: "
         "divided by 1 + the distance [m]",
         "steering_change": "change of the wanted steering, as a share of the limit",
         "jack_knife": "1 if a hitch was bent too far, or a trailer touched what draws it, and it "
         "is out",
+        "goal_way": "metres that the heuristic says are left",
     }
 )
 
@@ -98,7 +103,14 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 PARKED, ALIGNED, MISPARKED, CRASH, PERSON, LEFT, LATE, TIME, REVERSING = range(9)
 STEERING_WIDE, STANDING, GOAL_DISTANCE, GOAL_PROGRESS, GOAL_TURN, STEERING_CHANGE = range(9, 15)
-JACK_KNIFE = 15
+JACK_KNIFE, GOAL_WAY = 15, 16
+
+# How the ways d before and d' after a decision become `goal_progress`, with the discount g: d - d';
+# the exact potential d - g d' of Ng, Harada and Russell (1999), where d' = 0 at the end of an
+# episode, which leaves the best policy as it is; or not at all, as the learner itself reads
+# `goal_way` (HuRL).
+SHAPINGS = ("difference", "potential", "hurl")
+DIFFERENCE, POTENTIAL, HURL = range(len(SHAPINGS))
 
 # A vehicle steers widely beyond this angle [rad].
 WIDE = math.radians(15.0)
@@ -109,18 +121,18 @@ ENDINGS = tuple(ending.name.lower() for ending in Ending)
 
 
 @kernel
-def snapshot(world: World, buffers: Buffers, w: int) -> None:
-    """Record where the learning vehicles stand before a decision."""
-    for k in range(buffers.rewards.shape[1]):
-        before, parker = buffers.before[w, k], world.parking.parkers[w, k]
-        vehicle = world.vehicles[w, k]
-        stand = stand_of(parker, vehicle, world.bodies[w, k], judged_box(parker, vehicle))
-        before.distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
-        before.turn = abs(stand.turn)
+def look(world: World, buffers: Buffers, field: Field, w: int, k: int) -> None:
+    """Record where a learning vehicle stands before a decision."""
+    before, body, vehicle = buffers.before[w, k], world.bodies[w, k], world.vehicles[w, k]
+    parker = world.parking.parkers[w, k]
+    before.turn = abs(stand_of(parker, vehicle, body, judged_box(parker, vehicle)).turn)
+    heuristic = int(buffers.settings[0].heuristic)
+    chart = chart_of(world, field, w, buffers.rounds[w].world, k)
+    before.way = way_left(heuristic, aim_of(body, vehicle, parker), chart)
 
 
 @kernel
-def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
+def judge(world: World, buffers: Buffers, field: Field, w: int, k: int) -> bool:
     """Compute terms, reward and end of a learning vehicle's decision; return whether it is over.
 
     Fills `buffers.terms[w, k]`, (T,), in the order of TERMS.
@@ -130,12 +142,31 @@ def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
     vehicle = world.vehicles[w, k]
     stand = stand_of(parker, vehicle, body, judged_box(parker, vehicle))
     off = abs(stand_of(parker, vehicle, body, vehicle.trailer_count).turn)
-    _measure(world, buffers, w, k, ending, stand, off)
-    weigh_terms(buffers, w, k)
-    _record_figures(world, buffers, w, k, ending, off)
     # Time that runs out cuts an episode off, unless the task calls it an end.
     is_late = ending == codes.IS_LATE and buffers.settings[0].late_ends == 0.0
-    return close_episode(buffers, w, k, ending != codes.OPEN and not is_late, is_late)
+    is_over = ending != codes.OPEN and not is_late
+    _measure(world, buffers, w, k, ending, stand, off)
+    _measure_way(world, buffers, field, w, k, is_over)
+    weigh_terms(buffers, w, k)
+    _record_figures(world, buffers, w, k, ending, off)
+    return close_episode(buffers, w, k, is_over, is_late)
+
+
+@kernel
+def _measure_way(
+    world: World, buffers: Buffers, field: Field, w: int, k: int, is_over: bool
+) -> None:
+    """Measure what depends on the heuristic, and record where the vehicle stands now."""
+    settings, terms, before = buffers.settings[0], buffers.terms[w, k], buffers.before[w, k]
+    way = before.way
+    look(world, buffers, field, w, k)
+    left, progress = before.way, 0.0
+    if settings.shaping == DIFFERENCE:
+        progress = way - left
+    elif settings.shaping == POTENTIAL:
+        progress = way if is_over else way - settings.discount * left
+    terms[GOAL_PROGRESS] = progress
+    terms[GOAL_WAY] = left
 
 
 @kernel
@@ -165,7 +196,6 @@ def _measure(
     terms[STEERING_WIDE] = share if abs(body.steering) > WIDE else 0.0
     terms[STANDING] = share if abs(body.speed) < STANDS_BELOW else 0.0
     terms[GOAL_DISTANCE] = distance * share
-    terms[GOAL_PROGRESS] = before.distance - distance
     terms[GOAL_TURN] = (before.turn - turn) / (1.0 + distance)
     terms[STEERING_CHANGE] = abs(body.steering_command - before.steering)
     before.steering = body.steering_command
