@@ -10,6 +10,7 @@ from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
 DECISION_TICKS = 3  # in a live race
+GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
 Range = tuple[float, float]
 # Logarithms of the deviations of actions: one for all their numbers, or one for each.
 Deviations = float | tuple[float, ...]
@@ -100,6 +101,22 @@ class ParkingSettings(_Table):
     late_ends: bool = False  # time that runs out is an end, not a cut
     decision_ticks: int = Field(default=6, ge=1, le=60)  # of 1/60 s
     logarithms: bool = False  # a network sees logarithms of the radar's ranges
+    # Of the way to the slot, and how it helps to learn; see `race_server.envs.parking.heuristics`.
+    # Without one it is 'none', in quotation marks behind `--set`, where a bare none is the default.
+    heuristic: str = "euclid"
+    shaping: Literal["difference", "potential", "hurl"] = "difference"
+
+
+class HurlSettings(_Table):
+    """What a heuristic promises, where `parking.shaping` is hurl; see `agents/training/hurl.py`."""
+
+    first: float = Field(
+        default=0.95, ge=0.0, le=1.0
+    )  # mixing at the beginning; at the end it is 1
+    epochs: int = Field(default=50, ge=2)  # of the training, in each of which it is constant
+    prize: float = 1.0  # return at the slot
+    cost: float = Field(default=0.0, ge=0.0)  # of a decision until then
+    speed: float = Field(default=1.0, gt=0.0)  # [m/s] at which the way is driven
 
 
 class SelfPlaySettings(_Table):
@@ -299,6 +316,7 @@ class Settings(_Table):
     gap: RealityGap = RealityGap()
     race: RaceSettings = RaceSettings()
     parking: ParkingSettings = ParkingSettings()
+    hurl: HurlSettings = HurlSettings()
     self_play: SelfPlaySettings = SelfPlaySettings()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
@@ -314,6 +332,16 @@ class Settings(_Table):
     def parks(self) -> bool:
         """Whether it is to park that is learned, and not to race."""
         return bool(self.parking.lots)
+
+    @property
+    def mixes(self) -> bool:
+        """Whether the learner mixes a heuristic into its targets, as HuRL does."""
+        return self.parks and self.parking.shaping == "hurl"
+
+    @property
+    def gamma(self) -> float:
+        """The discount of the learner."""
+        return float(self.algorithm.options.get("gamma", GAMMA))
 
     @property
     def decision_ticks(self) -> int:

@@ -130,7 +130,8 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
         "most_steps": episode.steps,
     }
     if settings.parks:
-        parking = Parking(late_ends=settings.parking.late_ends)
+        asked = settings.parking
+        parking = Parking(asked.late_ends, asked.heuristic, asked.shaping, settings.gamma)
         return Task(scenarios, parking).with_options(**options)
     return task_on(
         scenarios,
