@@ -13,6 +13,8 @@ from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Ints
 
 DIAGONAL = math.sqrt(2.0)  # way [cells] to a neighbour over a corner
+# Instead of a distance: over this cell none drives, so that no distance is less.
+CLOSED = -1.0
 # A cell in a queue: its row above these bits, its column in them.
 ROW_BITS, COLUMN_MASK = 32, (1 << 32) - 1
 
@@ -103,7 +105,7 @@ def fill_distances(
     """
     for row in range(grid.rows):
         for column in range(grid.columns):
-            distances[row, column] = math.inf
+            distances[row, column] = CLOSED if clear[row, column] < least else math.inf
     row, column = cell_at(grid, goal[0], goal[1])
     distances[row, column] = 0.0
     queues[0, 0] = (row << ROW_BITS) + column
@@ -117,24 +119,31 @@ def fill_distances(
         cell = queues[0, straight] if take_straight else queues[1, diagonal]
         straight, diagonal = straight + int(take_straight), diagonal + int(not take_straight)
         row, column = cell >> ROW_BITS, cell & COLUMN_MASK
-        value = distances[row, column]
-        low, high = max(column - 1, 0), min(column + 2, grid.columns)
-        for i in range(max(row - 1, 0), min(row + 2, grid.rows)):
-            for j in range(low, high):
-                corner = i != row and j != column
-                far = value + grid.cell * (DIAGONAL if corner else 1.0)
-                if far >= distances[i, j] or clear[i, j] < least:
+        far = distances[row, column] + grid.cell
+        further = distances[row, column] + grid.cell * DIAGONAL
+        for i in (row - 1, row + 1):
+            if not 0 <= i < grid.rows:
+                continue
+            if far < distances[i, column]:
+                distances[i, column] = far
+                queues[0, straights] = (i << ROW_BITS) + column
+                straights += 1
+            for j in (column - 1, column + 1):
+                if not has_diagonals or not 0 <= j < grid.columns or further >= distances[i, j]:
                     continue
-                if corner:
-                    closed = clear[row, j] < least and clear[i, column] < least
-                    if closed or not has_diagonals:
-                        continue
+                if clear[row, j] >= least or clear[i, column] >= least:
+                    distances[i, j] = further
                     queues[1, diagonals] = (i << ROW_BITS) + j
                     diagonals += 1
-                else:
-                    queues[0, straights] = (i << ROW_BITS) + j
-                    straights += 1
-                distances[i, j] = far
+        for j in (column - 1, column + 1):
+            if 0 <= j < grid.columns and far < distances[row, j]:
+                distances[row, j] = far
+                queues[0, straights] = (row << ROW_BITS) + j
+                straights += 1
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            if distances[row, column] == CLOSED:
+                distances[row, column] = math.inf
 
 
 @kernel
@@ -164,22 +173,23 @@ def fill_cut_off(grid: Grid, distances: Floats, has_diagonals: bool) -> None:
     may lead over a corner. Sweeps from either end, as distance transforms of pictures make them,
     until nothing changes. Until then what is continued is below zero.
     """
-    cells, has_changed = grid.rows * grid.columns, True
+    rows, columns, has_changed = grid.rows, grid.columns, True
     while has_changed:
         has_changed = False
         for step in (-1, 1):
-            for number in range(cells):
-                cell = number if step < 0 else cells - 1 - number
-                row, column = cell // grid.columns, cell % grid.columns
-                value = distances[row, column]
-                if 0.0 <= value < math.inf:
-                    continue
-                near = _over_neighbours(grid, distances, row, column, step, has_diagonals)
-                if near < abs(value):
-                    distances[row, column] = -near
-                    has_changed = True
-    for row in range(grid.rows):
-        for column in range(grid.columns):
+            for r in range(rows):
+                row = r if step < 0 else rows - 1 - r
+                for c in range(columns):
+                    column = c if step < 0 else columns - 1 - c
+                    value = distances[row, column]
+                    if 0.0 <= value < math.inf:
+                        continue
+                    near = _over_neighbours(grid, distances, row, column, step, has_diagonals)
+                    if near < abs(value):
+                        distances[row, column] = -near
+                        has_changed = True
+    for row in range(rows):
+        for column in range(columns):
             distances[row, column] = abs(distances[row, column])
 
 
