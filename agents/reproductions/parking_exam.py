@@ -13,9 +13,8 @@ from race_server.competition.parking_tally import ParkingTally
 from race_server.core.messages import Ending
 from race_server.envs.parking.reward_terms import ENDINGS
 
-# How an episode can fail.
-# A driver of an exam never withdraws.
-FAILURES = ENDINGS[Ending.LATE : Ending.WITHDREW]
+# How an episode can fail. A driver of an exam never withdraws.
+FAILURES = (*ENDINGS[Ending.LATE : Ending.WITHDREW], *ENDINGS[Ending.JACK_KNIFE :])
 
 
 def examine_parking(settings: Settings, exam: ParkingExam, decide: Decide) -> dict[str, Any]:

@@ -28,7 +28,7 @@ COLUMNS = (
     Column("barred_parked", "parked where something does, %", 1, of="barred"),
     *(
         Column(name, f"{name.replace('_', ' ')}, %", 1, of="starts", has_bounds=False)
-        for name in ("late", "wall", "vehicle", "jack_knife")
+        for name in ("late", "wall", "vehicle", "jack_knife", "own_body")
     ),
     Column("return", "return", 1),
     Column("length", "length, decisions", 0),

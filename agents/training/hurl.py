@@ -105,12 +105,14 @@ class MixingBuffer(ReplayBuffer):
         # From the generator that the learner seeds.
         columns = np.random.randint(0, self.n_envs, size=len(batch_inds))  # noqa: NPY002
         drawn = (batch_inds, columns)
+        seen: Any = self._normalize_obs(self.observations[drawn], env)
+        after: Any = self._normalize_obs(self.next_observations[drawn], env)
         rewards = self.rewards[drawn] + self.bonus * self.foretold[drawn]
         ended = self.dones[drawn] * (1.0 - self.timeouts[drawn])
         return ReplayBufferSamples(
-            self.to_torch(self._normalize_obs(self.observations[drawn], env)),
+            self.to_torch(seen),
             self.to_torch(self.actions[drawn]),
-            self.to_torch(self._normalize_obs(self.next_observations[drawn], env)),
+            self.to_torch(after),
             self.to_torch(ended.reshape(-1, 1).astype(np.float32)),
             self.to_torch(self._normalize_reward(rewards.reshape(-1, 1), env)),
         )

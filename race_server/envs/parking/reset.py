@@ -5,10 +5,12 @@ from typing import NamedTuple
 from race_server.core import codes
 from race_server.core.kernels.boxes import box_of, hull_of
 from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.rules.parking import judged_box
 from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
 from race_server.core.state import Records, World
 from race_server.envs.buffers import Buffers
+from race_server.envs.parking.heuristics.aim import goal_of
 from race_server.envs.parking.heuristics.field import Field, find_ways
 from race_server.envs.parking.heuristics.heuristic import NO_CELLS
 from race_server.envs.parking.obstruction import stands_between
@@ -63,5 +65,9 @@ def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
     episode.ticks = 0
     episode.turn = episode.way = episode.reversed = 0.0
     buffers.before[w, k].steering = 0.0
-    parker, box = world.parking.parkers[w, k], box_of(hull_of(world.vehicles[w, k], body, 0))
-    episode.between = int(stands_between(world, w, box.x, box.y, parker.x, parker.y))
+    parker, vehicle = world.parking.parkers[w, k], world.vehicles[w, k]
+    box, goal = (
+        box_of(hull_of(vehicle, body, judged_box(parker, vehicle))),
+        goal_of(vehicle, parker),
+    )
+    episode.between = int(stands_between(world, w, box.x, box.y, goal.x, goal.y))

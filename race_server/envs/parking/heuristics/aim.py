@@ -46,9 +46,9 @@ def aim_of(body: Record, vehicle: Record, parker: Record) -> Aim:
     """Return the aim of a vehicle. body: BODY; vehicle: VEHICLE; parker: PARKER."""
     hull = hull_of(vehicle, body, judged_box(parker, vehicle))
     box = box_of(hull)
-    behind = vehicle.box_offset + vehicle.rear_axle - place_in_line(vehicle, 0)
+    axle = place_in_line(vehicle, 0) - vehicle.box_offset - vehicle.rear_axle
     cos, sin = cos_sin(parker.heading)
-    x, y = parker.x - behind * cos, parker.y - behind * sin
+    x, y = parker.x + axle * cos, parker.y + axle * sin
     behind, bent, bar, bend = 0.0, 0.0, 0.0, 0.0
     for number in range(vehicle.trailer_count):
         drawn = vehicle.trailers[number]

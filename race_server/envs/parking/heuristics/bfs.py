@@ -10,6 +10,6 @@ HEURISTIC = Heuristic("bfs", "walls, in whole metres from side to side of cells"
 
 @kernel
 def way(aim: Aim, chart: Chart) -> float:
-    """Return the way [m] of the cell in which the middle of the body is."""
+    """Return the way [m] of the cell in which the middle of the judged box is."""
     row, column = cell_at(chart.grid, aim.middle.x, aim.middle.y)
     return float(chart.ways[row, column])

@@ -11,6 +11,6 @@ HEURISTIC = Heuristic("euclid", "the straight distance alone")
 
 @kernel
 def way(aim: Aim, chart: Chart) -> float:
-    """Return the distance [m] between the middle of the body and that of the slot."""
+    """Return the distance [m] between the middle of the judged box and its place."""
     dx, dy = aim.middle.x - aim.goal_middle.x, aim.middle.y - aim.goal_middle.y
     return math.sqrt(dx * dx + dy * dy)

@@ -32,6 +32,8 @@ CELL = 1.0
 TOUCHES = CELL * math.sqrt(0.5)
 # A place counts as the same within one part of these of a metre or of a radian.
 PARTS = 1000.0
+SHIFT = 1  # a digest of 63 bits is never negative
+NEVER = -1
 
 
 class Field(NamedTuple):
@@ -67,7 +69,7 @@ def empty_field(walls: Walls, worlds: int, vehicles: int, cells: int) -> Field:
     return Field(
         np.zeros((worlds, vehicles, rows, columns)),
         np.zeros((worlds, vehicles, 2)),
-        np.zeros((worlds, vehicles), np.int64),
+        np.full((worlds, vehicles), NEVER),
         np.zeros((worlds, rows, columns)),
         np.zeros((worlds, 2, rows * columns), np.int64),
     )
@@ -94,15 +96,15 @@ def chart_of(world: World, field: Field, w: int, place: int, k: int) -> Chart:
 
 @kernel
 def _what_for(world: World, w: int, k: int) -> int:
-    """Return a digest of lot, slot and obstacles of a vehicle, above zero."""
+    """Return a digest of lot, slot and obstacles of a vehicle."""
     course, parker = world.rules[w].course, world.parking.parkers[w, k]
     site = world.walls.sites[course]
-    found = bits(course, k, _parts(parker.x - site.x0), _parts(parker.y - site.y0))
+    found = int(bits(course, k, _parts(parker.x - site.x0), _parts(parker.y - site.y0)) >> SHIFT)
     for block in world.parking.blocks[w]:
         if block.kind != codes.NOTHING:
-            turn = _parts(block.heading + math.pi)
-            found = bits(found, turn, _parts(block.x - site.x0), _parts(block.y - site.y0))
-    return int(found >> 1) | 1
+            x, y = _parts(block.x - site.x0), _parts(block.y - site.y0)
+            found = int(bits(found, _parts(block.heading + math.pi), x, y) >> SHIFT)
+    return found
 
 
 @kernel

@@ -10,5 +10,5 @@ HEURISTIC = Heuristic("grid", "walls, and how wide the vehicle is", CORNERS)
 
 @kernel
 def way(aim: Aim, chart: Chart) -> float:
-    """Return the way [m] of the middle of the body, bilinear between the middles of cells."""
+    """Return the way [m] of the middle of the judged box, bilinear between the middles of cells."""
     return distance_at(chart.grid, chart.ways, aim.middle.x, aim.middle.y)
