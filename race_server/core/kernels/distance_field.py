@@ -83,6 +83,33 @@ def clear_of_walls(grid: Grid, clear: Floats, walls: Floats, most: float) -> Non
         _lower(grid, clear, 0.5 * abs(dx) + most, 0.5 * abs(dy) + most, box)
 
 
+@kernel
+def _reach(
+    grid: Grid, distances: Floats, row: int, column: int, far: float, queue: Ints, end: int
+) -> int:
+    """Put a cell into a queue if it is nearer than it was; return the end of the queue."""
+    if 0 <= row < grid.rows and 0 <= column < grid.columns and far < distances[row, column]:
+        distances[row, column] = far
+        queue[end] = (row << ROW_BITS) + column
+        return end + 1
+    return end
+
+
+@kernel
+def _reach_over_corners(
+    grid: Grid, distances: Floats, clear: Floats, least: float, cell: int, queue: Ints, end: int
+) -> int:
+    """Do so with the cells over the corners of a cell, unless two cells close the corner."""
+    row, column = cell >> ROW_BITS, cell & COLUMN_MASK
+    far = distances[row, column] + grid.cell * DIAGONAL
+    for i in (row - 1, row + 1):
+        for j in (column - 1, column + 1):
+            if 0 <= i < grid.rows and 0 <= j < grid.columns and far < distances[i, j]:
+                if clear[row, j] >= least or clear[i, column] >= least:
+                    end = _reach(grid, distances, i, j, far, queue, end)
+    return end
+
+
 @large_kernel
 def fill_distances(
     grid: Grid,
@@ -119,27 +146,15 @@ def fill_distances(
         cell = queues[0, straight] if take_straight else queues[1, diagonal]
         straight, diagonal = straight + int(take_straight), diagonal + int(not take_straight)
         row, column = cell >> ROW_BITS, cell & COLUMN_MASK
-        far = distances[row, column] + grid.cell
-        further = distances[row, column] + grid.cell * DIAGONAL
-        for i in (row - 1, row + 1):
-            if not 0 <= i < grid.rows:
-                continue
-            if far < distances[i, column]:
-                distances[i, column] = far
-                queues[0, straights] = (i << ROW_BITS) + column
-                straights += 1
-            for j in (column - 1, column + 1):
-                if not has_diagonals or not 0 <= j < grid.columns or further >= distances[i, j]:
-                    continue
-                if clear[row, j] >= least or clear[i, column] >= least:
-                    distances[i, j] = further
-                    queues[1, diagonals] = (i << ROW_BITS) + j
-                    diagonals += 1
-        for j in (column - 1, column + 1):
-            if 0 <= j < grid.columns and far < distances[row, j]:
-                distances[row, j] = far
-                queues[0, straights] = (row << ROW_BITS) + j
-                straights += 1
+        value = distances[row, column]
+        for way in (-1, 1):
+            far = value + grid.cell
+            straights = _reach(grid, distances, row + way, column, far, queues[0], straights)
+            straights = _reach(grid, distances, row, column + way, far, queues[0], straights)
+        if has_diagonals:
+            diagonals = _reach_over_corners(
+                grid, distances, clear, least, cell, queues[1], diagonals
+            )
     for row in range(grid.rows):
         for column in range(grid.columns):
             if distances[row, column] == CLOSED:
