@@ -22,7 +22,8 @@ from stable_baselines3.common.vec_env import (
 )
 
 from race_agents.training.budget import Budget
-from race_agents.training.settings import HurlSettings, Settings
+from race_agents.training.parking_settings import HurlSettings
+from race_agents.training.settings import Settings
 from race_server.envs.parking.reward_terms import GOAL_WAY
 from race_server.envs.sb3 import KartVecEnv
 

@@ -11,7 +11,8 @@ from gymnasium import spaces
 from race_agents.training.budget import Budget
 from race_agents.training.hurl import FORETOLD, Mixing, MixingBuffer, foretold_of, mixing_at
 from race_agents.training.learner import learner_of, world_of
-from race_agents.training.settings import HurlSettings, Settings
+from race_agents.training.parking_settings import HurlSettings
+from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_server.errors import ScenarioError
 
