@@ -6,7 +6,7 @@ SOURCE = "Report on an articulated vehicle that learns to park, with a heuristic
 PRESET = "trailer-report-c"
 EXAM = ParkingExam()
 FULL = TrainingScale(steps=9_600_000, seeds=3, starts=1000)
-# One update for 256 decisions, of a smaller network.
+# One update for 128 decisions, of a smaller network.
 QUICK = TrainingScale(
     steps=65_536,
     seeds=1,
@@ -51,7 +51,7 @@ ASSUMPTIONS = (
     "Decisions to 80 %: until the share of the last hundred episodes that parked, with "
     "exploration, first came to 80 %; the mean of the runs that came there.",
     "64 lots learn at once, with one update for 32 decisions; a quick run has a smaller network, "
-    "one update for 256 decisions, and 60 s for an episode.",
+    "one update for 128 decisions, and 60 s for an episode.",
 )
 
 
