@@ -30,7 +30,7 @@ def bench_plan(
     """
     from race_agents.planning.plan_bench import bench_plan as measure
     from race_agents.planning.plan_picture import plot_plans
-    from race_server.core.vehicles import CAR
+    from race_server.core.vehicle_presets import CAR
 
     measured = measure(CAR, runs=runs, seed=seed, text=task)
     if plot is not None:

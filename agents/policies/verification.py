@@ -16,7 +16,7 @@ from race_agents.policies.metadata import PolicyMetadata
 from race_agents.policies.session import Policy
 from race_server.core.clock import ticks_of
 from race_server.core.observation import wants_line
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
 from race_server.envs.parking import Parking
 from race_server.envs.presets import LEARNING_RULES, task_on

@@ -17,30 +17,57 @@ def draw(path: Path, plan: Reproduction, lines: Sequence[VariantSummary], words:
     """Draw the curves of learning, and ours beside theirs. words: the amount of training."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 1.5 + max(3.2, 0.5 * len(lines))), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    further = list(dict.fromkeys(name for line in lines for name in line.bands))
+    height = 1.5 + max(3.2, 0.5 * len(lines))
+    figure = Figure(figsize=(11.0, height + (3.2 if further else 0.0)), layout="constrained")
+    top, *below = figure.subfigures(
+        1 + bool(further), 1, squeeze=False, height_ratios=[height, 3.2][: 1 + bool(further)]
+    ).ravel()
+    left, right = top.subplots(1, 2)
     _curves(left, plan, lines)
     _bars(right, plan, lines)
+    for plots in (one.subplots(1, len(further), squeeze=False) for one in below):
+        for plot, name in zip(plots.ravel(), further, strict=True):
+            _bands(plot, name, lines)
     figure.suptitle(f"{plan.title}\n{words}", fontsize=11)
     save(figure, path, dpi=100)
 
 
 def _curves(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> None:
+    for number, line in enumerate(lines):
+        if line.curve:
+            at, values = zip(*line.curve, strict=True)
+            plot.plot(at, values, label=line.row.name, **_style(number))
+    _frame(plot, plan.exam.curve_head)
+    if plot.get_legend_handles_labels()[0]:
+        plot.legend(frameon=False, fontsize=7)
+
+
+def _bands(plot: Any, name: str, lines: Sequence[VariantSummary]) -> None:
+    """Plot a further curve of all rows: the mean of the runs, and their range."""
+    for number, line in enumerate(lines):
+        if line.bands.get(name):
+            style = _style(number)
+            at, mean, least, greatest = zip(*line.bands[name], strict=True)
+            plot.plot(at, mean, **style)
+            plot.fill_between(at, least, greatest, color=style["color"], alpha=0.2, linewidth=0)
+    _frame(plot, name)
+
+
+def _frame(plot: Any, head: str) -> None:
+    plot.set_xlabel("decisions")
+    plot.locator_params(axis="x", nbins=5)
+    plot.set_ylabel(head)
+    plot.grid(alpha=0.3)
+
+
+def _style(number: int) -> dict[str, Any]:
+    """Return how the lines of a row look."""
     import matplotlib
 
     colours = matplotlib.colormaps["tab20"].colors  # type: ignore[attr-defined]  # untyped there
-    for number, line in enumerate(lines):
-        if line.curve:
-            style = "-" if number < 10 else "--"
-            colour = colours[(2 * number) % 20]
-            label = line.row.name
-            plot.plot(*zip(*line.curve, strict=True), style, color=colour, label=label, linewidth=1)
-    plot.set_xlabel("decisions")
-    plot.locator_params(axis="x", nbins=5)
-    plot.set_ylabel(plan.exam.curve_head)
-    plot.grid(alpha=0.3)
-    if plot.get_legend_handles_labels()[0]:
-        plot.legend(frameon=False, fontsize=7)
+    style = "-" if number < 10 else "--"
+    return {"linestyle": style, "color": colours[(2 * number) % 20], "linewidth": 1}
 
 
 def _bars(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> None:

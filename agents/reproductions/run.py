@@ -227,4 +227,5 @@ def _row(plan: Reproduction, line: VariantSummary) -> dict[str, Any]:
         "percent": {f"{column.key} of {column.of}": line.number(column) for column in shares},
         "bounds": {f"{column.key} of {column.of}": line.bounds(column) for column in shares},
         "curve": line.curve,
+        "bands": line.bands,
     }

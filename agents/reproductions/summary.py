@@ -22,6 +22,8 @@ class VariantSummary:
     # Decisions, and the return or the share that parked: the mean of the runs.
     curve: tuple[tuple[float, float], ...]
     figures: tuple[dict[str, float | None], ...]  # of each run
+    # Further curves, by what they show: decisions, mean, least and greatest of the runs.
+    bands: dict[str, tuple[tuple[float, ...], ...]]
 
     def number(self, column: Column) -> float | None:
         """Return the mean of a figure, or the percentage of all counts together."""
@@ -71,18 +73,30 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
     means: dict[str, float | None] = {}
     spreads: dict[str, float] = {}
     for key in runs[0]["figures"]:
-        known = [run["figures"][key] for run in runs if run["figures"][key] is not None]
-        means[key] = float(np.mean(known)) if known else None
-        spreads[key] = float(np.std(known)) if known else 0.0
-    points = min(len(run["curve"]) for run in runs)
-    # The ends are aligned; the first episode may end at different steps.
-    curve = (
-        np.mean([run["curve"][-points:] for run in runs], axis=0) if points else np.zeros((0, 2))
-    )
+        found = [run["figures"][key] for run in runs if run["figures"][key] is not None]
+        means[key] = float(np.mean(found)) if found else None
+        spreads[key] = float(np.std(found)) if found else 0.0
     steps = max(run["steps"] for run in runs)
-    pairs = tuple((float(at), float(value)) for at, value in curve)
+    curve = tuple((at, mean) for at, mean, *_ in _band([run["curve"] for run in runs]))
     figures = tuple(run["figures"] for run in runs)
-    return VariantSummary(row, len(runs), steps, means, spreads, pairs, figures)
+    further = [run.get("curves", {}) for run in runs]
+    known = [name for name in further[0] if all(name in of for of in further)]
+    bands = {name: _band([of[name] for of in further]) for name in known}
+    return VariantSummary(row, len(runs), steps, means, spreads, curve, figures, bands)
+
+
+def _band(curves: Sequence[Sequence[Sequence[float]]]) -> tuple[tuple[float, ...], ...]:
+    """Return decisions, mean, least and greatest value of curves, point by point.
+
+    The ends are aligned; the first episode may end at different steps.
+    """
+    points = min(map(len, curves))
+    if not points:
+        return ()
+    rows = np.array([curve[-points:] for curve in curves])  # (runs, points, 2)
+    at, values = rows[:, :, 0].mean(axis=0), rows[:, :, 1]
+    band = zip(at, values.mean(axis=0), values.min(axis=0), values.max(axis=0), strict=True)
+    return tuple(tuple(map(float, point)) for point in band)
 
 
 def remarks_on(plan: Reproduction, lines: Sequence[VariantSummary]) -> list[str]:

@@ -24,6 +24,7 @@ from race_agents.reproductions.plan import (
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
 from race_agents.training.cloning import Cloning
+from race_agents.training.hurl import Mixing
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
@@ -35,7 +36,13 @@ FORMAT = 1  # of the files; files of another format are made again
 # Tables of the settings that no training here uses: their keys and defaults are not in the digest.
 UNUSED = ("self_play", "warm_start", "evaluation", "goal")
 # Those that only trainings to park use.
-PARKING = ("curriculum", "cloning", "gail", "curiosity", "parking")
+PARKING = ("curriculum", "cloning", "gail", "curiosity", "parking", "hurl")
+# Curves of a training to park: figures of the last hundred episodes.
+CURVES = {
+    "share that parked": "is_success",
+    "return of an episode": "r",
+    "length of an episode, decisions": "l",
+}
 SETTLED = 0.9  # share of the final figure at which something counts as learned
 
 Tell = Callable[[float], None]  # called with the share of the training that is done
@@ -123,6 +130,8 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
         callbacks: list[BaseCallback] = [watch]
         if settings.cloning.demonstrations:
             callbacks.append(Cloning(settings, world, budget))
+        if settings.mixes:
+            callbacks.append(Mixing(settings, budget))
         learner.learn(budget.steps_left, callback=callbacks)
     learning_s = watch.cpu_s
     world.close()
@@ -136,6 +145,7 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
     figures["learning_return"] = mean_return(watch.curve)
     if training.settings.parks:
         figures["settled_cpu_s"] = settled_at(watch.curve, watch.cpu_times)
+        figures["decisions_to_80"] = reached_at(watch.curve, 0.8)
     return {
         "row": training.row.name,
         "seed": training.seed,
@@ -143,6 +153,7 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
         "steps": budget.done,
         "figures": figures,
         "curve": watch.curve,
+        "curves": watch.curves,
     }
 
 
@@ -166,6 +177,11 @@ def settled_at(curve: list[tuple[int, float]], cpu_times: list[float]) -> float 
     return next(at for (_, value), at in reached if value >= SETTLED * end)
 
 
+def reached_at(curve: list[tuple[int, float]], share: float) -> float | None:
+    """Return the decisions after which a curve first reached a share, None if it never did."""
+    return next((float(at) for at, value in curve if value >= share), None)
+
+
 def mean_return(curve: list[tuple[int, float]]) -> float | None:
     """Return the mean of a curve; time before its first point counts as that point."""
     if not curve:
@@ -185,6 +201,9 @@ class _Watch(BaseCallback):
         super().__init__()
         self.budget = budget
         self.curve: list[tuple[int, float]] = []
+        self.curves: dict[str, list[tuple[int, float]]] = (
+            {name: [] for name in CURVES} if settings.parks else {}
+        )
         self.cpu_times: list[float] = []  # [s] at each point of the curve
         self._figure = "is_success" if settings.parks else "r"
         self._begun = time.process_time()
@@ -196,14 +215,18 @@ class _Watch(BaseCallback):
         """Processor time so far [s]."""
         return time.process_time() - self._begun
 
+    def _mean(self, figure: str) -> float:
+        return float(np.mean([row[figure] for row in self.model.ep_info_buffer or ()]))
+
     def _on_step(self) -> bool:
         self.budget.done += self.training_env.num_envs
         if int(self.budget.share * POINTS) > self._points:
             self._points = int(self.budget.share * POINTS)
             # Among many agents it takes a while until the first episode is over.
             if self.model.ep_info_buffer:
-                mean = np.mean([row[self._figure] for row in self.model.ep_info_buffer])
-                self.curve.append((self.budget.done, float(mean)))
+                self.curve.append((self.budget.done, self._mean(self._figure)))
+                for name, curve in self.curves.items():
+                    curve.append((self.budget.done, self._mean(CURVES[name])))
                 self.cpu_times.append(self.cpu_s)
             self._tell(self.budget.share)
         return True

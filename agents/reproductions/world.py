@@ -15,7 +15,7 @@ from race_agents.training.learner import world_of as training_world_of
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
 from race_server.core.observation import Layout
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.sb3 import KartVecEnv
 from race_server.scenario.sensors import Lidar
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.training import parking_marks, race_marks
-from race_agents.training.parking_marks import ParkingMarks
+from race_agents.training.parking_marks import Episode, ParkingMarks
 from race_agents.training.race_marks import Decide, RaceMarks
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import evaluation_tasks
@@ -38,15 +38,21 @@ class Examiner:
         """Return marks for each course, and for all of them at the end."""
         seed, seconds = self.first_seed, self.settings.evaluation.seconds
         if self.settings.parks:
-            driven = [
-                parking_marks.park(name, self._batch(name), decide, seed) for name in self.courses
-            ]
-            every = [episode for _, episodes in driven for episode in episodes]
-            return [*(marks for marks, _ in driven), parking_marks.together(every)]
+            driven = self.park(decide)
+            every = [episode for episodes in driven.values() for episode in episodes]
+            every_lot = [parking_marks.marks_of(*one) for one in driven.items()]
+            return [*every_lot, parking_marks.marks_of("all", every)]
         raced = [
             race_marks.race(name, self._batch(name), decide, seed, seconds) for name in self.courses
         ]
         return [*raced, race_marks.together(raced)]
+
+    def park(self, decide: Decide) -> dict[str, list[Episode]]:
+        """Return the episodes of a policy in each lot, one for each seed."""
+        return {
+            name: parking_marks.park(self._batch(name), decide, self.first_seed)
+            for name in self.courses
+        }
 
     def observations(self, decide: Decide, steps: int) -> NDArray[np.float32]:
         """Return observations of karts that a policy drives, shape (n, size)."""

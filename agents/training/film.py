@@ -6,7 +6,7 @@ from pathlib import Path
 
 from race_server.competition.launch import free_address
 from race_server.core.messages import Phase
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario

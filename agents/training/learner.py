@@ -15,6 +15,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.curiosity import Curious
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.gail import Discriminator
+from race_agents.training.hurl import Foretelling, MixingBuffer
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.reward_wrapper import Judge, RewardWrapper, width_of
 from race_agents.training.schedule import deviations
@@ -30,6 +31,7 @@ ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 _TAKEN = {
     *("self", "policy", "env", "learning_rate", "seed", "device", "verbose", "tensorboard_log"),
     *("policy_kwargs", "_init_setup_model", "stats_window_size", "action_noise"),
+    *("replay_buffer_class", "replay_buffer_kwargs"),
 }
 # Deviation of what TD3 adds to its actions, unless `options.action_noise` says otherwise.
 TD3_NOISE = 0.1
@@ -53,14 +55,15 @@ def world_of(
         curriculum=Curriculum(settings, budget) if settings.curriculum else None,
     )
     shown = around(karts) if around is not None else _judged(settings, karts)
-    gamma = settings.algorithm.options.get("gamma", 0.99)
-    rewards = settings.algorithm.normalise_reward
+    rewards, gamma = settings.algorithm.normalise_reward, settings.gamma
     return Normaliser(shown, ObservationView.of(settings), norm_reward=rewards, gamma=gamma)
 
 
 def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
-    """Return the karts with the rewards of all judges in the settings."""
+    """Return the karts with the rewards of all judges, and the heuristic, in the settings."""
     gail, curiosity = settings.gail, settings.curiosity
+    if settings.mixes:
+        karts = Foretelling(karts, settings)
     if gail.demonstrations:
         judge: Judge = Discriminator(settings)
         karts = RewardWrapper(karts, judge, own_share=gail.own_share, decisions=gail.decisions)
@@ -86,6 +89,13 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
         width = world.action_space.shape[0]  # type: ignore[index]  # settings keep it a box
         deviation = np.full(width, TD3_NOISE)
         options["action_noise"] = NormalActionNoise(np.zeros(width), deviation)
+    if settings.mixes and name != "ppo":
+        if options.get("n_steps", 1) != 1:
+            raise ScenarioError(
+                f"algorithm.options.n_steps = {options['n_steps']}: with parking.shaping = 'hurl' "
+                "targets are of one step; leave it out"
+            )
+        options["replay_buffer_class"] = MixingBuffer
     network: dict[str, Any] = {
         "net_arch": list(settings.network.layers),
         "activation_fn": ACTIVATIONS[settings.network.activation],

@@ -104,25 +104,18 @@ def learning_words(figures: Mapping[str, float | None]) -> str:
     )
 
 
-def park(name: str, batch: Batch, decide: Decide, seed: int) -> tuple[ParkingMarks, list[Episode]]:
-    """Return the figures of a policy in all worlds of a batch, and their episodes."""
+def park(batch: Batch, decide: Decide, seed: int) -> list[Episode]:
+    """Return the episodes of a policy in all worlds of a batch, the first of `seed`."""
     seen = batch.reset(seed)
     while not batch.buffers.idle.all():
         batch.step(decide(seen.reshape(-1, batch.layout.size)))
-    episodes: list[Episode] = [
-        batch.episode_of(w, k) for w in range(batch.worlds) for k in range(batch.learners)
-    ]
-    return _marks_of(name, episodes), episodes
+    return [batch.episode_of(w, k) for w in range(batch.worlds) for k in range(batch.learners)]
 
 
-def _marks_of(name: str, episodes: Sequence[Episode]) -> ParkingMarks:
+def marks_of(name: str, episodes: Sequence[Episode]) -> ParkingMarks:
+    """Return the figures of episodes in a lot, or in several that have a name together."""
     reward = float(np.mean([one["r"] for one in episodes]))
     return ParkingMarks(name, reward, ParkingTally.of(episodes))
-
-
-def together(episodes: Sequence[Episode]) -> ParkingMarks:
-    """Return the figures of the episodes of several lots."""
-    return _marks_of("all", episodes)
 
 
 def _percent(share: float) -> str:

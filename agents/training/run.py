@@ -19,6 +19,7 @@ from race_agents.training.cloning import Cloning
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.film import record_laps, record_parking
+from race_agents.training.hurl import Mixing
 from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.lines import Say
@@ -147,6 +148,8 @@ def _learn(
             callbacks: list[BaseCallback] = [callback, Schedule(settings, budget)]
             if settings.cloning.demonstrations:
                 callbacks.append(Cloning(settings, world, budget))
+            if settings.mixes:
+                callbacks.append(Mixing(settings, budget))
             learner.learn(budget.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         return True

@@ -3,13 +3,16 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 
+from race_agents.training.parking_settings import HurlSettings, ParkingSettings
+from race_agents.training.settings_table import Table
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
 DECISION_TICKS = 3  # in a live race
+GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
 Range = tuple[float, float]
 # Logarithms of the deviations of actions: one for all their numbers, or one for each.
 Deviations = float | tuple[float, ...]
@@ -35,22 +38,18 @@ def _absolute(path: str) -> str:
 File = Annotated[str, AfterValidator(_absolute)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Algorithm(_Table):
+class Algorithm(Table):
     """The learning algorithm. `options` are those of Stable-Baselines3's class."""
 
     name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
     # At the end; falls evenly until then, from the moment the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default={})
     normalise_reward: bool = True
 
 
-class Network(_Table):
+class Network(Table):
     """The network of the actor; that of the critic has the same layers."""
 
     layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
@@ -62,7 +61,7 @@ class Network(_Table):
     first_action: tuple[float, ...] = ()
 
 
-class Lidar(_Table):
+class Lidar(Table):
     """The lidar of training. A race's has 201 rays: 101, 41 or 21 of them are among those."""
 
     rays: int = Field(default=201, ge=2, le=2048)
@@ -72,7 +71,7 @@ class Lidar(_Table):
     logarithms: bool = False
 
 
-class RaceSettings(_Table):
+class RaceSettings(Table):
     """The other karts, and the rules: those of `race_server.scenario.race.Rules`."""
 
     karts: int = Field(default=1, ge=1, le=64)
@@ -80,7 +79,7 @@ class RaceSettings(_Table):
     opponents: tuple[str, ...] = ()
     # Numbers of karts, one drawn for each race, the last ones left out; none: always all.
     fields: tuple[int, ...] = ()
-    rules: dict[str, Any] = {}
+    rules: dict[str, Any] = Field(default={})
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -88,21 +87,7 @@ class RaceSettings(_Table):
         return self.fields or (self.karts,)
 
 
-class ParkingSettings(_Table):
-    """Vehicles that drive to slots of lots instead of a race; without lots there are none.
-
-    Of `race` they keep karts, learners, opponents and fields, and those rules that a lot has.
-    """
-
-    lots: tuple[str, ...] = ()
-    level: str = ""  # of tolerance, see `race_server.scenario.level`; none: that of each lot
-    limit_s: float = Field(default=0.0, ge=0.0)  # of an episode; 0: that of each lot
-    late_ends: bool = False  # time that runs out is an end, not a cut
-    decision_ticks: int = Field(default=6, ge=1, le=60)  # of 1/60 s
-    logarithms: bool = False  # a network sees logarithms of the radar's ranges
-
-
-class SelfPlaySettings(_Table):
+class SelfPlaySettings(Table):
     """The drivers of the seats, drawn again for each stretch of the training.
 
     A seat is `learner`, `pool`, or the name of a driver. The pool: anchors, and earlier snapshots
@@ -119,7 +104,7 @@ class SelfPlaySettings(_Table):
     laps: int = Field(default=2, ge=1)  # of those races
 
 
-class Episode(_Table):
+class Episode(Table):
     """Where an episode begins and ends."""
 
     steps: int = Field(
@@ -131,14 +116,14 @@ class Episode(_Table):
     crash_range: float = Field(default=0.0, ge=0.0)  # [m] a nearer lidar range is a crash
 
 
-class Tracks(_Table):
+class Tracks(Table):
     """A named set, or names; ``-reversed`` behind a name is the same course the other way."""
 
     set: str = ""
     names: tuple[str, ...] = ()
 
 
-class Stage(_Table):
+class Stage(Table):
     """A stage of the curriculum, in which only these tracks or lots are drawn; none: all of them.
 
     An episode succeeds if the kart completes `success_laps` in it and does not crash; in a lot, if
@@ -156,7 +141,7 @@ class Stage(_Table):
     success_laps: int = Field(default=1, ge=0)
 
 
-class Evaluation(_Table):
+class Evaluation(Table):
     """The evaluation of the policy on courses and seeds that it does not learn on."""
 
     tracks: Tracks = Tracks(set="validation")  # during training, to choose the best policy
@@ -172,7 +157,7 @@ class Evaluation(_Table):
     score: Literal["speed", "return", "success"] = "speed"
 
 
-class Goal(_Table):
+class Goal(Table):
     """Training stops early once an evaluation reaches all of these; none: it never does."""
 
     speed: float | None = None  # [m/s] at least
@@ -183,7 +168,7 @@ class Goal(_Table):
     hits: float | None = None  # share that ended in a collision, at most
 
 
-class WarmStart(_Table):
+class WarmStart(Table):
     """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
 
     teacher: str = ""  # a scripted driver, which may see more than the learner
@@ -235,7 +220,7 @@ class WarmStart(_Table):
         return self.share + self.critic_share if self.is_wanted else 0.0
 
 
-class Cloning(_Table):
+class Cloning(Table):
     """Imitation of demonstrations beside PPO, in its first steps; without a file there is none.
 
     Further steps follow each of PPO's: their learning rate is `strength` times PPO's, and falls
@@ -249,7 +234,7 @@ class Cloning(_Table):
     batch_size: int = Field(default=512, ge=1)
 
 
-class Gail(_Table):
+class Gail(Table):
     """Reward for driving like demonstrations; without them there is none."""
 
     demonstrations: File = ""  # a file of `race demonstrate`
@@ -264,7 +249,7 @@ class Gail(_Table):
     blur: float = Field(default=0.1, ge=0.0)
 
 
-class Curiosity(_Table):
+class Curiosity(Table):
     """Reward for what could not be foreseen; without bonus there is none."""
 
     bonus: float = Field(default=0.0, ge=0.0)  # for a usual surprise
@@ -276,7 +261,7 @@ class Curiosity(_Table):
     batch_size: int = Field(default=256, ge=1)
 
 
-class Settings(_Table):
+class Settings(Table):
     """One run of training."""
 
     title: str = ""
@@ -299,6 +284,7 @@ class Settings(_Table):
     gap: RealityGap = RealityGap()
     race: RaceSettings = RaceSettings()
     parking: ParkingSettings = ParkingSettings()
+    hurl: HurlSettings = HurlSettings()
     self_play: SelfPlaySettings = SelfPlaySettings()
     episode: Episode = Episode()
     tracks: Tracks = Tracks(set="train")
@@ -314,6 +300,16 @@ class Settings(_Table):
     def parks(self) -> bool:
         """Whether it is to park that is learned, and not to race."""
         return bool(self.parking.lots)
+
+    @property
+    def mixes(self) -> bool:
+        """Whether the learner mixes a heuristic into its targets, as HuRL does."""
+        return self.parks and self.parking.shaping == "hurl"
+
+    @property
+    def gamma(self) -> float:
+        """The discount of the learner."""
+        return float(self.algorithm.options.get("gamma", GAMMA))
 
     @property
     def decision_ticks(self) -> int:

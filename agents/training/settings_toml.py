@@ -91,6 +91,9 @@ def _check_discipline(settings: Settings, source: str) -> None:
         "self_play.seats: name race.opponents instead": parks and bool(settings.self_play.seats),
         f"warm_start.teacher = {settings.warm_start.teacher!r}: a teacher follows a track's line; "
         "give demonstrations instead": parks and bool(settings.warm_start.teacher),
+        "parking.shaping = 'hurl' and parking.heuristic = 'none': hurl needs a heuristic": (
+            settings.mixes and settings.parking.heuristic == "none"
+        ),
     }
     for sentence, is_wrong in wrong.items():
         if is_wrong:

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 from race_agents.training.settings import Range, Settings
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.parking import Parking
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.task import Task
@@ -130,7 +130,8 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
         "most_steps": episode.steps,
     }
     if settings.parks:
-        parking = Parking(late_ends=settings.parking.late_ends)
+        asked = settings.parking
+        parking = Parking(asked.late_ends, asked.heuristic, asked.shaping, settings.gamma)
         return Task(scenarios, parking).with_options(**options)
     return task_on(
         scenarios,

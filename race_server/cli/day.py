@@ -59,7 +59,7 @@ def day(
     from race_server.competition.race_day.picture import check_picture, draw_picture
     from race_server.competition.race_day.report import day_document
     from race_server.competition.race_day.table import print_tables
-    from race_server.core.vehicles import vehicle_named
+    from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.track.load import load_course
 
     chosen = format_named(format_name)

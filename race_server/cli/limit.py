@@ -32,7 +32,7 @@ def limit(
     as_json: AsJson = False,
 ) -> None:
     """Compute lap times along the fastest, the least curved, the centre and the shortest line."""
-    from race_server.core.vehicles import vehicle_named
+    from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.raceline.reference import NAMES, reference_limit
     from race_server.scenario.track.load import load_course
 

@@ -160,7 +160,7 @@ def _scenario(
     """
     from race_server.core.driver import driver_named
     from race_server.core.observation import wants_line
-    from race_server.core.vehicles import vehicle_named
+    from race_server.core.vehicle_presets import vehicle_named
     from race_server.live.driver_processes import preset_of
     from race_server.scenario.parking import parking_scenario
     from race_server.scenario.race import Rules, Scenario

@@ -167,7 +167,7 @@ def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: C
     """
     from race_server.core.driver import driver_named
     from race_server.core.observation import wants_line
-    from race_server.core.vehicles import vehicle_named
+    from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.raceline.attach import reference_line
     from race_server.scenario.track.load import load_course
 

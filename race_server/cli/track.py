@@ -62,7 +62,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check whether a vehicle can race on a course. Exit code 1 if it cannot."""
-    from race_server.core.vehicles import vehicle_named
+    from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.track.check import check_course
     from race_server.scenario.track.load import load_course
 

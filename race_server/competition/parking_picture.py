@@ -19,6 +19,8 @@ _COLOURS = {
     "block": "#ef6c00",
     "vehicle": "#ad1457",
     "person": "#c62828",
+    "jack_knife": "#00838f",
+    "own_body": "#4e342e",
     "driver": "#20242a",
 }
 _WIDTH, _HEIGHT = 14.0, 4.2  # [in] of one row

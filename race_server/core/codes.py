@@ -49,10 +49,12 @@ RAMMING = int(Retirement.RAMMING)
 LOST = int(Retirement.LOST)
 LEFT_LOT = int(Retirement.LEFT_LOT)
 HIT_PERSON = int(Retirement.HIT_PERSON)
+JACK_KNIFE = int(Retirement.JACK_KNIFE)
+OWN_BODY = int(Retirement.OWN_BODY)
 
-OPEN, IS_PARKED, IS_LATE, HAS_LEFT, MET_WALL, MET_BLOCK, MET_VEHICLE, MET_PERSON, HAS_GONE = (
-    int(ending) for ending in Ending
-)
+_ENDINGS = tuple(int(ending) for ending in Ending)
+OPEN, IS_PARKED, IS_LATE, HAS_LEFT, MET_WALL, MET_BLOCK, MET_VEHICLE, MET_PERSON = _ENDINGS[:8]
+HAS_GONE, HAS_JACK_KNIFED, MET_ITSELF = _ENDINGS[8:]
 
 EVENT_GREEN = int(EventKind.GREEN)
 EVENT_LAP = int(EventKind.LAP)

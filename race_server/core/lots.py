@@ -12,25 +12,28 @@ import numpy as np
 from race_server.core.records import Records, fields_of, record_of
 
 # One vehicle's slot and how it fares. Lengths [m], angles [rad], speeds [m/s].
-PARKER = record_of(
-    fields_of(
-        # The slot: its middle, the heading of a vehicle parked in it, its size.
-        "x y heading length width "
-        # How well the middle of the body has to stand in it, each 0 where it does not matter:
-        # distance, offsets along and across, difference of headings, speed.
-        "within along across turn still "
-        # Farther from the slot than this the vehicle has left; 0: it never does.
-        "leave "
-        # So far: the way driven, forward and back, and the part of it in reverse.
-        "way reversed",
-        # `fits`: 1 where the body must lie inside the slot; `slot`: number of the slot, -1 where
-        # there is none; `gear`: the sign of the last motion; `moves`: changes of it; `touched`:
-        # what it ran into, a RayHit; `walked_into`: people who ran into it while it stood.
-        "fits hold_ticks slot held_ticks parked_tick gear moves touched walked_into",
-    )
+_PARKER = fields_of(
+    # The slot: its middle, the heading of a vehicle parked in it, its size.
+    "x y heading length width "
+    # How well the middle of the body has to stand in it, each 0 where it does not matter:
+    # distance, offsets along and across, difference of headings, speed.
+    "within along across turn still "
+    # Farther from the slot than this the vehicle has left; 0: it never does.
+    "leave "
+    # So far: the way driven, forward and back, and the part of it in reverse.
+    "way reversed",
+    # `fits`: 1 where the body must lie inside the slot; `slot`: number of the slot, -1 where
+    # there is none; `gear`: the sign of the last motion; `moves`: changes of it; `touched`:
+    # what it ran into, a RayHit; `walked_into`: people who ran into it while it stood.
+    "fits hold_ticks slot held_ticks parked_tick gear moves touched walked_into",
 )
+# What came later, for trailers and starts: in no digest, since recordings hold digests. `hitch`:
+# the largest angle at any hitch, 0 where it does not matter; `last`: 1 where the last trailer's box
+# is judged, and not the vehicle's; `began`: number of the slot where it started, -1 for none.
+PARKER = record_of([*_PARKER, *fields_of("hitch", "last began")])
 # An obstacle of one world: drawn for a round, or a vehicle that stands. `kind`: RayHit; NOTHING
-# where there is none. Block k is the body of vehicle k once it has parked or crashed.
+# where there is none. Block k is the body of vehicle k once it has parked or crashed, block K + k
+# its first trailer, and so on, as far as any vehicle of the world has one.
 BLOCK = record_of(fields_of("x y heading half_length half_width", "kind"))
 # A person who walks from place to place. `rest_at`: way left [m] of this leg where a stop begins;
 # `against`: 1 + number of the vehicle that they touched in the tick before, 0 for none.
@@ -43,13 +46,15 @@ LOT = record_of(
         "taken taken_length taken_width "
         "block_least block_most slot_length slot_width nearest farthest "
         "walker_slowest walker_fastest walker_radius walker_stops",
+        # `from_slots`: 1 where vehicles start in slots, and not in zones.
         "slot_start slot_count zone_start zone_count blocks_least blocks_most walkers "
-        "walker_rest_ticks",
+        "walker_rest_ticks from_slots",
     )
 )
 SLOT = record_of(fields_of("x y heading length width", ""))
-# A rectangle of places, with a heading and how far from it one may be. `role`: see below.
-ZONE = record_of(fields_of("x0 x1 y0 y1 heading spread", "role"))
+# A rectangle of places, with a heading and how far from it one may be; `hitch`: how far from 0 the
+# angles at the hitches of a vehicle that starts may be. `role`: see below.
+ZONE = record_of(fields_of("x0 x1 y0 y1 heading spread hitch", "role"))
 
 # What a zone is for.
 START, GOAL, BLOCKS, PEOPLE = range(4)
@@ -92,5 +97,7 @@ def part_of_parking(parking: CarPark, cut: slice) -> CarPark:
 
 def bytes_of(parking: CarPark, index: int) -> list[bytes]:
     """Return what the digest of one world takes of its car park; nothing in a race."""
-    rows: tuple[Any, ...] = (parking.parkers, parking.blocks, parking.walkers)
-    return [np.ascontiguousarray(records[index]).tobytes() for records in rows]
+    rows: tuple[Any, ...] = (parking.blocks, parking.walkers)
+    numbers = np.ascontiguousarray(parking.parkers[index]).view(np.int64)
+    hashed = numbers.reshape(-1, PARKER.itemsize // 8)[:, : len(_PARKER)]
+    return [hashed.tobytes(), *(np.ascontiguousarray(one[index]).tobytes() for one in rows)]

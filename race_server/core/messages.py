@@ -117,6 +117,8 @@ class Retirement(IntEnum):
     LOST = 7  # a real kart whose poses stayed bad for too long
     LEFT_LOT = 8  # too far from the slot
     HIT_PERSON = 9
+    JACK_KNIFE = 10  # the angle at a hitch was too large
+    OWN_BODY = 11  # a trailer touched what draws it
 
 
 class Ending(IntEnum):
@@ -131,6 +133,8 @@ class Ending(IntEnum):
     VEHICLE = 6  # another vehicle,
     PERSON = 7  # a person
     WITHDREW = 8  # its driver has gone
+    JACK_KNIFE = 9  # the angle at a hitch was too large
+    OWN_BODY = 10  # a trailer touched what draws it
 
 
 class Trust(IntEnum):

@@ -1,5 +1,6 @@
 """An order to park: the slot, and the map of what stands around it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,14 +35,19 @@ class ParkingOrder:
     blocks: Floats  # (B, 5) x, y [m] of the middle, heading [rad], half length, half width [m]
 
 
+def own_blocks_of(world: World, w: int, karts: Iterable[int]) -> list[int]:
+    """Return the numbers of the blocks that these vehicles are once they stand."""
+    count, trailers = world.bodies.shape[1], world.vehicles["trailer_count"][w]
+    return [k + count * box for k in karts for box in range(1 + int(trailers[k]))]
+
+
 def order_of(world: World, w: int, k: int) -> ParkingOrder:
     """Return the order of a vehicle that has a slot: kart k of world w."""
     parker = world.parking.parkers[w, k]
     slot = Slot(*(float(parker[name]) for name in Slot._fields))
     site = world.walls.sites[world.rules[w].course]
     walls = world.walls.segments[site.wall_start : site.wall_start + site.wall_count].copy()
-    # Block k is its own body once it stands.
-    blocks = np.delete(world.parking.blocks[w], k)
+    blocks = np.delete(world.parking.blocks[w], own_blocks_of(world, w, [k]))
     blocks = blocks[blocks["kind"] != codes.NOTHING]
     names = ("x", "y", "heading", "half_length", "half_width")
     standing = np.stack([blocks[name] for name in names], axis=1)

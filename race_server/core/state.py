@@ -16,7 +16,7 @@ from race_server.core.lots import CarPark, bytes_of, part_of_parking
 from race_server.core.records import Record as Record
 from race_server.core.records import Records as Records
 from race_server.core.records import fields_of, record_of
-from race_server.core.vehicles import VEHICLE
+from race_server.core.vehicles import TRAILERS, VEHICLE
 
 Floats = NDArray[np.float64]
 Float32s = NDArray[np.float32]
@@ -31,20 +31,26 @@ RADAR_RAYS = 9
 
 EFFECT = record_of(fields_of("speed_scale thrust_scale grip_scale", "source until_tick"))
 
+# What of a trailer moves: its place follows from its heading and from what draws it.
+TOWED = record_of(fields_of("heading yaw_rate", ""))
+
 # One body: what moves, steers, meets others and carries sensors, in a race as in a car park. Angles
 # [rad], lengths [m], speeds [m/s]; fields ending in _tick or _until are ticks.
 BODY = record_of(
-    fields_of(
-        # Motion: position of the centre of gravity; speeds along and across the body.
-        "x y heading speed lateral_speed yaw_rate steering "
-        # What the driver asked for last: shares of the limits.
-        "steering_command throttle brake "
-        # What flags, effects and surface leave of speed [m/s], motor force and grip.
-        "speed_cap thrust_scale grip_scale",
-        # `contact_pairs`: bits of the bodies after it that it may meet; `sensors`: bits of Sensor;
-        # `trust`: how far the pose of a real kart is believed, see Trust.
-        "status buttons surface contact_pairs ghost_until sensors trust",
-    )
+    [
+        *fields_of(
+            # Motion: position of the centre of gravity; speeds along and across the body.
+            "x y heading speed lateral_speed yaw_rate steering "
+            # What the driver asked for last: shares of the limits.
+            "steering_command throttle brake "
+            # What flags, effects and surface leave of speed [m/s], motor force and grip.
+            "speed_cap thrust_scale grip_scale",
+            # `contact_pairs`: bits of the bodies after it that it may meet; `sensors`: bits of
+            # Sensor; `trust`: how far the pose of a real kart is believed, see Trust.
+            "status buttons surface contact_pairs ghost_until sensors trust",
+        ),
+        ("trailers", TOWED, (TRAILERS,)),
+    ]
 )
 
 # One kart's race: its place on the course, gates, laps and what the stewards watch. Fields ending
@@ -301,11 +307,20 @@ def field_of(world: World, name: str) -> Records:
     raise KeyError(name)
 
 
+def _trailers_of(world: World, index: int) -> list[bytes]:
+    """Return what the digest of one world takes of trailers; nothing of a vehicle without any."""
+    counts = world.vehicles["trailer_count"][index]
+    trailers = world.bodies["trailers"][index]
+    return [trailers[kart, : counts[kart]].tobytes() for kart in np.flatnonzero(counts).tolist()]
+
+
 def digest(world: World, index: int = 0) -> str:
     """Return a digest of one world: equal for equal seeds and inputs on every machine."""
     result = hashlib.blake2b(digest_size=16)
     result.update(np.ascontiguousarray(world.races[index]).tobytes())
     result.update(hashed_karts(world, index).tobytes())
+    for content in _trailers_of(world, index):
+        result.update(content)
     for records in (world.boxes, world.hazards):
         result.update(np.ascontiguousarray(records[index]).tobytes())
     for content in bytes_of(world.parking, index):

@@ -12,6 +12,7 @@ from race_server.core.stages.allowances import set_allowances
 from race_server.core.stages.contacts import find_contact_pairs
 from race_server.core.stages.controls import take_controls
 from race_server.core.stages.events import report, retire
+from race_server.core.stages.hitches import watch_hitches
 from race_server.core.stages.items import end_effects, use_items
 from race_server.core.stages.judging import touch_karts, touch_walls
 from race_server.core.stages.motion import move_bodies
@@ -65,6 +66,7 @@ def step(world: World, w: int) -> None:
         move_bodies(bodies, vehicles)
         touch_karts(world, w)
         touch_walls(world, w)
+    watch_hitches(world, w)
     if has_line(world, w):
         follow_course(world, w)
         steward(world, w)

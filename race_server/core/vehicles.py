@@ -1,14 +1,59 @@
-"""Vehicles in numbers: what a kart is, and the presets with their sources."""
+"""Vehicles in numbers: what a kart is, and what it draws."""
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.records import fields_of, record_of
 from race_server.errors import VehicleError
 
+# Ends the name of a preset that is to be driven without slip.
+KINEMATIC = "-kinematic"
 GRAVITY = 9.81  # [m/s²]
 KMH = 1.0 / 3.6  # [m/s] in one km/h
+
+
+# The most trailers that a vehicle draws, one behind the other, and the most feelers that it has.
+TRAILERS, FEELERS = 3, 14
+
+
+@dataclass(frozen=True)
+class Trailer:
+    """One axle behind a hitch, with a box on it. Led without force: it has no mass here.
+
+    The mass of what is drawn belongs to that of the vehicle.
+    """
+
+    hitch: float  # [m] from the axle ahead back to the hitch; negative: the hitch is ahead of it
+    bar: float  # [m] from the hitch back to the axle of this trailer
+    ahead: float  # [m] from the hitch forward to the front of the box; negative behind a drawbar
+    behind: float  # [m] from the axle back to the rear of the box
+    width: float  # [m] of the box
+    limit: float  # [rad] a larger angle at the hitch is a jack-knife
+
+    @property
+    def length(self) -> float:
+        """Length of the box [m]."""
+        return self.ahead + self.bar + self.behind
+
+    @property
+    def box_offset(self) -> float:
+        """Distance from the axle forward to the middle of the box [m]."""
+        return 0.5 * (self.ahead + self.bar - self.behind)
+
+
+@dataclass(frozen=True)
+class Feeler:
+    """A ray that measures how far something is from one of the boxes of a vehicle."""
+
+    box: int  # that carries it: 0 is the vehicle's own, 1 that of the nearest trailer
+    ahead: float  # [m] from the middle of the box
+    left: float  # [m]
+    angle: float  # [rad] of the ray against the box, left positive
 
 
 @dataclass(frozen=True)
@@ -42,6 +87,25 @@ class Vehicle:
     cornering: float  # [1/rad] cornering stiffness as a share of the load
     kinematic_below: float  # [m/s] slower than this there is no slip
     dynamic_above: float  # [m/s] faster than this the tyres alone decide
+    trailers: tuple[Trailer, ...] = ()  # the nearest one first
+    feelers: tuple[Feeler, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse more trailers and feelers than there is room for."""
+        if len(self.trailers) > TRAILERS:
+            raise VehicleError(
+                f"vehicle {self.name!r} draws {len(self.trailers)} trailers: at most {TRAILERS} do"
+            )
+        if len(self.feelers) > FEELERS:
+            raise VehicleError(
+                f"vehicle {self.name!r} has {len(self.feelers)} feelers: at most {FEELERS} fit"
+            )
+        for feeler in self.feelers:
+            if not 0 <= feeler.box <= len(self.trailers):
+                raise VehicleError(
+                    f"vehicle {self.name!r}: a feeler on box {feeler.box}; give 0 to "
+                    f"{len(self.trailers)}, the number of its trailers"
+                )
 
     @property
     def wheelbase(self) -> float:
@@ -53,18 +117,66 @@ class Vehicle:
         """Smallest radius [m] of the rear axle's path without slip."""
         return self.wheelbase / float(np.tan(self.steering_limit))
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Front and rear [m] of all boxes ahead of the centre of gravity, standing straight."""
+        front, rear = self.box_offset + 0.5 * self.length, self.box_offset - 0.5 * self.length
+        axle = -self.rear_axle
+        for trailer in self.trailers:
+            front = max(front, axle - trailer.hitch + trailer.ahead)
+            axle -= trailer.hitch + trailer.bar
+            rear = min(rear, axle - trailer.behind)
+        return front, rear
+
+    @property
+    def overall_length(self) -> float:
+        """Length [m] of all boxes, standing straight."""
+        front, rear = self.ends
+        return front - rear
+
+    @property
+    def overall_width(self) -> float:
+        """Width [m] of the widest box."""
+        return max(self.width, *(trailer.width for trailer in self.trailers), 0.0)
+
+    def boxes_at(
+        self, x: float, y: float, heading: float, headings: Sequence[float]
+    ) -> list[tuple[float, float, float, float, float]]:
+        """Return middle (x, y) [m], heading [rad], length and width [m] of each box.
+
+        x, y: centre of gravity; headings: of the trailers.
+        """
+        cos, sin = math.cos(heading), math.sin(heading)
+        boxes = [(x + self.box_offset * cos, y + self.box_offset * sin, heading)]
+        sizes = [(self.length, self.width)]
+        x, y = x - self.rear_axle * cos, y - self.rear_axle * sin
+        for trailer, turned in zip(self.trailers, headings, strict=False):
+            x, y = x - trailer.hitch * cos, y - trailer.hitch * sin
+            cos, sin = math.cos(turned), math.sin(turned)
+            x, y = x - trailer.bar * cos, y - trailer.bar * sin
+            boxes.append((x + trailer.box_offset * cos, y + trailer.box_offset * sin, turned))
+            sizes.append((trailer.length, trailer.width))
+        return [(*box, *size) for box, size in zip(boxes, sizes, strict=True)]
+
     def without_slip(self) -> "Vehicle":
         """Return the same vehicle with the kinematic model alone: the wheels never slip."""
-        return replace(self, name=self.name + _KINEMATIC, kinematic_below=1e9, dynamic_above=2e9)
+        return replace(self, name=self.name + KINEMATIC, kinematic_below=1e9, dynamic_above=2e9)
 
 
-# Ends the name of a preset that is to be driven without slip.
-_KINEMATIC = "-kinematic"
+_PARTS = {"trailers": Trailer, "feelers": Feeler}
+_NUMBERS = [field.name for field in fields(Vehicle) if field.name not in {"name", *_PARTS}]
+_TRAILER_NUMBERS = [field.name for field in fields(Trailer)]
 
-_NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
-
-# One kart's vehicle as the kernels read it.
-VEHICLE = np.dtype((np.record, [(name, np.float64) for name in _NUMBERS]))
+# One trailer's sizes as the kernels read them, one feeler, and the vehicle that has them.
+DRAWN = record_of(fields_of(" ".join(_TRAILER_NUMBERS), ""))
+FEELER = record_of(fields_of("ahead left angle cos sin", "box"))
+VEHICLE = record_of(
+    [
+        *fields_of(" ".join(_NUMBERS), "trailer_count feeler_count"),
+        ("trailers", DRAWN, (TRAILERS,)),
+        ("feelers", FEELER, (FEELERS,)),
+    ]
+)
 
 
 def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
@@ -72,152 +184,70 @@ def vehicle_record(vehicle: Vehicle) -> NDArray[np.void]:
     record = np.zeros(1, VEHICLE)
     for name in _NUMBERS:
         record[name] = getattr(vehicle, name)
+    record["trailer_count"] = len(vehicle.trailers)
+    record["feeler_count"] = len(vehicle.feelers)
+    for part in _PARTS:
+        for number, one in enumerate(getattr(vehicle, part)):
+            for name, value in vars(one).items():
+                record[part][name][0, number] = value
+    record["feelers"]["cos"] = np.cos(record["feelers"]["angle"])
+    record["feelers"]["sin"] = np.sin(record["feelers"]["angle"])
     return record
 
 
-def vehicle_of(record: NDArray[np.void]) -> Vehicle:
+def vehicle_of(record: Any) -> Vehicle:
     """Return the vehicle of a VEHICLE record, which knows no name."""
-    return Vehicle("", **{name: float(record[name]) for name in _NUMBERS})
+    numbers = {name: float(record[name]) for name in _NUMBERS}
+    trailers = record["trailers"][: int(record["trailer_count"])]
+    feelers = record["feelers"][: int(record["feeler_count"])]
+    return Vehicle(
+        "",
+        **numbers,
+        trailers=tuple(_part(Trailer, one) for one in trailers),
+        feelers=tuple(_part(Feeler, one) for one in feelers),
+    )
 
 
-# The 1/10 car of the Paris-Saclay autonomous race, on a Tamiya TT-02 chassis.
-# Wheelbase, mass, steering, motor: Webots model TT02_2023b of the race's simulator. The final
-# drive follows from 13 800 rpm at 36 km/h with wheels of 0.04 m: 5.78, so that 0.0234 N m become
-# 3.38 N. Body: the rules allow 400-480 by 160-190 mm. Grip: 5 m/s² in a bend and 4 m/s² of
-# braking on a smooth floor, our choice. Inertia: that of a uniform box. Drag is negligible.
-TT02 = Vehicle(
-    name="tt02",
-    length=0.45,
-    width=0.19,
-    box_offset=0.0,
-    front_axle=0.1285,
-    rear_axle=0.1285,
-    mass=2.331,
-    yaw_inertia=2.331 * (0.45**2 + 0.19**2) / 12.0,
-    steering_limit=0.314,
-    steering_rate=3.2,
-    motor_force=3.38,
-    motor_power=32.0,
-    brake_force=9.3,
-    front_drive=0.5,
-    front_brake=0.5,
-    top_speed=36.0 * KMH,
-    reverse_speed=1.0,
-    rolling=0.02,
-    drag=0.004,
-    grip=5.0 / GRAVITY,
-    cornering=8.0,
-    kinematic_below=0.5,
-    dynamic_above=1.5,
-)
-
-# The same car with the drift kit of the report of 2023, whose wheels turn by about 30°. Without
-# slip it turns on 0.45 m; the report measured 0.70 m at low speed.
-TT02_DRIFT = replace(TT02, name="tt02-drift", steering_limit=float(np.radians(30.0)))
-
-# The 1/10 car in round figures, to compare minimum lap times with: turning radius 0.70 m,
-# grip and braking on a smooth floor, more motor than ours, a curvature that changes by 6 1/(m s),
-# and no losses: neither rolling nor air drag, and tyres so stiff that they hardly slip. At the
-# limit 0.2 degrees of slip hold back 0.015 m/s², where those of the TT-02 do 0.94. The motor's
-# power is never the limit.
-TT02_FACTS = replace(
-    TT02,
-    name="tt02-facts",
-    steering_limit=float(np.arctan(TT02.wheelbase / 0.70)),
-    steering_rate=6.0 * TT02.wheelbase,
-    motor_force=3.0 * TT02.mass,
-    motor_power=3.0 * TT02.mass * 36.0 * KMH,
-    brake_force=4.0 * TT02.mass,
-    rolling=0.0,
-    drag=0.0,
-    cornering=500.0,
-)
-
-# An electric rental kart with its driver. Size and wheelbase: the vehicle description of the
-# Japan Automotive AI Challenge kart (2024): wheelbase 1.087 m, overhangs 0.467 and 0.510 m,
-# 1.30 m wide, steering up to 0.64 rad. Mass, power and accelerations: Sodi RSX2, 186 kg and a
-# driver of 75 kg, 10.3 kW, 0-50 km/h in about 3.2 s, 0.89 g in bends, 0.75 g braking. Rear
-# drive, rear brakes as on rental karts; 60 % of the weight on the rear axle. Tyre stiffness,
-# drag and the two blending speeds are our choice.
-KART_60 = Vehicle(
-    name="kart-60",
-    length=2.06,
-    width=1.30,
-    box_offset=0.087,
-    front_axle=0.652,
-    rear_axle=0.435,
-    mass=261.0,
-    yaw_inertia=261.0 * (1.6**2 + 1.0**2) / 12.0,
-    steering_limit=0.55,
-    steering_rate=2.5,
-    motor_force=1200.0,
-    motor_power=10_300.0,
-    brake_force=0.75 * 261.0 * GRAVITY,
-    front_drive=0.0,
-    front_brake=0.3,
-    top_speed=60.0 * KMH,
-    reverse_speed=1.5,
-    rolling=0.015,
-    drag=0.35,
-    grip=0.89,
-    cornering=10.0,
-    kinematic_below=1.0,
-    dynamic_above=3.0,
-)
-
-# Rental karts are throttled by the hall: 30 km/h for learners, 13 km/h for automatic parking.
-KART_30 = replace(KART_60, name="kart-30", top_speed=30.0 * KMH)
-KART_13 = replace(KART_60, name="kart-13", top_speed=13.0 * KMH)
-
-# The car of the Trajectory Planning Competition for Automated Parking (TPCAP, 2022): wheelbase
-# 2.80 m, overhangs 0.96 and 0.929 m, 1.942 m wide, steering up to 0.75 rad at 0.5 rad/s, 2.5 m/s
-# both ways, 1.0 m/s² of speeding up and of braking. Motor and brakes give just that, with a rolling
-# resistance of 0.12 m/s². Our choice: 1500 kg, 55 % of them on the driven front axle, the inertia
-# of a uniform box, drag of 2.2 m² with a coefficient of 0.3, and speeds up to which it never slips.
-CAR = Vehicle(
-    name="car",
-    length=0.96 + 2.80 + 0.929,
-    width=1.942,
-    box_offset=0.5 * (0.96 + 2.80 - 0.929) - 1.54,
-    front_axle=1.26,
-    rear_axle=1.54,
-    mass=1500.0,
-    yaw_inertia=1500.0 * (4.689**2 + 1.942**2) / 12.0,
-    steering_limit=0.75,
-    steering_rate=0.5,
-    motor_force=1500.0 * (1.0 + 0.012 * GRAVITY),
-    motor_power=5000.0,
-    brake_force=1500.0 * (1.0 - 0.012 * GRAVITY),
-    front_drive=1.0,
-    front_brake=0.6,
-    top_speed=2.5,
-    reverse_speed=2.5,
-    rolling=0.012,
-    drag=0.4,
-    grip=0.9,
-    cornering=10.0,
-    kinematic_below=3.0,
-    dynamic_above=6.0,
-)
-
-VEHICLES = {
-    vehicle.name: vehicle
-    for vehicle in (TT02, TT02_DRIFT, TT02_FACTS, KART_13, KART_30, KART_60, CAR)
-}
+def numbers_of(vehicle: Vehicle) -> dict[str, float]:
+    """Return all numbers of a vehicle by name, such as ``mass`` and ``trailers.1.bar``."""
+    numbers = {name: float(getattr(vehicle, name)) for name in _NUMBERS}
+    for part in _PARTS:
+        for number, one in enumerate(getattr(vehicle, part)):
+            for name, value in vars(one).items():
+                numbers[f"{part}.{number}.{name}"] = float(value)
+    return numbers
 
 
-def vehicle_named(name: str) -> Vehicle:
-    """Return the preset called `name`; ``tt02-kinematic`` is ``tt02`` without slip.
+def vehicle_from(name: str, numbers: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle that `numbers_of` took apart.
 
     Raises:
-        VehicleError: there is none.
+        KeyError: a number is missing.
+        VehicleError: more trailers or feelers than there is room for.
     """
-    preset = name.removesuffix(_KINEMATIC)
-    if preset not in VEHICLES:
-        known = ", ".join(sorted(VEHICLES))
-        raise VehicleError(
-            f"vehicle {name!r} is unknown; choose one of {known}, "
-            f"or one of them with {_KINEMATIC!r} behind its name"
-        )
-    vehicle = VEHICLES[preset]
-    return vehicle.without_slip() if name.endswith(_KINEMATIC) else vehicle
+    parts: dict[str, list[Any]] = {part: [] for part in _PARTS}
+    for part, kind in _PARTS.items():
+        while any(key.startswith(f"{part}.{len(parts[part])}.") for key in numbers):
+            prefix = f"{part}.{len(parts[part])}."
+            own = {field.name: numbers[prefix + field.name] for field in fields(kind)}
+            parts[part].append(_part(kind, own))
+    return Vehicle(
+        name,
+        **{key: numbers[key] for key in _NUMBERS},
+        trailers=tuple(parts["trailers"]),
+        feelers=tuple(parts["feelers"]),
+    )
+
+
+def vehicle_in(words: Mapping[str, Any]) -> Vehicle:
+    """Return the vehicle that `dataclasses.asdict` took apart; old ones have no trailers."""
+    parts = {
+        part: tuple(kind(**one) for one in words.get(part, ())) for part, kind in _PARTS.items()
+    }
+    return Vehicle(**{**words, **parts})
+
+
+def _part(kind: type, numbers: Any) -> Any:
+    """Return a trailer or a feeler from its numbers, by name."""
+    values = {field.name: float(numbers[field.name]) for field in fields(kind)}
+    return kind(**{**values, **({"box": int(values["box"])} if "box" in values else {})})

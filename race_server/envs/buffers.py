@@ -31,8 +31,9 @@ EPISODE = {
     "steps": np.int64,  # decisions
     "number": np.int64,  # counts the kart's episodes since the seed was set
 }
-# One world's round: from one reset to the next.
-ROUND = dict.fromkeys(("seed", "number", "steps", "scenario", "entries"), np.int64)
+# One world's round: from one reset to the next. `world`: its number in the whole batch, also where
+# a thread has only some of the worlds.
+ROUND = dict.fromkeys(("seed", "number", "steps", "scenario", "entries", "world"), np.int64)
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,8 @@ def make_buffers(
     episode = record(EPISODE | dict(figures.episode))
     # A ring needs room for the newest and for the oldest that a draw can ask for.
     rings = [int(row[1]) + 1 if row[1] > 0 else 0 for row in gap[:2]]
+    rounds = np.zeros(sizes.worlds, record(ROUND))
+    rounds["world"] = np.arange(sizes.worlds)
     return Buffers(
         settings=_settings(settings),
         offsets=offsets,
@@ -146,7 +149,7 @@ def make_buffers(
         before=np.zeros(shape, record(figures.before)),
         episodes=np.zeros(shape, episode),
         ended=np.zeros(shape, episode),
-        rounds=np.zeros(sizes.worlds, record(ROUND)),
+        rounds=rounds,
         row=np.zeros((sizes.worlds, opposition.widest), np.float32),
         views=np.zeros((*per_world, opposition.widest)),
         memory=np.zeros((*per_world, memory_size(sizes.rays))),

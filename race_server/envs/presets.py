@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.parking import Parking
 from race_server.envs.racing import Racing
 from race_server.envs.task import Task

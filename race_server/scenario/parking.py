@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from race_server.core import codes
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.level import level_named
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.race import Rules, Scenario

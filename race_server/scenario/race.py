@@ -12,7 +12,8 @@ from race_server.core.rules.items import item_table
 from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
 from race_server.core.state import RADAR_RAYS, Record, SensorData, World, empty_world
-from race_server.core.vehicles import TT02, Vehicle, vehicle_record
+from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.errors import ScenarioError
 from race_server.scenario.level import level_named
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
@@ -117,6 +118,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
     # A course is packed once for each reference line that is driven on it.
     lanes = list(dict.fromkeys((scenario.course, scenario.line) for scenario in scenarios))
     worlds = len(scenarios)
+    most_boxes = 1 + max(len(one.trailers) for each in scenarios for one in each.vehicles)
     sight = SensorData(
         lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
         radar=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
@@ -134,7 +136,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
         sight,
         pack_walls([fence_of(course) for course, _ in lanes]),
         pack_route([course for course, _ in lanes], [line for _, line in lanes]),
-        make_parking([course.lot for course, _ in lanes], worlds, first.karts),
+        make_parking([course.lot for course, _ in lanes], worlds, first.karts, most_boxes),
     )
     for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         for k in range(scenario.karts):
@@ -152,11 +154,14 @@ def _check(scenario: Scenario) -> None:
         raise ScenarioError(
             f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
         )
-    if course.lot is not None and is_lot(course) and 0 < len(course.lot.slots) < karts:
-        raise ScenarioError(
-            f"{karts} vehicles on {course.name}: it has {len(course.lot.slots)} slots; two "
-            "vehicles cannot share one"
-        )
+    if course.lot is not None and is_lot(course) and len(course.lot.slots):
+        wanted = karts * (2 if course.lot.from_slots else 1)
+        if len(course.lot.slots) < wanted:
+            raise ScenarioError(
+                f"{karts} vehicles on {course.name}: it has {len(course.lot.slots)} slots; two "
+                "vehicles cannot share one"
+                + (", and each needs one to start in" if course.lot.from_slots else "")
+            )
     if rules.laps < 0:
         raise ScenarioError(f"{rules.laps} laps: choose 1 or more, or 0 for no limit")
     for policy in (rules.wall_contact, rules.kart_contact):
@@ -230,6 +235,7 @@ def _put_on_grid(world: World, w: int, k: int, place: int, fitted: int) -> None:
     course = world.route.courses[world.rules[w].course]
     if course.grid_count > 0:
         body.x, body.y, body.heading = world.route.grid[course.grid_start + place]
+        world.bodies["trailers"]["heading"][w, k] = body.heading
 
 
 def _clear_parker(world: World, w: int, k: int, scenario: Scenario) -> None:

@@ -103,7 +103,7 @@ def decisions_of(name: str, interpret: str) -> list[str]:
 import numpy as np
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.observation import Observation, layout_of
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 driver = driver_named({name!r})
 layout = layout_of(driver.preset, 41)
 driver.reset(Briefing(0, TT02, 3, driver.preset, 0.05, ("boost", "oil"), 3.4))

@@ -20,7 +20,7 @@ from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import driver_named
 from race_server.core.observation import Observation
-from race_server.core.vehicles import KART_60
+from race_server.core.vehicle_presets import KART_60
 from race_server.envs.batch import Batch
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.reality_gap import RealityGap

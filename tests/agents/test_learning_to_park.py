@@ -32,7 +32,8 @@ from race_agents.training.view import ObservationView
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import Briefing
 from race_server.core.observation import PRESETS, Observation, layout_of
-from race_server.core.vehicles import KART_13, vehicle_record
+from race_server.core.vehicle_presets import KART_13
+from race_server.core.vehicles import vehicle_record
 from race_server.envs.actions import BRAKED, PEDAL, Driven, discrete_table, read_action
 from race_server.envs.batch import Batch
 from race_server.envs.presets import parking_task

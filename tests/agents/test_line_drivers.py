@@ -17,7 +17,8 @@ from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernel_driver import Cockpit, memory_size
 from race_server.core.messages import Status
 from race_server.core.observation import PART_NUMBERS
-from race_server.core.vehicles import GRAVITY, TT02, vehicle_record
+from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import GRAVITY, vehicle_record
 from race_server.envs.reality_gap import RealityGap
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line

@@ -16,7 +16,7 @@ from race_agents.reproductions.registry import reproduction_named
 from race_agents.reproductions.report_a import CLONING, GAIL, reward, stages
 from race_agents.reproductions.summary import lines_of
 from race_agents.reproductions.table import page, texts_of
-from race_agents.reproductions.training import run_training, settled_at, trainings_of
+from race_agents.reproductions.training import reached_at, run_training, settled_at, trainings_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_server.core.driver import Briefing
@@ -87,7 +87,9 @@ def test_an_exam_counts_how_each_start_ended() -> None:
 
     figures = examine_parking(face_to_face(), ParkingExam(starts=4), ahead)
     assert (figures["starts"], figures["parked"], figures["aligned"]) == (4, 4, 4)
-    assert [figures[name] for name in FAILURES] == [0] * 6
+    assert [figures[name] for name in FAILURES] == [0] * 8
+    assert (figures["open"], figures["open_parked"], figures["barred"]) == (4, 4, 0)
+    assert figures["length"] == 20  # decisions of 0.1 s
     hurried = examine_parking(face_to_face("parking.limit_s=1.0"), ParkingExam(starts=4), ahead)
     assert (hurried["parked"], hurried["late"], hurried["time_s"]) == (0, 4, None)
 
@@ -97,6 +99,12 @@ def test_what_is_learned_is_reached_at_90_percent_of_where_it_ends() -> None:
     assert settled_at(curve, [float(point) for point in range(20)]) == 9.0
     assert settled_at([(10, 0.0), (20, 0.0)], [1.0, 2.0]) is None
     assert settled_at([], []) is None
+
+
+def test_a_share_is_reached_at_the_first_point_of_a_curve_that_has_it() -> None:
+    curve = [(10, 0.5), (20, 0.8), (30, 0.7), (40, 0.9)]
+    assert reached_at(curve, 0.8) == 20.0
+    assert reached_at(curve, 0.95) is None
 
 
 # The table
@@ -122,6 +130,17 @@ def test_counts_of_all_runs_make_a_percentage_with_its_interval() -> None:
     text = page(plan, plan.full, lines, {}, quick=False)
     assert "the interval of 95 % (Wilson) over all starts of all runs" in text
     assert "each then parks from 1000 starts that no training had" in text
+
+
+def test_further_curves_are_a_mean_and_a_range_of_the_runs() -> None:
+    plan = reproduction_named("report-a-scenario-1")
+    one, other = counted(1, 100, 90), counted(2, 80, 72)
+    one["curves"] = {"length": [[10, 50.0], [20, 40.0], [30, 30.0]]}
+    other["curves"] = {"length": [[20, 60.0], [30, 10.0]]}
+    (line,) = lines_of(plan, [one, other])
+    assert line.bands == {"length": ((20.0, 50.0, 40.0, 60.0), (30.0, 20.0, 10.0, 30.0))}
+    (older,) = lines_of(plan, [one, counted(2, 80, 72)])
+    assert older.bands == {}
 
 
 def test_a_share_of_nothing_is_no_figure() -> None:

@@ -24,7 +24,8 @@ from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.motion import Allowance, Motion, move
 from race_server.core.state import Floats
-from race_server.core.vehicles import CAR, KART_13, Vehicle, vehicle_record
+from race_server.core.vehicle_presets import CAR, KART_13
+from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.errors import PlanError
 
 SUBSTEP = 1.0 / 120.0

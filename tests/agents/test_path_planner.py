@@ -31,7 +31,8 @@ from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
-from race_server.core.vehicles import CAR, KART_13, Vehicle
+from race_server.core.vehicle_presets import CAR, KART_13
+from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError, ScenarioError
 
 NO_BOXES = np.zeros((0, 6))

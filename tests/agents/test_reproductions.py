@@ -71,6 +71,10 @@ def test_every_report_has_its_reproductions() -> None:
         "report-a-parking-aids",
         "report-a-scenario-1",
         "report-a-scenario-2",
+        "report-c-algorithms",
+        "report-c-heuristics",
+        "report-c-more-heuristics",
+        "report-c-shaping",
     } == set(reproduction_names())
 
 

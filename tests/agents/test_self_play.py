@@ -23,7 +23,7 @@ from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import driver_named
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import LEARNING_RULES, task_on

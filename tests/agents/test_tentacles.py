@@ -18,7 +18,8 @@ from race_agents.drivers.tentacles_report_b import (
     move_off,
 )
 from race_server.core.kernel_driver import KEPT, memory_size
-from race_server.core.vehicles import TT02, vehicle_record
+from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import vehicle_record
 
 FIELD = math.radians(200.0)
 RAYS = 201

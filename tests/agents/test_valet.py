@@ -31,7 +31,8 @@ from race_server.core.kernels.geometry import Pose
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.core.state import Floats
-from race_server.core.vehicles import CAR, KART_13, vehicle_record
+from race_server.core.vehicle_presets import CAR, KART_13
+from race_server.core.vehicles import vehicle_record
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import parking_task

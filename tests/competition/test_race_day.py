@@ -24,7 +24,7 @@ from race_server.competition.race_day.report import day_document
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.storage.results.keeper import Keeper

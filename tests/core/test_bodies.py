@@ -16,7 +16,8 @@ from race_server.core.stages.controls import take_controls
 from race_server.core.stages.motion import move_bodies
 from race_server.core.stages.wall_contacts import next_wall_blow
 from race_server.core.state import BODY, Records
-from race_server.core.vehicles import TT02, vehicle_record
+from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import vehicle_record
 from race_server.scenario.track.polyline import segments_of
 from race_server.scenario.track.walls import Fence, pack_walls
 

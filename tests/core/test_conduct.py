@@ -10,7 +10,7 @@ from race_server.core.messages import EventKind, Retirement, Status
 from race_server.core.rules.conduct import is_in_the_way, is_ramming
 from race_server.core.state import World
 from race_server.core.step import advance
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.scenario.race import Rules, Scenario, make_world
 from support.courses import SMALL_RING
 

@@ -14,6 +14,7 @@ from race_server.core.kernels.distance_field import (
     clear_of_box,
     clear_of_walls,
     distance_at,
+    fill_cut_off,
     fill_distances,
 )
 from race_server.core.state import Floats
@@ -128,3 +129,66 @@ def test_a_box_is_solid() -> None:
     assert clear[cell_at(GRID, 10.25, 8.75)] == pytest.approx(1.75)
     assert clear[cell_at(GRID, 12.25, 8.25)] == pytest.approx(math.hypot(1.25, 1.25))
     assert clear[0, 0] == MOST
+
+
+random_walls = st.lists(
+    st.tuples(st.floats(1.0, 19.0), st.floats(1.0, 9.0), st.floats(1.0, 19.0), st.floats(1.0, 9.0)),
+    max_size=4,
+)
+
+
+def filled(
+    clear: Floats, *, has_diagonals: bool = True, goal: tuple[float, float] = GOAL
+) -> Floats:
+    distances = np.empty_like(clear)
+    queues = np.empty((2, clear.size), np.int64)
+    fill_distances(GRID, clear, 0.5, goal, has_diagonals, distances, queues)
+    fill_cut_off(GRID, distances, has_diagonals)
+    return distances
+
+
+@unhurried
+@given(random_walls, st.booleans())
+def test_cells_that_are_cut_off_are_one_step_from_their_nearest_neighbour(
+    walls: list[tuple[float, float, float, float]], has_diagonals: bool
+) -> None:
+    clear = clearance(*walls)
+    before, after = (
+        field(clear, has_diagonals=has_diagonals),
+        filled(clear, has_diagonals=has_diagonals),
+    )
+    known = np.isfinite(before)
+    assert (after[known] == before[known]).all()
+    assert np.isfinite(after).all()
+    assert (after >= 0.0).all()
+    padded = np.pad(after, 1, constant_values=np.inf)
+    steps = [(0, 1, 0.5), (0, -1, 0.5), (1, 0, 0.5), (-1, 0, 0.5)]
+    if has_diagonals:
+        steps += [(i, j, math.sqrt(0.5)) for i in (1, -1) for j in (1, -1)]
+    near = [padded[1 + i : 21 + i, 1 + j : 41 + j] + step for i, j, step in steps]
+    assert after[~known] == pytest.approx(np.min(near, axis=0)[~known])
+
+
+@unhurried
+@given(random_walls)
+def test_the_mirror_image_of_walls_has_the_mirror_image_of_ways(
+    walls: list[tuple[float, float, float, float]],
+) -> None:
+    clear = clearance(*walls)
+    mirrored = np.ascontiguousarray(clear[::-1])
+    ways = filled(mirrored, goal=(GOAL[0], 10.0 - GOAL[1]))
+    assert ways[::-1] == pytest.approx(filled(clear))
+
+
+@unhurried
+@given(random_walls, st.floats(0.0, 20.0), st.floats(0.0, 10.0), st.booleans())
+def test_between_cells_a_way_changes_without_a_leap(
+    walls: list[tuple[float, float, float, float]], x: float, y: float, is_on_a_line: bool
+) -> None:
+    ways = filled(clearance(*walls))
+    if is_on_a_line:  # through middles of cells, where other cells begin to count
+        x = 0.25 + 0.5 * math.floor(2.0 * x)
+    at = distance_at(GRID, ways, x, y)
+    for step in (-1e-7, 1e-7):
+        assert distance_at(GRID, ways, x + step, y) == pytest.approx(at, abs=1e-4)
+        assert distance_at(GRID, ways, x, y + step) == pytest.approx(at, abs=1e-4)

@@ -7,16 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from race_server.core.kernels.motion import Allowance, Command, Motion, move, tyre_stiffness
-from race_server.core.vehicles import (
-    GRAVITY,
-    KART_60,
-    TT02,
-    TT02_DRIFT,
-    VEHICLES,
-    Vehicle,
-    vehicle_named,
-    vehicle_record,
-)
+from race_server.core.vehicle_presets import KART_60, TT02, TT02_DRIFT, VEHICLES, vehicle_named
+from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_record
 from race_server.errors import VehicleError
 
 DT = 1.0 / 120.0

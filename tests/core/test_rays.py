@@ -23,6 +23,7 @@ from race_server.core.kernels.wall_scan import scan_body, scan_walls
 from race_server.scenario.sensors import fan
 from race_server.scenario.track.walls import fence_of, pack_walls
 from support.courses import SMALL_RING, ring
+from support.lots import one_slot
 
 WALLS = pack_walls(
     [fence_of(ring()), fence_of(SMALL_RING)]
@@ -68,6 +69,13 @@ def test_a_ray_through_the_grid_finds_what_a_search_over_all_walls_finds(
 def test_a_ray_along_an_axis_of_the_grid_is_exact(angle: float) -> None:
     found, _ = cast_ray(WALLS, SITE, 6.0, 0.0, round(math.cos(angle)), round(math.sin(angle)), 8.0)
     assert found == pytest.approx(slow_range(6.0, 0.0, angle, 8.0), abs=1e-6)
+
+
+def test_a_ray_that_runs_along_an_edge_between_cells_ends() -> None:
+    # Cells of 1 m from -51 m on; rounding puts this ray on the edge, and its direction off it.
+    walls = pack_walls([fence_of(one_slot())])
+    distance, wall = cast_ray(walls, walls.sites[0], -8e-16, -42.0, -1.8e-16, -1.0, 20.0)
+    assert (distance, wall >= 0) == (pytest.approx(8.0), True)
 
 
 def test_a_ray_that_meets_nothing_returns_its_reach() -> None:

@@ -172,3 +172,85 @@ def test_a_vehicle_that_is_done_leaves_the_agents_and_stays_in_the_way() -> None
 def test_a_reward_for_goals_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ScenarioError, match=r"'dnse': choose one of sparse, dense"):
         gymnasium.make(registration.PARK_GOAL, reward="dnse")
+
+
+# With a trailer
+
+
+def lorry_in_bay(level: str = "dock", **options: object) -> Batch:
+    """Return a lorry at a dock."""
+    task = parking_task("dock-35", level=level, observation="park_trailer", **options)
+    return Batch(task, after=STAY)
+
+
+def test_a_lorry_that_bends_its_hitch_too_far_pays_for_a_jack_knife_and_for_no_crash() -> None:
+    batch = lorry_in_bay(reward={"jack_knife": -3.0, "crash": -100.0})
+    batch.world.bodies["trailers"]["heading"][0, 0, 0] += 3.0
+    batch.step(np.array(STAND, np.float32))
+    assert batch.rewards[0, 0] == -3.0
+    assert batch.episode_of(0, 0)["ending"] == "jack_knife"
+
+
+def test_at_a_dock_metres_are_gained_by_the_trailer() -> None:
+    batch = lorry_in_bay(reward={"goal_progress": 1.0})
+    parker, body = batch.world.parking.parkers[0, 0], batch.world.bodies[0, 0]
+    # Straight before its bay, the middle of the trailer 10 m from where it belongs.
+    body.x, body.heading = parker.x, 0.5 * np.pi
+    body.y = parker.y - 1.45 + 6.45 + 10.0
+    body.trailers["heading"] = 0.5 * np.pi
+    total = drive(batch, BACK, 20)
+    assert total == pytest.approx(batch.world.parking.parkers["reversed"][0, 0], abs=0.01)
+    assert total > 0.5
+
+
+def test_the_reward_of_the_report_adds_up_to_its_figures() -> None:
+    batch = Batch(parking_task("grid-150", observation="report_c", reward="report_c"), after=STAY)
+    # A decision that stands costs 20 / 2400 for time and 0.1.
+    batch.step(np.array(STAND, np.float32))
+    assert batch.rewards[0, 0] == pytest.approx(-20.0 / 2400.0 - 0.1)
+    parker, body = batch.world.parking.parkers[0, 0], batch.world.bodies[0, 0]
+    body.x, body.y, body.heading = parker.x, parker.y + 5.0 * np.sin(parker.heading), parker.heading
+    body.trailers["heading"] = parker.heading
+    batch.step(np.array(STAND, np.float32))
+    terms = dict(zip(batch.terms, batch.buffers.terms[0, 0].tolist(), strict=True))
+    assert (terms["parked"], terms["aligned"]) == (1.0, 1.0)
+    assert batch.episode_of(0, 0)["aligned"]
+
+
+@pytest.mark.parametrize("name", [registration.PARK_TRAILER, registration.PARK_TRAILER_GOAL])
+def test_the_environments_with_a_trailer_keep_the_rules_of_gymnasium(name: str) -> None:
+    env = gymnasium.make(name)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+def test_with_a_trailer_every_reward_is_that_of_its_goals_and_both_headings_count() -> None:
+    env = gymnasium.make(registration.PARK_TRAILER_GOAL).unwrapped
+    seen, _ = env.reset(seed=4)
+    assert seen["achieved_goal"].shape == (7,)
+    for action in (AHEAD, BACK, BACK):
+        seen, reward, *_, info = env.step(np.array(action, np.float32))
+        again = env.compute_reward(seen["achieved_goal"], seen["desired_goal"], info)
+        assert reward == again
+    there = seen["desired_goal"].astype(np.float64)
+    assert env.compute_reward(there, there, {}) == 0.0
+    bent = there.copy()
+    bent[4:6] = there[4] * np.cos(0.2) - there[5] * np.sin(0.2), there[5] * np.cos(0.2)
+    assert env.compute_reward(bent, there, {}) == -1.0
+
+
+def test_goals_of_a_level_that_judges_the_trailer_are_refused() -> None:
+    with pytest.raises(ScenarioError, match="judges its last trailer; choose another"):
+        gymnasium.make(registration.PARK_TRAILER_GOAL, level="dock")
+
+
+def test_lorries_share_a_lot_and_a_vector_holds_one_in_each() -> None:
+    lot = parallel_lot("grid-150", vehicles=3, observation="park_trailer")
+    seen, _ = lot.reset(seed=2)
+    assert len(seen) == 3
+    lot.step({agent: np.array(AHEAD, np.float32) for agent in lot.agents})
+    lot.close()
+    vector = gymnasium.make_vec(registration.PARK_TRAILER, num_envs=4)
+    first, _ = vector.reset(seed=1)
+    assert first.shape[0] == 4
+    vector.close()

@@ -18,7 +18,7 @@ from race_agents.plant.radar import Person, Surroundings
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
-from race_server.core.vehicles import KART_30, TT02
+from race_server.core.vehicle_presets import KART_30, TT02
 from race_server.errors import SeatError
 from race_server.live.client.seat import ClientSeat, take_seat
 from race_server.live.server import LOCKSTEP, REAL, RaceServer

@@ -12,7 +12,7 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core.messages import Button, Control, Status
 from race_server.core.observation import layout_of
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.envs.actions import CONTINUOUS
 from race_server.envs.parallel import KartRace
 from race_server.envs.presets import task_on

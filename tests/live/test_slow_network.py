@@ -10,7 +10,7 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control
 from race_server.core.observation import Observation, layout_of
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.errors import RaceError
 from race_server.live.client.bridge import GhostKart, Site, relay
 from race_server.live.client.latency_limiter import FRESH_S, REACH, LatencyLimiter

@@ -22,6 +22,7 @@ from race_server.core.messages import (
     Source,
     Standing,
 )
+from race_server.core.vehicle_presets import LORRY, TT02
 from race_server.errors import SeatError, WireError
 from race_server.net.wire import admin, drive, line, links, lobby, parking, rays, spectate, topics
 from race_server.net.wire import pose as poses
@@ -231,6 +232,29 @@ def test_an_order_to_park_comes_back_as_it_was_sent_alone_and_in_a_briefing() ->
     assert lobby.decode_welcome(lobby.encode_welcome(WELCOME)).order is None
 
 
+def test_what_an_order_asks_of_trailers_comes_back_as_it_was_sent() -> None:
+    level = replace(ORDER.order.level, hitch=0.25, last=True)
+    frame = replace(ORDER, order=replace(ORDER.order, level=level))
+    assert parking.decode_order(parking.encode_order(frame)).order.level == level
+
+
+def test_trailers_come_back_as_they_were_sent() -> None:
+    rows = np.zeros(2, parking.TRAILER)
+    for number, name in enumerate(parking.TRAILER_NAMES):
+        rows[name] = np.arange(2) + number
+    frame = replace(snapshot(), trailers=rows)
+    writer = spectate.SnapshotWriter()
+    for _ in range(2):
+        assert spectate.decode_snapshot(writer.write(frame)).trailers.tolist() == rows.tolist()
+
+
+def test_a_briefing_tells_of_trailers_and_feelers() -> None:
+    for vehicle in (LORRY, TT02):
+        briefing = replace(WELCOME.briefing, vehicle=vehicle)
+        back = lobby.decode_welcome(lobby.encode_welcome(replace(WELCOME, briefing=briefing)))
+        assert back.briefing.vehicle == vehicle
+
+
 def test_an_order_whose_walls_are_not_whole_or_not_finite_is_refused() -> None:
     for walls, why in ((np.ones(7), "rows have 4"), (np.array([[np.nan] * 4]), "not finite")):
         bad = replace(ORDER, order=replace(ORDER.order, walls=walls))
@@ -244,6 +268,7 @@ def test_people_and_figures_of_parking_come_back_as_they_were_sent() -> None:
     assert spectate.decode_snapshot(writer.write(snapshot())).walkers.tolist() == []
     back = spectate.decode_snapshot(writer.write(frame))
     assert back.walkers.tolist() == frame.walkers.tolist()
+    assert back.trailers.tolist() == []
     table = replace(STANDINGS, rows=(PARKED,))
     assert spectate.decode_standings(spectate.encode_standings(table)).rows == (PARKED,)
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from race_server.core.vehicles import KART_60, TT02, Vehicle
+from race_server.core.vehicle_presets import KART_60, TT02
+from race_server.core.vehicles import Vehicle
 from race_server.errors import TrackError
 from race_server.scenario.track.blocks import HALF_THICKNESS, lay, pieces_of
 from race_server.scenario.track.build import SCALES, TrackSpec, build, periodic_spline

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from race_server.cli.lot import app
-from race_server.core.vehicles import CAR, KART_13
+from race_server.core.vehicle_presets import CAR, KART_13
 from race_server.errors import ScenarioError
 from race_server.scenario.lot.check import check_lot
 from race_server.scenario.lot.footprint import Footprint, wall_under

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_server.core.vehicles import CAR, GRAVITY, KART_13
+from race_server.core.vehicle_presets import CAR, KART_13, LORRY, vehicle_named
+from race_server.core.vehicles import GRAVITY
 from race_server.errors import LotError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import slots_of
@@ -51,14 +52,14 @@ def lot_of(course: Course) -> Lot:
 
 
 def test_the_lots_are_shipped() -> None:
-    wanted = "aisle-45 aisle-60 aisle-90 face-to-face gate kerb yard-70 zone-30"
+    wanted = "aisle-45 aisle-60 aisle-90 dock-35 face-to-face gate grid-150 kerb yard-70 zone-30"
     assert lot_names() == wanted.split()
 
 
 @pytest.mark.parametrize("name", lot_names())
 def test_a_free_way_leads_to_every_slot_of_a_shipped_lot(name: str) -> None:
     course = load_lot(name)
-    vehicle = {"car": CAR, "kart-13": KART_13}[lot_of(course).vehicle]
+    vehicle = vehicle_named(lot_of(course).vehicle)
     assert cut_off(course, vehicle) == []
 
 
@@ -86,6 +87,30 @@ def test_the_gate_is_3_50_m_wide_between_its_walls() -> None:
     course = load_lot("gate")
     low, high = sorted(course.obstacles, key=lambda wall: wall.y)
     assert (high.y - 0.5 * high.length) - (low.y + 0.5 * low.length) == pytest.approx(3.5)
+
+
+def test_in_grid_150_four_rows_of_27_slots_lie_on_aisles_of_24_m_and_more() -> None:
+    course = load_lot("grid-150")
+    rows = sorted({slot.y for slot in slots_of(course)})
+    assert len(slots_of(course)) == 108
+    # Slots of 18 m: their ends lie 9 m from their middles.
+    low, *_, high = rows
+    assert rows[2] - rows[1] - 18.0 == pytest.approx(24.0)
+    assert (low - 9.0, 150.0 - high - 9.0) == pytest.approx((26.6, 26.6))
+    for slot in slots_of(course):
+        # Each points to its aisle: away from the wall behind it, which is 9.2 m from its middle.
+        wall = min((44.8, 105.2), key=lambda y, at=slot.y: abs(y - at))
+        assert abs(wall - slot.y) == pytest.approx(9.2)
+        assert math.copysign(1.0, slot.y - wall) == pytest.approx(math.sin(slot.heading))
+
+
+def test_the_yard_of_dock_35_is_twice_the_lorry_and_2_m_deep() -> None:
+    course = load_lot("dock-35")
+    slots = slots_of(course)
+    assert len(slots) == 18
+    assert slots[1].x - slots[0].x == pytest.approx(4.0)
+    depth = float(np.ptp(course.borders[:4, 1]))
+    assert depth == pytest.approx(2.0 * LORRY.overall_length + 2.0)
 
 
 def test_the_car_is_that_of_the_benchmark() -> None:

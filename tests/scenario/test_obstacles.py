@@ -12,7 +12,7 @@ from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import QUIET_LENGTHS, corners_of, with_obstacles
 from race_server.core.messages import EventKind
 from race_server.core.step import advance
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario, make_world
 from race_server.scenario.track.course import Course, Floats, Obstacle

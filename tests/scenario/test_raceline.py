@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from race_server.core.kernels.motion import tyre_stiffness
-from race_server.core.vehicles import GRAVITY, KART_60, TT02, TT02_FACTS, Vehicle, vehicle_named
+from race_server.core.vehicle_presets import KART_60, TT02, TT02_FACTS, vehicle_named
+from race_server.core.vehicles import GRAVITY, Vehicle
 from race_server.errors import RaceError, TrackError, VehicleError
 from race_server.scenario.raceline import reference
 from race_server.scenario.raceline.baselines import centre_line

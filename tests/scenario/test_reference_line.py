@@ -9,7 +9,7 @@ import pytest
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.core.observation import Observation, layout_of, wants_line
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.envs.batch import Batch
 from race_server.envs.presets import task_on
 from race_server.scenario.race import Scenario, make_worlds

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from race_server.cli.lot import app
-from race_server.core.vehicles import CAR
+from race_server.core.vehicle_presets import CAR
 from race_server.errors import LotError
 from race_server.scenario.lot.check import check_lot
 from race_server.scenario.lot.tpcap import MOST_NUMBERS, MOST_POLYGONS, import_case, read_case

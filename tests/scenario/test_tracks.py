@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from race_server.core.vehicles import KART_30, TT02, VEHICLES
+from race_server.core.vehicle_presets import KART_30, TT02, VEHICLES
 from race_server.errors import TrackError
 from race_server.scenario.track.blocks import Loop, lay
 from race_server.scenario.track.check import check_course

@@ -18,7 +18,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.rules.items import items
-from race_server.core.vehicles import KART_60, TT02
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import SeatError, WireError
 from race_server.live.server.publisher import hud_of, snapshot_of
 from race_server.scenario.race import Scenario

@@ -3,7 +3,7 @@
 from typing import Any
 
 from race_server.core.driver import Briefing
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 
 
 def briefing(preset: str, **changes: Any) -> Briefing:

@@ -10,7 +10,8 @@ from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import World
 from race_server.core.step import advance
-from race_server.core.vehicles import KART_13
+from race_server.core.vehicle_presets import KART_13
+from race_server.core.vehicles import Vehicle
 from race_server.scenario.level import level_named
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.parking import LOT_RULES
@@ -52,14 +53,15 @@ def park_world(
     bump: bool = False,
     seed: int = 3,
     limit_s: float = 60.0,
+    vehicle: Vehicle = KART_13,
 ) -> World:
-    """Return a world of karts of 13 km/h in a car park."""
+    """Return a world of vehicles of one kind in a car park."""
     contact = "bump" if bump else "retire"
     rules = replace(LOT_RULES, wall_contact=contact, kart_contact=contact, limit_s=limit_s)
     scenario = Scenario(
         course,
         karts=vehicles,
-        vehicles=(KART_13,),
+        vehicles=(vehicle,),
         rules=rules,
         seed=seed,
         level=level_named(level),
@@ -74,6 +76,16 @@ def put(
     body = world.bodies[0, kart]
     body.x, body.y = x - AHEAD * np.cos(heading), y - AHEAD * np.sin(heading)
     body.heading, body.speed = heading, speed
+
+
+def put_axle(
+    world: World, x: float, y: float, heading: float = 0.0, *, bend: float = 0.0, kart: int = 0
+) -> None:
+    """Put a vehicle so that its rear axle is at (x, y) [m]. bend: [rad] at its first hitch."""
+    body, ahead = world.bodies[0, kart], float(world.vehicles[0, kart].rear_axle)
+    body.x, body.y = x + ahead * np.cos(heading), y + ahead * np.sin(heading)
+    body.heading = heading
+    body.trailers["heading"] = heading - bend
 
 
 def wait(world: World, ticks: int) -> None:

@@ -20,7 +20,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.net.wire import drive, line, links, lobby, parking, rays, spectate
 
 

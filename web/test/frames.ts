@@ -37,6 +37,7 @@ export function snapshot(changes: Partial<SnapshotFrame> = {}): SnapshotFrame {
     boxes: new Uint8Array(),
     hazards: [],
     walkers: [],
+    trailers: [],
     ...changes,
   };
 }

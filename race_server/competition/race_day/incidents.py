@@ -60,5 +60,7 @@ def _removal(reason: Retirement, rules: Rules) -> str:
         Retirement.LOST: "position lost",
         Retirement.LEFT_LOT: "left the car park",
         Retirement.HIT_PERSON: "hit a person",
+        Retirement.JACK_KNIFE: "jack-knifed",
+        Retirement.OWN_BODY: "touched itself with a trailer",
     }
     return words.get(reason, "withdrew")

@@ -8,7 +8,7 @@ import numpy as np
 from race_server.competition.time_trial.figures import LimitTime
 from race_server.competition.time_trial.lap import COLUMNS
 from race_server.core.state import Floats
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError
 from race_server.scenario.raceline.reference import Raceline, reference_limit
 from race_server.scenario.track.load import load_course

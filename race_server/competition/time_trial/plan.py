@@ -16,7 +16,7 @@ from race_server.competition.time_trial.run_spec import RunSpec, task_of
 from race_server.competition.time_trial.save import RunLog
 from race_server.competition.time_trial.table import lap_rows
 from race_server.core.state import Floats
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
 from race_server.scenario.track.load import load_course
 

@@ -18,7 +18,7 @@ from race_server.core.messages import Control, Event, EventKind, Retirement, Sta
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.core.state import Float32s, Record
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.errors import RaceError

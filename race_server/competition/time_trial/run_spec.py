@@ -8,7 +8,8 @@ import numpy as np
 
 from race_server.competition.time_trial.gaps import NONE, Gap
 from race_server.core.state import Floats
-from race_server.core.vehicles import Vehicle, vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import Vehicle
 from race_server.envs.presets import task_on
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError

@@ -10,7 +10,7 @@ from race_server.competition.time_trial.gaps import GAPS, NONE
 from race_server.competition.time_trial.lap import COLUMNS
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import rules_of
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import ResultsError
 from race_server.scenario.track.load import load_course
 from race_server.session.lap_log import Lap

@@ -1,15 +1,22 @@
 """The boxes that a body is made of, how they move, and how they yield to an impulse.
 
 Contacts and sensors know the shape of a body through these kernels alone. A body consists of parts
-that carry one box each. So far every vehicle is one part; the box of a trailer is a second one with
-the trailer's pose.
+that carry one box each: part 0 is the vehicle, part n its trailer n - 1, from the nearest on.
+
+Who touches something with a trailer is moved off it as a whole, and the blow reaches the vehicle
+through the hitches: a trailer has no mass, so it takes no impulse itself, and its motion follows.
 """
 
 from typing import NamedTuple
 
 from race_server.core.kernels.geometry import cos_sin
-from race_server.core.kernels.jit import kernel
-from race_server.core.state import Record
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.trailers import axle_motion, axle_pose, through_hitches
+from race_server.core.state import Record, Records
+
+# The tyres of a trailer hold against a blow across its axle; so much of the vehicle's own yielding
+# is left, so that no impulse is infinite.
+AXLE_YIELDS = 1e-6
 
 
 class Hull(NamedTuple):
@@ -39,19 +46,42 @@ class Box(NamedTuple):
 @kernel
 def box_count(vehicle: Record) -> int:
     """Return how many boxes a vehicle is made of."""
-    return 1
+    return 1 + vehicle.trailer_count
+
+
+@kernel
+def most_boxes(vehicles: Records) -> int:
+    """Return how many boxes the vehicle has that is made of the most. vehicles: (K,) VEHICLE."""
+    most = 1
+    for vehicle in vehicles:
+        most = max(most, box_count(vehicle))
+    return most
 
 
 @kernel
 def reach_of(vehicle: Record) -> float:
     """Return a distance [m] from the centre of gravity beyond which no box of the vehicle lies."""
     # Half a box's diagonal and its offset are less than its length.
-    return vehicle.length
+    return vehicle.length if vehicle.trailer_count == 0 else _reach_with_trailers(vehicle)
+
+
+@large_kernel
+def _reach_with_trailers(vehicle: Record) -> float:
+    """Return the reach of a vehicle with trailers [m], however they stand."""
+    reach, hitch = vehicle.length, vehicle.rear_axle
+    for number in range(vehicle.trailer_count):
+        drawn = vehicle.trailers[number]
+        hitch += abs(drawn.hitch)
+        reach = max(reach, hitch + max(drawn.ahead, drawn.bar + drawn.behind) + 0.5 * drawn.width)
+        hitch += drawn.bar
+    return reach
 
 
 @kernel
 def hull_of(vehicle: Record, body: Record, number: int) -> Hull:
     """Return a box of a body; number: from 0 to less than `box_count`."""
+    if number > 0:
+        return _hull_of_trailer(vehicle, body, number)
     return Hull(
         body.x,
         body.y,
@@ -61,6 +91,15 @@ def hull_of(vehicle: Record, body: Record, number: int) -> Hull:
         0.5 * vehicle.width,
         number,
     )
+
+
+@large_kernel
+def _hull_of_trailer(vehicle: Record, body: Record, number: int) -> Hull:
+    """Return the box of trailer `number` - 1 of a body."""
+    axle, drawn = axle_pose(body, vehicle, number), vehicle.trailers[number - 1]
+    offset = 0.5 * (drawn.ahead + drawn.bar - drawn.behind)
+    half_length = 0.5 * (drawn.ahead + drawn.bar + drawn.behind)
+    return Hull(axle.x, axle.y, axle.heading, offset, half_length, 0.5 * drawn.width, number)
 
 
 @kernel
@@ -79,20 +118,46 @@ def box_of(hull: Hull) -> Box:
 
 
 @kernel
-def inertia_of(vehicle: Record, number: int) -> tuple[float, float]:
-    """Return mass [kg] and yaw inertia [kg m²] of the part that carries a box."""
-    return vehicle.mass, vehicle.yaw_inertia
+def yielding(
+    body: Record, vehicle: Record, box: Box, px: float, py: float, nx: float, ny: float
+) -> tuple[float, float]:
+    """Return how much a part yields to an impulse, by moving and by turning the vehicle [1/kg].
+
+    body: BODY; vehicle: VEHICLE; box: of the part; px, py: from the part's place to the point, in
+    the frame of the world [m]; nx, ny: direction of the impulse, of length 1.
+    """
+    if box.number > 0:
+        ahead, across, turn = _through_trailers(body, vehicle, box, px, py, nx, ny)
+        moved = max(ahead * ahead + across * across, AXLE_YIELDS) / vehicle.mass
+        return moved, turn * turn / vehicle.yaw_inertia
+    lever = px * ny - py * nx
+    return 1.0 / vehicle.mass, lever * lever / vehicle.yaw_inertia
 
 
 @kernel
-def velocity_at(body: Record, box: Box, px: float, py: float) -> tuple[float, float]:
+def _through_trailers(
+    body: Record, vehicle: Record, box: Box, px: float, py: float, jx: float, jy: float
+) -> tuple[float, float, float]:
+    """Return what an impulse on a trailer's point does to the vehicle, see `through_hitches`."""
+    along, moment = jx * box.cos + jy * box.sin, px * jy - py * jx
+    return through_hitches(body, vehicle, box.number, along, moment)
+
+
+@kernel
+def velocity_at(
+    body: Record, vehicle: Record, box: Box, px: float, py: float
+) -> tuple[float, float]:
     """Return the velocity [m/s] of a point of a part, in the frame of the world.
 
-    body: BODY; box: of the part; px, py: from the part's place to the point, in the frame of the
-    world [m].
+    body: BODY; vehicle: VEHICLE; box: of the part; px, py: from the part's place to the point, in
+    the frame of the world [m].
     """
-    vx = body.speed * box.cos - body.lateral_speed * box.sin - body.yaw_rate * py
-    vy = body.speed * box.sin + body.lateral_speed * box.cos + body.yaw_rate * px
+    speed, lateral_speed, yaw_rate = body.speed, body.lateral_speed, body.yaw_rate
+    if box.number > 0:
+        speed, yaw_rate = axle_motion(body, vehicle, box.number)
+        lateral_speed = 0.0
+    vx = speed * box.cos - lateral_speed * box.sin - yaw_rate * py
+    vy = speed * box.sin + lateral_speed * box.cos + yaw_rate * px
     return vx, vy
 
 
@@ -105,6 +170,10 @@ def push(
     body: BODY, changed in place; vehicle: VEHICLE; box: of the part; px, py: from the part's place
     to the point, in the frame of the world [m]; jx, jy: impulse in the frame of the world [N s].
     """
-    body.speed += (jx * box.cos + jy * box.sin) / vehicle.mass
-    body.lateral_speed += (jy * box.cos - jx * box.sin) / vehicle.mass
-    body.yaw_rate += (px * jy - py * jx) / vehicle.yaw_inertia
+    ahead, across = jx * box.cos + jy * box.sin, jy * box.cos - jx * box.sin
+    turn = px * jy - py * jx
+    if box.number > 0:
+        ahead, across, turn = _through_trailers(body, vehicle, box, px, py, jx, jy)
+    body.speed += ahead / vehicle.mass
+    body.lateral_speed += across / vehicle.mass
+    body.yaw_rate += turn / vehicle.yaw_inertia

@@ -13,6 +13,8 @@ from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Ints
 
 DIAGONAL = math.sqrt(2.0)  # way [cells] to a neighbour over a corner
+# Instead of a distance: over this cell none drives, so that no distance is less.
+CLOSED = -1.0
 # A cell in a queue: its row above these bits, its column in them.
 ROW_BITS, COLUMN_MASK = 32, (1 << 32) - 1
 
@@ -81,6 +83,33 @@ def clear_of_walls(grid: Grid, clear: Floats, walls: Floats, most: float) -> Non
         _lower(grid, clear, 0.5 * abs(dx) + most, 0.5 * abs(dy) + most, box)
 
 
+@kernel
+def _reach(
+    grid: Grid, distances: Floats, row: int, column: int, far: float, queue: Ints, end: int
+) -> int:
+    """Put a cell into a queue if it is nearer than it was; return the end of the queue."""
+    if 0 <= row < grid.rows and 0 <= column < grid.columns and far < distances[row, column]:
+        distances[row, column] = far
+        queue[end] = (row << ROW_BITS) + column
+        return end + 1
+    return end
+
+
+@kernel
+def _reach_over_corners(
+    grid: Grid, distances: Floats, clear: Floats, least: float, cell: int, queue: Ints, end: int
+) -> int:
+    """Do so with the cells over the corners of a cell, unless two cells close the corner."""
+    row, column = cell >> ROW_BITS, cell & COLUMN_MASK
+    far = distances[row, column] + grid.cell * DIAGONAL
+    for i in (row - 1, row + 1):
+        for j in (column - 1, column + 1):
+            if 0 <= i < grid.rows and 0 <= j < grid.columns and far < distances[i, j]:
+                if clear[row, j] >= least or clear[i, column] >= least:
+                    end = _reach(grid, distances, i, j, far, queue, end)
+    return end
+
+
 @large_kernel
 def fill_distances(
     grid: Grid,
@@ -103,7 +132,7 @@ def fill_distances(
     """
     for row in range(grid.rows):
         for column in range(grid.columns):
-            distances[row, column] = math.inf
+            distances[row, column] = CLOSED if clear[row, column] < least else math.inf
     row, column = cell_at(grid, goal[0], goal[1])
     distances[row, column] = 0.0
     queues[0, 0] = (row << ROW_BITS) + column
@@ -118,23 +147,65 @@ def fill_distances(
         straight, diagonal = straight + int(take_straight), diagonal + int(not take_straight)
         row, column = cell >> ROW_BITS, cell & COLUMN_MASK
         value = distances[row, column]
-        low, high = max(column - 1, 0), min(column + 2, grid.columns)
-        for i in range(max(row - 1, 0), min(row + 2, grid.rows)):
-            for j in range(low, high):
-                corner = i != row and j != column
-                far = value + grid.cell * (DIAGONAL if corner else 1.0)
-                if far >= distances[i, j] or clear[i, j] < least:
-                    continue
-                if corner:
-                    closed = clear[row, j] < least and clear[i, column] < least
-                    if closed or not has_diagonals:
+        for way in (-1, 1):
+            far = value + grid.cell
+            straights = _reach(grid, distances, row + way, column, far, queues[0], straights)
+            straights = _reach(grid, distances, row, column + way, far, queues[0], straights)
+        if has_diagonals:
+            diagonals = _reach_over_corners(
+                grid, distances, clear, least, cell, queues[1], diagonals
+            )
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            if distances[row, column] == CLOSED:
+                distances[row, column] = math.inf
+
+
+@kernel
+def _over_neighbours(
+    grid: Grid, distances: Floats, row: int, column: int, step: int, has_diagonals: bool
+) -> float:
+    """Return the least distance [m] to a cell over its neighbours on one side.
+
+    distances: (rows, columns) [m], their signs do not matter; step: -1 for the neighbours before
+    the cell, row by row, 1 for those behind it.
+    """
+    i, j, cell = row + step, column + step, grid.cell
+    least = abs(distances[row, j]) + cell if 0 <= j < grid.columns else math.inf
+    if 0 <= i < grid.rows:
+        least = min(least, abs(distances[i, column]) + cell)
+        for beside in (column - 1, column + 1):
+            if has_diagonals and 0 <= beside < grid.columns:
+                least = min(least, abs(distances[i, beside]) + cell * DIAGONAL)
+    return least
+
+
+@large_kernel
+def fill_cut_off(grid: Grid, distances: Floats, has_diagonals: bool) -> None:
+    """Continue distances from cell to cell over those that are cut off, until none is infinite.
+
+    distances: (rows, columns) [m], of which one at least is finite; has_diagonals: whether a step
+    may lead over a corner. Sweeps from either end, as distance transforms of pictures make them,
+    until nothing changes. Until then what is continued is below zero.
+    """
+    rows, columns, has_changed = grid.rows, grid.columns, True
+    while has_changed:
+        has_changed = False
+        for step in (-1, 1):
+            for r in range(rows):
+                row = r if step < 0 else rows - 1 - r
+                for c in range(columns):
+                    column = c if step < 0 else columns - 1 - c
+                    value = distances[row, column]
+                    if 0.0 <= value < math.inf:
                         continue
-                    queues[1, diagonals] = (i << ROW_BITS) + j
-                    diagonals += 1
-                else:
-                    queues[0, straights] = (i << ROW_BITS) + j
-                    straights += 1
-                distances[i, j] = far
+                    near = _over_neighbours(grid, distances, row, column, step, has_diagonals)
+                    if near < abs(value):
+                        distances[row, column] = -near
+                        has_changed = True
+    for row in range(rows):
+        for column in range(columns):
+            distances[row, column] = abs(distances[row, column])
 
 
 @kernel

@@ -71,5 +71,7 @@ def cast_ray(
         edge_y = row + high if sin > 0.0 else row - high + 1
         leave_x = (edge_x - gx) * size * inverse_x if cos != 0.0 else math.inf
         leave_y = (edge_y - gy) * size * inverse_y if sin != 0.0 else math.inf
-        travelled = min(leave_x, leave_y) + NUDGE
+        following = min(leave_x, leave_y) + NUDGE
+        # Along an edge rounding may keep a ray in the cell that it has left: then on to the next.
+        travelled = following if following > travelled else max(leave_x, leave_y) + NUDGE
     return best, wall

@@ -12,10 +12,10 @@ from race_server.core.kernels.boxes import (
     box_count,
     box_of,
     hull_of,
-    inertia_of,
     push,
     reach_of,
     velocity_at,
+    yielding,
 )
 from race_server.core.kernels.contacts import (
     Material,
@@ -179,19 +179,26 @@ def _strike(
     mx = 0.5 * (part_a.x + ahead_a * box_a.cos + ax + part_b.x + ahead_b * box_b.cos + bx)
     my = 0.5 * (part_a.y + ahead_a * box_a.sin + ay + part_b.y + ahead_b * box_b.sin + by)
     ax, ay, bx, by = mx - part_a.x, my - part_a.y, mx - part_b.x, my - part_b.y
-    vax, vay = velocity_at(a, box_a, ax, ay)
-    vbx, vby = velocity_at(b, box_b, bx, by)
+    vax, vay = velocity_at(a, va, box_a, ax, ay)
+    vbx, vby = velocity_at(b, vb, box_b, bx, by)
     closing = (vax - vbx) * nx + (vay - vby) * ny
     sliding = (vay - vby) * nx - (vax - vbx) * ny
     # Real karts take no impulse; a blow between two of them is reported nevertheless.
     a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
     a_counts = 1.0 if a_moves or not b_moves else 0.0
     b_counts = 1.0 if b_moves or not a_moves else 0.0
-    (ma, ia), (mb, ib) = inertia_of(va, box_a.number), inertia_of(vb, box_b.number)
-    inverse = a_counts / ma + b_counts / mb
-    na, ta, nb, tb = ax * ny - ay * nx, ax * nx + ay * ny, bx * ny - by * nx, bx * nx + by * ny
-    mass_n = 1.0 / (inverse + a_counts * na * na / ia + b_counts * nb * nb / ib)
-    mass_t = 1.0 / (inverse + a_counts * ta * ta / ia + b_counts * tb * tb / ib)
+    (moved_a, turned_a), (moved_b, turned_b) = (
+        yielding(a, va, box_a, ax, ay, nx, ny),
+        yielding(b, vb, box_b, bx, by, nx, ny),
+    )
+    inverse = a_counts * moved_a + b_counts * moved_b
+    mass_n = 1.0 / (inverse + a_counts * turned_a + b_counts * turned_b)
+    (moved_a, turned_a), (moved_b, turned_b) = (
+        yielding(a, va, box_a, ax, ay, -ny, nx),
+        yielding(b, vb, box_b, bx, by, -ny, nx),
+    )
+    inverse = a_counts * moved_a + b_counts * moved_b
+    mass_t = 1.0 / (inverse + a_counts * turned_a + b_counts * turned_b)
     along, across = impulse(closing, sliding, mass_n, mass_t, material)
     if along <= 0.0:
         return no_blow()

@@ -7,9 +7,16 @@ else. What would stand in a wall, or in something drawn before it, is drawn agai
 import math
 
 from race_server.core import codes
-from race_server.core.kernels.boxes import Hull, box_of, grown, hull_of
+from race_server.core.kernels.boxes import (
+    Hull,
+    box_count,
+    box_of,
+    grown,
+    hull_of,
+    most_boxes,
+)
 from race_server.core.kernels.contacts import box_on_box
-from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.geometry import cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import (
     BLOCK_STREAM,
@@ -18,11 +25,13 @@ from race_server.core.kernels.rng import (
     TAKEN_STREAM,
     uniform,
 )
+from race_server.core.kernels.trailers import place_in_line, straighten
 from race_server.core.lots import BLOCKS, GOAL, START
 from race_server.core.stages.people import place_walker
 from race_server.core.stages.wall_contacts import block_hull, is_free_of_walls, is_near_block
 from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
+from race_server.core.vehicles import TRAILERS
 
 # Something is drawn at most this many times; then the last draw stays.
 TRIES = 32
@@ -40,7 +49,11 @@ def draw_lot(world: World, w: int) -> None:
         _clear_block(parking.blocks[w, b])
     for k in range(parking.parkers.shape[1]):
         _draw_slot(world, w, k)
-    following = _take_slots(world, w, parking.parkers.shape[1])
+    for k in range(parking.parkers.shape[1]):
+        _draw_first_slot(world, w, k)
+    # The first blocks are the boxes of the vehicles themselves, once they stand.
+    own = parking.parkers.shape[1] * most_boxes(world.vehicles[w])
+    following = _take_slots(world, w, own)
     _draw_blocks(world, w, following)
     for k in range(parking.parkers.shape[1]):
         if world.bodies[w, k].status != codes.ABSENT:
@@ -100,6 +113,40 @@ def _free_slot(world: World, w: int, k: int, chance: float) -> int:
 
 
 @kernel
+def _draw_first_slot(world: World, w: int, k: int) -> None:
+    """Draw the slot that a vehicle starts in, where the lot wants that: of no other vehicle."""
+    parking, seed, parker = world.parking, world.races[w].seed, world.parking.parkers[w, k]
+    lot = parking.lots.lots[world.rules[w].course]
+    parker.began = -1
+    if not lot.from_slots:
+        return
+    for attempt in range(TRIES):
+        chance = uniform(seed, PLACE_STREAM, k, attempt * DRAWS)
+        # Each vehicle has a goal, and those before it a start as well.
+        wanted = int(chance * (lot.slot_count - parking.parkers.shape[1] - k))
+        for number in range(lot.slot_count):
+            if _is_wanted(world, w, k, number):
+                continue
+            if wanted == 0:
+                parker.began = number
+                break
+            wanted -= 1
+        slot = parking.lots.slots[lot.slot_start + parker.began]
+        if _is_far_enough(world, w, k, slot.x, slot.y):
+            return
+
+
+@kernel
+def _is_wanted(world: World, w: int, k: int, number: int) -> bool:
+    """Return whether a slot is the goal of any vehicle, or the start of one before vehicle k."""
+    parkers = world.parking.parkers[w]
+    for other in range(len(parkers)):
+        if parkers[other].slot == number or (other < k and parkers[other].began == number):
+            return True
+    return False
+
+
+@kernel
 def slot_hull(parker: Record, room: float) -> Hull:
     """Return the rectangle of a vehicle's slot, with `room` [m] around it. parker: PARKER."""
     half_length, half_width = 0.5 * parker.length, 0.5 * parker.width
@@ -133,7 +180,7 @@ def _is_slot_free(world: World, w: int, k: int) -> bool:
 
 @kernel
 def _take_slots(world: World, w: int, first: int) -> int:
-    """Put vehicles into slots that are the goal of no vehicle; return the next free block.
+    """Put vehicles into slots to or from which none drives; return the next free block.
 
     first: number of the first block to use.
     """
@@ -141,11 +188,9 @@ def _take_slots(world: World, w: int, first: int) -> int:
     lot = parking.lots.lots[world.rules[w].course]
     following = first
     for number in range(lot.slot_count):
-        is_goal = False
-        for k in range(parking.parkers.shape[1]):
-            is_goal = is_goal or parking.parkers[w, k].slot == number
+        is_wanted = _is_wanted(world, w, parking.parkers.shape[1], number)
         is_taken = uniform(seed, TAKEN_STREAM, number, 0) < lot.taken
-        if is_goal or not is_taken or following >= parking.blocks.shape[1]:
+        if is_wanted or not is_taken or following >= parking.blocks.shape[1]:
             continue
         slot, block = parking.lots.slots[lot.slot_start + number], parking.blocks[w, following]
         block.x, block.y, block.heading = slot.x, slot.y, slot.heading
@@ -209,8 +254,16 @@ def _has_block_room(world: World, w: int, number: int) -> bool:
 
 @kernel
 def _draw_start(world: World, w: int, k: int) -> None:
-    """Put a vehicle into one of the lot's start zones, clear of all that stands there."""
-    seed = world.races[w].seed
+    """Put a vehicle into one of the lot's start zones, clear of all that stands there.
+
+    Where vehicles start in slots, put it straight into the middle of the one that it drew.
+    """
+    seed, began = world.races[w].seed, world.parking.parkers[w, k].began
+    if began >= 0:
+        lots = world.parking.lots
+        slot = lots.slots[lots.lots[world.rules[w].course].slot_start + began]
+        put_body(world, w, k, slot.x, slot.y, slot.heading)
+        return
     for attempt in range(TRIES):
         first = attempt * DRAWS
         number = zone_for(world, w, START, uniform(seed, PLACE_STREAM, k, first))
@@ -222,16 +275,33 @@ def _draw_start(world: World, w: int, k: int) -> None:
         x, y = point_in(zone, share_x, share_y)
         turn = 2.0 * uniform(seed, PLACE_STREAM, k, first + 3) - 1.0
         put_body(world, w, k, x, y, zone.heading + turn * zone.spread)
+        for trailer in range(world.vehicles[w, k].trailer_count):
+            bend = 2.0 * uniform(seed, PLACE_STREAM, k, first + 4 + trailer) - 1.0
+            _bend(world.bodies[w, k], trailer, bend * zone.hitch)
         if _is_far_enough(world, w, k, x, y) and has_room(world, w, k, START_ROOM):
             return
 
 
 @kernel
 def put_body(world: World, w: int, k: int, x: float, y: float, heading: float) -> None:
-    """Put a vehicle so that the middle of its body is at (x, y) [m]."""
-    body, offset = world.bodies[w, k], world.vehicles[w, k].box_offset
+    """Put a vehicle so that its middle is at (x, y) [m], with its trailers straight behind it.
+
+    The middle is that of its body, or of the whole with trailers.
+    """
+    body, vehicle = world.bodies[w, k], world.vehicles[w, k]
+    offset = vehicle.box_offset - place_in_line(vehicle, 0)
     cos, sin = cos_sin(heading)
     body.x, body.y, body.heading = x - offset * cos, y - offset * sin, heading
+    straighten(body, vehicle)
+
+
+@kernel
+def _bend(body: Record, number: int, angle: float) -> None:
+    """Turn a trailer, and with it those behind, to an angle [rad] at its hitch. body: BODY."""
+    ahead = body.heading if number == 0 else body.trailers[number - 1].heading
+    turn = wrap_angle(ahead - angle) - body.trailers[number].heading
+    for behind in range(number, TRAILERS):
+        body.trailers[behind].heading = wrap_angle(body.trailers[behind].heading + turn)
 
 
 @kernel
@@ -252,7 +322,16 @@ def has_room(world: World, w: int, k: int, room: float) -> bool:
 
     Of the vehicles only those with smaller numbers count: the others are not placed yet.
     """
-    mine = grown(hull_of(world.vehicles[w, k], world.bodies[w, k], 0), room)
+    for number in range(box_count(world.vehicles[w, k])):
+        mine = grown(hull_of(world.vehicles[w, k], world.bodies[w, k], number), room)
+        if not _has_box_room(world, w, k, mine):
+            return False
+    return True
+
+
+@kernel
+def _has_box_room(world: World, w: int, k: int, mine: Hull) -> bool:
+    """Return whether a box of vehicle k touches no wall, block or vehicle before it."""
     if not is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine):
         return False
     reach = mine.half_length + mine.half_width + abs(mine.offset)
@@ -260,8 +339,9 @@ def has_room(world: World, w: int, k: int, room: float) -> bool:
         if is_near_block(block, mine.x, mine.y, reach) and _overlap(mine, block_hull(block)):
             return False
     for other in range(k):
-        rival = world.bodies[w, other]
+        rival, vehicle = world.bodies[w, other], world.vehicles[w, other]
         if rival.status != codes.ABSENT:
-            if _overlap(mine, hull_of(world.vehicles[w, other], rival, 0)):
-                return False
+            for number in range(box_count(vehicle)):
+                if _overlap(mine, hull_of(vehicle, rival, number)):
+                    return False
     return True

@@ -5,6 +5,7 @@ from race_server.core.clock import SUBSTEP_S
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.motion import Allowance, Command, Motion, move
+from race_server.core.kernels.trailers import lead_trailers
 from race_server.core.rules.effects import surface_roll
 from race_server.core.state import Record, Records
 
@@ -35,6 +36,7 @@ def _move_body(body: Record, vehicle: Record) -> None:
         Allowance(body.speed_cap, body.thrust_scale, body.grip_scale, roll),
         SUBSTEP_S,
     )
+    lead_trailers(body, vehicle, moved, SUBSTEP_S)
     body.x, body.y, body.heading = moved.x, moved.y, wrap_angle(moved.heading)
     body.speed, body.lateral_speed = moved.speed, moved.lateral_speed
     body.yaw_rate, body.steering = moved.yaw_rate, moved.steering

@@ -9,10 +9,12 @@ from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, USES
 from race_server.core.stages import observed_parts as part
+from race_server.core.stages.feelers import feel
 from race_server.core.stages.observe_around import fill_karts, fill_things, offset_from
-from race_server.core.stages.observe_lot import fill_goal, fill_lot
+from race_server.core.stages.observe_lot import fill_goal, fill_hitches, fill_lot
 from race_server.core.stages.observed_parts import KartFrame, put, put_all, shows, to_frame
 from race_server.core.state import Float32s, Ints, Record, World
+from race_server.core.vehicles import FEELERS
 
 # Least time at top speed [s] between two look-ahead samples; they are a body length apart at least.
 LOOK_AHEAD_S = 0.1
@@ -42,6 +44,10 @@ def observe(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
         fill_lot(world, w, k, frame, offsets, out)
     if shows(offsets, part.GOAL):
         fill_goal(world, w, k, frame, offsets, out)
+    if shows(offsets, part.HITCHES):
+        fill_hitches(body, world.vehicles[w, k], offsets, out)
+    if shows(offsets, part.FEELING):
+        feel(world, w, k, out[offsets[part.FEELERS] : offsets[part.FEELERS] + FEELERS])
     if shows(offsets, part.BOXES):
         fill_things(world, w, frame, True, offsets, out)
     if shows(offsets, part.HAZARDS_AHEAD):

@@ -5,9 +5,11 @@ import math
 from race_server.core.clock import TICK_S
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.trailers import hitch_angle, place_in_line
 from race_server.core.stages import observed_parts as part
 from race_server.core.stages.observed_parts import KartFrame, put
 from race_server.core.state import Float32s, Ints, Record, World
+from race_server.core.vehicles import TRAILERS
 
 
 @kernel
@@ -39,6 +41,17 @@ def _put_direction(out: Float32s, offset: int, x: float, y: float) -> None:
 
 
 @kernel
+def fill_hitches(body: Record, vehicle: Record, offsets: Ints, out: Float32s) -> None:
+    """Fill the angles at the hitches; 0 where there is none."""
+    for number in range(TRAILERS):
+        angle = hitch_angle(body, number) if number < vehicle.trailer_count else 0.0
+        if number == 0:
+            put(out, offsets[part.HITCH], 0, angle)
+        else:
+            put(out, offsets[part.HITCH_BEHIND], number - 1, angle)
+
+
+@kernel
 def fill_goal(world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out: Float32s) -> None:
     """Fill the slot that a vehicle goes to; zeros where it goes to none."""
     parkers = world.parking.parkers[w]
@@ -56,23 +69,31 @@ def _fill_slot(
     parker: Record, body: Record, vehicle: Record, frame: KartFrame, offsets: Ints, out: Float32s
 ) -> None:
     """Fill a slot, seen from the middle of the body. parker: PARKER."""
-    dx = parker.x - body.x - vehicle.box_offset * frame.cos
-    dy = parker.y - body.y - vehicle.box_offset * frame.sin
-    ahead, left = dx * frame.cos + dy * frame.sin, dy * frame.cos - dx * frame.sin
+    x, y, turned = parker.x, parker.y, body.heading
+    if vehicle.trailer_count > 0:
+        # The body's own place in the slot, when all stands straight in the middle.
+        ahead = place_in_line(vehicle, 0)
+        x, y = x + ahead * math.cos(parker.heading), y + ahead * math.sin(parker.heading)
+        turned = body.trailers[vehicle.trailer_count - 1].heading
+    dx = x - body.x - vehicle.box_offset * frame.cos
+    dy = y - body.y - vehicle.box_offset * frame.sin
+    forward, left = dx * frame.cos + dy * frame.sin, dy * frame.cos - dx * frame.sin
     distance = math.sqrt(dx * dx + dy * dy)
     turn = wrap_angle(parker.heading - body.heading)
-    put(out, offsets[part.GOAL_X], 0, ahead)
+    put(out, offsets[part.GOAL_X], 0, forward)
     put(out, offsets[part.GOAL_Y], 0, left)
     put(out, offsets[part.GOAL_COS], 0, math.cos(turn))
     put(out, offsets[part.GOAL_SIN], 0, math.sin(turn))
     put(out, offsets[part.GOAL_DISTANCE], 0, distance)
     put(out, offsets[part.GOAL_PROXIMITY], 0, 1.0 / (1.0 + distance))
-    put(out, offsets[part.GOAL_BEARING], 0, math.atan2(left, ahead))
+    put(out, offsets[part.GOAL_BEARING], 0, math.atan2(left, forward))
     put(out, offsets[part.PARKED_FOR], 0, parker.held_ticks * TICK_S)
-    put(out, offsets[part.SLOT_X], 0, parker.x)
-    put(out, offsets[part.SLOT_Y], 0, parker.y)
+    put(out, offsets[part.GOAL_TURN], 0, turn)
+    put(out, offsets[part.TRAILER_ERROR], 0, wrap_angle(parker.heading - turned))
+    put(out, offsets[part.SLOT_X], 0, x)
+    put(out, offsets[part.SLOT_Y], 0, y)
     put(out, offsets[part.SLOT_HEADING], 0, parker.heading)
     put(out, offsets[part.TO_SLOT_X], 0, dx)
     put(out, offsets[part.TO_SLOT_Y], 0, dy)
-    _put_direction(out, offsets[part.SLOT_UNIT], parker.x, parker.y)
+    _put_direction(out, offsets[part.SLOT_UNIT], x, y)
     _put_direction(out, offsets[part.TO_SLOT_UNIT], dx, dy)

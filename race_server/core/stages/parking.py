@@ -2,11 +2,10 @@
 
 from race_server.core import codes
 from race_server.core.clock import TICK_S
-from race_server.core.kernels.boxes import hull_of
-from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.boxes import box_count, box_of, hull_of
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.laps import microseconds
-from race_server.core.rules.parking import is_parked, stand_in
+from race_server.core.rules.parking import has_parked, judged_box, stand_of
 from race_server.core.stages.events import report, retire
 from race_server.core.state import Record, World
 
@@ -50,12 +49,12 @@ def _count_way(body: Record, parker: Record) -> None:
 def _judge_stand(world: World, w: int, k: int) -> None:
     """Finish a vehicle that stood well in its slot for long enough; retire one that left."""
     body, parker = world.bodies[w, k], world.parking.parkers[w, k]
-    hull = hull_of(world.vehicles[w, k], body, 0)
-    stand = stand_in(parker, hull)
-    if is_parked(parker, hull, stand, body.speed):
+    vehicle = world.vehicles[w, k]
+    stand = stand_of(parker, vehicle, body, judged_box(parker, vehicle))
+    if has_parked(parker, vehicle, body, stand):
         parker.held_ticks += 1
         if parker.held_ticks > parker.hold_ticks:
-            _finish(world, w, k, stand.turn)
+            _finish(world, w, k, stand_of(parker, vehicle, body, vehicle.trailer_count).turn)
         return
     parker.held_ticks = 0
     square = stand.along * stand.along + stand.across * stand.across
@@ -65,7 +64,7 @@ def _judge_stand(world: World, w: int, k: int) -> None:
 
 @kernel
 def _finish(world: World, w: int, k: int, turn: float) -> None:
-    """Count a vehicle as parked. turn: its heading against the slot's [rad]."""
+    """Count a vehicle as parked. turn: heading of its last box against the slot's [rad]."""
     body, racer, race = world.bodies[w, k], world.racers[w, k], world.races[w]
     parker = world.parking.parkers[w, k]
     body.status = codes.FINISHED
@@ -82,10 +81,11 @@ def _finish(world: World, w: int, k: int, turn: float) -> None:
 @kernel
 def _become_block(world: World, w: int, k: int) -> None:
     """Let others meet a vehicle where it stands, parked or crashed."""
-    body, vehicle, block = world.bodies[w, k], world.vehicles[w, k], world.parking.blocks[w, k]
-    hull = hull_of(vehicle, body, 0)
-    cos, sin = cos_sin(hull.heading)
-    block.x, block.y = hull.x + hull.offset * cos, hull.y + hull.offset * sin
-    block.heading = hull.heading
-    block.half_length, block.half_width = hull.half_length, hull.half_width
-    block.kind = codes.KART_HIT
+    body, vehicle, count = world.bodies[w, k], world.vehicles[w, k], world.bodies.shape[1]
+    for number in range(box_count(vehicle)):
+        block = world.parking.blocks[w, number * count + k]
+        hull = hull_of(vehicle, body, number)
+        box = box_of(hull)
+        block.x, block.y, block.heading = box.x, box.y, hull.heading
+        block.half_length, block.half_width = box.half_length, box.half_width
+        block.kind = codes.KART_HIT

@@ -4,6 +4,7 @@ from race_server.core import codes
 from race_server.core.kernels.course import nearest_sample_anywhere
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.trailers import straighten
 from race_server.core.stages.events import report, retire
 from race_server.core.state import Floats, World
 
@@ -18,6 +19,7 @@ def place(world: World, w: int, placement: Floats) -> None:
     body.x, body.y, body.heading = placement[3], placement[4], wrap_angle(placement[5])
     body.speed, body.lateral_speed, body.yaw_rate = placement[6], placement[7], placement[8]
     body.steering = placement[9]
+    straighten(body, world.vehicles[w, k])  # no pose tells where its trailers are
     if trust != body.trust:
         _change_trust(world, w, k, trust, int(placement[2]))
 

@@ -8,7 +8,7 @@ from race_server.core.kernels.rays import Fan
 from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.core.kernels.sensors import cast_fan, disturb, see_body, see_disc
 from race_server.core.kernels.wall_scan import FEW_RAYS, scan_body
-from race_server.core.stages.wall_contacts import block_hull, is_near_block
+from race_server.core.stages.wall_contacts import block_hull, is_near_block, is_own_block
 from race_server.core.state import HAZARDS, Bytes, Float32s, Record, World
 
 
@@ -97,8 +97,9 @@ def _scan(world: World, w: int, k: int, fan: Fan, ranges: Float32s, kinds: Bytes
     blocks = world.parking.blocks[w]
     for number in range(len(blocks)):
         block = blocks[number]
-        # Block k is the body of vehicle k itself.
-        if number != k and is_near_block(block, fan.x, fan.y, fan.reach):
+        if not is_near_block(block, fan.x, fan.y, fan.reach):
+            continue
+        if not is_own_block(world.vehicles[w, k], k, world.bodies.shape[1], number):
             _see(fan, block_hull(block), block.kind, ranges, kinds)
     for walker in world.parking.walkers[w]:
         if walker.radius > 0.0:

@@ -5,6 +5,7 @@ import math
 from race_server.core import codes
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.trailers import straighten
 from race_server.core.rules.conduct import is_in_the_way
 from race_server.core.stages.clearance import is_clear
 from race_server.core.stages.events import penalise, report, retire
@@ -149,6 +150,7 @@ def rescue(world: World, w: int, k: int) -> None:
         sample = (sample - stride) % course.line_count
     line = route.line[course.line_start + sample]
     body.x, body.y, body.heading = line.x, line.y, line.heading
+    straighten(body, world.vehicles[w, k])
     body.speed = body.lateral_speed = body.yaw_rate = body.steering = 0.0
     # The way back counts as driven back, but not as driving the wrong way.
     back = racer.progress - sample * course.spacing

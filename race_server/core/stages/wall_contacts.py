@@ -11,10 +11,10 @@ from race_server.core.kernels.boxes import (
     box_count,
     box_of,
     hull_of,
-    inertia_of,
     push,
     reach_of,
     velocity_at,
+    yielding,
 )
 from race_server.core.kernels.contacts import (
     Material,
@@ -51,26 +51,27 @@ def next_wall_blow(
         if body.trust >= codes.DOUBTFUL:
             continue
         if body.status == codes.RACING or body.status == codes.FINISHED:
+            hit = no_blow()
             for number in range(box_count(vehicles[k])):
-                hit = no_blow()
                 if not _is_clear(walls, site, hull_of(vehicles[k], body, number)):
-                    hit = _meet_walls(body, vehicles[k], number, walls, site, material, softest)
-                if len(blocks) > 0:
-                    other = _meet_blocks(bodies, vehicles, k, number, blocks, material, softest)
+                    other = _meet_walls(body, vehicles[k], number, walls, site, material, softest)
                     hit = hit if is_blow(hit) else other
-                if is_blow(hit):
-                    return Blow(
-                        k + 1,
-                        k,
-                        -1,
-                        hit.impulse,
-                        hit.closing,
-                        hit.nx,
-                        hit.ny,
-                        hit.closing,
-                        0.0,
-                        hit.kind,
-                    )
+            if len(blocks) > 0:
+                other = _meet_blocks(bodies, vehicles, k, blocks, material, softest)
+                hit = hit if is_blow(hit) else other
+            if is_blow(hit):
+                return Blow(
+                    k + 1,
+                    k,
+                    -1,
+                    hit.impulse,
+                    hit.closing,
+                    hit.nx,
+                    hit.ny,
+                    hit.closing,
+                    0.0,
+                    hit.kind,
+                )
     return no_blow()
 
 
@@ -188,33 +189,44 @@ def _cells_under(site: Record, box: Box) -> tuple[int, int, int, int]:
 
 
 @kernel
+def is_own_block(vehicle: Record, k: int, bodies: int, number: int) -> bool:
+    """Return whether a block is a box of vehicle k itself, see `lots.BLOCK`.
+
+    vehicle: VEHICLE; bodies: how many there are; number: of the block.
+    """
+    return bool(number % bodies == k and number < bodies * box_count(vehicle))
+
+
+@kernel
 def _meet_blocks(
     bodies: Records,
     vehicles: Records,
     k: int,
-    number: int,
     blocks: Records,
     material: Material,
     softest: float,
 ) -> Blow:
-    """Push body k off the blocks that one of its boxes touches; return the first hard blow.
+    """Push body k off the blocks that its boxes touch; return the first hard blow.
 
-    bodies: (K,) BODY; vehicles: (K,) VEHICLE; number: of the box; blocks: (B,) BLOCK, of which
-    block k is the body itself; softest: closing speed above which a blow is hard [m/s].
+    bodies: (K,) BODY; vehicles: (K,) VEHICLE; blocks: (B,) BLOCK, of which some are the body
+    itself; softest: closing speed above which a blow is hard [m/s].
     """
     first = no_blow()
     body, vehicle = bodies[k], vehicles[k]
     reach = reach_of(vehicle)
     for b in range(len(blocks)):
-        if b == k or not is_near_block(blocks[b], body.x, body.y, reach):
+        if not is_near_block(blocks[b], body.x, body.y, reach):
             continue
-        box = box_of(hull_of(vehicle, body, number))
-        depth, nx, ny = box_on_box(box, box_of(block_hull(blocks[b])))
-        if depth > 0.0:
-            kind = blocks[b].kind
-            blow = _meet_solid(body, vehicle, box, (depth, nx, ny), kind, material)
-            if first.impulse == 0.0 and blow.closing > softest:
-                first = blow
+        if is_own_block(vehicle, k, len(bodies), b):
+            continue
+        for number in range(box_count(vehicle)):
+            box = box_of(hull_of(vehicle, body, number))
+            depth, nx, ny = box_on_box(box, box_of(block_hull(blocks[b])))
+            if depth > 0.0:
+                kind = blocks[b].kind
+                blow = _meet_solid(body, vehicle, box, (depth, nx, ny), kind, material)
+                if first.impulse == 0.0 and blow.closing > softest:
+                    first = blow
     return first
 
 
@@ -241,12 +253,12 @@ def _meet_solid(
     offset = hull_of(vehicle, body, box.number).offset
     px, py = touching_point(box, nx, ny)
     px, py = px + offset * box.cos, py + offset * box.sin
-    vx, vy = velocity_at(body, box, px, py)
+    vx, vy = velocity_at(body, vehicle, box, px, py)
     closing, sliding = vx * nx + vy * ny, vy * nx - vx * ny
-    lever_n, lever_t = px * ny - py * nx, px * nx + py * ny
-    mass, inertia = inertia_of(vehicle, box.number)
-    mass_n = 1.0 / (1.0 / mass + lever_n * lever_n / inertia)
-    mass_t = 1.0 / (1.0 / mass + lever_t * lever_t / inertia)
+    moved, turned = yielding(body, vehicle, box, px, py, nx, ny)
+    mass_n = 1.0 / (moved + turned)
+    moved, turned = yielding(body, vehicle, box, px, py, -ny, nx)
+    mass_t = 1.0 / (moved + turned)
     along, across = impulse(closing, sliding, mass_n, mass_t, material)
     if along <= 0.0:
         return no_blow()

@@ -7,7 +7,7 @@ from race_server.envs.buffers import RESET_WORLD, Buffers
 from race_server.envs.decision import all_are_idle, clear_outcome, command_learners
 from race_server.envs.observations import write_observations, write_terminal
 from race_server.envs.parking.reset import LotTemplates, begin_round
-from race_server.envs.parking.reward_terms import judge, snapshot
+from race_server.envs.parking.reward_terms import judge
 
 
 @kernel
@@ -16,11 +16,10 @@ def decide(world: World, buffers: Buffers, templates: LotTemplates) -> None:
     for w in range(world.bodies.shape[0]):
         world.event_counts[w] = 0
         command_learners(world, buffers, w)
-        snapshot(world, buffers, w)
         advance_world(world, w, buffers.controls[w], buffers.settings[0].decision_ticks)
         buffers.rounds[w].steps += 1
         for k in range(buffers.rewards.shape[1]):
-            if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):
+            if clear_outcome(buffers, w, k) and judge(world, buffers, templates.field, w, k):
                 write_terminal(world, buffers, w, k)
         # A vehicle that is done stays as a block, so that a round ends when all are.
         if buffers.settings[0].after == RESET_WORLD and all_are_idle(buffers, w):

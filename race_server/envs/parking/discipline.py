@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,15 +13,18 @@ from race_server.core.rules.parking import ALIGNED_WITHIN
 from race_server.core.state import World
 from race_server.envs.buffers import Figures
 from race_server.envs.parking.decide import decide, restart
+from race_server.envs.parking.heuristics.field import empty_field
+from race_server.envs.parking.heuristics.table import NUMBERS, check_vehicle, heuristic_named
 from race_server.envs.parking.reset import LotTemplates
-from race_server.envs.parking.reward_terms import ENDINGS, REWARDS, TERMS
+from race_server.envs.parking.reward_terms import ENDINGS, REWARDS, SHAPINGS, TERMS
 from race_server.envs.task import Kernel, Task
+from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario, make_worlds
 
-BEFORE = dict.fromkeys(("distance", "turn", "steering"), np.float64)
+BEFORE = dict.fromkeys(("way", "turn", "steering"), np.float64)
 EPISODE = {
     **dict.fromkeys(("turn", "way", "reversed"), np.float64),
-    **dict.fromkeys(("parked", "ending", "moves", "walked_into", "ticks"), np.int64),
+    **dict.fromkeys(("parked", "ending", "moves", "walked_into", "ticks", "between"), np.int64),
 }
 
 
@@ -30,6 +33,9 @@ class Parking:
     """Vehicles that drive to their slots."""
 
     late_ends: bool = False  # time that runs out is an end, not a cut
+    heuristic: str = "euclid"  # of the way to the slot, see `heuristics/table.py`
+    shaping: str = "difference"  # how the reward reads it, see `reward_terms.py:SHAPINGS`
+    discount: float = 0.99  # of the learner, for the shaping `potential`
 
     terms: ClassVar[Mapping[str, str]] = TERMS
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = REWARDS
@@ -37,10 +43,27 @@ class Parking:
     outcome: ClassVar[str] = "parking"
     sensors: ClassVar[int] = 0
 
+    def __post_init__(self) -> None:
+        """Check the names.
+
+        Raises:
+            ScenarioError: there is no such heuristic or shaping.
+        """
+        heuristic_named(self.heuristic)
+        if self.shaping not in SHAPINGS:
+            known = ", ".join(SHAPINGS)
+            raise ScenarioError(f"shaping {self.shaping!r} is unknown; choose one of {known}")
+
     @property
     def settings(self) -> Mapping[str, float]:
         """What the kernels read."""
-        return asdict(self)
+        return {
+            "late_ends": self.late_ends,
+            "heuristic": NUMBERS[self.heuristic],
+            "cells": heuristic_named(self.heuristic).cells,
+            "shaping": SHAPINGS.index(self.shaping),
+            "discount": self.discount,
+        }
 
     @property
     def restart(self) -> Kernel:
@@ -57,7 +80,14 @@ class Parking:
         return task.scenarios
 
     def begin(self, scenarios: Sequence[Scenario], worlds: int) -> tuple[World, LotTemplates]:
-        """Return `worlds` worlds, not yet reset, and a template of each scenario's start."""
+        """Return `worlds` worlds, not yet reset, and a template of each scenario's start.
+
+        Raises:
+            ScenarioError: the heuristic does not fit the vehicle.
+        """
+        heuristic = heuristic_named(self.heuristic)
+        for scenario in scenarios:
+            check_vehicle(heuristic, scenario.vehicle_of(0))
         templates = make_worlds(scenarios, [0] * len(scenarios))
         world = make_worlds([scenarios[0]] * worlds, [0] * worlds)
         full = templates.parking
@@ -72,6 +102,7 @@ class Parking:
             templates.players,
             templates.vehicles,
             templates.parking.parkers,
+            empty_field(world.walls, worlds, world.bodies.shape[1], heuristic.cells),
         )
 
     def report(self, episode: Any) -> dict[str, Any]:
@@ -87,4 +118,5 @@ class Parking:
             "reversed_m": float(episode["reversed"]),
             "direction_changes": int(episode["moves"]),
             "walked_into": int(episode["walked_into"]),
+            "between": bool(episode["between"]),
         }

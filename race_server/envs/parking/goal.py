@@ -1,8 +1,9 @@
 """Goals apart from observations, as hindsight experience replay needs them.
 
 A goal is a pose in the frame of the lot, with the speed there: (x, y, cos, sin, speed), lengths in
-tens of metres, speed as a share of the vehicle's top speed. The reward is a plain function of two
-such goals, so that a replay buffer may ask what it would have been for another one.
+tens of metres, speed as a share of the vehicle's top speed. With a trailer cosine and sine of its
+heading stand before the speed. The reward is a plain function of two such goals, so that a replay
+buffer may ask what it would have been for another one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,9 +29,15 @@ OWN = (
 POSE = ("position_x", "position_y")
 SLOT = ("slot_x", "slot_y", "slot_heading")
 PARTS = (*OWN, *POSE, *SLOT)
+OWN_WITH_TRAILER = (
+    *("feelers", "speed", "lateral_speed", "yaw_rate", "steering", "heading_cos", "heading_sin"),
+    "hitch",
+)
+TRAILER_PARTS = (*OWN_WITH_TRAILER, *POSE, *SLOT)
 METRES = 10.0  # that make 1 in a goal
 # Of the dense reward: how much each number of a goal counts.
 WEIGHTS = np.array([1.0, 1.0, 0.2, 0.2, 0.05])
+TRAILER_WEIGHTS = np.array([1.0, 1.0, 0.2, 0.2, 0.2, 0.2, 0.05])
 REWARDS = ("sparse", "dense")
 CRASH = -5.0
 
@@ -46,24 +53,36 @@ class GoalView:
 
     @staticmethod
     def of(task: Task, layout: Layout, reward: str) -> "GoalView":
-        """Return the view of a task whose observation is `PARTS`.
+        """Return the view of a task whose observation is `PARTS` or `TRAILER_PARTS`.
 
         Raises:
-            ScenarioError: there is no such reward.
+            ScenarioError: there is no such reward, or the level judges the trailer alone.
         """
         if reward not in REWARDS:
             raise ScenarioError(f"reward {reward!r}: choose one of {', '.join(REWARDS)}")
         scenario = task.scenarios[0]
         assert scenario.course.lot is not None
         level = scenario.level or level_named(scenario.course.lot.level)
+        if level.last:
+            raise ScenarioError(
+                "goals hold the place of the vehicle, and this level judges its last trailer; "
+                "choose another, such as goal-trailer"
+            )
         return GoalView(layout, level, scenario.vehicle_of(0).top_speed, reward)
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """The parts of what is called `observation`."""
+        return OWN_WITH_TRAILER if "hitch" in self.layout.slices else OWN
 
     @property
     def space(self) -> spaces.Dict:
         """The space of what `split` returns."""
-        own = np.concatenate([np.arange(self.layout.size)[self.layout.slices[n]] for n in OWN])
+        place = np.arange(self.layout.size)
+        own = np.concatenate([place[self.layout.slices[name]] for name in self.own])
         low, high = self.layout.lows()[own], self.layout.highs()[own]
-        goal = np.array([100.0, 100.0, 1.0, 1.0, 10.0], np.float32)
+        turns = np.ones(4 if "hitch" in self.own else 2)
+        goal = np.array([100.0, 100.0, *turns, 10.0], np.float32)
         return spaces.Dict(
             {
                 "observation": spaces.Box(low, high, dtype=np.float32),
@@ -73,14 +92,21 @@ class GoalView:
         )
 
     def split(self, seen: Array) -> dict[str, Array]:
-        """Return what is seen, (..., size), by name; goals have the shape (..., 5)."""
+        """Return what is seen, (..., size), by name; goals have the shape (..., 5) or (..., 7)."""
         part = {name: seen[..., place] for name, place in self.layout.slices.items()}
         heading = part["slot_heading"]
         achieved = [part[name] / METRES for name in POSE]
-        achieved += [part["heading_cos"], part["heading_sin"], part["speed"] / self.top_speed]
+        cos, sin = part["heading_cos"], part["heading_sin"]
+        achieved += [cos, sin]
         desired = [part["slot_x"] / METRES, part["slot_y"] / METRES]
-        desired += [np.cos(heading), np.sin(heading), np.zeros_like(heading)]
-        own = [part[name] for name in OWN]
+        desired += [np.cos(heading), np.sin(heading)]
+        if "hitch" in part:
+            bent_cos, bent_sin = np.cos(part["hitch"]), np.sin(part["hitch"])
+            achieved += [cos * bent_cos + sin * bent_sin, sin * bent_cos - cos * bent_sin]
+            desired += desired[2:4]
+        achieved.append(part["speed"] / self.top_speed)
+        desired.append(np.zeros_like(heading))
+        own = [part[name] for name in self.own]
         columns = {"observation": own, "achieved_goal": achieved, "desired_goal": desired}
         return {
             name: np.concatenate(parts, axis=-1).astype(np.float32)
@@ -90,16 +116,17 @@ class GoalView:
     def rewards(
         self, achieved: Array, desired: Array, infos: Mapping[str, Any] | Sequence[Any]
     ) -> Array:
-        """Return the rewards, shape (n,), or a number for goals of the shape (5,).
+        """Return the rewards, shape (n,), or a number for a single pair of goals.
 
-        achieved, desired: (n, 5) or (5,); infos: of each step; one with `crashed` costs more,
+        achieved, desired: (n, g) or (g,); infos: of each step; one with `crashed` costs more,
         whatever the goal.
         """
         if self.reward == "sparse":
             reward = self._is_reached(achieved, desired).astype(np.float64) - 1.0
         else:
             # Not a matrix product, which rounds a single goal differently.
-            reward = -np.sqrt((np.abs(achieved - desired) * WEIGHTS).sum(axis=-1))
+            weights = TRAILER_WEIGHTS if "hitch" in self.own else WEIGHTS
+            reward = -np.sqrt((np.abs(achieved - desired) * weights).sum(axis=-1))
         if isinstance(infos, Mapping):
             return np.asarray(reward + CRASH * bool(infos.get("crashed", False)))
         crashed = np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
@@ -120,6 +147,9 @@ class GoalView:
             holds &= np.abs(across) < level.across
         if level.turn:
             holds &= straight >= np.cos(level.turn)
+        if level.hitch and "hitch" in self.own:
+            bent = achieved[..., 2] * achieved[..., 4] + achieved[..., 3] * achieved[..., 5]
+            holds &= bent >= np.cos(level.hitch)
         if level.still:
-            holds &= np.abs(achieved[..., 4]) * self.top_speed < level.still
+            holds &= np.abs(achieved[..., -1]) * self.top_speed < level.still
         return holds

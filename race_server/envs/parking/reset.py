@@ -3,11 +3,18 @@
 from typing import NamedTuple
 
 from race_server.core import codes
+from race_server.core.kernels.boxes import box_of, hull_of
 from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.rules.parking import judged_box
 from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
 from race_server.core.state import Records, World
 from race_server.envs.buffers import Buffers
+from race_server.envs.parking.heuristics.aim import goal_of
+from race_server.envs.parking.heuristics.field import Field, find_ways
+from race_server.envs.parking.heuristics.heuristic import NO_CELLS
+from race_server.envs.parking.obstruction import stands_between
+from race_server.envs.parking.reward_terms import look
 from race_server.envs.rounds import begin_episode, next_round, put_from_template, seed_of_round
 
 
@@ -21,6 +28,7 @@ class LotTemplates(NamedTuple):
     players: Records  # (S, K) PLAYER
     vehicles: Records  # (S, K) VEHICLE
     parkers: Records  # (S, K) PARKER
+    field: Field  # of all worlds: the only part of this that changes
 
 
 @large_kernel
@@ -35,14 +43,20 @@ def begin_round(world: World, buffers: Buffers, templates: LotTemplates, w: int)
         world.parking.parkers[w, k] = templates.parkers[scenario, k]
     draw_lot(world, w)
     line_up(world, w)
+    cells = int(buffers.settings[0].cells)
+    if cells != NO_CELLS:
+        place, spare = buffers.rounds[w].world, buffers.rounds[0].world
+        find_ways(world, templates.field, w, place, spare, cells)
     for k in range(buffers.rewards.shape[1]):
         _begin_way(world, buffers, w, k)
+        look(world, buffers, templates.field, w, k)
 
 
 @kernel
 def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Begin a new episode of one learning vehicle."""
-    begin_episode(world, buffers, w, k, world.bodies[w, k].status == codes.ABSENT)
+    body = world.bodies[w, k]
+    begin_episode(world, buffers, w, k, body.status == codes.ABSENT)
     episode = buffers.episodes[w, k]
     episode.parked = 0
     episode.ending = 0
@@ -51,3 +65,9 @@ def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
     episode.ticks = 0
     episode.turn = episode.way = episode.reversed = 0.0
     buffers.before[w, k].steering = 0.0
+    parker, vehicle = world.parking.parkers[w, k], world.vehicles[w, k]
+    box, goal = (
+        box_of(hull_of(vehicle, body, judged_box(parker, vehicle))),
+        goal_of(vehicle, parker),
+    )
+    episode.between = int(stands_between(world, w, box.x, box.y, goal.x, goal.y))

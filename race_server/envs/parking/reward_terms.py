@@ -5,13 +5,21 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from race_server.core import codes
-from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.jit import kernel
 from race_server.core.messages import Ending
-from race_server.core.rules.parking import ALIGNED_WITHIN, Stand, ending_of, stand_in
+from race_server.core.rules.parking import (
+    ALIGNED_WITHIN,
+    Stand,
+    ending_of,
+    judged_box,
+    stand_of,
+)
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import close_episode, weigh_terms
+from race_server.envs.parking.heuristics.aim import aim_of
+from race_server.envs.parking.heuristics.field import Field, chart_of
+from race_server.envs.parking.heuristics.table import way_left
 
 # What each term measures over one decision of one vehicle. The order is that of the numbers below;
 # a test holds the two together. A share is the part of the time limit that a decision takes, so
@@ -19,7 +27,8 @@ from race_server.envs.decision import close_episode, weigh_terms
 TERMS: Mapping[str, str] = MappingProxyType(
     {
         "parked": "1 if the vehicle is parked now",
-        "aligned": "1 if it is parked now, within 10° of its slot's heading",
+        "aligned": "1 if it is parked now, within 10° of its slot's heading, its last trailer if "
+        "it has any",
         "misparked": "1 if it is parked now, further off",
         "crash": "1 if it ran into a wall, a block, a vehicle or a person and is out",
         "person": "1 if that was a person",
@@ -30,10 +39,14 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "steering_wide": "that share while the wheels are turned by more than 15°",
         "standing": "that share while it stands",
         "goal_distance": "distance to the slot [m], times that share",
-        "goal_progress": "metres gained towards the slot",
+        "goal_progress": "metres gained towards the slot, by the heuristic of the task and in the "
+        "way of its shaping",
         "goal_turn": "radians gained towards the slot's heading, the more the nearer: "
         "divided by 1 + the distance [m]",
         "steering_change": "change of the wanted steering, as a share of the limit",
+        "jack_knife": "1 if a hitch was bent too far, or a trailer touched what draws it, and it "
+        "is out",
+        "goal_way": "metres that the heuristic says are left",
     }
 )
 
@@ -70,12 +83,34 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "time": -0.5,
             "goal_progress": 0.03,
             "goal_turn": 0.1,
+            "jack_knife": -1.5,
+        },
+        # Report on an articulated vehicle that learns to park, with the distance as heuristic. Its
+        # 0.1 a step for standing and 0.02 for a change of steering: the former as a share of 240 s
+        # at 10 decisions a second, the latter for a change by the whole limit.
+        "report_c": {
+            "parked": 100.0,
+            "aligned": 100.0,
+            "crash": -100.0,
+            "jack_knife": -100.0,
+            "time": -20.0,
+            "standing": -0.1 * 2400.0,
+            "steering_change": -0.02,
+            "goal_progress": 1.0,
         },
     }
 )
 
 PARKED, ALIGNED, MISPARKED, CRASH, PERSON, LEFT, LATE, TIME, REVERSING = range(9)
 STEERING_WIDE, STANDING, GOAL_DISTANCE, GOAL_PROGRESS, GOAL_TURN, STEERING_CHANGE = range(9, 15)
+JACK_KNIFE, GOAL_WAY = 15, 16
+
+# How the ways d before and d' after a decision become `goal_progress`, with the discount g: d - d';
+# the exact potential d - g d' of Ng, Harada and Russell (1999), where d' = 0 at the end of an
+# episode, which leaves the best policy as it is; or not at all, as the learner itself reads
+# `goal_way` (HuRL).
+SHAPINGS = ("difference", "potential", "hurl")
+DIFFERENCE, POTENTIAL, HURL = range(len(SHAPINGS))
 
 # A vehicle steers widely beyond this angle [rad].
 WIDE = math.radians(15.0)
@@ -86,41 +121,69 @@ ENDINGS = tuple(ending.name.lower() for ending in Ending)
 
 
 @kernel
-def snapshot(world: World, buffers: Buffers, w: int) -> None:
-    """Record where the learning vehicles stand before a decision."""
-    for k in range(buffers.rewards.shape[1]):
-        before, parker = buffers.before[w, k], world.parking.parkers[w, k]
-        stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
-        before.distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
-        before.turn = abs(stand.turn)
+def look(world: World, buffers: Buffers, field: Field, w: int, k: int) -> None:
+    """Record where a learning vehicle stands before a decision."""
+    before, body, vehicle = buffers.before[w, k], world.bodies[w, k], world.vehicles[w, k]
+    parker = world.parking.parkers[w, k]
+    before.turn = abs(stand_of(parker, vehicle, body, judged_box(parker, vehicle)).turn)
+    heuristic = int(buffers.settings[0].heuristic)
+    chart = chart_of(world, field, w, buffers.rounds[w].world, k)
+    before.way = way_left(heuristic, aim_of(body, vehicle, parker), chart)
 
 
 @kernel
-def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
+def judge(world: World, buffers: Buffers, field: Field, w: int, k: int) -> bool:
     """Compute terms, reward and end of a learning vehicle's decision; return whether it is over.
 
     Fills `buffers.terms[w, k]`, (T,), in the order of TERMS.
     """
     body, parker = world.bodies[w, k], world.parking.parkers[w, k]
     ending = ending_of(body.status, world.racers[w, k].retired_for, parker.touched)
-    stand = stand_in(parker, hull_of(world.vehicles[w, k], world.bodies[w, k], 0))
-    _measure(world, buffers, w, k, ending, stand)
-    weigh_terms(buffers, w, k)
-    _record_figures(world, buffers, w, k, ending, stand)
+    vehicle = world.vehicles[w, k]
+    stand = stand_of(parker, vehicle, body, judged_box(parker, vehicle))
+    off = abs(stand_of(parker, vehicle, body, vehicle.trailer_count).turn)
     # Time that runs out cuts an episode off, unless the task calls it an end.
     is_late = ending == codes.IS_LATE and buffers.settings[0].late_ends == 0.0
-    return close_episode(buffers, w, k, ending != codes.OPEN and not is_late, is_late)
+    is_over = ending != codes.OPEN and not is_late
+    _measure(world, buffers, w, k, ending, stand, off)
+    _measure_way(world, buffers, field, w, k, is_over)
+    weigh_terms(buffers, w, k)
+    _record_figures(world, buffers, w, k, ending, off)
+    return close_episode(buffers, w, k, is_over, is_late)
 
 
 @kernel
-def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int, stand: Stand) -> None:
-    """Measure the terms of one learning vehicle. ending: Ending."""
+def _measure_way(
+    world: World, buffers: Buffers, field: Field, w: int, k: int, is_over: bool
+) -> None:
+    """Measure what depends on the heuristic, and record where the vehicle stands now."""
+    settings, terms, before = buffers.settings[0], buffers.terms[w, k], buffers.before[w, k]
+    way = before.way
+    look(world, buffers, field, w, k)
+    left, progress = before.way, 0.0
+    if settings.shaping == DIFFERENCE:
+        progress = way - left
+    elif settings.shaping == POTENTIAL:
+        progress = way if is_over else way - settings.discount * left
+    terms[GOAL_PROGRESS] = progress
+    terms[GOAL_WAY] = left
+
+
+@kernel
+def _measure(
+    world: World, buffers: Buffers, w: int, k: int, ending: int, stand: Stand, off: float
+) -> None:
+    """Measure the terms of one learning vehicle.
+
+    ending: Ending; stand: of the box that is judged; off: between the last box's heading and the
+    slot's [rad].
+    """
     body, before, terms = world.bodies[w, k], buffers.before[w, k], buffers.terms[w, k]
     distance = math.sqrt(stand.along * stand.along + stand.across * stand.across)
     turn = abs(stand.turn)
     limit = max(world.rules[w].limit_ticks, 1)
     share = buffers.settings[0].decision_ticks / limit
-    is_aligned = turn <= ALIGNED_WITHIN
+    is_aligned = off <= ALIGNED_WITHIN
     terms[PARKED] = 1.0 if ending == codes.IS_PARKED else 0.0
     terms[ALIGNED] = 1.0 if ending == codes.IS_PARKED and is_aligned else 0.0
     terms[MISPARKED] = 1.0 if ending == codes.IS_PARKED and not is_aligned else 0.0
@@ -133,21 +196,22 @@ def _measure(world: World, buffers: Buffers, w: int, k: int, ending: int, stand:
     terms[STEERING_WIDE] = share if abs(body.steering) > WIDE else 0.0
     terms[STANDING] = share if abs(body.speed) < STANDS_BELOW else 0.0
     terms[GOAL_DISTANCE] = distance * share
-    terms[GOAL_PROGRESS] = before.distance - distance
     terms[GOAL_TURN] = (before.turn - turn) / (1.0 + distance)
     terms[STEERING_CHANGE] = abs(body.steering_command - before.steering)
     before.steering = body.steering_command
+    is_bent = ending in (codes.HAS_JACK_KNIFED, codes.MET_ITSELF)
+    terms[JACK_KNIFE] = 1.0 if is_bent else 0.0
 
 
 @kernel
 def _record_figures(
-    world: World, buffers: Buffers, w: int, k: int, ending: int, stand: Stand
+    world: World, buffers: Buffers, w: int, k: int, ending: int, off: float
 ) -> None:
     """Record what a learning vehicle's episode has come to so far."""
     parker, episode = world.parking.parkers[w, k], buffers.episodes[w, k]
     episode.parked = 1 if ending == codes.IS_PARKED else 0
     episode.ending = ending
-    episode.turn = abs(stand.turn)
+    episode.turn = off
     episode.way, episode.reversed = parker.way, parker.reversed
     episode.moves = parker.moves
     episode.walked_into = parker.walked_into

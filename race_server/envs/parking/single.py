@@ -1,13 +1,14 @@
-"""Gymnasium: one vehicle that parks (`Kart/Park-v0`), and with goals apart (`Kart/ParkGoal-v0`)."""
+"""Gymnasium: one vehicle that parks, with or without a trailer, and with goals apart."""
 
 from typing import Any
 
 import gymnasium
 from numpy.typing import NDArray
 
-from race_server.envs.parking.goal import PARTS, GoalView
+from race_server.envs.parking.goal import PARTS, TRAILER_PARTS, GoalView
 from race_server.envs.presets import parking_task
 from race_server.envs.single import OneKart
+from race_server.envs.task import Task
 from race_server.envs.vector import KartVectorEnv
 
 Goals = dict[str, NDArray[Any]]
@@ -51,7 +52,7 @@ class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[Any]:
-        """Return the reward for goals (n, 5) or (5,); see `GoalView.rewards`."""
+        """Return the reward for goals (n, g) or (g,); see `GoalView.rewards`."""
         return self.view.rewards(achieved_goal, desired_goal, info)
 
     def render(self) -> Any:
@@ -83,3 +84,30 @@ def park_goal(
     """Return one vehicle with goals apart from observations; options as for `parking_task`."""
     task = parking_task(lot, level=level, **{**options, "observation": PARTS})
     return ParkGoal(OneKart(task, render_mode=render_mode), reward)
+
+
+def park_trailer(lot: str = "dock-35", render_mode: str | None = None, **options: Any) -> OneKart:
+    """Return one vehicle with a trailer that drives to its slot; options as for `parking_task`."""
+    return OneKart(_with_trailer(lot, **options), render_mode=render_mode)
+
+
+def park_trailer_vector(num_envs: int = 1, lot: str = "dock-35", **options: Any) -> KartVectorEnv:
+    """Return `num_envs` vehicles with a trailer, each alone in its lot."""
+    return KartVectorEnv(_with_trailer(lot, **options), worlds=num_envs)
+
+
+def park_trailer_goal(
+    lot: str = "dock-35",
+    render_mode: str | None = None,
+    reward: str = "sparse",
+    level: str = "goal-trailer",
+    **options: Any,
+) -> ParkGoal:
+    """Return one vehicle with a trailer, with goals apart; options as for `parking_task`."""
+    task = parking_task(lot, level=level, **{**options, "observation": TRAILER_PARTS})
+    return ParkGoal(OneKart(task, render_mode=render_mode), reward)
+
+
+def _with_trailer(lot: str, **options: Any) -> Task:
+    """Return the task of parking with a trailer, seen by its feelers unless told otherwise."""
+    return parking_task(lot, **{"observation": "park_trailer", **options})

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import GRID_STREAM, RESPAWN_STREAM, START_STREAM, uniform
+from race_server.core.kernels.trailers import straighten
 from race_server.core.rules.laps import microseconds
 from race_server.core.stages.clearance import is_clear
 from race_server.core.stages.grid import line_up, place_kart
@@ -68,6 +69,8 @@ def _shuffle_grid(world: World, w: int) -> None:
             one.x, two.x = two.x, one.x
             one.y, two.y = two.y, one.y
             one.heading, two.heading = two.heading, one.heading
+            straighten(one, world.vehicles[w, last])
+            straighten(two, world.vehicles[w, other])
             one_racer, two_racer = world.racers[w, last], world.racers[w, other]
             place = one_racer.grid_place
             one_racer.grid_place, two_racer.grid_place = two_racer.grid_place, place
@@ -93,6 +96,7 @@ def _find_start(
         if is_last or is_clear(world, w, k, others, x, y, codes.RETIRED):
             body.x, body.y = x, y
             body.heading = start[4] + (2.0 * uniform(seed, stream, first, 3) - 1.0) * start[5]
+            straighten(body, world.vehicles[w, k])
             return
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.state import Bytes, Floats, Record, World
+from race_server.core.vehicles import vehicle_of
 from race_server.envs.render.brush import blend, disc, fill, tile, write
 from race_server.envs.render.colours import AMBER, INK, OIL, WHITE, Colour, colour_of, ink_on
 from race_server.envs.render.view import SQUARE, View, turned
@@ -36,7 +37,10 @@ def _places(view: View, records: Record, which: NDArray[np.bool_]) -> Floats:
 
 
 def draw_kart(frame: Bytes, view: View, world: World, w: int, k: int) -> None:
-    """Draw a kart in its colour, with a light rim while nothing can hit it, and its number."""
+    """Draw a kart in its colour, with a light rim while nothing can hit it, and its number.
+
+    Its trailers lie behind it, and under it where they reach over it.
+    """
     body, player, vehicle = world.bodies[w, k], world.players[w, k], world.vehicles[w, k]
     scale = max(view.scale, _SHORTEST_KART / vehicle.length)  # [px/m] of this body
     half = 0.5 * scale * np.array([vehicle.length, vehicle.width])
@@ -46,10 +50,27 @@ def draw_kart(frame: Bytes, view: View, world: World, w: int, k: int) -> None:
     rim, rim_colour = (2.5, WHITE) if is_safe else (1.0, INK)
     colour = colour_of(body, k)
     ink = ink_on(colour)
+    _draw_trailers(frame, view, body, vehicle, (ink, colour))
     screen = SQUARE * half * (0.1, 0.75) + (0.66 * half[0], 0.0)
     shapes = (SQUARE * (half + rim), rim_colour), (SQUARE * half, colour), (screen, ink)
     fill(frame, [(middle + turned(shape, -body.heading), paint) for shape, paint in shapes])
     _draw_number(frame, view, k, middle[0], half, body.heading, ink)
+
+
+def _draw_trailers(
+    frame: Bytes, view: View, body: Record, vehicle: Record, paints: tuple[Colour, Colour]
+) -> None:
+    """Draw the boxes of trailers. paints: of their edges, and of what is inside."""
+    if vehicle.trailer_count == 0:
+        return
+    headings = body.trailers["heading"].tolist()
+    places = vehicle_of(vehicle).boxes_at(body.x, body.y, body.heading, headings)
+    for x, y, heading, length, width in places[1:]:
+        middle = view.pixels(np.array([[x, y]]))
+        half = 0.5 * view.scale * np.array([length, width])
+        shapes = [SQUARE * half, SQUARE * np.maximum(half - 1.0, 0.5)]
+        turned_shapes = [middle + turned(shape, -heading) for shape in shapes]
+        fill(frame, list(zip(turned_shapes, paints, strict=True)))
 
 
 def _draw_number(

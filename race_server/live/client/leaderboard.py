@@ -36,6 +36,8 @@ _ENDINGS = {
     Ending.VEHICLE: "hit a vehicle",
     Ending.PERSON: "hit a person",
     Ending.WITHDREW: "withdrew",
+    Ending.JACK_KNIFE: "jack-knifed",
+    Ending.OWN_BODY: "touched itself",
 }
 _ENDING_STYLE = {Ending.OPEN: "", Ending.PARKED: "green"}
 _FLAG_STYLE = {Flag.GREEN: "green", Flag.YELLOW: "yellow", Flag.RED: "red"}

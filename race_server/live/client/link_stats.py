@@ -28,6 +28,8 @@ _RETIREMENTS = {
     Retirement.LOST: "its position was lost for too long",
     Retirement.LEFT_LOT: "too far from its slot",
     Retirement.HIT_PERSON: "hit a person",
+    Retirement.JACK_KNIFE: "bent a hitch too far",
+    Retirement.OWN_BODY: "touched itself with a trailer",
 }
 
 

@@ -82,6 +82,8 @@ class RayCaster:
             y = float(kart["y"]) + course.kart_ahead * math.sin(turn)
             corners = corners_of_box(x, y, turn, course.kart_length, course.kart_width)
             outlines.append(segments_of(corners))
+        trailers = frame.trailers[frame.trailers["seat"] != seat].tolist()
+        outlines += [segments_of(corners_of_box(*one[:5])) for one in trailers]
         bodies = np.concatenate(outlines)
         kinds = np.full(len(bodies), codes.KART_HIT, np.uint8)
         blocks, block_kinds = _blocks_of(lot)

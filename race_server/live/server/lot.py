@@ -3,6 +3,7 @@
 import numpy as np
 
 from race_server.core import codes
+from race_server.core.parking_order import own_blocks_of
 from race_server.live.local_drivers import order_for
 from race_server.net.wire.parking import BLOCK, GOAL, WALKER, LotFrame, OrderFrame, Rows
 from race_server.session import Session
@@ -22,8 +23,8 @@ def lot_of(session: Session) -> LotFrame:
     for name in ("x", "y", "heading", "length", "width", "slot"):
         goals[name] = parking.parkers[name][0, seats]
     goals["seat"] = seats
-    # Block k is vehicle k once it stands.
-    standing = parking.blocks[0, len(statuses) :]
+    own = own_blocks_of(session.world, 0, range(len(statuses)))
+    standing = np.delete(parking.blocks[0], own)
     standing = standing[standing["kind"] != codes.NOTHING]
     blocks = np.zeros(len(standing), BLOCK)
     for name in ("x", "y", "heading", "kind"):

@@ -12,6 +12,7 @@ from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
 from race_server.core.state import EFFECTS, field_of
 from race_server.live.server.lot import lot_of, order_frame_of, walkers_of
 from race_server.live.server.timing import ServerTiming
+from race_server.live.server.trailers import trailers_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
@@ -220,6 +221,7 @@ def snapshot_of(session: Session) -> SnapshotFrame:
         boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
         hazards=hazards,
         walkers=walkers_of(session),
+        trailers=trailers_of(session),
     )
 
 

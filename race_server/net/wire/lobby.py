@@ -4,7 +4,7 @@ import itertools
 import secrets
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import flatbuffers
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.driver import Briefing
-from race_server.core.vehicles import Vehicle
-from race_server.errors import SeatError, WireError
+from race_server.core.vehicles import numbers_of, vehicle_from
+from race_server.errors import SeatError, VehicleError, WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.session import Briefing as BriefingTable
 from race_server.net.wire.generated.session import Course as CourseTable
@@ -27,8 +27,10 @@ I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
 BRIEFING_ID, REPLY_ID = b"RBRF", b"RRPL"
 MOST_BRIEFING = 1 << 18
 MOST_TEXTS = 256  # in a list: items, rules, figures of a vehicle
-_VEHICLE_NUMBERS = [field.name for field in fields(Vehicle) if field.name != "name"]
-_DAMAGE = (struct.error, TypeError, ValueError, IndexError, AttributeError, KeyError)
+_DAMAGE = (
+    *(struct.error, TypeError, ValueError, IndexError, AttributeError, KeyError),
+    VehicleError,
+)
 
 Floats = NDArray[np.float64]
 
@@ -190,13 +192,13 @@ def encode_welcome(welcome: Welcome) -> bytes:
     """Return a seat's briefing as a message."""
     builder = flatbuffers.Builder(2048)
     briefing, vehicle = welcome.briefing, welcome.briefing.vehicle
-    values = [float(getattr(vehicle, name)) for name in _VEHICLE_NUMBERS]
+    numbers = numbers_of(vehicle)
     texts = {
         "Preset": builder.CreateString(briefing.preset),
         "Vehicle": builder.CreateString(vehicle.name),
         "Items": _texts(builder, briefing.items, BriefingTable.StartItemsVector),
-        "VehicleNames": _texts(builder, _VEHICLE_NUMBERS, BriefingTable.StartVehicleNamesVector),
-        "VehicleValues": builder.CreateNumpyVector(np.array(values, "<f8")),
+        "VehicleNames": _texts(builder, tuple(numbers), BriefingTable.StartVehicleNamesVector),
+        "VehicleValues": builder.CreateNumpyVector(np.array(tuple(numbers.values()), "<f8")),
     }
     order = build_order(builder, welcome.order) if welcome.order else 0
     BriefingTable.Start(builder)
@@ -238,9 +240,7 @@ def decode_welcome(data: bytes) -> Welcome:
     try:
         root = BriefingTable.Briefing.GetRootAs(data)
         numbers = dict(zip(names, root.VehicleValuesAsNumpy().tolist(), strict=True))
-        vehicle = Vehicle(
-            name=root.Vehicle().decode(), **{name: numbers[name] for name in _VEHICLE_NUMBERS}
-        )
+        vehicle = vehicle_from(root.Vehicle().decode(), numbers)
         briefing = Briefing(
             seat=root.Seat(),
             vehicle=vehicle,

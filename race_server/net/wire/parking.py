@@ -21,6 +21,8 @@ from race_server.net.wire.generated.spectate.Parking import CreateParking
 from race_server.net.wire.rows import build_rows
 from race_server.net.wire.strict import U32, Table, root_of
 
+U8, F32 = struct.Struct("<B"), struct.Struct("<f")
+
 GOAL = np.dtype(
     [
         *((name, "<f4") for name in ("x", "y", "heading", "length", "width")),
@@ -35,14 +37,23 @@ BLOCK = np.dtype(
         ("", "V3"),  # pads to a multiple of four
     ]
 )
+TRAILER = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "heading", "length", "width", "limit")),
+        ("seat", "<u2"),
+        ("", "V2"),  # pads to a multiple of four
+    ]
+)
+TRAILER_NAMES = list(TRAILER.names or ())[:-1]
 WALKER = np.dtype([("x", "<f4"), ("y", "<f4"), ("radius", "<f4")])
-MOST_GOALS, MOST_WALKERS, MOST_BLOCKS, MOST_NUMBERS = 64, 64, 4096, 1 << 15
+MOST_GOALS, MOST_WALKERS, MOST_TRAILERS, MOST_BLOCKS, MOST_NUMBERS = 64, 64, 192, 4096, 1 << 15
 BLOCK_NAMES = list(BLOCK.names or ())[:-1]
 _SLOT, _LEVEL = struct.Struct("<5f"), struct.Struct("<7fB3x")
 _PARKING = struct.Struct("<ffIIhBx")
-# The numbers of a level in the order of the message; `hold` is `hold_s`, and `fits` follows.
+# The numbers of a level in the order of the message; `hold` is `hold_s`, and `fits` follows. What
+# concerns trailers came later, and stands beside it.
 _TOLERANCES = ("within", "along", "across", "turn", "still", "leave", "hold_s")
-assert {*_TOLERANCES, "fits"} == {one.name for one in fields(Level)}
+assert {*_TOLERANCES, "fits", "hitch", "last"} == {one.name for one in fields(Level)}
 
 Rows = NDArray[Any]
 
@@ -76,6 +87,8 @@ def build_order(builder: Any, frame: OrderFrame) -> int:
     OrderTable.AddLevel(builder, CreateLevel(builder, *tolerances))
     OrderTable.AddWalls(builder, walls)
     OrderTable.AddBlocks(builder, blocks)
+    OrderTable.AddHitch(builder, order.level.hitch)
+    OrderTable.AddLast(builder, order.level.last)
     return int(OrderTable.End(builder))
 
 
@@ -100,10 +113,12 @@ def read_order(table: Table) -> OrderFrame:
     place = _SLOT.unpack_from(table.data, slot)
     *tolerances, fits = _LEVEL.unpack_from(table.data, level)
     walls, blocks = _numbers(table, 4, 4), _numbers(table, 5, 5)
-    if not np.isfinite([*place, *tolerances]).all():
-        raise WireError("an order to park holds a number that is not finite")
     named = dict(zip(_TOLERANCES, tolerances, strict=True))
-    order = ParkingOrder(Slot(*place), Level(**named, fits=bool(fits)), walls, blocks)
+    named["hitch"] = table.number(6, F32)
+    if not np.isfinite([*place, *named.values()]).all():
+        raise WireError("an order to park holds a number that is not finite")
+    choices = {"fits": bool(fits), "last": bool(table.scalar(7, U8))}
+    order = ParkingOrder(Slot(*place), Level(**named, **choices), walls, blocks)
     return OrderFrame(table.scalar(0, U32), table.scalar(1, U32), order)
 
 
@@ -171,6 +186,14 @@ def walkers_in(table: Table, data: bytes | bytearray) -> Rows:
         return np.zeros(0, WALKER)
     first, count = table.vector(9, WALKER.itemsize, MOST_WALKERS)
     return np.frombuffer(data, WALKER, count, first)
+
+
+def trailers_in(table: Table, data: bytes | bytearray) -> Rows:
+    """Return the trailers (TRAILER) in a snapshot; none in one from before there were any."""
+    if not table.field(10, U32.size):
+        return np.zeros(0, TRAILER)
+    first, count = table.vector(10, TRAILER.itemsize, MOST_TRAILERS)
+    return np.frombuffer(data, TRAILER, count, first)
 
 
 def add_parking(builder: Any, parking: Parking) -> int:

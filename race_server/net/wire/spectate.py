@@ -1,4 +1,4 @@
-"""Encode and decode snapshots, events and standings."""
+"""Encode and decode snapshots and events; standings are in a file beside."""
 
 import struct
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ import flatbuffers
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.core.messages import Event, EventKind, Flag, Phase, Standing, Status
+from race_server.core.messages import Event, EventKind, Flag, Phase
 from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.spectate import Event as EventStruct
@@ -18,16 +18,24 @@ from race_server.net.wire.generated.spectate import (
     Hazard,
     Kart,
     Snapshot,
-    Standings,
+    Trailer,
     Walker,
 )
-from race_server.net.wire.generated.spectate import Standing as StandingTable
-from race_server.net.wire.parking import WALKER, add_parking, read_parking, walkers_in
+from race_server.net.wire.parking import (
+    TRAILER,
+    TRAILER_NAMES,
+    WALKER,
+    trailers_in,
+    walkers_in,
+)
 from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
+from race_server.net.wire.standings import StandingsFrame as StandingsFrame
+from race_server.net.wire.standings import decode_standings as decode_standings
+from race_server.net.wire.standings import encode_standings as encode_standings
+from race_server.net.wire.strict import Table, root_of
 
 U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
-U16, I64, F32 = struct.Struct("<H"), struct.Struct("<q"), struct.Struct("<f")
+F32 = struct.Struct("<f")
 
 KART = np.dtype(
     [
@@ -71,6 +79,7 @@ class SnapshotFrame:
     boxes: NDArray[np.uint8]
     hazards: Rows  # HAZARD
     walkers: Rows = field(default_factory=lambda: np.zeros(0, WALKER))  # WALKER
+    trailers: Rows = field(default_factory=lambda: np.zeros(0, TRAILER))  # TRAILER
 
 
 class SnapshotWriter:
@@ -81,7 +90,8 @@ class SnapshotWriter:
 
     def write(self, frame: SnapshotFrame) -> bytes:
         """Return a snapshot as a message."""
-        counts = tuple(map(len, (frame.karts, frame.boxes, frame.hazards, frame.walkers)))
+        rows = (frame.karts, frame.boxes, frame.hazards, frame.walkers, frame.trailers)
+        counts = tuple(map(len, rows))
         template = self._templates.get(counts)
         if template is None:
             template = self._templates[counts] = _Template(frame)
@@ -100,6 +110,7 @@ class _Template:
         hazards, count = table.vector(8, HAZARD.itemsize, MOST_HAZARDS)
         self.hazards = np.frombuffer(self.data, HAZARD, count, hazards)
         self.walkers = walkers_in(table, self.data)
+        self.trailers = trailers_in(table, self.data)
 
     def fill(self, frame: SnapshotFrame) -> bytes:
         data, places = self.data, self.places
@@ -113,6 +124,7 @@ class _Template:
         self.boxes[:] = frame.boxes
         self.hazards[:] = frame.hazards
         self.walkers[:] = frame.walkers
+        self.trailers[:] = frame.trailers
         return bytes(data)
 
 
@@ -127,6 +139,10 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     if len(frame.walkers):
         start = Snapshot.StartWalkersVector
         walkers = build_rows(builder, start, Walker.CreateWalker, frame.walkers)
+    trailers = 0
+    if len(frame.trailers):
+        named = frame.trailers[TRAILER_NAMES]
+        trailers = build_rows(builder, Snapshot.StartTrailersVector, Trailer.CreateTrailer, named)
     Snapshot.Start(builder)
     Snapshot.AddMonotonicUs(builder, frame.monotonic_us)
     Snapshot.AddEpoch(builder, frame.epoch)
@@ -139,6 +155,8 @@ def build_snapshot(frame: SnapshotFrame) -> bytes:
     Snapshot.AddHazards(builder, hazards)
     if walkers:
         Snapshot.AddWalkers(builder, walkers)
+    if trailers:
+        Snapshot.AddTrailers(builder, trailers)
     builder.Finish(Snapshot.End(builder), topics.SNAPSHOT.identifier)
     return bytes(builder.Output())
 
@@ -173,6 +191,7 @@ def decode_snapshot(data: bytes) -> SnapshotFrame:
         boxes=boxes,
         hazards=hazards,
         walkers=walkers_in(table, data),
+        trailers=trailers_in(table, data),
     )
 
 
@@ -231,117 +250,3 @@ def _details_of(table: Table, count: int) -> bytes:
     if found != count:
         raise WireError(f"{found} details of {count} events")
     return table.data[first : first + count]
-
-
-@dataclass(frozen=True, slots=True)
-class StandingsFrame:
-    """The standings with the state of the race."""
-
-    epoch: int
-    tick: int
-    start_tick: int
-    phase: Phase
-    flag: Flag
-    laps: int
-    course: str
-    rows: tuple[Standing, ...]
-
-
-# Slot and layout of each number of a row.
-_NUMBERS = {
-    "seat": (1, U16),
-    "rank": (2, U16),
-    "laps": (3, U32),
-    "status": (4, U8),
-    "last_lap_us": (5, I64),
-    "best_lap_us": (6, I64),
-    "race_time_us": (7, I64),
-    "gap_us": (8, I64),
-    "penalties": (9, U32),
-    "penalty_us": (10, I64),
-    "items_used": (11, U32),
-}
-
-
-def _camel(name: str) -> str:
-    return "".join(part.capitalize() for part in name.split("_"))
-
-
-def encode_standings(frame: StandingsFrame) -> bytes:
-    """Return standings as a message."""
-    builder = flatbuffers.Builder(1024)
-    offsets = []
-    for row in frame.rows:
-        driver = builder.CreateString(row.driver)
-        StandingTable.StartLapTimesUsVector(builder, len(row.lap_times_us))
-        for lap_us in reversed(row.lap_times_us):
-            builder.PrependInt64(lap_us)
-        laps = builder.EndVector()
-        StandingTable.Start(builder)
-        StandingTable.AddDriver(builder, driver)
-        for name in _NUMBERS:
-            getattr(StandingTable, f"Add{_camel(name)}")(builder, int(getattr(row, name)))
-        StandingTable.AddLapTimesUs(builder, laps)
-        if row.parking is not None:
-            StandingTable.AddParking(builder, add_parking(builder, row.parking))
-        offsets.append(StandingTable.End(builder))
-    Standings.StartRowsVector(builder, len(offsets))
-    for offset in reversed(offsets):
-        builder.PrependUOffsetTRelative(offset)
-    rows = builder.EndVector()
-    course = builder.CreateString(frame.course)
-    Standings.Start(builder)
-    Standings.AddEpoch(builder, frame.epoch)
-    Standings.AddTick(builder, frame.tick)
-    Standings.AddStartTick(builder, frame.start_tick)
-    Standings.AddPhase(builder, int(frame.phase))
-    Standings.AddFlag(builder, int(frame.flag))
-    Standings.AddLaps(builder, frame.laps)
-    Standings.AddCourse(builder, course)
-    Standings.AddRows(builder, rows)
-    builder.Finish(Standings.End(builder), topics.STANDINGS.identifier)
-    return bytes(builder.Output())
-
-
-def decode_standings(data: bytes) -> StandingsFrame:
-    """Return the standings in a message.
-
-    Raises:
-        WireError: damaged or foreign.
-    """
-    table = root_of(data, topics.STANDINGS.identifier, topics.STANDINGS.most_bytes)
-    # Rows may point at the same laps again and again: together they are no longer than the message.
-    left = len(data) // I64.size
-    rows = []
-    for row in table.tables(7, MOST_KARTS):
-        rows.append(_standing(row, left))
-        left -= len(rows[-1].lap_times_us)
-    try:
-        phase, flag = Phase(table.scalar(3, U8)), Flag(table.scalar(4, U8))
-    except ValueError as error:
-        raise WireError(f"standings are damaged: {error}") from error
-    return StandingsFrame(
-        epoch=table.scalar(0, U32),
-        tick=table.scalar(1, U32),
-        start_tick=table.scalar(2, U32),
-        phase=phase,
-        flag=flag,
-        laps=table.scalar(5, U32),
-        course=table.text(6, 64),
-        rows=tuple(rows),
-    )
-
-
-def _standing(row: Table, most_laps: int) -> Standing:
-    numbers = {name: row.scalar(slot, layout) for name, (slot, layout) in _NUMBERS.items()}
-    laps: tuple[int, ...] = ()
-    if row.field(12, U32.size):
-        first, count = row.vector(12, I64.size, most_laps)
-        laps = struct.unpack_from(f"<{count}q", row.data, first)
-    try:
-        status = Status(numbers.pop("status"))
-    except ValueError as error:
-        raise WireError(f"standings are damaged: {error}") from error
-    driver = row.text(0, NAME_BYTES)[:MOST_NAME]
-    parking = read_parking(row, 13)
-    return Standing(**numbers, status=status, driver=driver, lap_times_us=laps, parking=parking)

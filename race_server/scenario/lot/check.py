@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.lot.drawn import Drawn, draw_rounds
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.footprint import Footprint, wall_under
@@ -75,8 +75,10 @@ def _start_fault(course: Course, drawn: Drawn) -> str:
     assert course.lot is not None
     nearest, farthest = course.lot.distance
     for k, (start, slot) in enumerate(zip(drawn.starts, drawn.slots, strict=True)):
-        if fault := _touched(course, start, (*drawn.blocks, *drawn.parked), drawn.starts[:k]):
-            return fault
+        others = [box for boxes in drawn.boxes[:k] for box in boxes]
+        for box in drawn.boxes[k]:
+            if fault := _touched(course, box, (*drawn.blocks, *drawn.parked), others):
+                return fault
         away = math.hypot(start.x - slot.x, start.y - slot.y)
         if away < nearest or 0.0 < farthest <= away:
             return f"it is {away:.2f} m from its slot"

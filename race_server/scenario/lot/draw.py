@@ -71,11 +71,11 @@ def _draw_round(axes: Any, drawn: Drawn) -> None:
         (GOAL, 3, drawn.slots),
         (CAR, 4, drawn.parked),
         (BLOCK, 4, drawn.blocks),
-        (START, 6, drawn.starts),
+        (START, 6, [box for boxes in drawn.boxes for box in boxes]),
     ):
         for place in places:
             _draw_box(axes, place, colour, order)
-    for place in (*drawn.slots, *drawn.starts):
+    for place in (*drawn.slots, *(boxes[0] for boxes in drawn.boxes)):
         _point(axes, place)
     # Which slot a vehicle goes to.
     for start, slot in zip(drawn.starts, drawn.slots, strict=True):

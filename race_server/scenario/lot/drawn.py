@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.state import World
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.lot.footprint import Footprint
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
@@ -17,7 +17,8 @@ from race_server.scenario.race import make_world
 class Drawn:
     """Starts and slots of the vehicles in order, and what stands there besides."""
 
-    starts: tuple[Footprint, ...]
+    starts: tuple[Footprint, ...]  # of each vehicle as a whole, as if it stood straight
+    boxes: tuple[tuple[Footprint, ...], ...]  # of each vehicle, as it stands
     slots: tuple[Footprint, ...]
     blocks: tuple[Footprint, ...]
     parked: tuple[Footprint, ...]
@@ -37,16 +38,26 @@ def draw_rounds(
     """
     scenario = parking_scenario(lot, vehicles=vehicles, vehicle=vehicle)
     size = vehicle_named(scenario.vehicle_of(0).name)
+    whole, middle = (size.overall_length, size.overall_width), 0.5 * sum(size.ends)
     world = make_world(scenario, seeds=seeds)
     for w in range(len(seeds)):
         bodies = world.bodies[w]
-        x = bodies["x"] + size.box_offset * np.cos(bodies["heading"])
-        y = bodies["y"] + size.box_offset * np.sin(bodies["heading"])
+        x = bodies["x"] + middle * np.cos(bodies["heading"])
+        y = bodies["y"] + middle * np.sin(bodies["heading"])
         places = zip(x.tolist(), y.tolist(), bodies["heading"].tolist(), strict=True)
         parkers = world.parking.parkers[w]
         walkers = world.parking.walkers[w]
         yield Drawn(
-            starts=tuple(Footprint(*place, size.length, size.width) for place in places),
+            starts=tuple(Footprint(*place, *whole) for place in places),
+            boxes=tuple(
+                tuple(
+                    Footprint(*box)
+                    for box in size.boxes_at(
+                        body.x, body.y, body.heading, body.trailers["heading"].tolist()
+                    )
+                )
+                for body in bodies
+            ),
             slots=tuple(Footprint(p.x, p.y, p.heading, p.length, p.width) for p in parkers),
             blocks=_blocks_of(world, w, codes.OBSTACLE),
             parked=_blocks_of(world, w, codes.KART_HIT),

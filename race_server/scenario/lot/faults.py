@@ -10,6 +10,7 @@ from race_server.scenario.lot.site import area_in
 from race_server.scenario.track.course import Course
 
 TOUCH = 0.05  # [m] an obstacle or another slot may reach so far into a slot
+EQUAL = 1e-9  # [m] of a sum of lengths that are rounded
 
 
 def faults_of(course: Course, vehicle: Vehicle) -> Iterator[str]:
@@ -32,8 +33,10 @@ def _missing(course: Course) -> Iterator[str]:
     roles = {zone.role for zone in lot.zones}
     if not len(lot.slots) and "goal" not in roles:
         yield "no slot: give [[rows]] of slots or a zone with role = 'goal'"
-    if "start" not in roles:
-        yield "no start: give a zone with role = 'start'"
+    if lot.from_slots and len(lot.slots) < 2:
+        yield f"from_slots with {len(lot.slots)} slots: give two, one to start in and one to go to"
+    if not lot.from_slots and "start" not in roles:
+        yield "no start: give a zone with role = 'start', or from_slots = true"
     for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):
         if count and role not in roles:
             yield f"[{role}] count = {count}: give a zone with role = {role!r}"
@@ -43,11 +46,11 @@ def _small_slots(course: Course, vehicle: Vehicle) -> Iterator[str]:
     assert course.lot is not None
     sizes = course.lot.slots[:, 3:] if len(course.lot.slots) else np.array([course.lot.slot_size])
     for length, width in dict.fromkeys(map(tuple, sizes.tolist())):
-        if length < vehicle.length or width < vehicle.width:
+        whole = vehicle.overall_length, vehicle.overall_width
+        if length < whole[0] - EQUAL or width < whole[1]:
             yield (
                 f"a slot of {length:g} by {width:g} m is too small for {vehicle.name}, which is "
-                f"{vehicle.length:g} by {vehicle.width:g} m; make it larger, or choose another "
-                "vehicle"
+                f"{whole[0]:g} by {whole[1]:g} m; make it larger, or choose another vehicle"
             )
 
 

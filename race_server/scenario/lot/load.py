@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from race_server.core.lots import ROLES
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import LotError, VehicleError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import faults_of
@@ -89,6 +89,7 @@ def _lot_of(name: str, file: str, text: str) -> Course:
         vehicle=reader.text("vehicle", "kart-13"),
         limit_s=reader.number("limit_s", 60.0, 1.0, 3600.0),
         level=reader.choice("level", tuple(LEVELS), "parked"),
+        from_slots=reader.yes("from_slots"),
     )
     reader.no_more()
     digest = hashlib.sha256(name.encode() + text.encode()).hexdigest()[:16]
@@ -179,11 +180,12 @@ def _zone(reader: TomlReader, area: tuple[float, float, float, float]) -> Zone:
     for name, (low, high), (least, most) in (("x", x, area[:2]), ("y", y, area[2:])):
         if not least <= low <= high <= most:
             raise reader.wrong(name, [low, high], f"stay within the area, {least:g} to {most:g}")
-    heading, spread = (
-        math.radians(reader.number(name, 0.0, -360.0, 360.0)) for name in ("heading", "spread")
+    heading, spread, hitch = (
+        math.radians(reader.number(name, 0.0, -360.0, 360.0))
+        for name in ("heading", "spread", "hitch")
     )
     reader.no_more()
-    return Zone(role, x, y, heading, abs(spread))
+    return Zone(role, x, y, heading, abs(spread), abs(hitch))
 
 
 def _taken(reader: TomlReader) -> Taken:

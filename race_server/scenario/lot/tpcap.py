@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from race_server.core.vehicles import CAR
+from race_server.core.vehicle_presets import CAR
 from race_server.errors import LotError
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import MOST_CORNERS, MOST_ROWS, load_lot

@@ -10,7 +10,6 @@ from race_server.core.vehicles import Vehicle
 from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.site import area_in
 from race_server.scenario.track.course import Course
-from race_server.scenario.track.lot import Zone
 from race_server.scenario.track.walls import clearances_of, fence_of
 
 # Cells across a vehicle: what is narrower than it by two of them is found.
@@ -46,26 +45,32 @@ def ways_in(course: Course, vehicle: Vehicle) -> Ways:
     assert course.lot is not None
     area = area_in(course)[:, :2]
     (x0, y0), (width, height) = area.min(axis=0), np.ptp(area, axis=0)
-    cell = max(vehicle.width / ACROSS, math.sqrt(width * height / MOST_CELLS))
+    wide = vehicle.overall_width
+    cell = max(wide / ACROSS, math.sqrt(width * height / MOST_CELLS))
     columns, rows = math.ceil(width / cell), math.ceil(height / cell)
     # Painted around each wall, as far as half a vehicle and a bit.
     clear = clearances_of(fence_of(course).segments, (x0, y0), cell, columns, rows, ACROSS)
     # From the nearest corner of a cell to its middle; half a cell more, which may lie beside it.
-    free = clear.reshape(rows, columns) + (math.sqrt(0.5) + 0.5) * cell >= 0.5 * vehicle.width
+    free = clear.reshape(rows, columns) + (math.sqrt(0.5) + 0.5) * cell >= 0.5 * wide
     ways = Ways(float(x0), float(y0), cell, free, np.zeros_like(free))
     for zone in course.lot.zones:
         if zone.role == "start":
-            _flood(ways, zone)
+            _flood(ways, zone.x, zone.y)
+    if course.lot.from_slots:
+        for slot in slots_of(course):
+            _flood(ways, (slot.x, slot.x), (slot.y, slot.y))
     return ways
 
 
-def _flood(ways: Ways, zone: Zone) -> None:
-    """Mark all free cells that a way leads to from a zone."""
+def _flood(ways: Ways, x: tuple[float, float], y: tuple[float, float]) -> None:
+    """Mark all free cells that a way leads to from a rectangle. x, y: its sides [m]."""
     rows, columns = ways.free.shape
     padded = np.zeros((rows + 2, columns + 2), np.bool_)
     padded[1:-1, 1:-1] = ways.free
     begin = np.zeros_like(padded)
-    part = ways.near(zone.x, zone.y)
+    part = ways.near(x, y)
+    if ways.reached[part].any():
+        return  # all that can be reached from there is marked
     begin[1:-1, 1:-1][part] = ways.free[part]
     open_, reached = padded.ravel(), begin.ravel()
     front = np.flatnonzero(reached)
@@ -82,7 +87,7 @@ def cut_off(course: Course, vehicle: Vehicle) -> list[str]:
     assert course.lot is not None
     ways = ways_in(course, vehicle)
     found = []
-    wide = f"{vehicle.name}, {vehicle.width:.2f} m wide"
+    wide = f"{vehicle.name}, {vehicle.overall_width:.2f} m wide"
     for zone in course.lot.zones:
         where = f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
         part = ways.near(zone.x, zone.y)

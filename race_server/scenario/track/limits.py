@@ -97,7 +97,7 @@ def _check_lot(lot: Lot) -> None:
     check_count("zones", len(lot.zones), MOST_ZONES)
     check_count("blocks", lot.blocks.count[1], MOST_BLOCKS)
     check_count("people", lot.people.count, MOST_PEOPLE)
-    places = [(*zone.x, *zone.y, zone.heading, zone.spread) for zone in lot.zones]
+    places = [(*zone.x, *zone.y, zone.heading, zone.spread, zone.hitch) for zone in lot.zones]
     sizes = (lot.slot_size, lot.distance, lot.blocks.side, lot.people.speed)
     shares = (lot.taken.share, lot.taken.length, lot.taken.width, lot.people.radius)
     if not np.isfinite([*np.ravel(places), *np.ravel(sizes), *shares]).all():

@@ -17,6 +17,7 @@ class Zone:
     y: tuple[float, float]  # [m]
     heading: float = 0.0  # [rad]
     spread: float = 0.0  # [rad] headings may be this far from it
+    hitch: float = 0.0  # [rad] angles at the hitches of vehicles that start may be this far from 0
 
 
 @dataclass(frozen=True)
@@ -61,3 +62,4 @@ class Lot:
     vehicle: str = "kart-13"  # that it is made for
     limit_s: float = 60.0  # time to park in [s]
     level: str = "parked"  # of tolerance, see `race_server.scenario.level`
+    from_slots: bool = False  # vehicles start in slots, and not in start zones

@@ -24,12 +24,15 @@ def pack_lots(lots: Sequence[Lot | None]) -> Lots:
     return Lots(headers, np.concatenate(slots), np.concatenate(zones))
 
 
-def make_parking(lots: Sequence[Lot | None], worlds: int, karts: int) -> CarPark:
-    """Return the car parks of `worlds` worlds that may be at any of these lots, still empty."""
+def make_parking(lots: Sequence[Lot | None], worlds: int, karts: int, boxes: int = 1) -> CarPark:
+    """Return the car parks of `worlds` worlds that may be at any of these lots, still empty.
+
+    boxes: that a vehicle is made of, at most.
+    """
     real = [lot for lot in lots if lot is not None]
     if not real:
         return empty_parking(worlds, 0, 0, 0, pack_lots(lots))
-    blocks = karts + max(map(_count_blocks, real))
+    blocks = karts * boxes + max(map(_count_blocks, real))
     people = max(lot.people.count for lot in real)
     return empty_parking(worlds, karts, blocks, people, pack_lots(lots))
 
@@ -46,6 +49,7 @@ def _fill_header(header: Records, lot: Lot) -> None:
     header["block_least"], header["block_most"] = lot.blocks.side
     header["slot_length"], header["slot_width"] = lot.slot_size
     header["nearest"], header["farthest"] = lot.distance
+    header["from_slots"] = lot.from_slots
     header["walkers"], header["walker_radius"] = lot.people.count, lot.people.radius
     header["walker_slowest"], header["walker_fastest"] = lot.people.speed
     header["walker_stops"], header["walker_rest_ticks"] = (
@@ -66,5 +70,6 @@ def _zones_of(lot: Lot) -> Records:
     for zone, row in zip(lot.zones, zones, strict=True):
         row["x0"], row["x1"] = zone.x
         row["y0"], row["y1"] = zone.y
-        row["heading"], row["spread"], row["role"] = zone.heading, zone.spread, ROLES[zone.role]
+        row["heading"], row["spread"], row["hitch"] = zone.heading, zone.spread, zone.hitch
+        row["role"] = ROLES[zone.role]
     return zones

@@ -5,7 +5,7 @@ from random import Random
 
 import numpy as np
 
-from race_server.core.vehicles import KART_60, TT02
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.scenario.track.build import SCALES, periodic_spline
 from race_server.scenario.track.course import Floats
 from race_server.scenario.track.polyline import derivatives, lengths_of, resample

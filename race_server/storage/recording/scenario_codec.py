@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from race_server.core.level import Level
-from race_server.core.vehicles import Vehicle
+from race_server.core.vehicles import vehicle_in
 from race_server.errors import RecordingError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
@@ -105,7 +105,7 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
         return Scenario(
             course=whole,
             karts=words["karts"],
-            vehicles=tuple(Vehicle(**vehicle) for vehicle in words["vehicles"]),
+            vehicles=tuple(map(vehicle_in, words["vehicles"])),
             rules=Rules(**words["rules"]),
             lidar=Lidar(**words["lidar"]),
             radar=Radar(**words["radar"]),

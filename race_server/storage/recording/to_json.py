@@ -15,7 +15,7 @@ from race_server.net.wire.journal import (
     decode_lap,
     decode_start,
 )
-from race_server.net.wire.parking import BLOCK_NAMES, GOAL, decode_lot
+from race_server.net.wire.parking import BLOCK_NAMES, GOAL, TRAILER_NAMES, decode_lot
 from race_server.net.wire.placement import decode_placements
 from race_server.net.wire.spectate import decode_events, decode_snapshot, decode_standings
 from race_server.session.interventions import InterventionKind
@@ -108,7 +108,11 @@ def _snapshot(data: bytes) -> Words:
     frame = decode_snapshot(data)
     names = frame.karts.dtype.names or ()
     karts = [dict(zip(names, row, strict=True)) for row in frame.karts.tolist()]
-    return {"tick": frame.tick, "phase": frame.phase.name.lower(), "karts": karts}
+    words = {"tick": frame.tick, "phase": frame.phase.name.lower(), "karts": karts}
+    if len(frame.trailers):
+        rows = frame.trailers[TRAILER_NAMES].tolist()
+        words["trailers"] = [dict(zip(TRAILER_NAMES, row, strict=True)) for row in rows]
+    return words
 
 
 def _events(data: bytes) -> Words:

@@ -24,7 +24,7 @@ from race_server.core.stages.standings import close_race, rank
 from race_server.core.stages.stewarding import steward
 from race_server.core.state import Floats, World
 from race_server.core.step import advance
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.scenario.race import Rules, Scenario, make_world
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course

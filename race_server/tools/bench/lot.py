@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -16,7 +17,7 @@ from race_server.envs.presets import parking_task
 from race_server.tools.bench.rates import batch_rate, has_highway, is_over, ratio, replay_rate
 
 WORLDS, VEHICLES = 64, 8
-OPEN, YARD, GATE = "zone-30", "yard-70", "gate"
+OPEN, YARD, GATE, ROWS = "zone-30", "yard-70", "gate", "grid-150"
 PACE = 1.0  # [m/s]
 RESETS = 50
 
@@ -33,6 +34,7 @@ def bench_lot(*, seconds: float = 2.0) -> dict[str, Any]:
     ours: dict[str, float | None] = {
         "batch_open": batch_rate(_batch(OPEN, "report_a_1"), towards_slots, seconds),
         "batch_yard": batch_rate(_batch(YARD, "park"), towards_slots, seconds),
+        "batch_lorry": batch_rate(_full_rows(), out_of_slots, seconds),
         "gym_goal": _gymnasium(seconds),
         "pettingzoo": _pettingzoo(seconds),
     }
@@ -46,13 +48,14 @@ def bench_lot(*, seconds: float = 2.0) -> dict[str, Any]:
     return {
         **{name: value and round(value, 1) for name, value in figures.items()},
         "ratios": {f"{a}_over_{b}": ratio(figures[a], figures[b]) for a, b in pairs},
-        "reset_us": {lot: round(_reset_us(lot), 1) for lot in (OPEN, YARD, "aisle-90")},
+        "reset_us": {lot: round(_reset_us(lot), 1) for lot in (OPEN, YARD, "aisle-90", ROWS)},
         "notes": {
             "clock": "CPU time",
             "worlds": WORLDS,
             "decision_hz": 10,
             "batch_open": f"{OPEN}, no obstacles, no rays",
             "batch_yard": f"{YARD}, 6 to 10 blocks, a person, 9 rays",
+            "batch_lorry": f"{ROWS}, a lorry, all other slots taken, 14 feelers",
             "gym_goal": f"Kart/ParkGoal-v0 in {OPEN}, dictionaries",
             "pettingzoo": f"Kart/Lot-v0, {VEHICLES} vehicles in {GATE}",
         },
@@ -65,6 +68,24 @@ def towards_slots(batch: Batch) -> Floats:
     bearing = np.arctan2(parkers["y"] - bodies["y"], parkers["x"] - bodies["x"])
     turn = np.sin(bearing - bodies["heading"])
     return np.stack([PACE - bodies["speed"], turn], axis=-1).clip(-1.0, 1.0)
+
+
+def out_of_slots(batch: Batch) -> Floats:
+    """Return actions that drive every vehicle straight ahead at a steady pace, with some play."""
+    bodies = batch.world.bodies
+    steering = 0.1 * np.sin(0.1 * bodies["x"] + bodies["y"])
+    return np.stack([PACE - bodies["speed"], steering], axis=-1).clip(-1.0, 1.0)
+
+
+def _full_rows() -> Batch:
+    """Return lorries in a car park in which 106 vehicles stand."""
+    task = parking_task(ROWS, observation="report_c", reward="report_c")
+    (scenario,) = task.scenarios
+    assert scenario.course.lot is not None
+    taken = replace(scenario.course.lot.taken, share=1.0)
+    course = replace(scenario.course, lot=replace(scenario.course.lot, taken=taken))
+    task = replace(task, scenarios=(replace(scenario, course=course),))
+    return Batch(task, worlds=WORLDS, after=RESET_WORLD)
 
 
 def _batch(lot: str, observation: str) -> Batch:

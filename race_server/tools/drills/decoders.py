@@ -26,7 +26,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.errors import GatewayError, RaceError, RecordingError, ResultsError, SeatError
 from race_server.errors import WireError as Damage
 from race_server.live.gateway.handshake import read_hello
@@ -187,6 +187,7 @@ def _of_races() -> Iterator[Decoder]:
     snapshot = spectate.SnapshotFrame(
         *(7, 2, 600, 0.5, Phase.RUNNING, Flag.YELLOW, np.zeros(3, spectate.KART)),
         *(np.array([1, 0, 1], np.uint8), np.zeros(2, spectate.HAZARD)),
+        trailers=np.zeros(2, parking.TRAILER),
     )
     snapshot_message = bytes(spectate.SnapshotWriter().write(snapshot))
     yield _client(snapshot_message, spectate.decode_snapshot, topics.SNAPSHOT.most_bytes)

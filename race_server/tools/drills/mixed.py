@@ -13,7 +13,8 @@ from typing import Any
 
 from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, run_race, spread
 from race_server.core.messages import EventKind, Flag, PoseFault, Status, Trust
-from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import GRAVITY, Vehicle
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import read_recording
 from race_server.terminal import Console

@@ -1,7 +1,7 @@
 // Karts on the map: to scale where that is visible, never smaller than their number.
 
 import type { KartBody } from '../race/race.svelte';
-import type { KartFrame } from '../wire/frames';
+import type { KartFrame, TrailerFrame } from '../wire/frames';
 import { KartFlag, Status } from '../wire/tables';
 import type { Point } from '../race/course';
 import type { Camera } from './camera';
@@ -18,6 +18,28 @@ export interface KartStyle {
   colours: MapColours;
   followed: number; // seat, -1 for none
   isBox: boolean; // of its true size and shape, as in a car park
+}
+
+/** Draws the boxes of trailers in the colours of what draws them, below the vehicles. */
+export function drawTrailers(
+  context: CanvasRenderingContext2D,
+  trailers: readonly TrailerFrame[],
+  { camera, ratio, colours }: KartStyle,
+): void {
+  for (const trailer of trailers) {
+    const { x, y } = camera.toPicture(trailer);
+    const length = trailer.length * camera.scale;
+    const width = trailer.width * camera.scale;
+    context.setTransform(ratio, 0, 0, ratio, x * ratio, y * ratio);
+    context.rotate(-trailer.heading);
+    context.globalAlpha = 0.75;
+    context.fillStyle = liveryOf(trailer.seat).colour;
+    context.fillRect(-0.5 * length, -0.5 * width, length, width);
+    context.globalAlpha = 1;
+    context.lineWidth = 1;
+    context.strokeStyle = colours.halo;
+    context.strokeRect(-0.5 * length, -0.5 * width, length, width);
+  }
 }
 
 /** Draws karts, those in front last so that they lie on top. */

@@ -3,7 +3,7 @@
 import type { Race } from '../race/race.svelte';
 import type { SnapshotFrame } from '../wire/frames';
 import { Camera } from './camera';
-import { drawKarts } from './karts';
+import { drawKarts, drawTrailers } from './karts';
 import { drawPeople, drawRound, drawWays } from './lot';
 import { drawNames, namesOn } from './names';
 import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
@@ -111,6 +111,7 @@ export class TrackMap {
     }
     const { followed } = choice;
     const style = { body, camera, ratio, colours: this.colours, followed, isBox: race.isLot };
+    drawTrailers(top, frame.trailers, style);
     drawKarts(top, frame.karts, style);
     if (choice.names) drawNames(top, frame.karts, namesOn(race, frame, followed), style);
   }

@@ -53,6 +53,8 @@ export const en = {
     'position lost',
     'left the car park',
     'hit a person',
+    'jack-knifed',
+    'touched itself',
   ],
   trusts: ['simulated', 'trusted', 'doubtful', 'suspended', 'out'],
   poseFaults: [
@@ -250,6 +252,8 @@ export const en = {
       'hit a vehicle',
       'hit a person',
       'withdrew',
+      'jack-knifed',
+      'touched itself',
     ],
     figures: 'Vehicle',
     choose: 'Follow a vehicle to see how it fares.',

@@ -57,6 +57,8 @@ export const fr: Words = {
     'position perdue',
     'sorti du parking',
     'personne heurtée',
+    'en portefeuille',
+    's’est touché lui-même',
   ],
   trusts: ['simulé', 'fiable', 'douteux', 'suspendu', 'exclu'],
   poseFaults: [
@@ -243,6 +245,8 @@ export const fr: Words = {
       'a touché un véhicule',
       'a touché une personne',
       'abandon',
+      'en portefeuille',
+      's’est touché lui-même',
     ],
     figures: 'Véhicule',
     choose: 'Suivez un véhicule pour voir ses mesures.',

@@ -1,7 +1,7 @@
 // A buffer of snapshots for the display: drawn with a fixed delay after they were made, in between
 // interpolated, so that an uneven network does not shake the karts.
 
-import type { KartFrame, SnapshotFrame } from '../wire/frames';
+import type { KartFrame, SnapshotFrame, TrailerFrame } from '../wire/frames';
 
 export const WATCH_DELAY_MS = 100;
 export const DRIVE_DELAY_MS = 35;
@@ -127,7 +127,20 @@ export function between(early: SnapshotFrame, late: SnapshotFrame, share: number
       y: old.y + share * (walker.y - old.y),
     };
   });
-  return { ...late, karts, walkers, lights, tick };
+  const trailers = late.trailers.map((trailer, row) => {
+    const old = early.trailers[row];
+    return old?.seat === trailer.seat ? blendTrailer(old, trailer, share) : trailer;
+  });
+  return { ...late, karts, walkers, trailers, lights, tick };
+}
+
+function blendTrailer(early: TrailerFrame, late: TrailerFrame, share: number): TrailerFrame {
+  return {
+    ...late,
+    x: early.x + share * (late.x - early.x),
+    y: early.y + share * (late.y - early.y),
+    heading: early.heading + share * wrap(late.heading - early.heading),
+  };
 }
 
 function blend(early: KartFrame, late: KartFrame, share: number): KartFrame {

@@ -42,17 +42,35 @@ export function clearanceOf(
   course: Course,
   lot: LotFrame | null,
 ): number {
-  const sides = sidesOf(rectangleOfKart(own, body));
+  const drawn = frame.trailers.filter((trailer) => trailer.seat === own.seat);
+  const boxes: Rectangle[] = [rectangleOfKart(own, body), ...drawn];
+  return Math.min(...boxes.map((box) => clearanceOfBox(box, own, frame, body, course, lot)));
+}
+
+function clearanceOfBox(
+  box: Rectangle,
+  own: KartFrame,
+  frame: SnapshotFrame,
+  body: KartBody,
+  course: Course,
+  lot: LotFrame | null,
+): number {
+  const sides = sidesOf(box);
   const others = frame.karts.filter((kart) => kart.seat !== own.seat && kart.status !== Status.ABSENT);
-  const rectangles = [...(lot?.blocks ?? []), ...others.map((kart) => rectangleOfKart(kart, body))];
+  const far = frame.trailers.filter((trailer) => trailer.seat !== own.seat);
+  const rectangles: Rectangle[] = [
+    ...(lot?.blocks ?? []),
+    ...others.map((kart) => rectangleOfKart(kart, body)),
+    ...far,
+  ];
   let least = Infinity;
   const meet = (far: readonly Side[]): void => {
     for (const side of sides) for (const other of far) least = Math.min(least, between(side, other));
   };
   meet(wallsOf(course));
   for (const rectangle of rectangles) {
-    const reach = rectangle.length + rectangle.width + body.length + body.width;
-    if (Math.hypot(rectangle.x - own.x, rectangle.y - own.y) - reach < least) meet(sidesOf(rectangle));
+    const reach = rectangle.length + rectangle.width + box.length + box.width;
+    if (Math.hypot(rectangle.x - box.x, rectangle.y - box.y) - reach < least) meet(sidesOf(rectangle));
   }
   for (const { x, y, radius } of frame.walkers) {
     for (const side of sides) least = Math.min(least, Math.max(toSide({ x, y }, side) - radius, 0));

@@ -11,6 +11,7 @@ import type {
   KartFrame,
   Rectangle,
   StandingFrame,
+  TrailerFrame,
 } from './frames';
 import {
   Briefing,
@@ -68,6 +69,7 @@ function readSnapshot(buffer: ByteBuffer): Frame {
     boxes: table.boxesArray() ?? new Uint8Array(),
     hazards: rowsOf(table.hazardsLength(), (row) => readHazard(table, row)),
     walkers: rowsOf(table.walkersLength(), (row) => readWalker(table, row)),
+    trailers: rowsOf(table.trailersLength(), (row) => readTrailer(table, row)),
   };
 }
 
@@ -107,6 +109,19 @@ function readHazard(table: Snapshot, row: number): HazardFrame {
 function readWalker(table: Snapshot, row: number): Disc {
   const walker = table.walkers(row)!;
   return { x: walker.x(), y: walker.y(), radius: walker.radius() };
+}
+
+function readTrailer(table: Snapshot, row: number): TrailerFrame {
+  const trailer = table.trailers(row)!;
+  return {
+    x: trailer.x(),
+    y: trailer.y(),
+    heading: trailer.heading(),
+    length: trailer.length(),
+    width: trailer.width(),
+    limit: trailer.limit(),
+    seat: trailer.seat(),
+  };
 }
 
 function readStandings(buffer: ByteBuffer): Frame {

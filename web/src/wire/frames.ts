@@ -45,6 +45,12 @@ export interface Rectangle {
   width: number;
 }
 
+/** The box of a trailer; those of one vehicle follow each other, the nearest one first. */
+export interface TrailerFrame extends Rectangle {
+  limit: number; // a larger angle at its hitch is a jack-knife
+  seat: number; // of the vehicle that draws it
+}
+
 export interface SnapshotFrame {
   kind: 'snapshot';
   serverMs: number; // the server's clock
@@ -57,6 +63,7 @@ export interface SnapshotFrame {
   boxes: Uint8Array; // 1 for each item box that is ready
   hazards: HazardFrame[];
   walkers: Disc[]; // people in a car park
+  trailers: TrailerFrame[];
 }
 
 export interface ParkingFrame {

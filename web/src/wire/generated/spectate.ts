@@ -16,4 +16,5 @@ export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';
 export { Standings } from './spectate/standings.js';
+export { Trailer } from './spectate/trailer.js';
 export { Walker } from './spectate/walker.js';

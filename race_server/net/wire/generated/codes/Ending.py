@@ -12,3 +12,5 @@ class Ending(object):
     VEHICLE = 6
     PERSON = 7
     WITHDREW = 8
+    JACK_KNIFE = 9
+    OWN_BODY = 10

@@ -12,3 +12,5 @@ class Retirement(object):
     LOST = 7
     LEFT_LOT = 8
     HIT_PERSON = 9
+    JACK_KNIFE = 10
+    OWN_BODY = 11

@@ -114,8 +114,22 @@ class ParkingOrder(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(14))
         return o == 0
 
+    # ParkingOrder
+    def Hitch(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(16))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Float32Flags, o + self._tab.Pos)
+        return 0.0
+
+    # ParkingOrder
+    def Last(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(18))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def ParkingOrderStart(builder):
-    builder.StartObject(6)
+    builder.StartObject(8)
 
 def Start(builder):
     ParkingOrderStart(builder)
@@ -167,6 +181,18 @@ def ParkingOrderStartBlocksVector(builder, numElems):
 
 def StartBlocksVector(builder, numElems):
     return ParkingOrderStartBlocksVector(builder, numElems)
+
+def ParkingOrderAddHitch(builder, hitch):
+    builder.PrependFloat32Slot(6, hitch, 0.0)
+
+def AddHitch(builder, hitch):
+    ParkingOrderAddHitch(builder, hitch)
+
+def ParkingOrderAddLast(builder, last):
+    builder.PrependBoolSlot(7, last, 0)
+
+def AddLast(builder, last):
+    ParkingOrderAddLast(builder, last)
 
 def ParkingOrderEnd(builder):
     return builder.EndObject()

@@ -165,8 +165,32 @@ class Snapshot(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(22))
         return o == 0
 
+    # Snapshot
+    def Trailers(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(24))
+        if o != 0:
+            x = self._tab.Vector(o)
+            x += flatbuffers.number_types.UOffsetTFlags.py_type(j) * 28
+            from race_server.net.wire.generated.spectate.Trailer import Trailer
+            obj = Trailer()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
+    # Snapshot
+    def TrailersLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(24))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Snapshot
+    def TrailersIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(24))
+        return o == 0
+
 def SnapshotStart(builder):
-    builder.StartObject(10)
+    builder.StartObject(11)
 
 def Start(builder):
     SnapshotStart(builder)
@@ -254,6 +278,18 @@ def SnapshotStartWalkersVector(builder, numElems):
 
 def StartWalkersVector(builder, numElems):
     return SnapshotStartWalkersVector(builder, numElems)
+
+def SnapshotAddTrailers(builder, trailers):
+    builder.PrependUOffsetTRelativeSlot(10, flatbuffers.number_types.UOffsetTFlags.py_type(trailers), 0)
+
+def AddTrailers(builder, trailers):
+    SnapshotAddTrailers(builder, trailers)
+
+def SnapshotStartTrailersVector(builder, numElems):
+    return builder.StartVector(28, numElems, 4)
+
+def StartTrailersVector(builder, numElems):
+    return SnapshotStartTrailersVector(builder, numElems)
 
 def SnapshotEnd(builder):
     return builder.EndObject()

@@ -11,5 +11,7 @@ export enum Ending {
   BLOCK = 5,
   VEHICLE = 6,
   PERSON = 7,
-  WITHDREW = 8
+  WITHDREW = 8,
+  JACK_KNIFE = 9,
+  OWN_BODY = 10
 }

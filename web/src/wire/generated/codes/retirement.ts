@@ -11,5 +11,7 @@ export enum Retirement {
   RAMMING = 6,
   LOST = 7,
   LEFT_LOT = 8,
-  HIT_PERSON = 9
+  HIT_PERSON = 9,
+  JACK_KNIFE = 10,
+  OWN_BODY = 11
 }

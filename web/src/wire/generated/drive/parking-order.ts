@@ -76,8 +76,18 @@ blocksArray():Float32Array|null {
   return offset ? new Float32Array(this.bb!.bytes().buffer, this.bb!.bytes().byteOffset + this.bb!.__vector(this.bb_pos + offset), this.bb!.__vector_len(this.bb_pos + offset)) : null;
 }
 
+hitch():number {
+  const offset = this.bb!.__offset(this.bb_pos, 16);
+  return offset ? this.bb!.readFloat32(this.bb_pos + offset) : 0.0;
+}
+
+last():boolean {
+  const offset = this.bb!.__offset(this.bb_pos, 18);
+  return offset ? !!this.bb!.readInt8(this.bb_pos + offset) : false;
+}
+
 static startParkingOrder(builder:flatbuffers.Builder) {
-  builder.startObject(6);
+  builder.startObject(8);
 }
 
 static addEpoch(builder:flatbuffers.Builder, epoch:number) {
@@ -136,6 +146,14 @@ static createBlocksVector(builder:flatbuffers.Builder, data:number[]|Float32Arra
 
 static startBlocksVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(4, numElems, 4);
+}
+
+static addHitch(builder:flatbuffers.Builder, hitch:number) {
+  builder.addFieldFloat32(6, hitch, 0.0);
+}
+
+static addLast(builder:flatbuffers.Builder, last:boolean) {
+  builder.addFieldInt8(7, +last, +false);
 }
 
 static endParkingOrder(builder:flatbuffers.Builder):flatbuffers.Offset {

@@ -8,6 +8,7 @@ import { Flag } from '../codes/flag.js';
 import { Phase } from '../codes/phase.js';
 import { Hazard } from '../spectate/hazard.js';
 import { Kart } from '../spectate/kart.js';
+import { Trailer } from '../spectate/trailer.js';
 import { Walker } from '../spectate/walker.js';
 
 
@@ -104,8 +105,18 @@ walkersLength():number {
   return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
 }
 
+trailers(index: number, obj?:Trailer):Trailer|null {
+  const offset = this.bb!.__offset(this.bb_pos, 24);
+  return offset ? (obj || new Trailer()).__init(this.bb!.__vector(this.bb_pos + offset) + index * 28, this.bb!) : null;
+}
+
+trailersLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 24);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
 static startSnapshot(builder:flatbuffers.Builder) {
-  builder.startObject(10);
+  builder.startObject(11);
 }
 
 static addMonotonicUs(builder:flatbuffers.Builder, monotonicUs:bigint) {
@@ -172,6 +183,14 @@ static startWalkersVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(12, numElems, 4);
 }
 
+static addTrailers(builder:flatbuffers.Builder, trailersOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(10, trailersOffset, 0);
+}
+
+static startTrailersVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(28, numElems, 4);
+}
+
 static endSnapshot(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 16) // karts
@@ -180,7 +199,7 @@ static endSnapshot(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:number, tick:number, lights:number, phase:Phase, flag:Flag, kartsOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, hazardsOffset:flatbuffers.Offset, walkersOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:number, tick:number, lights:number, phase:Phase, flag:Flag, kartsOffset:flatbuffers.Offset, boxesOffset:flatbuffers.Offset, hazardsOffset:flatbuffers.Offset, walkersOffset:flatbuffers.Offset, trailersOffset:flatbuffers.Offset):flatbuffers.Offset {
   Snapshot.startSnapshot(builder);
   Snapshot.addMonotonicUs(builder, monotonicUs);
   Snapshot.addEpoch(builder, epoch);
@@ -192,6 +211,7 @@ static createSnapshot(builder:flatbuffers.Builder, monotonicUs:bigint, epoch:num
   Snapshot.addBoxes(builder, boxesOffset);
   Snapshot.addHazards(builder, hazardsOffset);
   Snapshot.addWalkers(builder, walkersOffset);
+  Snapshot.addTrailers(builder, trailersOffset);
   return Snapshot.endSnapshot(builder);
 }
 }

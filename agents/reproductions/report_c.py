@@ -1,0 +1,60 @@
+"""What all reproductions of the report on an articulated vehicle in a car park share."""
+
+from race_agents.reproductions.plan import Column, ParkingExam, TrainingScale, Variant
+
+SOURCE = "Report on an articulated vehicle that learns to park, with a heuristic in its reward"
+PRESET = "trailer-report-c"
+EXAM = ParkingExam()
+FULL = TrainingScale(steps=9_600_000, seeds=3, starts=1000)
+# One update for 128 decisions, of a smaller network.
+QUICK = TrainingScale(
+    steps=65_536,
+    seeds=1,
+    starts=64,
+    changes=(
+        "network.layers=[128, 64, 64]",
+        "algorithm.options.batch_size=128",
+        "algorithm.options.train_freq=4",
+        "algorithm.options.learning_starts=4096",
+        "parking.limit_s=60.0",
+    ),
+)
+
+PARKED = Column("parked", "parked, %", 1, of="starts")
+COLUMNS = (
+    PARKED,
+    Column("aligned", "aligned, % of all", 1, of="starts"),
+    Column("open_parked", "parked where nothing stands between, %", 1, of="open"),
+    Column("barred_parked", "parked where something does, %", 1, of="barred"),
+    *(
+        Column(name, f"{name.replace('_', ' ')}, %", 1, of="starts", has_bounds=False)
+        for name in ("late", "wall", "vehicle", "jack_knife", "own_body")
+    ),
+    Column("return", "return", 1),
+    Column("length", "length, decisions", 0),
+    Column("decisions_to_80", "decisions to 80 %", 0),
+    Column("learning_cpu_s", "learning, CPU s", 0),
+)
+
+ASSUMPTIONS = (
+    "The report gives neither sizes nor speeds of its vehicle, nor the length of a step, the "
+    "actions, the number of steps, the critical angle of the hitch, or where its sensors look: "
+    "`lorry-off-axle`, decisions of 0.1 s, one pedal and the wheel, 240 s for an episode and the "
+    "14 feelers are our choice.",
+    "Its curves have no numbers: breadth-first search is best in mean return, success and length "
+    "of episodes, Euclid's distance later and lower, succeeding only where nothing stands between, "
+    "and without a heuristic it never arrives.",
+    "Returns of rows with different heuristics differ by construction: compare success. Each start "
+    "is drawn by a seed that no training had.",
+    "Something stands between if a wall or a parked vehicle is on the straight line from the "
+    "middle of the tractor to where it is to stand.",
+    "Decisions to 80 %: until the share of the last hundred episodes that parked, with "
+    "exploration, first came to 80 %; the mean of the runs that came there.",
+    "64 lots learn at once, with one update for 32 decisions; a quick run has a smaller network, "
+    "one update for 128 decisions, and 60 s for an episode.",
+)
+
+
+def with_heuristic(name: str, *theirs: str) -> Variant:
+    """Return a row of one heuristic."""
+    return Variant(name, (f"parking.heuristic={name!r}",), theirs=theirs)

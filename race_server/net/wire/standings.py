@@ -1,0 +1,132 @@
+"""Encode and decode standings."""
+
+import struct
+from dataclasses import dataclass
+
+import flatbuffers
+
+from race_server.core.messages import Flag, Phase, Standing, Status
+from race_server.errors import WireError
+from race_server.net.wire import topics
+from race_server.net.wire.generated.spectate import Standing as StandingTable
+from race_server.net.wire.generated.spectate import Standings
+from race_server.net.wire.parking import add_parking, read_parking
+from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
+
+U8, U16, U32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<I")
+I64 = struct.Struct("<q")
+MOST_ROWS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class StandingsFrame:
+    """The standings with the state of the race."""
+
+    epoch: int
+    tick: int
+    start_tick: int
+    phase: Phase
+    flag: Flag
+    laps: int
+    course: str
+    rows: tuple[Standing, ...]
+
+
+# Slot and layout of each number of a row.
+_NUMBERS = {
+    "seat": (1, U16),
+    "rank": (2, U16),
+    "laps": (3, U32),
+    "status": (4, U8),
+    "last_lap_us": (5, I64),
+    "best_lap_us": (6, I64),
+    "race_time_us": (7, I64),
+    "gap_us": (8, I64),
+    "penalties": (9, U32),
+    "penalty_us": (10, I64),
+    "items_used": (11, U32),
+}
+
+
+def _camel(name: str) -> str:
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def encode_standings(frame: StandingsFrame) -> bytes:
+    """Return standings as a message."""
+    builder = flatbuffers.Builder(1024)
+    offsets = []
+    for row in frame.rows:
+        driver = builder.CreateString(row.driver)
+        StandingTable.StartLapTimesUsVector(builder, len(row.lap_times_us))
+        for lap_us in reversed(row.lap_times_us):
+            builder.PrependInt64(lap_us)
+        laps = builder.EndVector()
+        StandingTable.Start(builder)
+        StandingTable.AddDriver(builder, driver)
+        for name in _NUMBERS:
+            getattr(StandingTable, f"Add{_camel(name)}")(builder, int(getattr(row, name)))
+        StandingTable.AddLapTimesUs(builder, laps)
+        if row.parking is not None:
+            StandingTable.AddParking(builder, add_parking(builder, row.parking))
+        offsets.append(StandingTable.End(builder))
+    Standings.StartRowsVector(builder, len(offsets))
+    for offset in reversed(offsets):
+        builder.PrependUOffsetTRelative(offset)
+    rows = builder.EndVector()
+    course = builder.CreateString(frame.course)
+    Standings.Start(builder)
+    Standings.AddEpoch(builder, frame.epoch)
+    Standings.AddTick(builder, frame.tick)
+    Standings.AddStartTick(builder, frame.start_tick)
+    Standings.AddPhase(builder, int(frame.phase))
+    Standings.AddFlag(builder, int(frame.flag))
+    Standings.AddLaps(builder, frame.laps)
+    Standings.AddCourse(builder, course)
+    Standings.AddRows(builder, rows)
+    builder.Finish(Standings.End(builder), topics.STANDINGS.identifier)
+    return bytes(builder.Output())
+
+
+def decode_standings(data: bytes) -> StandingsFrame:
+    """Return the standings in a message.
+
+    Raises:
+        WireError: damaged or foreign.
+    """
+    table = root_of(data, topics.STANDINGS.identifier, topics.STANDINGS.most_bytes)
+    # Rows may point at the same laps again and again: together they are no longer than the message.
+    left = len(data) // I64.size
+    rows = []
+    for row in table.tables(7, MOST_ROWS):
+        rows.append(_standing(row, left))
+        left -= len(rows[-1].lap_times_us)
+    try:
+        phase, flag = Phase(table.scalar(3, U8)), Flag(table.scalar(4, U8))
+    except ValueError as error:
+        raise WireError(f"standings are damaged: {error}") from error
+    return StandingsFrame(
+        epoch=table.scalar(0, U32),
+        tick=table.scalar(1, U32),
+        start_tick=table.scalar(2, U32),
+        phase=phase,
+        flag=flag,
+        laps=table.scalar(5, U32),
+        course=table.text(6, 64),
+        rows=tuple(rows),
+    )
+
+
+def _standing(row: Table, most_laps: int) -> Standing:
+    numbers = {name: row.scalar(slot, layout) for name, (slot, layout) in _NUMBERS.items()}
+    laps: tuple[int, ...] = ()
+    if row.field(12, U32.size):
+        first, count = row.vector(12, I64.size, most_laps)
+        laps = struct.unpack_from(f"<{count}q", row.data, first)
+    try:
+        status = Status(numbers.pop("status"))
+    except ValueError as error:
+        raise WireError(f"standings are damaged: {error}") from error
+    driver = row.text(0, NAME_BYTES)[:MOST_NAME]
+    parking = read_parking(row, 13)
+    return Standing(**numbers, status=status, driver=driver, lap_times_us=laps, parking=parking)
