@@ -33,7 +33,8 @@ class Level:
         """Return the tolerances in a PARKER record."""
         figures = {name: float(parker[name]) for name in _LENGTHS}
         hold_s = int(parker["hold_ticks"]) * TICK_S
-        return Level(**figures, **{name: bool(parker[name]) for name in _CHOICES}, hold_s=hold_s)
+        fits, last = (bool(parker[name]) for name in _CHOICES)
+        return Level(**figures, fits=fits, last=last, hold_s=hold_s)
 
     def fill(self, parker: Record) -> None:
         """Write the tolerances into a PARKER record."""

@@ -143,7 +143,9 @@ def _feelers(length: float, trailer: Trailer) -> tuple[Feeler, ...]:
         *((1, at, turn * side, turn * 90.0) for at in (0.0, rear) for turn in (1.0, -1.0)),
         *((1, rear, 0.0, angle) for angle in _REAR_RAYS),
     ]
-    return tuple(Feeler(*place, float(np.radians(angle))) for *place, angle in rays)
+    return tuple(
+        Feeler(box, ahead, left, float(np.radians(angle))) for box, ahead, left, angle in rays
+    )
 
 
 def _slow(

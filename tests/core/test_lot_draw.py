@@ -9,6 +9,7 @@ from race_server.core.lots import bytes_of
 from race_server.core.messages import RayHit
 from race_server.core.state import World, digest
 from race_server.core.step import advance
+from race_server.errors import ScenarioError
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.parking import parking_scenario
@@ -181,3 +182,38 @@ def test_the_share_of_slots_that_hold_a_vehicle_is_that_of_the_lot() -> None:
     for w in range(50):
         for block in blocks[w][blocks["kind"][w] == RayHit.KART]:
             assert np.hypot(block.x - parkers["x"][w, 0], block.y - parkers["y"][w, 0]) > 1.0
+
+
+# Starts with trailers
+
+
+def test_who_starts_in_a_slot_stands_straight_in_one_that_none_goes_to_and_none_stands_in() -> None:
+    world = make_world(parking_scenario("grid-150", vehicles=3), seeds=range(10))
+    course = load_lot("grid-150")
+    assert course.lot is not None
+    for w in range(10):
+        parkers, blocks = world.parking.parkers[w], world.parking.blocks[w]
+        began = parkers["began"].tolist()
+        assert len({*began, *parkers["slot"].tolist()}) == 6
+        standing = blocks[blocks["kind"] == RayHit.KART]
+        for k, slot in enumerate(course.lot.slots[began]):
+            body = world.bodies[w, k]
+            assert np.hypot(standing["x"] - slot[0], standing["y"] - slot[1]).min() > 1.0
+            assert body.heading == body.trailers[0].heading == slot[2]
+            # The centre of gravity of a straight lorry lies 5 m ahead of its middle.
+            ahead = (slot[0] + 5.0 * np.cos(slot[2]), slot[1] + 5.0 * np.sin(slot[2]))
+            assert (body.x, body.y) == pytest.approx(ahead)
+
+
+def test_hitches_are_bent_at_the_start_as_far_as_the_zone_says() -> None:
+    world = make_world(parking_scenario("dock-35"), seeds=range(30))
+    bodies = world.bodies[:, 0]
+    angles = np.degrees(bodies["heading"] - bodies["trailers"]["heading"][:, 0])
+    angles = (angles + 180.0) % 360.0 - 180.0
+    assert -10.0 <= angles.min() < -5.0
+    assert 5.0 < angles.max() <= 10.0
+
+
+def test_more_vehicles_than_pairs_of_slots_to_start_in_and_to_go_to_are_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"55 vehicles .* each needs one to start in"):
+        make_world(parking_scenario("grid-150", vehicles=55))

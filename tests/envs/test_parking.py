@@ -198,6 +198,7 @@ def test_at_a_dock_metres_are_gained_by_the_trailer() -> None:
     body.x, body.heading = parker.x, 0.5 * np.pi
     body.y = parker.y - 1.45 + 6.45 + 10.0
     body.trailers["heading"] = 0.5 * np.pi
+    drive(batch, STAND, 1)  # from here on
     total = drive(batch, BACK, 20)
     assert total == pytest.approx(batch.world.parking.parkers["reversed"][0, 0], abs=0.01)
     assert total > 0.5
