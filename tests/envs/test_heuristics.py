@@ -12,6 +12,7 @@ from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.trailers import place_in_line
 from race_server.core.lots import PARKER
+from race_server.core.stages.lot_draw import put_body
 from race_server.core.state import BODY, World
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.core.vehicles import vehicle_record
@@ -166,6 +167,17 @@ def test_in_every_lot_no_way_over_cells_is_left_in_the_slot(lot: str) -> None:
             parker = world.parking.parkers[0, 0]
             seen = aim_at(world, float(parker.x), float(parker.y), float(parker.heading))
             assert way(name, seen, chart) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("lot", ["grid-150", "dock-35"])
+def test_a_lorry_that_stands_straight_in_its_slot_has_no_way_left(lot: str) -> None:
+    made = {cells: lot_with_ways(lot, 1, cells) for cells in (SIDES, CORNERS)}
+    for name, heuristic in HEURISTICS.items():
+        world, _, chart = made[heuristic.cells or SIDES]
+        parker = world.parking.parkers[0, 0]
+        put_body(world, 0, 0, parker.x, parker.y, parker.heading)
+        seen = aim_of(world.bodies[0, 0], world.vehicles[0, 0], parker)
+        assert way(name, seen, chart) == pytest.approx(0.0, abs=1e-3), name
 
 
 def test_breadth_first_search_goes_in_whole_metres_from_side_to_side() -> None:
