@@ -20,7 +20,7 @@ from race_agents.policies.session import Policy
 from race_agents.reproductions.exam import Decide
 from race_agents.reproductions.kart_there import KartThere, Similarity
 from race_agents.reproductions.parking_exam import examine_parking
-from race_agents.reproductions.parking_v0 import examine_there, make_parking_v0
+from race_agents.reproductions.parking_v0 import SHARE, examine_there, make_parking_v0
 from race_agents.reproductions.plan import Learned, ParkingExam
 from race_agents.reproductions.watch import Watch, mean_return
 from race_agents.training.budget import Budget
@@ -92,7 +92,7 @@ class HindsightThere:
         def act(seen: Any) -> Any:
             return learner.predict(seen, deterministic=True)[0]
 
-        found = examine_there(make_parking_v0(), lambda: None, act, starts)
+        found = examine_there(make_parking_v0(), lambda: None, act, starts // SHARE)
         return _learned(found, watch)
 
 
@@ -195,7 +195,7 @@ def _figures_there(kart: KartThere, starts: int, decide: Decide) -> dict[str, An
     def act(_: Any) -> Any:
         return kart.controls(decide(kart.seen()[None])[0])
 
-    return examine_there(kart.env, kart.begin, act, starts)
+    return examine_there(kart.env, kart.begin, act, starts // SHARE)
 
 
 def _watched(make: Callable[[], Any]) -> Callable[[], gymnasium.Env[Any, Any]]:

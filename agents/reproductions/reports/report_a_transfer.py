@@ -148,7 +148,8 @@ REPRODUCTION = Reproduction(
         "On `parking-v0` SAC with hindsight is Stable-Baselines3's, with the same sizes. An "
         "earlier run of ours with 3 × 256 and batches of 512 came to 32 % at 15 000, 72 % at 25 "
         "000 and 80 % at 35 000 decisions in 2200 s; highway-env publishes no rate.",
-        "`parking-v0` ends after 60 s instead of 100 s.",
+        "`parking-v0` ends after 60 s instead of 100 s, and an exam there has a third of the "
+        "starts: its steps take milliseconds.",
         "As a similar kart: lengths there are divided by 2.8 (the turning circles are then "
         "equal), times by 2 (so are the paces of decisions), and the kart's pedal and steering "
         "rate are those of `kart-13`, within the 5 m/s² that `parking-v0` has. In metres "
