@@ -134,7 +134,7 @@ def vehicles_of(settings: Settings) -> VecEnv:
     """
     register_gymnasium()
     asked = settings.parking
-    options = {
+    options: dict[str, Any] = {
         "lot": asked.lots[0],
         "vehicle": settings.vehicle,
         "level": asked.level,
