@@ -20,7 +20,8 @@ from race_agents.reproductions.parking_v0 import (
 from race_agents.training.settings import Settings
 from race_server.core.observation import layout_of
 from race_server.core.rules.parking import ALIGNED_WITHIN
-from race_server.core.vehicles import Vehicle, vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import Vehicle
 from race_server.envs.actions import REVERSE_BELOW
 from race_server.envs.parking.reward_terms import REWARDS
 from race_server.envs.spaces import action_space, observation_space

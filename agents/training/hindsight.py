@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from race_agents.training.settings import Settings
 from race_server.core.observation import layout_of
-from race_server.core.vehicles import vehicle_named
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.parking.goal import METRES, OWN
 from race_server.envs.registration import PARK_GOAL, register_gymnasium
 from race_server.scenario.level import level_named
