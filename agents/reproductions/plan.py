@@ -1,9 +1,10 @@
 """A reproduction: rows of settings, the report's figures beside them, and the columns to show."""
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, Self
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Protocol, Self
 
-from race_agents.training.settings import Tracks
+from race_agents.training.settings import Settings, Tracks
 from race_server.errors import ScenarioError
 
 
@@ -19,6 +20,28 @@ class Twist:
 
 
 @dataclass(frozen=True)
+class Learned:
+    """What came out of a training and its exam."""
+
+    steps: int  # decisions
+    figures: dict[str, Any]
+    curve: list[tuple[int, float]]
+    # Further curves by name, see `race_agents.reproductions.watch`.
+    curves: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+
+
+class Lesson(Protocol):
+    """A training and its exam that settings cannot express; its representation names it."""
+
+    def give(self, settings: Settings, starts: int, tell: Callable[[float], None]) -> Learned:
+        """Train, and examine from that many starts. tell: takes the share that is done.
+
+        Raises:
+            RaceError: the settings are not valid, or something is not there.
+        """
+
+
+@dataclass(frozen=True)
 class Variant:
     """One line of the table: what is changed, and what the report found."""
 
@@ -31,6 +54,7 @@ class Variant:
     quick_changes: tuple[str, ...] = ()  # besides, where a quick run has too few decisions
     # What imitates demonstrations, of `gail` and `cloning`; see `demonstration.py`.
     imitates: tuple[str, ...] = ()
+    lesson: Lesson | None = None  # instead of learning by the settings alone
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,11 @@
 
 import hashlib
 import json
-import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.reproductions.demonstration import imitating
@@ -16,11 +14,13 @@ from race_agents.reproductions.exam import Decide, examine
 from race_agents.reproductions.parking_exam import examine_parking
 from race_agents.reproductions.plan import (
     Exam,
+    Learned,
     ParkingExam,
     Reproduction,
     TrainingScale,
     Variant,
 )
+from race_agents.reproductions.watch import Watch, mean_return, reached_at, settled_at
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
 from race_agents.training.cloning import Cloning
@@ -30,20 +30,12 @@ from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
 from race_server.errors import ScenarioError
 
-POINTS = 40  # of the curve of a training
 FORMAT = 1  # of the files; files of another format are made again
 
 # Tables of the settings that no training here uses: their keys and defaults are not in the digest.
 UNUSED = ("self_play", "warm_start", "evaluation", "goal")
 # Those that only trainings to park use.
 PARKING = ("curriculum", "cloning", "gail", "curiosity", "parking", "hurl")
-# Curves of a training to park: figures of the last hundred episodes.
-CURVES = {
-    "share that parked": "is_success",
-    "return of an episode": "r",
-    "length of an episode, decisions": "l",
-}
-SETTLED = 0.9  # share of the final figure at which something counts as learned
 
 Tell = Callable[[float], None]  # called with the share of the training that is done
 
@@ -66,6 +58,8 @@ class Training:
         words = f"{FORMAT} {settings} {self.row.twist} {self.exam!r}"
         if self.row.imitates:
             words += f" {self.row.imitates} {self.demonstrated}"
+        if self.row.lesson is not None:
+            words += f" {self.row.lesson!r}"
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 
@@ -122,11 +116,28 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
     Raises:
         RaceError: the settings are not valid.
     """
+    found = _learned(training, tell)
+    return {
+        "row": training.row.name,
+        "seed": training.seed,
+        "key": training.key,
+        "steps": found.steps,
+        "figures": found.figures,
+        "curve": found.curve,
+        "curves": found.curves,
+    }
+
+
+def _learned(training: Training, tell: Tell) -> Learned:
+    """Return what comes out of a training: by its row's lesson, or by its settings."""
+    if training.row.lesson is not None:
+        assert isinstance(training.exam, ParkingExam)
+        return training.row.lesson.give(training.settings, training.exam.starts, tell)
     budget = Budget.of(training.settings)
     with imitating(training.settings, training.row.imitates, training.demonstrated) as settings:
         world = world_of(settings, training.row.twist, budget)
         learner = learner_of(settings, world, budget, None)
-        watch = _Watch(settings, budget, tell)
+        watch = Watch(settings, budget, tell)
         callbacks: list[BaseCallback] = [watch]
         if settings.cloning.demonstrations:
             callbacks.append(Cloning(settings, world, budget))
@@ -146,15 +157,7 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
     if training.settings.parks:
         figures["settled_cpu_s"] = settled_at(watch.curve, watch.cpu_times)
         figures["decisions_to_80"] = reached_at(watch.curve, 0.8)
-    return {
-        "row": training.row.name,
-        "seed": training.seed,
-        "key": training.key,
-        "steps": budget.done,
-        "figures": figures,
-        "curve": watch.curve,
-        "curves": watch.curves,
-    }
+    return Learned(budget.done, figures, watch.curve, watch.curves)
 
 
 def _figures(training: Training, decide: Decide) -> dict[str, Any]:
@@ -163,73 +166,6 @@ def _figures(training: Training, decide: Decide) -> dict[str, Any]:
     if isinstance(exam, ParkingExam):
         return examine_parking(training.settings, exam, decide)
     return asdict(examine(training.settings, exam, decide))
-
-
-def settled_at(curve: list[tuple[int, float]], cpu_times: list[float]) -> float | None:
-    """Return the processor time [s] at which a curve first reached 90 % of where it ended.
-
-    The end is the mean of its last tenth; None if that is nothing.
-    """
-    end = float(np.mean([value for _, value in curve[-POINTS // 10 :]])) if curve else 0.0
-    if end <= 0.0:
-        return None
-    reached = zip(curve, cpu_times, strict=True)
-    return next(at for (_, value), at in reached if value >= SETTLED * end)
-
-
-def reached_at(curve: list[tuple[int, float]], share: float) -> float | None:
-    """Return the decisions after which a curve first reached a share, None if it never did."""
-    return next((float(at) for at, value in curve if value >= share), None)
-
-
-def mean_return(curve: list[tuple[int, float]]) -> float | None:
-    """Return the mean of a curve; time before its first point counts as that point."""
-    if not curve:
-        return None
-    returns = [value for _, value in curve]
-    earlier = max(POINTS - len(returns), 0)
-    return float(np.mean([returns[0]] * earlier + returns))
-
-
-class _Watch(BaseCallback):
-    """Counts decisions and records figures of the last hundred episodes.
-
-    Of a race that is the mean return, in a lot the share that parked.
-    """
-
-    def __init__(self, settings: Settings, budget: Budget, tell: Tell) -> None:
-        super().__init__()
-        self.budget = budget
-        self.curve: list[tuple[int, float]] = []
-        self.curves: dict[str, list[tuple[int, float]]] = (
-            {name: [] for name in CURVES} if settings.parks else {}
-        )
-        self.cpu_times: list[float] = []  # [s] at each point of the curve
-        self._figure = "is_success" if settings.parks else "r"
-        self._begun = time.process_time()
-        self._points = 0
-        self._tell = tell
-
-    @property
-    def cpu_s(self) -> float:
-        """Processor time so far [s]."""
-        return time.process_time() - self._begun
-
-    def _mean(self, figure: str) -> float:
-        return float(np.mean([row[figure] for row in self.model.ep_info_buffer or ()]))
-
-    def _on_step(self) -> bool:
-        self.budget.done += self.training_env.num_envs
-        if int(self.budget.share * POINTS) > self._points:
-            self._points = int(self.budget.share * POINTS)
-            # Among many agents it takes a while until the first episode is over.
-            if self.model.ep_info_buffer:
-                self.curve.append((self.budget.done, self._mean(self._figure)))
-                for name, curve in self.curves.items():
-                    curve.append((self.budget.done, self._mean(CURVES[name])))
-                self.cpu_times.append(self.cpu_s)
-            self._tell(self.budget.share)
-        return True
 
 
 def read_outcome(path: Path, training: Training) -> dict[str, Any] | None:

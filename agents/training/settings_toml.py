@@ -40,7 +40,7 @@ def read_settings(name: str, changes: Sequence[str] = ()) -> Settings:
     except ValueError as error:
         raise ScenarioError(f"{path.name}: not valid TOML: {error}") from error
     for change in changes:
-        _apply(words, change)
+        set_key(words, change)
     return settings_of(words, path.name)
 
 
@@ -137,7 +137,12 @@ def _fields_of(table: Any) -> dict[str, Any]:
     return fields
 
 
-def _apply(words: Words, change: str) -> None:
+def set_key(words: Words, change: str) -> None:
+    """Change one key of settings, such as ``algorithm.learning_rate=1e-3``, as `read_settings`.
+
+    Raises:
+        ScenarioError: it is no change of a key.
+    """
     key, equals, value = change.partition("=")
     if not equals or not key.strip():
         raise ScenarioError(f"--set {change!r}: write key=value, such as algorithm.name=sac")

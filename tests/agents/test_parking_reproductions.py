@@ -16,7 +16,8 @@ from race_agents.reproductions.registry import reproduction_named
 from race_agents.reproductions.report_a import CLONING, GAIL, reward, stages
 from race_agents.reproductions.summary import lines_of
 from race_agents.reproductions.table import page, texts_of
-from race_agents.reproductions.training import reached_at, run_training, settled_at, trainings_of
+from race_agents.reproductions.training import run_training, trainings_of
+from race_agents.reproductions.watch import reached_at, settled_at
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_server.core.driver import Briefing

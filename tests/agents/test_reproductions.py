@@ -16,12 +16,12 @@ from race_agents.reproductions.summary import lines_of, remarks_on
 from race_agents.reproductions.table import base_of, page, texts_of
 from race_agents.reproductions.training import (
     Training,
-    mean_return,
     read_outcome,
     run_training,
     trainings_of,
     write_outcome,
 )
+from race_agents.reproductions.watch import mean_return
 from race_agents.reproductions.world import CHOICES, actions_of
 from race_agents.training.settings import Goal, Tracks
 from race_server.errors import ScenarioError
@@ -71,6 +71,7 @@ def test_every_report_has_its_reproductions() -> None:
         "report-a-parking-aids",
         "report-a-scenario-1",
         "report-a-scenario-2",
+        "report-a-transfer",
         "report-c-algorithms",
         "report-c-heuristics",
         "report-c-more-heuristics",

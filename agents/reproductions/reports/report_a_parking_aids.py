@@ -88,6 +88,6 @@ REPRODUCTION = Reproduction(
         "The defaults learn half as many decisions as the others, SAC a fifth, with one update "
         "for 8 decisions: they take more processor time for each.",
         "POCA, which it finds as good as PPO, is left out: this program has none. SAC with "
-        "hindsight, which it did not try, is left out as well.",
+        "hindsight, which it did not try, stands in `report-a-transfer`.",
     ),
 )
