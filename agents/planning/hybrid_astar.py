@@ -25,6 +25,7 @@ from race_agents.planning.obstacles import Obstacles, free_way
 from race_agents.planning.search_tree import (
     NODES,
     NONE,
+    STEPS,
     Tree,
     clear_tree,
     draft,
@@ -71,6 +72,7 @@ class Task(NamedTuple):
     prices: Prices
     costs: Floats  # (len(WORDS),), work space
     mesh: Mesh
+    steps: int  # most of all searches of a plan: states expanded, and words tried
 
 
 @large_kernel
@@ -144,9 +146,13 @@ def search(task: Task, tree: Tree) -> tuple[int, int]:
         number = next_node(tree)
         if number == NONE or tree.nodes[number].estimate >= least:
             return found, found_word
+        if tree.counts[STEPS] >= task.steps:
+            return (GAVE_UP if found == EXHAUSTED else found), found_word
+        tree.counts[STEPS] += 1
         node = tree.nodes[number]
         wait -= 1.0
         if wait < 0.0:
+            tree.counts[STEPS] += 1
             pose, left = Pose(node.x, node.y, node.heading), least - node.cost
             word, cost = cheapest_free_word(
                 task.obstacles,

@@ -10,7 +10,7 @@ from race_agents.planning.analytic_expansion import Prices
 from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import CURVATURE, LEFT, SPEED
-from race_agents.planning.path_planner import PathPlanner
+from race_agents.planning.path_planner import ENDLESS, PathPlanner
 from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.unexpected import Chart
 from race_server.core.kernels.geometry import Pose, along_arc
@@ -38,16 +38,25 @@ def chart_of(order: ParkingOrder) -> Chart:
     return Chart(np.ascontiguousarray(order.walls), boxes)
 
 
+def box_in(slot: Slot, vehicle: Vehicle) -> Floats:
+    """Return the box of a vehicle that stands in the middle of a slot: (6,), see `Chart`."""
+    cos, sin = math.cos(slot.heading), math.sin(slot.heading)
+    return np.array([slot.x, slot.y, cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width])
+
+
 def parked_pose(slot: Slot, vehicle: Vehicle) -> Pose:
     """Return the pose of the rear axle of a vehicle that stands in the middle of a slot."""
     middle = np.array([slot.x, slot.y, slot.heading])
     return Pose(*convert(middle, vehicle, Point.MIDDLE, Point.REAR_AXLE).tolist())
 
 
-def plan_to_slot(vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart) -> Path:
+def plan_to_slot(
+    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, steps: int = ENDLESS
+) -> Path:
     """Return a path of the rear axle from a pose of it into the slot of an order.
 
-    chart: what stands there, that of the order and what was seen since.
+    chart: what stands there, that of the order and what was seen since; steps: most that the
+    searches may take, see `PathPlanner.allow`.
 
     Raises:
         PlanError: no margin leaves a path.
@@ -55,6 +64,7 @@ def plan_to_slot(vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Char
     goal, refused = parked_pose(order.slot, vehicle), None
     for margin in MARGINS:
         planner = _planner(vehicle, margin)
+        planner.allow(steps)
         straight = _straight_in(planner, start, goal, order.level, chart)
         if straight is not None:
             return straight
@@ -62,6 +72,7 @@ def plan_to_slot(vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Char
             return planner.plan(start, goal, chart.walls, chart.boxes)
         except PlanError as error:
             refused = error
+        steps -= planner.steps
     assert refused is not None
     raise refused
 

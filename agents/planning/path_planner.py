@@ -21,7 +21,7 @@ from race_agents.planning.obstacles import (
     survey,
 )
 from race_agents.planning.path import Path, driven_back, path_of
-from race_agents.planning.search_tree import NODES, NONE, make_tree
+from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.shortcuts import shortened
 from race_server.core.kernels.distance_field import Grid, distance_at, fill_distances
 from race_server.core.kernels.geometry import Pose
@@ -52,6 +52,8 @@ MESHES = (
     Mesh(0.8, 0.02, 0.05, 0.005, math.radians(0.5), greed=1.6, nodes=200_000),
 )
 NO_BOXES = np.zeros((0, 6))
+# As many steps as a search likes to take.
+ENDLESS = 1 << 62
 
 
 class PathPlanner:
@@ -73,6 +75,20 @@ class PathPlanner:
         self._clear, self._distances = np.zeros(MOST_CELLS), np.zeros(MOST_CELLS)
         self._queues = np.zeros((2, MOST_CELLS), np.int64)
         self._costs = np.zeros(len(WORDS))
+        self._most_steps = ENDLESS
+
+    def allow(self, steps: int) -> None:
+        """Let all plans from now on take so many steps together: states expanded, words tried.
+
+        A bound in time would give other plans on another machine.
+        """
+        self._most_steps = steps
+        self._tree.counts[STEPS] = 0
+
+    @property
+    def steps(self) -> int:
+        """Steps that were taken since they were allowed."""
+        return int(self._tree.counts[STEPS])
 
     def plan(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats = NO_BOXES) -> Path:
         """Return a path of the rear axle that keeps the margin from walls and boxes.
@@ -114,12 +130,22 @@ class PathPlanner:
         prices = Prices(self.back, 1.0) if is_swapped else Prices(1.0, self.back)
         for mesh in meshes:
             task = Task(
-                root, target, self.footprint, obstacles, distances, prices, self._costs, mesh
+                root,
+                target,
+                self.footprint,
+                obstacles,
+                distances,
+                prices,
+                self._costs,
+                mesh,
+                self._most_steps,
             )
             node, word = search(task, self._tree)
             if node >= 0:
                 path = self._path(task, node, word)
                 return replace(driven_back(path), start=start) if is_swapped else path
+            if self.steps >= self._most_steps:
+                break
         found = int(self._tree.counts[NODES])
         raise PlanError(
             f"no path from {_words(start)} to {_words(goal)}: the search "
