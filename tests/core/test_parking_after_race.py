@@ -8,7 +8,7 @@ import pytest
 from race_server.core import codes
 from race_server.core.state import World
 from race_server.core.step import advance
-from race_server.core.vehicles import KART_13
+from race_server.core.vehicle_presets import KART_13
 from race_server.scenario.race import Rules, Scenario, make_world
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.lot import Lot

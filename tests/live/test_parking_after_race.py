@@ -10,7 +10,7 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core import codes
 from race_server.core.messages import Ending, Event, EventKind, Status
-from race_server.core.vehicles import TT02
+from race_server.core.vehicle_presets import TT02
 from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.net.wire.admin import Decision
