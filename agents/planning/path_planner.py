@@ -78,7 +78,7 @@ class PathPlanner:
         self._most_steps = ENDLESS
 
     def allow(self, steps: int) -> None:
-        """Let all plans from now on take so many steps together: states expanded, words tried.
+        """Let all plans from now on take this number of steps together: states expanded, words tried.
 
         A bound in time would give other plans on another machine.
         """

@@ -1,4 +1,4 @@
-"""Figures of rounds in which several vehicles park, each with a driver of its own.
+"""Figures of rounds in which several vehicles park, each with a driver.
 
 Standing for a turn is no fault of one vehicle: a deadlock is a time in which none of a round moves.
 """

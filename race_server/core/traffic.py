@@ -28,7 +28,7 @@ AROUND = 0.1
 # Slower than this [m/s] a vehicle stands. Where it is seen is off by this noise [m], and by what it
 # moves in this time [s].
 STANDING, NOISE, SCAN_S = 0.05, 0.1, 0.15
-# A vehicle is cleared so many places ahead if it can be; of them, and of those farther away, it
+# A vehicle is cleared this number of places ahead if it can be; of them, and of those farther away, it
 # tries one of each few.
 HORIZON, STRIDE, FAR_STRIDE = 16, 3, 12
 
@@ -67,7 +67,7 @@ class Traffic:
         self._planned = False
 
     def watch(self, world: World, w: int) -> None:
-        """Take the places of all vehicles of a world; who is parked or out has no way any more."""
+        """Take the places of all vehicles of a world; a vehicle parked or out has no way any more."""
         bodies, vehicles = world.bodies[w], world.vehicles[w]
         heading, ahead = np.asarray(bodies["heading"]), np.asarray(vehicles["box_offset"])
         cos, sin = np.cos(heading), np.sin(heading)
@@ -81,7 +81,7 @@ class Traffic:
         self.is_on_its_way[:] = drives
         for number in [number for number in self._ways if not drives[number]]:
             self.withdraw(number)
-        # Who drives without a way may have come out of one.
+        # A vehicle that drives without a way may have come out of one.
         has_none = np.delete(np.abs(self.speeds), list(self._ways))
         self._state += bool((has_none >= STANDING).any())
         self._planned = False
@@ -113,7 +113,7 @@ class Traffic:
         return boxes
 
     def obstacles(self, number: int, *, all_goals: bool) -> Floats:
-        """Return what a vehicle has to plan around, (B, 6): who stands, and where others will.
+        """Return what a vehicle has to plan around, (B, 6): what stands, and the goals of others.
 
         all_goals: also those of vehicles that have not announced a way yet.
         """
