@@ -78,9 +78,10 @@ class PathPlanner:
         self._most_steps = ENDLESS
 
     def allow(self, steps: int) -> None:
-        """Let all plans from now on take this number of steps together: states expanded, words tried.
+        """Let all plans from now on take this number of steps together.
 
-        A bound in time would give other plans on another machine.
+        A step is a state expanded, or words tried. A bound in time would give other plans on
+        another machine.
         """
         self._most_steps = steps
         self._tree.counts[STEPS] = 0

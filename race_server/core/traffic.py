@@ -28,8 +28,8 @@ AROUND = 0.1
 # Slower than this [m/s] a vehicle stands. Where it is seen is off by this noise [m], and by what it
 # moves in this time [s].
 STANDING, NOISE, SCAN_S = 0.05, 0.1, 0.15
-# A vehicle is cleared this number of places ahead if it can be; of them, and of those farther away, it
-# tries one of each few.
+# A vehicle is cleared this number of places ahead if it can be; of them, and of those farther
+# away, it tries one of each few.
 HORIZON, STRIDE, FAR_STRIDE = 16, 3, 12
 
 
@@ -67,7 +67,7 @@ class Traffic:
         self._planned = False
 
     def watch(self, world: World, w: int) -> None:
-        """Take the places of all vehicles of a world; a vehicle parked or out has no way any more."""
+        """Take the places of all vehicles of a world; one that is parked or out has no way left."""
         bodies, vehicles = world.bodies[w], world.vehicles[w]
         heading, ahead = np.asarray(bodies["heading"]), np.asarray(vehicles["box_offset"])
         cos, sin = np.cos(heading), np.sin(heading)
