@@ -22,13 +22,15 @@ from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError
 
 
-def ask_plan(vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart) -> "Future[Path]":
+def ask_plan(
+    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, angle: float
+) -> "Future[Path]":
     """Return the path of `plan_to_slot`, or its error, now or once it is found."""
     if INTERPRET:
-        return _process().ask((vehicle, start, order, chart))
+        return _process().ask((vehicle, start, order, chart, angle))
     answer: Future[Path] = Future()
     try:
-        answer.set_result(plan_to_slot(vehicle, start, order, chart))
+        answer.set_result(plan_to_slot(vehicle, start, order, chart, angle))
     except PlanError as error:
         answer.set_exception(error)
     return answer

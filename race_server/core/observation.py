@@ -71,7 +71,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         # For drivers that park: where the slot is, and what the radar sees.
         "lot": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL, *_LOT, *_GAME),
         # For drivers that have a map of the lot: their pose on it, and the lidar to see the rest.
-        "lot_lidar": ("lidar", *_MOTION, *_POSE, "parked_for", *_GAME),
+        "lot_lidar": ("lidar", *_MOTION, *_POSE, "hitch", "parked_for", *_GAME),
         # For drivers that park with trailers, from feelers or from a map.
         "lot_trailer": ("feelers", *_MOTION, *_GOAL, *_TRAILER, *_LOT, *_GAME),
         "full": tuple(part.name for part in PARTS),
