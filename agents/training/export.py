@@ -105,8 +105,17 @@ def _view(graph: _Graph, view: ObservationView, size: int) -> None:
     if np.isfinite(view.horizon):
         graph.then("Clip", -view.horizon, view.horizon)
     graph.then("Cast", to=TensorProto.DOUBLE)
-    if not len(view.ranges):
-        return
+    if len(view.ranges):
+        _view_ranges(graph, view, size)
+    if len(view.offsets):
+        metres = graph.end
+        grown = graph.add("Add", graph.add("Abs", metres), np.float64(1.0))
+        short = graph.add("Mul", graph.add("Sign", metres), graph.add("Log", grown))
+        graph.end = graph.add("Where", np.isin(np.arange(size), view.offsets), short, metres)
+
+
+def _view_ranges(graph: _Graph, view: ObservationView, size: int) -> None:
+    """Add logarithms of ranges, the gaps in them filled."""
     seen, nothing = graph.end, np.float64(0.0)
     reach = np.full(size, NEAREST)
     reach[view.ranges] = view.reach

@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from race_agents.training.settings import LEARNER, Settings
+from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
@@ -60,6 +61,8 @@ def settings_of(words: Words, source: str) -> Settings:
         )
     _check_seats(settings, source)
     _check_discipline(settings, source)
+    if settings.parks:
+        _check_seeds(settings, source)
     is_discrete = settings.action == "discrete"
     if (settings.algorithm.name == "dqn") != is_discrete and settings.algorithm.name != "ppo":
         raise ScenarioError(
@@ -103,6 +106,23 @@ def _check_discipline(settings: Settings, source: str) -> None:
             f"{source}: cloning with algorithm.name = {settings.algorithm.name!r}: only ppo can "
             "imitate beside what it learns by reward; leave cloning.demonstrations out"
         )
+
+
+def _check_seeds(settings: Settings, source: str) -> None:
+    """Refuse seeds of an evaluation or an exam: in a lot, seeds are what is held out."""
+    first, tried = settings.seed, settings.evaluation
+    last = first + settings.worlds - 1
+    taken = {
+        "evaluation.first_seed": (tried.first_seed, tried.first_seed + tried.seeds - 1),
+        "the last evaluation": (tried.final_seed, tried.final_seed + tried.seeds - 1),
+        "exams": (HELD_OUT, max(last, HELD_OUT)),
+    }
+    for whose, (lowest, highest) in taken.items():
+        if first <= highest and last >= lowest:
+            raise ScenarioError(
+                f"{source}: seed = {first}, worlds = {settings.worlds}: the worlds have the seeds "
+                f"{first} to {last}, and those from {lowest} on are for {whose}; choose others"
+            )
 
 
 def _sentence(error: ValidationError, source: str) -> str:
