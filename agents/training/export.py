@@ -108,10 +108,18 @@ def _view(graph: _Graph, view: ObservationView, size: int) -> None:
     if len(view.ranges):
         _view_ranges(graph, view, size)
     if len(view.offsets):
-        metres = graph.end
-        grown = graph.add("Add", graph.add("Abs", metres), np.float64(1.0))
-        short = graph.add("Mul", graph.add("Sign", metres), graph.add("Log", grown))
-        graph.end = graph.add("Where", np.isin(np.arange(size), view.offsets), short, metres)
+        _view_offsets(graph, view, size)
+
+
+def _view_offsets(graph: _Graph, view: ObservationView, size: int) -> None:
+    """Add sign · log(1 + |metres|) of offsets, as log(1 + ahead) - log(1 + back)."""
+    metres, nothing, one = graph.end, np.float64(0.0), np.float64(1.0)
+    sides = [
+        graph.add("Log", graph.add("Add", graph.add("Max", way, nothing), one))
+        for way in (metres, graph.add("Mul", metres, np.float64(-1.0)))
+    ]
+    short = graph.add("Sub", *sides)
+    graph.end = graph.add("Where", np.isin(np.arange(size), view.offsets), short, metres)
 
 
 def _view_ranges(graph: _Graph, view: ObservationView, size: int) -> None:
