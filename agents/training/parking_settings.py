@@ -21,7 +21,8 @@ class ParkingSettings(Table):
     # mean by itself.
     team: bool = False
     decision_ticks: int = Field(default=6, ge=1, le=60)  # of 1/60 s
-    logarithms: bool = False  # a network sees logarithms of the radar's ranges
+    # A network sees logarithms of the radar's ranges, and of the metres to the slot and to movers.
+    logarithms: bool = False
     # Of the way to the slot, and how it helps to learn; see `race_server.envs.parking.heuristics`.
     # Without one it is 'none', in quotation marks behind `--set`, where a bare none is the default.
     heuristic: str = "euclid"

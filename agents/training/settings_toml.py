@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from race_agents.training.settings import LEARNER, Settings
+from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
@@ -62,6 +63,8 @@ def settings_of(words: Words, source: str) -> Settings:
     _check_seats(settings, source)
     _check_discipline(settings, source)
     _check_team(settings, source)
+    if settings.parks:
+        _check_seeds(settings, source)
     is_discrete = settings.action == "discrete"
     takes_all = settings.algorithm.name in ON_POLICY
     if (settings.algorithm.name == "dqn") != is_discrete and not takes_all:
@@ -129,6 +132,23 @@ def _check_team(settings: Settings, source: str) -> None:
         if is_wrong:
             raise ScenarioError(
                 f"{source}: with race.learners = {settings.race.learners}, {sentence}"
+            )
+
+
+def _check_seeds(settings: Settings, source: str) -> None:
+    """Refuse seeds of an evaluation or an exam: in a lot, seeds are what is held out."""
+    first, tried = settings.seed, settings.evaluation
+    last = first + settings.worlds - 1
+    taken = {
+        "evaluation.first_seed": (tried.first_seed, tried.first_seed + tried.seeds - 1),
+        "the last evaluation": (tried.final_seed, tried.final_seed + tried.seeds - 1),
+        "exams": (HELD_OUT, max(last, HELD_OUT)),
+    }
+    for whose, (lowest, highest) in taken.items():
+        if first <= highest and last >= lowest:
+            raise ScenarioError(
+                f"{source}: seed = {first}, worlds = {settings.worlds}: the worlds have the seeds "
+                f"{first} to {last}, and those from {lowest} on are for {whose}; choose others"
             )
 
 

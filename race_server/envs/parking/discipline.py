@@ -10,7 +10,7 @@ import numpy as np
 from race_server.core.clock import TICK_S
 from race_server.core.lots import empty_parking
 from race_server.core.rules.parking import ALIGNED_WITHIN
-from race_server.core.state import World
+from race_server.core.state import World, empty_sightings
 from race_server.envs.buffers import Figures
 from race_server.envs.parking.decide import decide, restart
 from race_server.envs.parking.heuristics.field import empty_field
@@ -96,7 +96,10 @@ class Parking:
         full = templates.parking
         sizes = (full.parkers.shape[1], full.blocks.shape[1], full.walkers.shape[1])
         parking = empty_parking(worlds, *sizes, full.lots)
-        world = world._replace(walls=templates.walls, route=templates.route, parking=parking)
+        sight = world.sight._replace(sightings=empty_sightings(parking))
+        world = world._replace(
+            walls=templates.walls, route=templates.route, parking=parking, sight=sight
+        )
         return world, LotTemplates(
             templates.races,
             templates.rules,
