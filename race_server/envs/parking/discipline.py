@@ -36,6 +36,8 @@ class Parking:
     heuristic: str = "euclid"  # of the way to the slot, see `heuristics/table.py`
     shaping: str = "difference"  # how the reward reads it, see `reward_terms.py:SHAPINGS`
     discount: float = 0.99  # of the learner, for the shaping `potential`
+    # All that learn get the mean of their rewards, until the last of them is done.
+    team: bool = False
 
     terms: ClassVar[Mapping[str, str]] = TERMS
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = REWARDS
@@ -59,6 +61,7 @@ class Parking:
         """What the kernels read."""
         return {
             "late_ends": self.late_ends,
+            "team": self.team,
             "heuristic": NUMBERS[self.heuristic],
             "cells": heuristic_named(self.heuristic).cells,
             "shaping": SHAPINGS.index(self.shaping),
