@@ -234,7 +234,13 @@ def _filmed(settings: Settings, place: Path, marks: list[Marks]) -> Path | None:
     if settings.parks:
         (task, *_) = evaluation_tasks(settings, final_courses(settings)).values()
         return record_parking(
-            place, policy, task.scenarios[0], seed, settings.decision_ticks, task.opponents
+            place,
+            policy,
+            task.scenarios[0],
+            seed,
+            settings.decision_ticks,
+            settings.race.learners,
+            task.opponents,
         )
     lapped = [one for one in marks[:-1] if isinstance(one, RaceMarks) and one.best_lap_s]
     if not lapped:

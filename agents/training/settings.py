@@ -39,9 +39,9 @@ File = Annotated[str, AfterValidator(_absolute)]
 
 
 class Algorithm(Table):
-    """The learning algorithm. `options` are those of Stable-Baselines3's class."""
+    """The learning algorithm. `options` are those of its class, most of Stable-Baselines3's."""
 
-    name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
+    name: Literal["ppo", "poca", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
     # At the end; falls evenly until then, from the moment the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)

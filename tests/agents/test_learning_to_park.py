@@ -96,9 +96,8 @@ def test_a_lot_has_its_own_pace_and_a_race_that_of_a_live_one() -> None:
     ("change", "message"),
     [
         ("evaluation.score=speed", "choose success or return"),
-        ("race={karts = 2, learners = 2}", "one learns in each lot"),
         ("warm_start.teacher=raceline", "a teacher follows a track's line"),
-        ("algorithm.name=sac", "only ppo can imitate beside"),
+        ("algorithm.name=sac", "only ppo and poca can imitate beside"),
     ],
 )
 def test_what_only_races_have_is_refused_in_a_lot(change: str, message: str) -> None:
