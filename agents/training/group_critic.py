@@ -80,7 +80,7 @@ def _order(rows: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
     """Return an order of the agents that does not depend on their numbers, shape (G, L).
 
     rows: (G, L, n) what is known of each. A sum of floats depends on its order in the last bit, so
-    agents are sorted by a number of their own; those that are not active come last.
+    agents are sorted by a number made of their row; those that are not active come last.
     """
     weights = torch.arange(1, rows.shape[2] + 1, dtype=rows.dtype).sqrt()
     keys = torch.where(active, (rows * weights).sum(dim=2), torch.inf)

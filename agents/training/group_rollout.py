@@ -45,7 +45,7 @@ class GroupBatch(NamedTuple):
 
 
 class GroupRollout(RolloutBuffer):
-    """Decisions of groups; a group is one stream of rewards, whoever of it is still active.
+    """Decisions of groups; a group is one stream of rewards, also once some have left.
 
     So an agent that left gets what its group earns afterwards: in the return of its decisions.
     The rewards, values and returns of SB3's buffer are those of groups here, (T, W).
@@ -72,7 +72,7 @@ class GroupRollout(RolloutBuffer):
             setattr(self, name, np.zeros(groups, np.float32))
         # (W,) whether the last decision ended the round.
         self._over: Array = np.zeros(self.n_envs, np.bool_)
-        # Where time ran out: decision, group, what its agents saw last, and who was active.
+        # Where time ran out: decision, group, what its agents saw last, and which were active.
         self._cuts: list[tuple[int, int, Array, Array]] = []
         self.pos, self.full = 0, False
 

@@ -19,7 +19,7 @@ class Turn(NamedTuple):
     seen: Array  # (W, L, S)
 
 
-# Takes the number of the decision in each round (W,), actions (W, L), who is active (W, L), and
+# Takes the number of the decision in each round (W,), actions (W, L), which are active (W, L), and
 # what the game has noted (W,), which it may change.
 Play = Callable[[Array, Array, Array, Array], Turn]
 
