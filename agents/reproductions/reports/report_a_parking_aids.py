@@ -89,7 +89,6 @@ REPRODUCTION = Reproduction(
         "The defaults learn half as many decisions as the others, SAC a fifth, with one update "
         "for 8 decisions: they take more processor time for each.",
         "With one kart that learns POCA is PPO with another critic, which has an attention over "
-        "one. SAC with hindsight, which the report did not try, stands in "
-        "`report-a-transfer`.",
+        "one. SAC with hindsight, which the report did not try, stands in `report-a-transfer`.",
     ),
 )
