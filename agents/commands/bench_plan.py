@@ -1,4 +1,4 @@
-"""`race bench plan`: how often and how fast parking is planned."""
+"""`race bench plan`: how often and how fast parking is planned, and how docks are driven into."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +10,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
+    from race_agents.planning.dock_bench import Driven
     from race_agents.planning.plan_bench import Measured
 
 
@@ -18,23 +19,42 @@ def bench_plan(
     task: Annotated[
         str, typer.Option(help="Only tasks with this text in their names, such as parallel.")
     ] = "",
+    vehicle: Annotated[
+        str,
+        typer.Option(help="Vehicle: with a trailer, such as lorry-16m5, it reverses into docks."),
+    ] = "car",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
     plot: Annotated[
         Path | None, typer.Option(help="Draw a plan of each task into this file.")
     ] = None,
+    drive: Annotated[
+        bool,
+        typer.Option(
+            "--drive", help="Drive the plans of a vehicle with a trailer, under several troubles."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Plan how a car parks, from random starts into slots of many sizes.
+    """Plan how a vehicle parks, from random starts into slots of many sizes.
 
     Times are CPU time of one core; a share comes with its 95 % interval.
     """
+    from race_agents.planning.dock_bench import bench_drive
     from race_agents.planning.plan_bench import bench_plan as measure
     from race_agents.planning.plan_picture import plot_plans
-    from race_server.core.vehicle_presets import CAR
+    from race_server.core.vehicle_presets import vehicle_named
 
-    measured = measure(CAR, runs=runs, seed=seed, text=task)
+    parked = vehicle_named(vehicle)
+    if drive:
+        driven = bench_drive(parked, runs=runs, seed=seed, text=task)
+        if as_json:
+            print_document(driven.document())
+        else:
+            _show_drives(driven)
+        return
+    measured = measure(parked, runs=runs, seed=seed, text=task)
     if plot is not None:
-        plot_plans(CAR, measured.shown, plot)
+        plot_plans(parked, measured.shown, plot)
     if as_json:
         print_document(measured.document())
     else:
@@ -57,11 +77,36 @@ def _show(measured: "Measured") -> None:
             "-" if row.changes_mean is None else f"{row.changes_mean:.1f}",
             "-" if row.length_mean_m is None else f"{row.length_mean_m:.1f}",
         )
-    console = Console()
-    # Wider than the terminal if necessary, so that no figure is cut off.
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console = _print(table)
     for row in measured.rows:
         for reason, count in row.failures.items():
             console.print(f"{row.task}, {count} of {row.runs}: {reason}", highlight=False)
     console.print(f"the first plan took {measured.first_plan_s} s", highlight=False)
+
+
+def _show_drives(driven: "Driven") -> None:
+    table = Table()
+    for head in ("task", "trouble"):
+        table.add_column(head, no_wrap=True)
+    for head in ("docked", "95 %", "time s", "plans", "offset m", "turn rad", "otherwise"):
+        table.add_column(head, justify="right", no_wrap=True)
+    for row in driven.rows:
+        figures = (row.time_s_median, row.plans_mean, row.offset_m_p95, row.turn_rad_p95)
+        others = (f"{count} {name}" for name, count in row.endings.items() if name != "docked")
+        table.add_row(
+            row.task,
+            row.trouble,
+            f"{row.docked} of {row.runs}",
+            f"{100.0 * row.share_low:.1f}-{100.0 * row.share_high:.1f} %",
+            *("-" if figure is None else f"{figure:g}" for figure in figures),
+            ", ".join(others) or "-",
+        )
+    _print(table)
+
+
+def _print(table: Table) -> Console:
+    """Print a table wider than the terminal if necessary, so that no figure is cut off."""
+    console = Console()
+    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
+    console.print(table)
+    return console

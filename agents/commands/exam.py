@@ -13,6 +13,7 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
+from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console, TextColumn
 
@@ -51,8 +52,13 @@ class ParkingOptions:
     ] = "2"
     seeds: Annotated[int, typer.Option(min=1, help="Tasks of each scenario.")] = 1000
     first_seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the first task; the next ones count up from it.")
-    ] = 1
+        int,
+        typer.Option(
+            min=0,
+            help="Seed of the first task; the next ones count up from it. No training draws the "
+            "default's.",
+        ),
+    ] = HELD_OUT + 1
     vehicles: Annotated[
         int, typer.Option(min=1, max=64, help="Vehicles of each task, each with a driver.")
     ] = 1

@@ -34,7 +34,7 @@ class TrainOptions:
         str,
         typer.Argument(
             help="time-trial, time-trial-ppo, race, full, report-b, parking-1, parking-2, "
-            "parking-2-karts, park, or a .toml file of settings."
+            "parking-2-karts, park, park-gate, or a .toml file of settings."
         ),
     ] = ""
     track_set: Annotated[
@@ -62,9 +62,9 @@ class TrainOptions:
     seed: Annotated[
         int | None, typer.Option(help="Seed of worlds and network. Default: the preset's.")
     ] = None
-    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or dqn. Default: the preset's.")] = (
-        ""
-    )
+    algorithm: Annotated[
+        str, typer.Option(help="ppo, poca, sac, td3 or dqn. Default: the preset's.")
+    ] = ""
     worlds: Annotated[
         int | None, typer.Option(help="Races that run in parallel. Default: the preset's.")
     ] = None

@@ -10,7 +10,7 @@ from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.reeds_shepp import PIECES, WORDS, Word, word_between
 from race_server.core.state import Floats
 
-# Cost of a change of direction [m].
+# Cost of a change of direction of a car [m].
 CUSP = 3.0
 # A shorter piece is no piece [m].
 LEAST_PIECE = 1e-6
@@ -18,10 +18,11 @@ NO_WORD = -1
 
 
 class Prices(NamedTuple):
-    """What a metre costs, at least 1."""
+    """What a metre costs, at least 1, and what a change of direction does."""
 
     ahead: float  # driven forward
     back: float  # driven in reverse
+    cusp: float = CUSP  # [m]
 
 
 @kernel
@@ -38,7 +39,7 @@ def cost_of_word(word: Word, direction: float, prices: Prices) -> float:
         way = word.ways[piece]
         if abs(way) > LEAST_PIECE:
             if way * direction < 0.0:
-                cost += CUSP
+                cost += prices.cusp
             direction = way
             cost += cost_of_way(way, prices)
     return cost

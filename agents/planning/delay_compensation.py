@@ -45,6 +45,7 @@ from race_agents.planning.traffic import (
 from race_server.core.kernel_driver import DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.motion import Allowance, Command, Motion, move
+from race_server.core.kernels.trailers import turning_of
 from race_server.core.observation import AHEAD, NEARBY, THINGS
 from race_server.core.state import Floats
 
@@ -114,6 +115,28 @@ def move_on(cockpit: Cockpit, motion: Motion, delay: int) -> Motion:
     for step in range(delay * FINE):
         motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
     return motion
+
+
+@large_kernel
+def angle_later(cockpit: Cockpit, motion: Motion, angle: float, delay: int) -> float:
+    """Return the angle at the hitch [rad] of the first trailer at the end of `move_on`.
+
+    angle: at the start of it [rad].
+    """
+    observation, offsets = cockpit.observation, cockpit.offsets
+    vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
+    cap, thrust = observation[offsets[SPEED_CAP]], observation[offsets[THRUST_SCALE]]
+    allowance = Allowance(cap, thrust, observation[offsets[GRIP_SCALE]], 0.0)
+    step_s = setup[DECISION] / (THIRDS * FINE)
+    drawn = vehicle.trailers[0]
+    for step in range(delay * FINE):
+        motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
+        across = motion.lateral_speed - (vehicle.rear_axle + drawn.hitch) * motion.yaw_rate
+        turning = turning_of(motion.speed, across, angle, drawn.bar)
+        half = angle + 0.5 * step_s * (motion.yaw_rate - turning)
+        turning = turning_of(motion.speed, across, half, drawn.bar)
+        angle += step_s * (motion.yaw_rate - turning)
+    return angle
 
 
 @large_kernel

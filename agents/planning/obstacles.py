@@ -76,8 +76,9 @@ def cover_radius(footprint: Footprint) -> float:
     return math.sqrt(part * part + footprint.half_width * footprint.half_width)
 
 
-@kernel
-def _touches(obstacles: Obstacles, box: Box) -> bool:
+@large_kernel
+def touches(obstacles: Obstacles, box: Box) -> bool:
+    """Return whether a box touches anything."""
     walls = obstacles.walls
     for wall in range(len(walls)):
         x0, y0, x1, y1 = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
@@ -114,7 +115,7 @@ def is_free(obstacles: Obstacles, footprint: Footprint, pose: Pose) -> bool:
     """Return whether a vehicle whose rear axle has a pose touches nothing, and is on the grid."""
     box = box_at(footprint, pose)
     verdict = _verdict(obstacles, footprint, box)
-    return verdict == FREE or (verdict == UNSURE and not _touches(obstacles, box))
+    return verdict == FREE or (verdict == UNSURE and not touches(obstacles, box))
 
 
 @kernel
@@ -160,7 +161,7 @@ def gets_there(obstacles: Obstacles, footprint: Footprint, start: Pose, end: Pos
     verdict = _verdict(obstacles, footprint, box)
     if verdict != UNSURE:
         return verdict == FREE
-    if _touches(obstacles, box):
+    if touches(obstacles, box):
         return False
     # Straight on, every corner stays beside or behind one of the boxes.
     if start.heading == end.heading:

@@ -11,14 +11,18 @@ from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import CURVATURE, LEFT, SPEED
 from race_agents.planning.path_planner import ENDLESS, PathPlanner
+from race_agents.planning.rig import only_trailer
 from race_agents.planning.shortcuts import cost_of
+from race_agents.planning.towed_planner import TowedPlanner
 from race_agents.planning.unexpected import Chart
 from race_server.core.kernels.geometry import Pose, along_arc
+from race_server.core.kernels.motion import Motion
 from race_server.core.level import Level
+from race_server.core.lots import PARKER
 from race_server.core.parking_order import ParkingOrder, Slot
-from race_server.core.rules.parking import ALIGNED_WITHIN
-from race_server.core.state import Floats
-from race_server.core.vehicles import Vehicle
+from race_server.core.rules.parking import ALIGNED_WITHIN, has_parked, judged_box, stand_of
+from race_server.core.state import BODY, Floats
+from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.errors import PlanError
 
 # Distances kept from obstacles [m]: the next one is tried where no path keeps the one before.
@@ -44,23 +48,56 @@ def box_in(slot: Slot, vehicle: Vehicle) -> Floats:
     return np.array([slot.x, slot.y, cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width])
 
 
+def is_settled(vehicle: Vehicle, order: ParkingOrder, motion: Motion, angle: float) -> bool:
+    """Return whether a vehicle stands in its slot as well as an order asks, were it at rest.
+
+    motion: of the centre of gravity; angle: at the hitch [rad], 0 without a trailer.
+    """
+    parker = np.zeros(1, PARKER).view(np.recarray)[0]
+    order.level.fill(parker)
+    for name, value in order.slot._asdict().items():
+        parker[name] = value
+    body, record = np.zeros(1, BODY).view(np.recarray)[0], vehicle_record(vehicle)[0]
+    body.x, body.y, body.heading = motion.x, motion.y, motion.heading
+    for trailer in body.trailers:
+        trailer.heading = motion.heading - angle
+    stand = stand_of(parker, record, body, judged_box(parker, record))
+    return bool(has_parked(parker, record, body, stand))
+
+
 def parked_pose(slot: Slot, vehicle: Vehicle) -> Pose:
     """Return the pose of the rear axle of a vehicle that stands in the middle of a slot."""
     middle = np.array([slot.x, slot.y, slot.heading])
     return Pose(*convert(middle, vehicle, Point.MIDDLE, Point.REAR_AXLE).tolist())
 
 
+def parked_trailer_pose(slot: Slot, vehicle: Vehicle) -> Pose:
+    """Return the pose of a trailer's axle, if all stands straight in the middle of a slot."""
+    trailer = only_trailer(vehicle)
+    front = vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length
+    ahead = 0.5 * vehicle.overall_length - front - trailer.hitch - trailer.bar
+    x = slot.x + ahead * math.cos(slot.heading)
+    return Pose(x, slot.y + ahead * math.sin(slot.heading), slot.heading)
+
+
 def plan_to_slot(
-    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, steps: int = ENDLESS
+    vehicle: Vehicle,
+    start: Pose,
+    order: ParkingOrder,
+    chart: Chart,
+    angle: float = 0.0,
+    steps: int = ENDLESS,
 ) -> Path:
     """Return a path of the rear axle from a pose of it into the slot of an order.
 
-    chart: what stands there, that of the order and what was seen since; steps: most that the
-    searches may take, see `PathPlanner.allow`.
+    chart: what stands there, that of the order and what was seen since; angle: at the hitch [rad];
+    steps: most that the searches may take without a trailer, see `PathPlanner.allow`.
 
     Raises:
-        PlanError: no margin leaves a path.
+        PlanError: no margin leaves a path, or the vehicle draws several trailers.
     """
+    if vehicle.trailers:
+        return _plan_towed(vehicle, start, angle, order, chart)
     goal, refused = parked_pose(order.slot, vehicle), None
     for margin in MARGINS:
         planner = _planner(vehicle, margin)
@@ -73,6 +110,25 @@ def plan_to_slot(
         except PlanError as error:
             refused = error
         steps -= planner.steps
+    assert refused is not None
+    raise refused
+
+
+def _plan_towed(
+    vehicle: Vehicle, start: Pose, angle: float, order: ParkingOrder, chart: Chart
+) -> Path:
+    """Return a path of a vehicle with a trailer.
+
+    Raises:
+        PlanError: no margin leaves a path, or the vehicle draws several trailers.
+    """
+    goal, refused = parked_trailer_pose(order.slot, vehicle), None
+    for margin in MARGINS:
+        planner = _towed_planner(vehicle, margin)
+        try:
+            return planner.plan(start, angle, goal, chart.walls, chart.boxes)
+        except PlanError as error:
+            refused = error
     assert refused is not None
     raise refused
 
@@ -119,6 +175,11 @@ def _planner(vehicle: Vehicle, margin: float) -> PathPlanner:
     """Return the planner of a vehicle; its work space of some megabytes is made once."""
     back = max(BACK, vehicle.top_speed / vehicle.reverse_speed)
     return PathPlanner(vehicle, margin=margin, back=back)
+
+
+@lru_cache(maxsize=4)
+def _towed_planner(vehicle: Vehicle, margin: float) -> TowedPlanner:
+    return TowedPlanner(vehicle, margin=margin)
 
 
 def driving_time(track: Floats, vehicle: Vehicle) -> float:

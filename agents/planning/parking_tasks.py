@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from race_agents.planning.footprint import Point, convert
+from race_agents.planning.ground import NO_BOXES
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
@@ -46,6 +47,10 @@ class ParkingTask:
             (HALF_AISLE, self.aisle),
         ]
         return np.array([(*a, *b) for a, b in zip(line, [*line[1:], line[0]], strict=True)])
+
+    def boxes(self) -> Floats:
+        """Return the boxes that stand there: none."""
+        return NO_BOXES
 
     def goal(self, vehicle: Vehicle) -> Pose:
         """Return the pose of the rear axle of a parked vehicle."""

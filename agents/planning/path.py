@@ -87,3 +87,8 @@ def path_of(start: Pose, arcs: Floats) -> Path:
 def driven_back(path: Path) -> Path:
     """Return the path from the end of a path to its start."""
     return Path(Pose(*map(float, path.poses[-1])), path.arcs[::-1] * (1.0, -1.0))
+
+
+def in_words(pose: Pose) -> str:
+    """Return a pose as errors name it."""
+    return f"({pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.heading):.0f}°)"

@@ -9,6 +9,7 @@ At the end of a leg the vehicle stands until its wheels have turned.
 
 import math
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,12 +41,23 @@ CREEP, ARRIVED = 0.06, 0.005
 # The vehicle stands below this speed [m/s]; wheels have turned when this near to their angle [rad].
 STANDING, TURNED = 0.01, 0.01
 
-# Columns of a track; LEFT: way to the end of the leg [m], LAST: number of its last point.
-X, Y, HEADING, CURVATURE, SPEED, GEAR, LEFT, LAST = range(8)
+# Columns of a track; LEFT: way to the end of the leg [m], LAST: number of its last point, ANGLE: at
+# the hitch [rad], 0 without a trailer.
+X, Y, HEADING, CURVATURE, SPEED, GEAR, LEFT, LAST, ANGLE = range(9)
+COLUMNS = 9
+
+
+class Spot(NamedTuple):
+    """Where on a track a vehicle is."""
+
+    point: int  # number of the point passed last
+    share: float  # of the step from there to the next point
+    step: float  # [m]
+    arrived: bool  # at the end of the leg
 
 
 def make_track(path: Path, vehicle: Vehicle, cruise: float) -> Floats:
-    """Return a path made ready for a vehicle: (S, 8), one leg after the other.
+    """Return a path made ready for a vehicle: (S, COLUMNS), one leg after the other.
 
     cruise: most speed [m/s], which the vehicle's limits may lower.
 
@@ -81,20 +93,31 @@ def _leg(part: Path, vehicle: Vehicle, cruise: float, first: int) -> Floats:
         [[0.0], np.cumsum(0.5 * (curvatures[1:] + curvatures[:-1]) * samples.ways)]
     )
     error = turned[-1] - (samples.poses[-1, 2] - samples.poses[0, 2])
-    leg = np.zeros((len(driven), 8))
+    leg = np.zeros((len(driven), COLUMNS))
     leg[:, :2] = samples.poses[:, :2]
     leg[:, HEADING] = samples.poses[0, 2] + turned - error * driven / driven[-1]
     leg[:, CURVATURE] = curvatures
+    limits = speed_limits(curvatures, ways, gear, vehicle, cruise)
+    leg[:, SPEED] = paced(limits, ways, vehicle)
+    leg[:, GEAR], leg[:, LEFT], leg[:, LAST] = gear, driven[-1] - driven, first + len(leg) - 1
+    return leg
+
+
+def speed_limits(
+    curvatures: Floats, ways: Floats, gear: float, vehicle: Vehicle, cruise: float
+) -> Floats:
+    """Return how fast [m/s] a vehicle may drive between the points of a leg, (S,).
+
+    curvatures: (S + 1,) [1/m] at the points; ways: (S,) [m]; gear: 1 ahead, -1 in reverse; cruise:
+    [m/s].
+    """
     angles = np.arctan(curvatures * vehicle.wheelbase)
     most = min(cruise, vehicle.top_speed if gear > 0.0 else vehicle.reverse_speed)
     turning = np.abs(np.diff(angles)) / ways
     limits = np.minimum(most, TURN_SHARE * vehicle.steering_rate / np.maximum(turning, 1e-9))
     bends = np.maximum(np.abs(curvatures[1:]), np.abs(curvatures[:-1]))
     grip = GRIP_SHARE * vehicle.grip * GRAVITY
-    limits = np.minimum(limits, np.sqrt(grip / np.maximum(bends, 1e-9)))
-    leg[:, SPEED] = _paced(limits, ways, vehicle)
-    leg[:, GEAR], leg[:, LEFT], leg[:, LAST] = gear, driven[-1] - driven, first + len(leg) - 1
-    return leg
+    return np.minimum(limits, np.sqrt(grip / np.maximum(bends, 1e-9)))
 
 
 def _spread(driven: Floats, curvatures: Floats) -> Floats:
@@ -110,7 +133,7 @@ def _spread(driven: Floats, curvatures: Floats) -> Floats:
     return (np.interp(high, driven, integral) - np.interp(low, driven, integral)) / (high - low)
 
 
-def _paced(limits: Floats, ways: Floats, vehicle: Vehicle) -> Floats:
+def paced(limits: Floats, ways: Floats, vehicle: Vehicle) -> Floats:
     """Return speeds [m/s] at the points of a leg that begins and ends at a stand.
 
     limits: (S,) [m/s] between the points; ways: (S,) [m].
@@ -165,48 +188,80 @@ def _point_passed(track: Floats, point: int, x: float, y: float) -> int:
     return point
 
 
-@large_kernel
-def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion, cap: float) -> Command:
-    """Return what to do now to stay on a track; at its end the brakes hold.
+@kernel
+def locate(track: Floats, progress: Floats, x: float, y: float, speed: float) -> Spot:
+    """Return where on a track an axle at (x, y) [m] is; a vehicle at a stand begins the next leg.
 
-    track: (S, 8); progress: (1,) number of the point that was passed last, moved on here; vehicle:
-    VEHICLE; motion: of the centre of gravity; cap: most speed [m/s], above it all brakes act.
+    progress: (1,) number of the point that was passed last, moved on here; speed: [m/s].
     """
-    cos, sin = cos_sin(wrap_angle(motion.heading))
-    x, y = motion.x - vehicle.rear_axle * cos, motion.y - vehicle.rear_axle * sin
-    stands = abs(motion.speed) < STANDING
     point = _point_passed(track, int(progress[0]), x, y)
     last = int(track[point, LAST])
     arrived = track[point, LEFT] - _ahead_of(track, point, x, y) <= ARRIVED
-    if arrived and stands and last + 1 < len(track):
+    if arrived and abs(speed) < STANDING and last + 1 < len(track):
         point, arrived = last + 1, False
     progress[0] = point
-    beyond, gear = _ahead_of(track, point, x, y), track[point, GEAR]
     step = track[point, LEFT] - track[point + 1, LEFT]
-    share = clip(beyond / step, 0.0, 1.0)
+    share = clip(_ahead_of(track, point, x, y) / step, 0.0, 1.0)
+    return Spot(point, share, step, arrived)
 
+
+@kernel
+def leading_point(track: Floats, spot: Spot, speed: float) -> int:
+    """Return the number of a point ahead whose curvature is followed: wheels need time."""
+    lead = spot.point + int(spot.share + abs(speed) * LEAD_S / spot.step)
+    return min(lead, int(track[spot.point, LAST]))
+
+
+@kernel
+def pursue(
+    track: Floats, spot: Spot, x: float, y: float, heading: float, speed: float, pursuit: float
+) -> float:
+    """Return the curvature [1/m] that leads an axle back to its track.
+
+    x, y, heading: of the axle; speed: [m/s]; pursuit: how far ahead the point is that is pursued
+    [m].
+    """
+    point, gear = spot.point, track[spot.point, GEAR]
     # From the path to the rear axle; the path bends between two points.
-    curvature, way = track[point, CURVATURE], gear * share * step
+    curvature, way = track[point, CURVATURE], gear * spot.share * spot.step
     cos, sin = cos_sin(wrap_angle(track[point, HEADING]))
     offset = (y - track[point, Y]) * cos - (x - track[point, X]) * sin - 0.5 * curvature * way * way
-    turn = wrap_angle(motion.heading - track[point, HEADING] - curvature * way)
-    # Wheels need time: the curvature is that of a place ahead.
-    lead = point + int(share + abs(motion.speed) * LEAD_S / step)
-    curvature = track[min(lead, int(track[point, LAST])), CURVATURE]
-    curvature -= 2.0 * offset / (PURSUIT * PURSUIT) + 2.0 * gear * turn / PURSUIT
+    turn = wrap_angle(heading - track[point, HEADING] - curvature * way)
+    curvature = track[leading_point(track, spot, speed), CURVATURE]
+    return curvature - (2.0 * offset / (pursuit * pursuit) + 2.0 * gear * turn / pursuit)
+
+
+@kernel
+def drive_on(
+    track: Floats,
+    spot: Spot,
+    vehicle: Record,
+    motion: Motion,
+    curvature: float,
+    ratio: float,
+    cap: float,
+) -> Command:
+    """Return what to do at a spot of a track: steer, and drive, stop or stand.
+
+    curvature: wanted of the rear axle [1/m]; ratio: way of the axle that the track is of, on a
+    metre of the vehicle; cap: most speed [m/s], above it all brakes act.
+    """
+    point, gear = spot.point, track[spot.point, GEAR]
+    stands = abs(motion.speed) < STANDING
     angle = math.atan(curvature * (vehicle.front_axle + vehicle.rear_axle))
     angle = clip(angle, -vehicle.steering_limit, vehicle.steering_limit)
     steering = angle / vehicle.steering_limit
 
     begins = point == 0 or track[point - 1, LEFT] <= 0.0
     if (
-        arrived
+        spot.arrived
         or cap <= abs(motion.speed)
         or (begins and stands and abs(motion.steering - angle) > TURNED)
     ):
         return Command(steering, 0.0, 1.0)
     speed, after = track[point, SPEED], track[point + 1, SPEED]
-    wanted, pace = speed + share * (after - speed), (after * after - speed * speed) / (2.0 * step)
+    wanted = (speed + spot.share * (after - speed)) / ratio
+    pace = (after * after - speed * speed) / (2.0 * spot.step) / ratio
     if wanted < CREEP:
         wanted, pace = CREEP, 0.0
     # As fast as the cap no brakes would be left to be slow enough.
@@ -214,3 +269,18 @@ def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion, cap
         wanted, pace = CAP_SHARE * cap, min(pace, 0.0)
     throttle, brake = _pedals(vehicle, motion.speed, gear * wanted, pace, gear)
     return Command(steering, throttle, brake)
+
+
+@large_kernel
+def follow(track: Floats, progress: Floats, vehicle: Record, motion: Motion, cap: float) -> Command:
+    """Return what to do now to stay on a track; at its end the brakes hold.
+
+    track: (S, COLUMNS); progress: (1,) number of the point that was passed last, moved on here;
+    vehicle: VEHICLE; motion: of the centre of gravity; cap: most speed [m/s], above it all brakes
+    act.
+    """
+    cos, sin = cos_sin(wrap_angle(motion.heading))
+    x, y = motion.x - vehicle.rear_axle * cos, motion.y - vehicle.rear_axle * sin
+    spot = locate(track, progress, x, y, motion.speed)
+    curvature = pursue(track, spot, x, y, motion.heading, motion.speed, PURSUIT)
+    return drive_on(track, spot, vehicle, motion, curvature, 1.0, cap)

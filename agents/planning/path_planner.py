@@ -9,6 +9,7 @@ import numpy as np
 
 from race_agents.planning.analytic_expansion import CUSP, LEAST_PIECE, Prices
 from race_agents.planning.footprint import Footprint, footprint_of
+from race_agents.planning.ground import NO_BOXES, Ground
 from race_agents.planning.halfway import halfway_poses
 from race_agents.planning.hybrid_astar import CURVATURES, GAVE_UP, Mesh, Task, search
 from race_agents.planning.obstacles import (
@@ -18,12 +19,11 @@ from race_agents.planning.obstacles import (
     cover_radius,
     free_way,
     is_free,
-    survey,
 )
-from race_agents.planning.path import Path, driven_back, path_of
+from race_agents.planning.path import Path, driven_back, in_words, path_of
 from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.shortcuts import shortened
-from race_server.core.kernels.distance_field import Grid, distance_at, fill_distances
+from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.reeds_shepp import WORDS, word_between
 from race_server.core.state import Floats
@@ -34,8 +34,6 @@ from race_server.errors import PlanError
 MARGIN = 0.05
 # Share of the greatest curvature that paths have: with all of it no error could be corrected.
 LOCK = 0.95
-# Side of the grid's cells [m], and most of them: a larger area has larger ones.
-CELL, MOST_CELLS = 0.25, 250_000
 # How far around start and goal [m] a path may lead.
 REACH = 12.0
 # How far [m] the room around a pose is measured along each arc.
@@ -46,12 +44,11 @@ NARROW = 7.0
 # From coarse to fine, until one of them holds a path. In slots only 0.6 m longer than a car, a move
 # gains a few centimetres aside: coarse cells across the slot would take it for standing still.
 MESHES = (
-    Mesh(0.8, 0.10, 0.40, 0.400, math.radians(5.0), greed=1.2, nodes=60_000),
-    Mesh(0.8, 0.05, 0.10, 0.100, math.radians(2.0), greed=1.4, nodes=20_000),
-    Mesh(0.8, 0.05, 0.10, 0.020, math.radians(1.0), greed=1.6, nodes=200_000),
-    Mesh(0.8, 0.02, 0.05, 0.005, math.radians(0.5), greed=1.6, nodes=200_000),
+    Mesh(0.8, 0.10, 0.40, 0.400, math.radians(5.0), 1.0, greed=1.2, nodes=60_000),
+    Mesh(0.8, 0.05, 0.10, 0.100, math.radians(2.0), 1.0, greed=1.4, nodes=20_000),
+    Mesh(0.8, 0.05, 0.10, 0.020, math.radians(1.0), 1.0, greed=1.6, nodes=200_000),
+    Mesh(0.8, 0.02, 0.05, 0.005, math.radians(0.5), 1.0, greed=1.6, nodes=200_000),
 )
-NO_BOXES = np.zeros((0, 6))
 # As many steps as a search likes to take.
 ENDLESS = 1 << 62
 
@@ -72,8 +69,7 @@ class PathPlanner:
         self.back = back
         self.footprint = footprint_of(vehicle, margin, lock)
         self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
-        self._clear, self._distances = np.zeros(MOST_CELLS), np.zeros(MOST_CELLS)
-        self._queues = np.zeros((2, MOST_CELLS), np.int64)
+        self._ground = Ground()
         self._costs = np.zeros(len(WORDS))
         self._most_steps = ENDLESS
 
@@ -124,8 +120,8 @@ class PathPlanner:
         distances = self._distances_to(target, obstacles)
         if distance_at(obstacles.grid, distances, root.x, root.y) == math.inf:
             raise PlanError(
-                f"no way leads from {_words(start)} to {_words(goal)}: what is free around one is "
-                f"cut off from the other, or joined to it only farther than {REACH:g} m aside"
+                f"no way leads from {in_words(start)} to {in_words(goal)}: what is free around one "
+                f"is cut off from the other, or joined to it only farther than {REACH:g} m aside"
             )
         # What is found from the goal is driven the other way round.
         prices = Prices(self.back, 1.0) if is_swapped else Prices(1.0, self.back)
@@ -141,7 +137,7 @@ class PathPlanner:
                 mesh,
                 self._most_steps,
             )
-            node, word = search(task, self._tree)
+            node, word = search(task, None, self._tree)
             if node >= 0:
                 path = self._path(task, node, word)
                 return replace(driven_back(path), start=start) if is_swapped else path
@@ -149,7 +145,7 @@ class PathPlanner:
                 break
         found = int(self._tree.counts[NODES])
         raise PlanError(
-            f"no path from {_words(start)} to {_words(goal)}: the search "
+            f"no path from {in_words(start)} to {in_words(goal)}: the search "
             + (f"gave up after {found} states" if node == GAVE_UP else "found no further state")
             + "; make the slot or the aisle wider, or choose another goal"
         )
@@ -182,30 +178,14 @@ class PathPlanner:
 
     def _obstacles(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats) -> Obstacles:
         """Return the obstacles around start and goal, with a grid over them."""
-        low = np.minimum(start[:2], goal[:2]) - REACH
-        high = np.maximum(start[:2], goal[:2]) + REACH
-        width, height = (float(side) for side in high - low)
-        # One cell more each way, because both counts are rounded up.
-        cell = max(CELL, math.sqrt(width * height / MOST_CELLS) * 1.01)
-        columns, rows = math.ceil(width / cell), math.ceil(height / cell)
-        ends = walls.reshape(-1, 2, 2)
-        near = ((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1)
-        around = np.hypot(boxes[:, 4], boxes[:, 5])[:, None]
-        by = ((boxes[:, :2] + around >= low) & (boxes[:, :2] - around <= high)).all(axis=1)
-        obstacles = Obstacles(
-            Grid(float(low[0]), float(low[1]), cell, columns, rows),
-            self._clear[: rows * columns].reshape(rows, columns),
-            np.ascontiguousarray(walls[near], np.float64),
-            np.ascontiguousarray(boxes[by], np.float64),
-        )
         # Beyond the discs that cover the vehicle it does not matter how far an obstacle is.
-        survey(obstacles, cover_radius(self.footprint) + PASSING + cell)
-        return obstacles
+        near = cover_radius(self.footprint) + PASSING
+        return self._ground.obstacles(start, goal, walls, boxes, reach=REACH, near=near)
 
     def _require_room(self, name: str, pose: Pose, obstacles: Obstacles) -> None:
         if is_free(obstacles, self.footprint, pose):
             return
-        where = f"the {name}, {_words(pose)}"
+        where = f"the {name}, {in_words(pose)}"
         if is_free(obstacles, footprint_of(self.vehicle, 0.0, 1.0), pose):
             raise PlanError(
                 f"{where}, is nearer to an obstacle than the margin of {self.margin:g} m; choose "
@@ -224,12 +204,8 @@ class PathPlanner:
 
     def _distances_to(self, goal: Pose, obstacles: Obstacles) -> Floats:
         """Return the distance [m] from each cell to a goal: (rows, columns)."""
-        grid = obstacles.grid
-        distances = self._distances[: grid.rows * grid.columns].reshape(grid.rows, grid.columns)
-        least = disc_around_axle(self.footprint) - CORNER * grid.cell
-        place = (goal.x, goal.y)
-        fill_distances(grid, obstacles.clear, least, place, True, distances, self._queues)
-        return distances
+        least = disc_around_axle(self.footprint) - CORNER * obstacles.grid.cell
+        return self._ground.distances_to(goal, obstacles, least)
 
     def _path(self, task: Task, node: int, number: int) -> Path:
         """Return the path from the root to a node, and on from there by a word."""
@@ -250,7 +226,3 @@ class PathPlanner:
 def disc_around_axle(footprint: Footprint) -> float:
     """Return the radius [m] of the largest disc around the rear axle's middle inside of the box."""
     return min(footprint.half_width, footprint.half_length - abs(footprint.middle))
-
-
-def _words(pose: Pose) -> str:
-    return f"({pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.heading):.0f}°)"

@@ -2,14 +2,17 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
+from race_agents.planning.dock_tasks import DockTask, docks
 from race_agents.planning.parking_tasks import ParkingTask, tasks
 from race_agents.planning.path import Path
 from race_agents.planning.path_planner import PathPlanner
+from race_agents.planning.towed_planner import TowedPlanner
 from race_server.competition.proportion import wilson_interval
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicles import Vehicle
@@ -42,7 +45,7 @@ class Measured:
     seed: int
     first_plan_s: float  # wall time of the first plan, which may compile
     rows: list[Row]
-    shown: list[tuple[ParkingTask, Path]]
+    shown: list[tuple[ParkingTask | DockTask, Path]]
 
     def document(self) -> dict[str, object]:
         """Return the rows as one document."""
@@ -54,16 +57,65 @@ class Measured:
         }
 
 
-def starts_of(
-    task: ParkingTask, planner: PathPlanner, runs: int, random: np.random.Generator
-) -> Iterator[Pose]:
-    """Yield random starts that touch nothing; runs: how many."""
-    walls = task.walls()
-    while runs > 0:
-        start = task.start(planner.vehicle, random)
-        if planner.is_free(start, walls):
-            runs -= 1
-            yield start
+class CarYard:
+    """Tasks of a vehicle without a trailer, and its planner."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Make room for plans."""
+        self.vehicle, self.tasks = vehicle, tasks(vehicle)
+        self._planner = PathPlanner(vehicle)
+
+    def starts(
+        self, task: ParkingTask, runs: int, random: np.random.Generator
+    ) -> Iterator[tuple[Pose]]:
+        """Yield random starts that touch nothing; runs: how many."""
+        walls = task.walls()
+        while runs > 0:
+            start = task.start(self.vehicle, random)
+            if self._planner.is_free(start, walls):
+                runs -= 1
+                yield (start,)
+
+    def plan(self, task: ParkingTask, pose: Pose) -> Path:
+        """Return a path from a start.
+
+        Raises:
+            PlanError: none was found.
+        """
+        return self._planner.plan(pose, task.goal(self.vehicle), task.walls())
+
+
+class TowedYard:
+    """Tasks of a vehicle with a trailer, and its planner."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Make room for plans.
+
+        Raises:
+            PlanError: the vehicle draws several trailers.
+        """
+        self._planner = TowedPlanner(vehicle)
+        self.vehicle, self.tasks = vehicle, docks(vehicle)
+
+    def starts(
+        self, task: DockTask, runs: int, random: np.random.Generator
+    ) -> Iterator[tuple[Pose, float]]:
+        """Yield random starts that touch nothing; runs: how many."""
+        walls, boxes = task.walls(), task.boxes()
+        while runs > 0:
+            pose, angle = task.start(self.vehicle, random)
+            if self._planner.is_free(pose, angle, walls, boxes):
+                runs -= 1
+                yield pose, angle
+
+    def plan(self, task: DockTask, pose: Pose, angle: float) -> Path:
+        """Return a path from a start.
+
+        Raises:
+            PlanError: none was found.
+        """
+        walls, boxes = task.walls(), task.boxes()
+        return self._planner.plan(pose, angle, task.goal(self.vehicle), walls, boxes)
 
 
 def bench_plan(vehicle: Vehicle, *, runs: int, seed: int, text: str = "") -> Measured:
@@ -71,37 +123,46 @@ def bench_plan(vehicle: Vehicle, *, runs: int, seed: int, text: str = "") -> Mea
 
     Raises:
         ScenarioError: no task has it.
+        PlanError: the vehicle draws several trailers.
     """
-    every = tasks(vehicle)
-    chosen = [(number, task) for number, task in enumerate(every) if text in task.name]
-    if not chosen:
-        names = "; ".join(task.name for task in every)
-        raise ScenarioError(f"--task {text!r} is in the name of no task; these are: {names}")
     begun = time.monotonic()
-    planner = PathPlanner(vehicle)
-    first = every[0]
-    start = next(starts_of(first, planner, 1, np.random.default_rng(seed)))
-    planner.plan(start, first.goal(vehicle), first.walls())
+    yard: Any = TowedYard(vehicle) if vehicle.trailers else CarYard(vehicle)
+    every = yard.tasks
+    chosen = chosen_tasks(every, text)
+    first = next(yard.starts(every[0], 1, np.random.default_rng(seed)))
+    yard.plan(every[0], *first)
     first_plan_s = round(time.monotonic() - begun, 2)
     rows, shown = [], []
     # A task has the same starts, whichever others are measured.
     for number, task in chosen:
-        row, path = _measure(task, planner, runs, np.random.default_rng((seed, number)))
+        row, path = _measure(task, yard, runs, np.random.default_rng((seed, number)))
         rows.append(row)
         shown += [(task, path)] if path else []
     return Measured(vehicle.name, seed, first_plan_s, rows, shown)
 
 
+def chosen_tasks(every: Sequence[Any], text: str) -> list[tuple[int, Any]]:
+    """Return the tasks with a text in their names, and their numbers.
+
+    Raises:
+        ScenarioError: no task has it.
+    """
+    chosen = [(number, task) for number, task in enumerate(every) if text in task.name]
+    if not chosen:
+        names = "; ".join(task.name for task in every)
+        raise ScenarioError(f"--task {text!r} is in the name of no task; these are: {names}")
+    return chosen
+
+
 def _measure(
-    task: ParkingTask, planner: PathPlanner, runs: int, random: np.random.Generator
+    task: ParkingTask | DockTask, yard: Any, runs: int, random: np.random.Generator
 ) -> tuple[Row, Path | None]:
     """Return the row of a task, and the path of its last solved run."""
-    walls, goal = task.walls(), task.goal(planner.vehicle)
     times, paths, failures = [], [], Counter[str]()
-    for start in starts_of(task, planner, runs, random):
+    for start in yard.starts(task, runs, random):
         begun = time.process_time()
         try:
-            paths.append(planner.plan(start, goal, walls))
+            paths.append(yard.plan(task, *start))
         except PlanError as error:
             failures[str(error)] += 1
         times.append(1e3 * (time.process_time() - begun))

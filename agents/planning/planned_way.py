@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from race_agents.planning.footprint import Point, convert
 from race_agents.planning.parking_plan import chart_of, driving_time, plan_to_slot
-from race_agents.planning.path_follower import make_track
+from race_agents.planning.way import Way
 from race_server.core.kernels.geometry import Pose
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Floats
@@ -26,13 +24,13 @@ class PlannedWay:
 def planned_way(vehicle: Vehicle, start: Floats, order: ParkingOrder) -> PlannedWay | None:
     """Return the plan of a task, None if none is found.
 
-    start: (3,) x [m], y [m], heading [rad] of the centre of gravity.
+    start: (3,) x [m], y [m], heading [rad] of the centre of gravity; a trailer stands in line.
     """
     axle = convert(start, vehicle, Point.GRAVITY, Point.REAR_AXLE)
     try:
         path = plan_to_slot(vehicle, Pose(*axle.tolist()), order, chart_of(order))
-        track = make_track(path, vehicle, vehicle.top_speed)
+        track = Way(path, vehicle, vehicle.top_speed).track
     except PlanError:
         return None
-    time_s = driving_time(np.asarray(track), vehicle) + order.level.hold_s
+    time_s = driving_time(track, vehicle) + order.level.hold_s
     return PlannedWay(time_s, path.length, path.changes)

@@ -25,14 +25,14 @@ from race_server.errors import PlanError
 
 
 def ask_plan(
-    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, steps: int
+    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, angle: float, steps: int
 ) -> "Future[Path]":
     """Return the path of `plan_to_slot`, or its error, now or once it is found."""
     if INTERPRET:
-        return _process().ask((vehicle, start, order, chart, steps))
+        return _process().ask((vehicle, start, order, chart, angle, steps))
     answer: Future[Path] = Future()
     try:
-        answer.set_result(plan_to_slot(vehicle, start, order, chart, steps))
+        answer.set_result(plan_to_slot(vehicle, start, order, chart, angle, steps))
     except PlanError as error:
         answer.set_exception(error)
     return answer
@@ -44,7 +44,7 @@ def get_ready(vehicle: Vehicle, order: ParkingOrder) -> None:
         # A plan without steps fails, after all that it calls was compiled or loaded.
         goal = parked_pose(order.slot, vehicle)
         start = along_arc(goal, 0.0, vehicle.length)
-        _process().ask((vehicle, start, order, Chart(order.walls, np.zeros((0, 6))), 0))
+        _process().ask((vehicle, start, order, Chart(order.walls, np.zeros((0, 6))), 0.0, 0))
 
 
 class PlannerProcess:

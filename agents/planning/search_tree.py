@@ -17,9 +17,12 @@ NODE = np.dtype(
     (
         np.record,
         [
-            *((name, np.float64) for name in ("x", "y", "heading")),  # [m], [rad] of the rear axle
-            ("curvature", np.float64),  # [1/m] of the arc that leads here
-            ("way", np.float64),  # [m] on that arc, negative in reverse
+            # [m], [rad] of the rear axle, or of the trailer's axle where there is a trailer
+            *((name, np.float64) for name in ("x", "y", "heading")),
+            ("angle", np.float64),  # [rad] at the hitch, 0 without a trailer
+            ("curvature", np.float64),  # [1/m] of the arc that leads here, at its end
+            ("wanted", np.float64),  # [rad] towards which the angle went on the way here
+            ("way", np.float64),  # [m] on the way here, negative in reverse
             ("cost", np.float64),  # [m] from the root
             ("estimate", np.float64),  # [m] of the whole path
             ("parent", np.int64),  # number of the node before, -1 at the root

@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from race_agents.planning.analytic_expansion import (
-    CUSP,
     LEAST_PIECE,
     NO_WORD,
     Prices,
@@ -72,7 +71,7 @@ def cost_of(arcs: Floats, prices: Prices, radius: float) -> float:
     driven = prices.ahead * ways[ways > 0.0].sum() - prices.back * ways[ways < 0.0].sum()
     changes = np.count_nonzero(np.diff(np.sign(ways)))
     turns = radius * np.abs(np.diff(arcs[:, 0], prepend=0.0)).sum()
-    return float(driven + CUSP * changes + TURNING * turns)
+    return float(driven + prices.cusp * changes + TURNING * turns)
 
 
 def _cut(path: Path) -> Floats:

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from race_agents.planning.path_follower import HEADING, LAST, X, Y
+from race_agents.planning.path_follower import ANGLE, GEAR, HEADING, LAST, X, Y
+from race_agents.planning.rig import Rig, Towed, pose_ahead, towed_by
 from race_agents.planning.scan import ray_angle
-from race_server.core.kernels.geometry import cos_sin
+from race_server.core.kernels.geometry import Pose, cos_sin
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
@@ -146,22 +147,75 @@ def distance_to_box(box: Floats, x: float, y: float) -> float:
 
 @large_kernel
 def safe_speed(
-    track: Floats, progress: Floats, vehicle: Record, points: Floats, count: int, box: Floats
+    track: Floats,
+    progress: Floats,
+    vehicle: Record,
+    rig: Rig | None,
+    points: Floats,
+    count: int,
+    box: Floats,
 ) -> float:
     """Return the most speed [m/s] at which a vehicle on a track can stop before what it sees.
 
-    track: (S, 8), see `path_follower`; progress: (1,) number of the point that was passed last;
-    points: (N, 3), see `unexpected_points`, of which the first `count` count; box: (6,), work
-    space.
+    track: (S, COLUMNS), see `path_follower`; progress: (1,) number of the point that was passed
+    last; rig: the vehicle with its trailer, None without one; points: (N, 3), see
+    `unexpected_points`, of which the first `count` count; box: (6,), work space.
     """
     if count == 0:
         return math.inf
-    brakes = STOP_SHARE * (vehicle.brake_force / vehicle.mass + vehicle.rolling * GRAVITY)
     fastest = max(vehicle.top_speed, vehicle.reverse_speed)
     for share in SHARES:
-        if _can_stop(track, int(progress[0]), vehicle, points, count, share * fastest, brakes, box):
-            return share * fastest
+        speed = share * fastest
+        if _can_stop(track, int(progress[0]), vehicle, rig, points, count, speed, box):
+            return speed
     return 0.0
+
+
+@kernel
+def _is_near(points: Floats, count: int, passed_s: float, box: Floats) -> bool:
+    """Return whether anything seen may be at a box after a time [s]. box: (6,) as in `Chart`."""
+    for number in range(count):
+        near = RESERVE + WALK * (passed_s + min(points[number, 2], WALKED_S))
+        if distance_to_box(box, points[number, 0], points[number, 1]) < near:
+            return True
+    return False
+
+
+@kernel
+def _put(box: Floats, pose: Pose, ahead: float, half_length: float, half_width: float) -> None:
+    """Fill a box, (6,) as in `Chart`, whose middle lies `ahead` [m] of a pose."""
+    cos, sin = cos_sin(pose.heading)
+    box[0], box[1] = pose.x + ahead * cos, pose.y + ahead * sin
+    box[2], box[3], box[4], box[5] = cos, sin, half_length, half_width
+
+
+@kernel
+def _meets(
+    track: Floats,
+    point: int,
+    vehicle: Record,
+    rig: Rig | None,
+    points: Floats,
+    count: int,
+    passed_s: float,
+    box: Floats,
+) -> bool:
+    """Return whether anything seen may be where the vehicle is at a point after a time [s]."""
+    pose = Pose(track[point, X], track[point, Y], track[point, HEADING])
+    if rig is not None:
+        angle, drawn = track[point, ANGLE], rig.drawn
+        if track[point, GEAR] > 0.0:
+            towed = towed_by(rig, pose, angle, 0.0)
+        else:
+            towed = Towed(pose.x, pose.y, pose.heading, angle, 0.0)
+            pose = pose_ahead(rig, towed)
+        place = Pose(towed.x, towed.y, towed.heading)
+        _put(box, place, drawn.middle, drawn.half_length, drawn.half_width)
+        if _is_near(points, count, passed_s, box):
+            return True
+    ahead = vehicle.rear_axle + vehicle.box_offset
+    _put(box, pose, ahead, 0.5 * vehicle.length, 0.5 * vehicle.width)
+    return _is_near(points, count, passed_s, box)
 
 
 @kernel
@@ -169,33 +223,27 @@ def _can_stop(
     track: Floats,
     point: int,
     vehicle: Record,
+    rig: Rig | None,
     points: Floats,
     count: int,
     speed: float,
-    brakes: float,
     box: Floats,
 ) -> bool:
     """Return whether nothing reaches a vehicle that now drives at a speed [m/s] and then stops.
 
-    brakes: [m/s²]; the others: see `safe_speed`.
+    The other arguments as for `safe_speed`.
     """
+    brakes = STOP_SHARE * (vehicle.brake_force / vehicle.mass + vehicle.rolling * GRAVITY)
     reaction = speed * REACTION_S
     driven, last = 0.0, int(track[point, LAST])
-    box[4], box[5] = 0.5 * vehicle.length, 0.5 * vehicle.width
-    ahead = vehicle.rear_axle + vehicle.box_offset
     while True:
-        cos, sin = cos_sin(track[point, HEADING])
-        box[0], box[1] = track[point, X] + ahead * cos, track[point, Y] + ahead * sin
-        box[2], box[3] = cos, sin
         braked = max(driven - reaction, 0.0)
         square = speed * speed - 2.0 * brakes * braked
         if square < 0.0:
             return True
         passed_s = min(driven / speed, REACTION_S) + (speed - math.sqrt(square)) / brakes
-        for number in range(count):
-            near = RESERVE + WALK * (passed_s + min(points[number, 2], WALKED_S))
-            if distance_to_box(box, points[number, 0], points[number, 1]) < near:
-                return False
+        if _meets(track, point, vehicle, rig, points, count, passed_s, box):
+            return False
         if point >= last:
             return True
         dx, dy = track[point + 1, X] - track[point, X], track[point + 1, Y] - track[point, Y]

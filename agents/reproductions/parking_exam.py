@@ -10,6 +10,7 @@ from race_agents.training.race_marks import Decide
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import validation_courses
 from race_server.competition.parking_tally import ParkingTally
+from race_server.competition.team_tally import TeamTally
 from race_server.core.messages import Ending
 from race_server.envs.parking.reward_terms import ENDINGS
 
@@ -28,6 +29,9 @@ def examine_parking(settings: Settings, exam: ParkingExam, decide: Decide) -> di
     barred = [one for one in episodes if one["between"]]
     barred_parked = sum(one["is_success"] for one in barred)
     parked = sum(one["is_success"] for one in episodes)
+    vehicles = settings.race.learners
+    teams = TeamTally.of(episodes, vehicles) if vehicles > 1 else None
+    of_teams = ("rounds", "all_parked", "contacts", "stuck")
     return {
         "starts": tally.episodes,
         "parked": parked,
@@ -44,4 +48,5 @@ def examine_parking(settings: Settings, exam: ParkingExam, decide: Decide) -> di
         "time_s": tally.time_s_median,
         "path_m": tally.path_m_median,
         "direction_changes": tally.direction_changes_mean,
+        **({} if teams is None else {name: getattr(teams, name) for name in of_teams}),
     }

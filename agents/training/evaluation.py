@@ -38,10 +38,10 @@ class Examiner:
         """Return marks for each course, and for all of them at the end."""
         seed, seconds = self.first_seed, self.settings.evaluation.seconds
         if self.settings.parks:
-            driven = self.park(decide)
+            driven, vehicles = self.park(decide), self.settings.race.learners
             every = [episode for episodes in driven.values() for episode in episodes]
-            every_lot = [parking_marks.marks_of(*one) for one in driven.items()]
-            return [*every_lot, parking_marks.marks_of("all", every)]
+            every_lot = [parking_marks.marks_of(*one, vehicles) for one in driven.items()]
+            return [*every_lot, parking_marks.marks_of("all", every, vehicles)]
         raced = [
             race_marks.race(name, self._batch(name), decide, seed, seconds) for name in self.courses
         ]

@@ -105,8 +105,25 @@ def _view(graph: _Graph, view: ObservationView, size: int) -> None:
     if np.isfinite(view.horizon):
         graph.then("Clip", -view.horizon, view.horizon)
     graph.then("Cast", to=TensorProto.DOUBLE)
-    if not len(view.ranges):
-        return
+    if len(view.ranges):
+        _view_ranges(graph, view, size)
+    if len(view.offsets):
+        _view_offsets(graph, view, size)
+
+
+def _view_offsets(graph: _Graph, view: ObservationView, size: int) -> None:
+    """Add sign · log(1 + |metres|) of offsets, as log(1 + ahead) - log(1 + back)."""
+    metres, nothing, one = graph.end, np.float64(0.0), np.float64(1.0)
+    sides = [
+        graph.add("Log", graph.add("Add", graph.add("Max", way, nothing), one))
+        for way in (metres, graph.add("Mul", metres, np.float64(-1.0)))
+    ]
+    short = graph.add("Sub", *sides)
+    graph.end = graph.add("Where", np.isin(np.arange(size), view.offsets), short, metres)
+
+
+def _view_ranges(graph: _Graph, view: ObservationView, size: int) -> None:
+    """Add logarithms of ranges, the gaps in them filled."""
     seen, nothing = graph.end, np.float64(0.0)
     reach = np.full(size, NEAREST)
     reach[view.ranges] = view.reach

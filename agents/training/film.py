@@ -38,15 +38,18 @@ def record_parking(
     scenario: Scenario,
     seed: int,
     decision_ticks: int,
+    learners: int,
     others: tuple[str, ...],
 ) -> Path | None:
     """Record the driver of a policy on its way to a slot; return the file, None without any.
 
-    others: drivers of the vehicles that do not learn, repeated in turn.
+    learners: how many vehicles it drives, the first ones; others: drivers of the vehicles that do
+    not learn, repeated in turn.
     """
     session = Session("learned", replace(scenario, seed=seed), decision_ticks=decision_ticks)
-    beside = tuple(others[number % len(others)] for number in range(scenario.karts - 1))
-    return _record(folder / PARKING_FILM, session, (f"learned:{policy}", *beside))
+    beside = tuple(others[number % len(others)] for number in range(scenario.karts - learners))
+    drivers = (f"learned:{policy}",) * learners + beside
+    return _record(folder / PARKING_FILM, session, drivers)
 
 
 def _record(film: Path, session: Session, drivers: tuple[str, ...]) -> Path | None:

@@ -11,12 +11,14 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from race_agents.training.active_rollout import ActiveRollout
 from race_agents.training.budget import Budget
 from race_agents.training.curiosity import Curious
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.gail import Discriminator
 from race_agents.training.hurl import Foretelling, MixingBuffer
 from race_agents.training.normaliser import Normaliser
+from race_agents.training.poca import Poca
 from race_agents.training.reward_wrapper import Judge, RewardWrapper, width_of
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import Settings
@@ -25,12 +27,18 @@ from race_agents.training.view import ObservationView
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
-CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "dqn": DQN}
+CLASSES: dict[str, type[BaseAlgorithm]] = {
+    "ppo": PPO,
+    "poca": Poca,
+    "sac": SAC,
+    "td3": TD3,
+    "dqn": DQN,
+}
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Options that come from elsewhere in the settings, or that a run decides itself.
 _TAKEN = {
     *("self", "policy", "env", "learning_rate", "seed", "device", "verbose", "tensorboard_log"),
-    *("policy_kwargs", "_init_setup_model", "stats_window_size", "action_noise"),
+    *("policy_kwargs", "_init_setup_model", "stats_window_size", "action_noise", "agents"),
     *("replay_buffer_class", "replay_buffer_kwargs"),
 }
 # Deviation of what TD3 adds to its actions, unless `options.action_noise` says otherwise.
@@ -89,18 +97,19 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
         width = world.action_space.shape[0]  # type: ignore[index]  # settings keep it a box
         deviation = np.full(width, TD3_NOISE)
         options["action_noise"] = NormalActionNoise(np.zeros(width), deviation)
-    if settings.mixes and name != "ppo":
+    if settings.mixes and not issubclass(kind, PPO):
         if options.get("n_steps", 1) != 1:
             raise ScenarioError(
                 f"algorithm.options.n_steps = {options['n_steps']}: with parking.shaping = 'hurl' "
                 "targets are of one step; leave it out"
             )
         options["replay_buffer_class"] = MixingBuffer
+    options |= _options_of_team(settings, world)
     network: dict[str, Any] = {
         "net_arch": list(settings.network.layers),
         "activation_fn": ACTIVATIONS[settings.network.activation],
     }
-    if name == "ppo":
+    if issubclass(kind, PPO):
         network["log_std_init"] = settings.network.log_std
     try:
         learner = kind(
@@ -138,6 +147,16 @@ def _options(settings: Settings) -> dict[str, Any]:
         key: tuple(value) if isinstance(value, list) else value
         for key, value in settings.algorithm.options.items()
     }
+
+
+def _options_of_team(settings: Settings, world: VecNormalize) -> dict[str, Any]:
+    """Return the options that several vehicles need that learn in one lot."""
+    if settings.algorithm.name == "poca":
+        return {"agents": settings.race.learners}
+    waits = settings.parks and settings.race.learners > 1 and not settings.parking.team
+    if not waits:
+        return {}
+    return {"rollout_buffer_class": ActiveRollout, "rollout_buffer_kwargs": {"world": world}}
 
 
 def _rate(settings: Settings, budget: Budget) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from race_agents.training.race_marks import Decide
 from race_agents.training.settings import Goal
 from race_server.competition.parking_tally import COLLISIONS, ParkingTally
+from race_server.competition.team_tally import TeamTally
 from race_server.envs.batch import Batch
 
 Episode = Mapping[str, Any]
@@ -21,11 +22,16 @@ class ParkingMarks:
     lot: str
     reward: float  # of an episode, the mean
     tally: ParkingTally
+    teams: TeamTally | None = None  # where several learn in a lot
 
     courses: ClassVar[str] = "lots"
-    heads: ClassVar[tuple[str, ...]] = (
-        *("parked [%]", "aligned [%]", "collisions [%]", "people hit [%]", "time [s]"),
-    )
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """The names and units of `cells`."""
+        own = ("parked [%]", "aligned [%]", "collisions [%]", "people hit [%]", "time [s]")
+        of_all = ("all parked [%]", "rounds with a contact [%]", "stuck [%]")
+        return own if self.teams is None else (*own, *of_all)
 
     @property
     def course(self) -> str:
@@ -54,27 +60,39 @@ class ParkingMarks:
 
     def cells(self) -> tuple[str, ...]:
         """Return the figures as text, one for each of `heads`."""
-        tally = self.tally
-        return (
+        tally, teams = self.tally, self.teams
+        own = (
             _with_bounds(tally.success_rate, tally.success_interval),
             _with_bounds(tally.aligned_rate, tally.aligned_interval),
             f"{100.0 * self.hits:.1f}",
             f"{100.0 * tally.hit_people / max(tally.episodes, 1):.1f}",
             "–" if tally.time_s_median is None else f"{tally.time_s_median:.1f}",
         )
+        if teams is None:
+            return own
+        return (
+            *own,
+            _with_bounds(teams.all_parked_rate, teams.all_parked_interval),
+            f"{100.0 * teams.contacts / max(teams.rounds, 1):.1f}",
+            f"{100.0 * teams.stuck / max(teams.rounds, 1):.1f}",
+        )
 
     def __str__(self) -> str:
         """Return the figures in one line."""
         tally = self.tally
-        return (
+        words = (
             f"{_percent(tally.success_rate)} park, {_percent(tally.aligned_rate)} aligned, "
             f"{tally.collisions} collisions and {tally.hit_people} hits of people in "
             f"{tally.episodes}"
         )
+        if self.teams is None:
+            return words
+        return f"{words}; all {self.teams.vehicles} in {_percent(self.teams.all_parked_rate)}"
 
     def row(self) -> dict[str, Any]:
         """Return the figures as plain data."""
-        return {"lot": self.lot, "reward": self.reward, **asdict(self.tally)}
+        row = {"lot": self.lot, "reward": self.reward, **asdict(self.tally)}
+        return row if self.teams is None else {**row, "teams": asdict(self.teams)}
 
     def point(self) -> dict[str, float | None]:
         """Return the figures under their names in the curve."""
@@ -112,10 +130,14 @@ def park(batch: Batch, decide: Decide, seed: int) -> list[Episode]:
     return [batch.episode_of(w, k) for w in range(batch.worlds) for k in range(batch.learners)]
 
 
-def marks_of(name: str, episodes: Sequence[Episode]) -> ParkingMarks:
-    """Return the figures of episodes in a lot, or in several that have a name together."""
+def marks_of(name: str, episodes: Sequence[Episode], vehicles: int = 1) -> ParkingMarks:
+    """Return the figures of episodes in a lot, or in several that have a name together.
+
+    vehicles: of a round; its episodes are neighbours.
+    """
     reward = float(np.mean([one["r"] for one in episodes]))
-    return ParkingMarks(name, reward, ParkingTally.of(episodes))
+    teams = TeamTally.of(episodes, vehicles) if vehicles > 1 else None
+    return ParkingMarks(name, reward, ParkingTally.of(episodes), teams)
 
 
 def _percent(share: float) -> str:

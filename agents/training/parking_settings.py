@@ -17,8 +17,12 @@ class ParkingSettings(Table):
     level: str = ""  # of tolerance, see `race_server.scenario.level`; none: that of each lot
     limit_s: float = Field(default=0.0, ge=0.0)  # of an episode; 0: that of each lot
     late_ends: bool = False  # time that runs out is an end, not a cut
+    # All that learn get the mean of their rewards, until the last of them is done; `poca` takes the
+    # mean by itself.
+    team: bool = False
     decision_ticks: int = Field(default=6, ge=1, le=60)  # of 1/60 s
-    logarithms: bool = False  # a network sees logarithms of the radar's ranges
+    # A network sees logarithms of the radar's ranges, and of the metres to the slot and to movers.
+    logarithms: bool = False
     # Of the way to the slot, and how it helps to learn; see `race_server.envs.parking.heuristics`.
     # Without one it is 'none', in quotation marks behind `--set`, where a bare none is the default.
     heuristic: str = "euclid"

@@ -34,12 +34,12 @@ from race_agents.training.tasks import (
     final_courses,
     validation_courses,
 )
+from race_server.core.seeds import RESUMED
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
 
 PARITY_STEPS = 200  # observations on which the file and the learner are compared
 TIMED = 2000  # decisions that are timed
-FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 
 
 @dataclass
@@ -80,8 +80,8 @@ def train(
     if resume:
         best_score = load_checkpoint(place / BEST, learner, world, budget)
         load_checkpoint(place / LATEST, learner, world, budget)
-        # Seeds other than at the beginning.
-        learner.set_random_seed(settings.seed + budget.done)
+        # Seeds other than at the beginning, and those of no exam.
+        learner.set_random_seed(RESUMED + settings.seed + budget.done)
         if budget.is_over:
             say("its budget is spent, so it learns nothing more: give it more, in all")
     known = _learned_on(settings)
@@ -187,7 +187,7 @@ def _conclude(
     export_policy(path, learner, world, metadata_from(settings, courses_of(settings)))
     policy = Policy(path)
     tried = settings.evaluation
-    examiner = Examiner(settings, final_courses(settings), tried.first_seed + FRESH_SEEDS)
+    examiner = Examiner(settings, final_courses(settings), tried.final_seed)
     seen = examiner.observations(policy.decide, PARITY_STEPS)
     parity = difference(policy, learner, world, seen)
     if parity > MOST_DIFFERENCE:
@@ -234,7 +234,13 @@ def _filmed(settings: Settings, place: Path, marks: list[Marks]) -> Path | None:
     if settings.parks:
         (task, *_) = evaluation_tasks(settings, final_courses(settings)).values()
         return record_parking(
-            place, policy, task.scenarios[0], seed, settings.decision_ticks, task.opponents
+            place,
+            policy,
+            task.scenarios[0],
+            seed,
+            settings.decision_ticks,
+            settings.race.learners,
+            task.opponents,
         )
     lapped = [one for one in marks[:-1] if isinstance(one, RaceMarks) and one.best_lap_s]
     if not lapped:

@@ -12,6 +12,7 @@ from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
 DECISION_TICKS = 3  # in a live race
+FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
 Range = tuple[float, float]
 # Logarithms of the deviations of actions: one for all their numbers, or one for each.
@@ -39,9 +40,9 @@ File = Annotated[str, AfterValidator(_absolute)]
 
 
 class Algorithm(Table):
-    """The learning algorithm. `options` are those of Stable-Baselines3's class."""
+    """The learning algorithm. `options` are those of its class, most of Stable-Baselines3's."""
 
-    name: Literal["ppo", "sac", "td3", "dqn"] = "ppo"
+    name: Literal["ppo", "poca", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
     # At the end; falls evenly until then, from the moment the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)
@@ -155,6 +156,11 @@ class Evaluation(Table):
     # The score of a policy: metres per second until a crash or the time limit; the return; or in a
     # lot the mean of the shares that park, and that park straight.
     score: Literal["speed", "return", "success"] = "speed"
+
+    @property
+    def final_seed(self) -> int:
+        """The first seed at the end: those before have chosen the policy."""
+        return self.first_seed + FRESH_SEEDS
 
 
 class Goal(Table):

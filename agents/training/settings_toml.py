@@ -9,9 +9,11 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from race_agents.training.settings import LEARNER, Settings
+from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
+ON_POLICY = ("ppo", "poca")
 PRESETS = Path(__file__).parent / "presets"
 
 Words = dict[str, Any]
@@ -60,11 +62,16 @@ def settings_of(words: Words, source: str) -> Settings:
         )
     _check_seats(settings, source)
     _check_discipline(settings, source)
+    _check_team(settings, source)
+    if settings.parks:
+        _check_seeds(settings, source)
     is_discrete = settings.action == "discrete"
-    if (settings.algorithm.name == "dqn") != is_discrete and settings.algorithm.name != "ppo":
+    takes_all = settings.algorithm.name in ON_POLICY
+    if (settings.algorithm.name == "dqn") != is_discrete and not takes_all:
         raise ScenarioError(
             f"{source}: algorithm.name = {settings.algorithm.name!r} with action = "
-            f"{settings.action!r}: dqn needs discrete actions, sac and td3 others, ppo takes all"
+            f"{settings.action!r}: dqn needs discrete actions, sac and td3 others, "
+            "ppo and poca take all"
         )
     return settings
 
@@ -86,8 +93,6 @@ def _check_discipline(settings: Settings, source: str) -> None:
     wrong = {
         f"evaluation.score = {score!r}: choose success or return": parks and score == "speed",
         "evaluation.score = 'success': choose speed or return": not parks and score == "success",
-        f"race.learners = {settings.race.learners}: one learns in each lot": parks
-        and settings.race.learners > 1,
         "self_play.seats: name race.opponents instead": parks and bool(settings.self_play.seats),
         f"warm_start.teacher = {settings.warm_start.teacher!r}: a teacher follows a track's line; "
         "give demonstrations instead": parks and bool(settings.warm_start.teacher),
@@ -98,11 +103,53 @@ def _check_discipline(settings: Settings, source: str) -> None:
     for sentence, is_wrong in wrong.items():
         if is_wrong:
             raise ScenarioError(f"{source}: with {where}, {sentence}")
-    if settings.cloning.demonstrations and settings.algorithm.name != "ppo":
+    if settings.cloning.demonstrations and settings.algorithm.name not in ON_POLICY:
         raise ScenarioError(
-            f"{source}: cloning with algorithm.name = {settings.algorithm.name!r}: only ppo can "
-            "imitate beside what it learns by reward; leave cloning.demonstrations out"
+            f"{source}: cloning with algorithm.name = {settings.algorithm.name!r}: only ppo and "
+            "poca can imitate beside what they learn by reward; leave cloning.demonstrations out"
         )
+
+
+def _check_team(settings: Settings, source: str) -> None:
+    """Refuse what several vehicles that learn in one lot, or `poca`, cannot have."""
+    name, parks, team = settings.algorithm.name, settings.parks, settings.parking.team
+    is_poca, several = name == "poca", settings.race.learners > 1
+    judges = bool(settings.gail.demonstrations) or settings.curiosity.bonus > 0.0 or settings.mixes
+    wrong = {
+        f"algorithm.name = {name!r}: only ppo and poca learn from several vehicles of a lot": parks
+        and several
+        and name not in ON_POLICY,
+        "gail, curiosity or hurl: they would judge vehicles that wait for the others; leave them "
+        "out": parks and several and judges,
+        "algorithm.name = 'poca' on tracks: karts come back one by one, so that no group ends; "
+        "choose ppo, or parking.lots": is_poca and several and not parks,
+        "algorithm.name = 'poca' with parking.team: poca takes the mean of all rewards by itself; "
+        "leave parking.team out": is_poca and team,
+        "algorithm.name = 'poca' with warm_start: its critic is of another kind than ppo's; leave "
+        "warm_start out": is_poca and settings.warm_start.is_wanted,
+    }
+    for sentence, is_wrong in wrong.items():
+        if is_wrong:
+            raise ScenarioError(
+                f"{source}: with race.learners = {settings.race.learners}, {sentence}"
+            )
+
+
+def _check_seeds(settings: Settings, source: str) -> None:
+    """Refuse seeds of an evaluation or an exam: in a lot, seeds are what is held out."""
+    first, tried = settings.seed, settings.evaluation
+    last = first + settings.worlds - 1
+    taken = {
+        "evaluation.first_seed": (tried.first_seed, tried.first_seed + tried.seeds - 1),
+        "the last evaluation": (tried.final_seed, tried.final_seed + tried.seeds - 1),
+        "exams": (HELD_OUT, max(last, HELD_OUT)),
+    }
+    for whose, (lowest, highest) in taken.items():
+        if first <= highest and last >= lowest:
+            raise ScenarioError(
+                f"{source}: seed = {first}, worlds = {settings.worlds}: the worlds have the seeds "
+                f"{first} to {last}, and those from {lowest} on are for {whose}; choose others"
+            )
 
 
 def _sentence(error: ValidationError, source: str) -> str:

@@ -131,7 +131,9 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
     }
     if settings.parks:
         asked = settings.parking
-        parking = Parking(asked.late_ends, asked.heuristic, asked.shaping, settings.gamma)
+        parking = Parking(
+            asked.late_ends, asked.heuristic, asked.shaping, settings.gamma, asked.team
+        )
         return Task(scenarios, parking).with_options(**options)
     return task_on(
         scenarios,

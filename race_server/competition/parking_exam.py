@@ -17,6 +17,7 @@ from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
+from race_server.core.seeds import HELD_OUT
 from race_server.core.state import Float32s, Floats
 from race_server.core.traffic import STANDING, Traffic
 from race_server.envs.batch import Batch
@@ -44,7 +45,7 @@ class ExamSpec:
     """What is asked of every driver. Empty or zero: as the lot says."""
 
     scenario: str  # a name of SCENARIOS, or of a lot
-    seeds: Sequence[int] = range(1, 1001)
+    seeds: Sequence[int] = range(HELD_OUT + 1, HELD_OUT + 1001)
     vehicles: int = 1
     vehicle: str = ""
     level: str = ""

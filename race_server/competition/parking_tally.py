@@ -12,7 +12,7 @@ from typing import Any
 
 from race_server.competition.proportion import wilson_interval
 
-PARKED, PERSON = "parked", "person"
+PARKED, PERSON, LATE = "parked", "person", "late"
 # Endings at something that was run into.
 COLLISIONS = frozenset({"wall", "block", "vehicle", PERSON})
 

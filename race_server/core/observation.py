@@ -52,6 +52,10 @@ _LOT = (
 )
 _MOTION = ("speed", "lateral_speed", "yaw_rate", "steering")
 
+_MOVERS = (
+    *("movers_x", "movers_y", "movers_speed_x", "movers_speed_y"),
+    *("movers_age", "movers_radius"),
+)
 _TRAILER = ("hitch", "hitch_behind", "goal_turn", "trailer_error")
 
 _REPORT_A = ("position_x", "position_y", "slot_x", "slot_y", "heading", "velocity_x", "velocity_y")
@@ -71,7 +75,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         # For drivers that park: where the slot is, and what the radar sees.
         "lot": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL, *_LOT, *_GAME),
         # For drivers that have a map of the lot: their pose on it, and the lidar to see the rest.
-        "lot_lidar": ("lidar", *_MOTION, *_POSE, "parked_for", *_GAME),
+        "lot_lidar": ("lidar", *_MOTION, *_POSE, "hitch", "parked_for", *_GAME),
         # For drivers that park with trailers, from feelers or from a map.
         "lot_trailer": ("feelers", *_MOTION, *_GOAL, *_TRAILER, *_LOT, *_GAME),
         "full": tuple(part.name for part in PARTS),
@@ -100,6 +104,8 @@ LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             *("speed", "heading", "hitch", "steering", "feelers", "goal_proximity"),
             *("goal_bearing", "goal_turn", "trailer_error"),
         ),
+        # As `park`, with the lidar, and what is remembered of people and vehicles.
+        "yard": ("radar", "radar_kind", "lidar", *_MOTION, *_GOAL, *_MOVERS),
     }
 )
 

@@ -11,6 +11,7 @@ AHEAD = 16  # samples of the course ahead
 NEARBY = 4  # karts reported
 THINGS = 4  # item boxes and hazards reported
 USES = 4  # kinds of item use
+MOVERS = 2  # people and vehicles reported that move in a car park
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ _SIZES = {
     "karts": NEARBY,
     "things": THINGS,
     "uses": USES,
+    "movers": MOVERS,
     "behind": TRAILERS - 1,
     "feelers": FEELERS,
 }
@@ -160,6 +162,17 @@ trailer_error        1      rad   -pi   pi     kart   heading of the slot agains
 feelers              feelers -    0     1      kart   ranges of the vehicle's feelers, as shares of
                                                       20 m; 1 where nothing is that near, or the
                                                       vehicle has no such feeler
+movers_x             movers m     -1000 1000   kart   nearest people and vehicles of a car park that
+                                                      a ray of lidar or radar met in the last 5 s,
+                                                      where they are if they went on as then; 100
+                                                      where there is none
+movers_y             movers m     -1000 1000   kart   the same, to the left; 0 where there is none
+movers_speed_x       movers m/s   -80   80     kart   their velocity against the ground from one
+                                                      sighting to the next, in this kart's frame
+movers_speed_y       movers m/s   -80   80     kart   the same, to the left
+movers_age           movers s     0     5      kart   time since a ray met them; 5 where there is
+                                                      none
+movers_radius        movers m     0     10     kart   half their width; 0 where there is none
 """
 
 

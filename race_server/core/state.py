@@ -106,6 +106,10 @@ PLACEMENT = (
 
 EVENT = record_of(fields_of("", "sequence tick kind kart other value detail"))
 
+# Where a moving thing was when a ray met it last, and how fast it went then: see
+# `stages/sightings.py`. `seen`: 1 + that tick, 0 for never.
+SIGHTING = record_of(fields_of("x y speed_x speed_y", "seen"))
+
 # What is fixed for one race. Zero switches a limit off.
 RULES = record_of(
     fields_of(
@@ -190,6 +194,8 @@ class SensorData(NamedTuple):
     radar: Float32s  # (W, K, 9) [m]
     radar_before: Float32s  # (W, K, 9) [m] the scan before
     radar_kinds: Bytes  # (W, K, 9) Hit
+    # (W, K, K + P) SIGHTING of each vehicle and each person of a car park; in a race none.
+    sightings: Records
     lidar_rays: Floats  # (R, 2) cosine and sine of each ray in the kart frame
     radar_rays: Floats  # (9, 2)
 
@@ -247,6 +253,13 @@ def empty_world(
     )
 
 
+def empty_sightings(parking: CarPark) -> Records:
+    """Return room for what each vehicle has seen of the others and of people; none in a race."""
+    worlds, vehicles = parking.parkers.shape
+    movers = vehicles + parking.walkers.shape[1] if vehicles else 0
+    return np.zeros((worlds, vehicles, movers), SIGHTING)
+
+
 def part_of(world: World, first: int, last: int) -> World:
     """Return worlds `first` to `last` (not included) as a view that shares their memory."""
     cut = slice(first, last)
@@ -255,6 +268,7 @@ def part_of(world: World, first: int, last: int) -> World:
         radar=world.sight.radar[cut],
         radar_before=world.sight.radar_before[cut],
         radar_kinds=world.sight.radar_kinds[cut],
+        sightings=world.sight.sightings[cut],
     )
     return world._replace(
         races=world.races[cut],

@@ -138,7 +138,10 @@ def env(**options: Any) -> AECEnv[str, Vector, Any]:
 def parallel_lot(
     lot: str = "yard-70", vehicles: int = 4, max_cycles: int = 0, **options: Any
 ) -> KartRace:
-    """Return vehicles that park, each in its slot; options as for `parking_task`."""
+    """Return vehicles that park, each in its slot; options as for `parking_task`.
+
+    With `team=True` each gets the mean of all rewards, and leaves `agents` with the last of them.
+    """
     render_mode = options.pop("render_mode", None)
     task = parking_task(lot, vehicles=vehicles, **options)
     return KartRace(task, max_cycles=max_cycles, render_mode=render_mode)

@@ -22,7 +22,7 @@ class KartVecEnv(VecEnv):
     Each kart gets its `done` at its own step, with `terminal_observation`,
     `TimeLimit.truncated`, and an `episode` like that of SB3's Monitor, with the figures of the
     task's discipline. Alone in its race a kart begins a new one then; among others it comes back
-    into it.
+    into it, and in a lot it waits until all are done.
     """
 
     def __init__(
@@ -78,6 +78,12 @@ class KartVecEnv(VecEnv):
         if self.batch.buffers.odds.shape == before.buffers.odds.shape:
             self.batch.buffers.odds[:] = before.buffers.odds
         before.close()
+
+    @property
+    def active(self) -> NDArray[np.bool_]:
+        """Which karts are in an episode, and not waiting for the others', shape (n,)."""
+        active: NDArray[np.bool_] = self.batch.buffers.idle.ravel() == 0
+        return active
 
     def step_async(self, actions: Array) -> None:
         """Take the actions of all karts, shape (n, A)."""

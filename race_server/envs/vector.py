@@ -19,7 +19,8 @@ Array = NDArray[Any]
 def after_an_episode(learners: int) -> int:
     """Return what a batch for a vector environment does with a kart whose episode is over.
 
-    Alone its world begins again; among other learning karts it comes back into the same race.
+    Alone its world begins again; among other learning karts it comes back into the same race. In a
+    lot it waits until all are done.
     """
     return RESET_WORLD if learners == 1 else REENTER
 

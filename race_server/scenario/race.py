@@ -11,7 +11,14 @@ from race_server.core.level import Level
 from race_server.core.rules.items import item_table
 from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
-from race_server.core.state import RADAR_RAYS, Record, SensorData, World, empty_world
+from race_server.core.state import (
+    RADAR_RAYS,
+    Record,
+    SensorData,
+    World,
+    empty_sightings,
+    empty_world,
+)
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.errors import ScenarioError
@@ -119,11 +126,14 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
     lanes = list(dict.fromkeys((scenario.course, scenario.line) for scenario in scenarios))
     worlds = len(scenarios)
     most_boxes = 1 + max(len(one.trailers) for each in scenarios for one in each.vehicles)
+    lots = [course.lot for course, _ in lanes]
+    parking = make_parking(lots, worlds, first.karts, most_boxes)
     sight = SensorData(
         lidar=np.zeros((worlds, first.karts, 2, first.lidar.rays), np.float32),
         radar=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
         radar_before=np.zeros((worlds, first.karts, RADAR_RAYS), np.float32),
         radar_kinds=np.zeros((worlds, first.karts, RADAR_RAYS), np.uint8),
+        sightings=empty_sightings(parking),
         lidar_rays=fan(first.lidar.rays, first.lidar.field),
         radar_rays=radar_fan(first.radar),
     )
@@ -136,7 +146,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
         sight,
         pack_walls([fence_of(course) for course, _ in lanes]),
         pack_route([course for course, _ in lanes], [line for _, line in lanes]),
-        make_parking([course.lot for course, _ in lanes], worlds, first.karts, most_boxes),
+        parking,
     )
     for w, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         for k in range(scenario.karts):

@@ -75,5 +75,7 @@ def radar_fan(radar: Radar) -> Floats:
 def sensors_for(parts: Iterable[str]) -> int:
     """Return the sensors that an observation of these parts needs, as bits of `codes`."""
     names = set(parts)
+    both = codes.LIDAR | codes.RADAR if any(name.startswith("movers_") for name in names) else 0
     lidar = codes.LIDAR if names & {"lidar", "lidar_before"} else 0
-    return lidar | (codes.RADAR if names & {"radar", "radar_kind", "radar_before"} else 0)
+    radar = codes.RADAR if names & {"radar", "radar_kind", "radar_before"} else 0
+    return both | lidar | radar

@@ -1,5 +1,7 @@
 """The trainer in lots: what is learned there, how a policy is judged, and what a file says."""
 
+import inspect
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from race_agents.commands.exam import ParkingOptions
 from race_agents.drivers.learned import Learned
 from race_agents.policies.listing import entries
 from race_agents.policies.registry import SHIPPED
@@ -29,9 +32,11 @@ from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task, validation_courses
 from race_agents.training.teacher import actions_of
 from race_agents.training.view import ObservationView
+from race_server.competition.parking_exam import ExamSpec
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import Briefing
 from race_server.core.observation import PRESETS, Observation, layout_of
+from race_server.core.seeds import HELD_OUT, RESUMED
 from race_server.core.vehicle_presets import KART_13
 from race_server.core.vehicles import vehicle_record
 from race_server.envs.actions import BRAKED, PEDAL, Driven, discrete_table, read_action
@@ -96,9 +101,8 @@ def test_a_lot_has_its_own_pace_and_a_race_that_of_a_live_one() -> None:
     ("change", "message"),
     [
         ("evaluation.score=speed", "choose success or return"),
-        ("race={karts = 2, learners = 2}", "one learns in each lot"),
         ("warm_start.teacher=raceline", "a teacher follows a track's line"),
-        ("algorithm.name=sac", "only ppo can imitate beside"),
+        ("algorithm.name=sac", "only ppo and poca can imitate beside"),
     ],
 )
 def test_what_only_races_have_is_refused_in_a_lot(change: str, message: str) -> None:
@@ -236,6 +240,26 @@ def test_a_network_sees_logarithms_of_the_radar_up_to_80_m() -> None:
     seen = np.float32([[1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 80.0, 100.0, 3.0]])
     wanted = [*np.log([1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 80.0, 80.0]), 3.0]
     assert view(seen)[0] == pytest.approx(wanted)
+
+
+def test_a_network_sees_the_last_metre_to_the_slot_as_large_as_several_before_it() -> None:
+    view = ObservationView.of(
+        settings("observation=['goal_x', 'speed']", "parking.logarithms=true")
+    )
+    seen = np.float32([[0.0, 3.0], [math.e - 1.0, 3.0], [-(math.e**4 - 1.0), 3.0]])
+    assert view(seen)[:, 0] == pytest.approx([0.0, 1.0, -4.0], abs=1e-6)
+    assert view(seen)[:, 1] == pytest.approx([3.0] * 3)
+    assert view.undone(view(seen)) == pytest.approx(seen, rel=1e-6)
+
+
+def test_no_training_in_a_lot_draws_the_seeds_of_an_exam() -> None:
+    assert min(ExamSpec("2").seeds) > HELD_OUT
+    assert inspect.signature(ParkingOptions).parameters["first_seed"].default > HELD_OUT
+    for seed, whose in ((HELD_OUT - 3, "exams"), (9_998, "evaluation"), (110_002, "last evalu")):
+        with pytest.raises(ScenarioError, match=f"seeds {seed} to {seed + 3}, .* {whose}"):
+            settings(f"seed={seed}")
+    assert settings(f"seed={HELD_OUT - 4}").seed == HELD_OUT - 4  # and three more worlds
+    assert RESUMED > HELD_OUT + 10**9
 
 
 # A whole run: everything beside the reward at once.

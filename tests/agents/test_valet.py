@@ -57,7 +57,8 @@ def speed_before(x: float, y: float = 0.0, ago_s: float = 0.0) -> float:
     path = path_of(Pose(-1.022, 0.0, 0.0), np.array([[0.0, 30.0]]))
     track = make_track(path, KART_13, KART_13.top_speed)
     points = np.array([[x, y, ago_s]])
-    return safe_speed(track, np.zeros(1), vehicle_record(KART_13)[0], points, 1, np.zeros(6))
+    record = vehicle_record(KART_13)[0]
+    return safe_speed(track, np.zeros(1), record, None, points, 1, np.zeros(6))
 
 
 def order(level: str = "parked", *, heading: float = 0.0, walls: Floats = NO_WALLS) -> ParkingOrder:

@@ -11,6 +11,7 @@ from race_server.core.kernels.geometry import Pose, along_arc, seen_from
 from race_server.core.kernels.reeds_shepp import (
     WORDS,
     least_cost,
+    least_effort,
     pose_along,
     shortest_length,
     shortest_word,
@@ -51,6 +52,30 @@ def test_a_path_of_a_few_arcs_is_as_long_as_they_are(goal: Pose, length: float) 
 )
 def test_sideways_takes_far_more_way_than_it_gains(aside: float, length: float) -> None:
     assert shortest_length(ORIGIN, Pose(0.0, aside, 0.0), 1.0) == pytest.approx(length, abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("goal", "effort"),
+    [
+        (Pose(5.0, 0.0, 0.0), 5.0),
+        (Pose(-1.0, 0.0, 0.0), 3.0),  # a metre back counts three times
+        (Pose(0.0, 2.0, math.pi), math.pi),
+        # Three arcs of 60°, of which the least number goes back: the one in the middle.
+        (Pose(0.0, 0.0, math.pi), math.pi * (1.0 + 1.0 + 3.0) / 3.0),
+    ],
+)
+def test_a_way_back_counts_more_than_a_way_ahead(goal: Pose, effort: float) -> None:
+    assert least_effort(ORIGIN, goal, 1.0, 3.0) == pytest.approx(effort, abs=1e-9)
+
+
+@unhurried
+@given(goal=poses, radius=radii)
+def test_where_back_counts_as_ahead_the_easiest_way_is_the_shortest(
+    goal: Pose, radius: float
+) -> None:
+    shortest = shortest_length(ORIGIN, goal, radius)
+    assert least_effort(ORIGIN, goal, radius, 1.0) == pytest.approx(shortest, abs=1e-9)
+    assert least_effort(ORIGIN, goal, radius, 3.0) >= shortest - 1e-9
 
 
 def test_the_shortest_way_to_turn_round_on_the_spot_is_three_arcs_of_60_degrees() -> None:

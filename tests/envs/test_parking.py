@@ -8,7 +8,7 @@ from pettingzoo.test import parallel_api_test
 
 from race_server.envs import registration
 from race_server.envs.batch import Batch
-from race_server.envs.buffers import STAY
+from race_server.envs.buffers import REENTER, STAY
 from race_server.envs.parallel import parallel_lot
 from race_server.envs.parking import reward_terms
 from race_server.envs.parking.goal import CRASH, METRES
@@ -255,3 +255,60 @@ def test_lorries_share_a_lot_and_a_vector_holds_one_in_each() -> None:
     first, _ = vector.reset(seed=1)
     assert first.shape[0] == 4
     vector.close()
+
+
+# A team
+
+
+def pair(**options: object) -> Batch:
+    """Return two cars for 2 s, the first with its back to a wall; a metre gained is worth 1."""
+    reward = {"goal_progress": 1.0, "crash": -10.0}
+    task = parking_task("gate", vehicles=2, limit_s=2.0, reward=reward, **options)
+    batch = Batch(task, after=STAY)
+    batch.world.bodies["x"][0, 0], batch.world.bodies["heading"][0, 0] = 3.4, 0.0
+    return batch
+
+
+def test_a_team_gets_the_mean_until_its_last_vehicle_is_done() -> None:
+    """One backs into the wall behind it, the other one drives on until the time is up."""
+    own, team = pair(), pair(team=True)
+    total, ends = np.zeros(2), []
+    for step in range(30):
+        actions = np.array([[BACK, AHEAD]], np.float32)
+        own.step(actions)
+        team.step(actions)
+        assert team.rewards[0] == pytest.approx(np.full(2, own.rewards[0].mean()), abs=1e-6)
+        total += team.rewards[0]
+        ends += [step + 1] * int((own.terminated[0] | own.truncated[0]).sum())
+        if own.buffers.idle.all():
+            break
+        assert not (team.terminated | team.truncated).any()
+    # One had left, and was paid on for the rest of the 2 s, and a decision more.
+    assert ends[0] < ends[1] == 21
+    assert team.truncated[0].tolist() == [1, 1]  # time has cut the round off
+    for k, ending in enumerate(("wall", "late")):
+        episode = team.episode_of(0, k)
+        assert (episode["ending"], episode["l"]) == (ending, 21)
+        assert episode["r"] == pytest.approx(total[k], abs=1e-4)
+    team.step(np.zeros((1, 2, 2), np.float32))
+    assert not team.rewards.any()
+    assert not (team.terminated | team.truncated).any()
+
+
+def test_a_team_keeps_to_pettingzoo() -> None:
+    lot = parallel_lot("gate", vehicles=2, limit_s=1.0, team=True)
+    parallel_api_test(lot, num_cycles=30)
+    lot.reset(seed=1)
+    while lot.agents:
+        before = lot.agents
+        _, rewards, *_ = lot.step(dict.fromkeys(lot.agents, np.float32(BACK)))
+        assert len(set(rewards.values())) == 1
+    assert before == ["kart_0", "kart_1"]  # they leave together
+
+
+def test_a_round_of_several_begins_again_once_all_are_done() -> None:
+    batch = Batch(parking_task("gate", vehicles=2, limit_s=0.5), after=REENTER)
+    for _ in range(12):  # a round takes 6 decisions
+        batch.step(np.array([[STAND, STAND]], np.float32))
+        assert not batch.buffers.idle.any()  # both are late in the same decision
+    assert batch.buffers.rounds["number"][0] == 3

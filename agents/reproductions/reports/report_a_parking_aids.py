@@ -66,6 +66,7 @@ REPRODUCTION = Reproduction(
             quick_changes=_buffer(128, 64),
         ),
         Variant("horizon 2048", _buffer(2, 2048), theirs=("slower; shorter is better",)),
+        Variant("POCA", ("algorithm.name=poca",), theirs=("as good, fewer steps, slower",)),
         Variant("SAC", _SAC, theirs=("stopped after 1 h: too slow",), steps_share=0.2),
     ),
     exam=ParkingExam(),
@@ -87,7 +88,7 @@ REPRODUCTION = Reproduction(
         "The large buffer is 409600 decisions, in a quick run 8192: half of what it has.",
         "The defaults learn half as many decisions as the others, SAC a fifth, with one update "
         "for 8 decisions: they take more processor time for each.",
-        "POCA, which it finds as good as PPO, is left out: this program has none. SAC with "
-        "hindsight, which it did not try, stands in `report-a-transfer`.",
+        "With one kart that learns POCA is PPO with another critic, which has an attention over "
+        "one. SAC with hindsight, which the report did not try, stands in `report-a-transfer`.",
     ),
 )

@@ -299,6 +299,39 @@ def least_cost(start: Pose, goal: Pose, radius: float, cusp: float) -> float:
     return radius * cost
 
 
+@kernel
+def _effort(number: int, pieces: Pieces, reverse: float) -> float:
+    """Return the length [radii] of a word whose ways back count `reverse` times."""
+    kind, (a, m, z) = number >> 3, pieces
+    if a == math.inf:
+        return math.inf
+    ahead, back = max(a, 0.0) + max(z, 0.0), max(-a, 0.0) + max(-z, 0.0)
+    ahead, back = ahead + max(m, 0.0), back + max(-m, 0.0)
+    if kind == LR_LR:  # its arcs in the middle are m and -m
+        ahead, back = ahead + max(-m, 0.0), back + max(m, 0.0)
+    elif kind == L_RL_R:
+        ahead, back = ahead + max(m, 0.0), back + max(-m, 0.0)
+    elif kind in (L_RSL, L_RSR):
+        back += QUARTER
+    elif kind == L_RSL_R:
+        back += math.pi
+    return back + reverse * ahead if number & TURNED else ahead + reverse * back
+
+
+@large_kernel
+def least_effort(start: Pose, goal: Pose, radius: float, reverse: float) -> float:
+    """Return the length [m] of the easiest of the words between two poses.
+
+    radius: least turning radius [m]; reverse: how often a metre driven back counts, at least 1.
+    """
+    seen = _in_radii(start, goal, radius)
+    cos, sin = cos_sin(seen.heading)
+    least = math.inf
+    for number in WORDS:
+        least = min(least, _effort(number, _pieces(number, seen, cos, sin), reverse))
+    return radius * least
+
+
 @large_kernel
 def pose_along(word: Word, start: Pose, distance: float) -> Pose:
     """Return the pose after a distance [m] on a word, at most at its end; headings not wrapped."""

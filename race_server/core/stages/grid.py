@@ -6,6 +6,7 @@ from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.stages.progress import has_line
 from race_server.core.stages.sensing import sense
+from race_server.core.stages.sightings import forget_sightings
 from race_server.core.stages.standings import rank
 from race_server.core.state import World
 
@@ -17,6 +18,7 @@ def line_up(world: World, w: int) -> None:
         if world.bodies[w, k].status != codes.ABSENT:
             place_kart(world, w, k)
     rank(world, w)
+    forget_sightings(world, w)
     # The scan now and the scan before are the same at the start.
     sense(world, w)
     sense(world, w)

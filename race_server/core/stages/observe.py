@@ -13,6 +13,7 @@ from race_server.core.stages.feelers import feel
 from race_server.core.stages.observe_around import fill_karts, fill_things, offset_from
 from race_server.core.stages.observe_lot import fill_goal, fill_hitches, fill_lot
 from race_server.core.stages.observed_parts import KartFrame, put, put_all, shows, to_frame
+from race_server.core.stages.sightings import fill_movers
 from race_server.core.state import Float32s, Ints, Record, World
 from race_server.core.vehicles import FEELERS
 
@@ -48,6 +49,8 @@ def observe(world: World, w: int, k: int, offsets: Ints, out: Float32s) -> None:
         fill_hitches(body, world.vehicles[w, k], offsets, out)
     if shows(offsets, part.FEELING):
         feel(world, w, k, out[offsets[part.FEELERS] : offsets[part.FEELERS] + FEELERS])
+    if shows(offsets, part.MOVING):
+        fill_movers(world, w, k, frame, offsets, out)
     if shows(offsets, part.BOXES):
         fill_things(world, w, frame, True, offsets, out)
     if shows(offsets, part.HAZARDS_AHEAD):

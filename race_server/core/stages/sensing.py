@@ -8,6 +8,7 @@ from race_server.core.kernels.rays import Fan
 from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.core.kernels.sensors import cast_fan, disturb, see_body, see_disc
 from race_server.core.kernels.wall_scan import FEW_RAYS, scan_body
+from race_server.core.stages.sightings import note_sightings
 from race_server.core.stages.wall_contacts import block_hull, is_near_block, is_own_block
 from race_server.core.state import HAZARDS, Bytes, Float32s, Record, World
 
@@ -62,6 +63,7 @@ def scan_lidar(world: World, w: int, k: int) -> None:
     _scan(world, w, k, fan, ranges, world.sight.radar_kinds[w, k, :0])  # a lidar has no kinds
     noise, dropout = sensors.lidar_noise, sensors.lidar_dropout
     disturb(ranges, fan.reach, noise, dropout, race.seed, LIDAR_STREAM, race.tick, k)
+    note_sightings(world, w, k, fan, ranges)
 
 
 @kernel
@@ -73,6 +75,7 @@ def scan_radar(world: World, w: int, k: int) -> None:
     fan = Fan(x, y, cos, sin, rays, sensors.radar_field, sensors.radar_reach)
     _scan(world, w, k, fan, ranges, world.sight.radar_kinds[w, k])
     disturb(ranges, fan.reach, sensors.radar_noise, 0.0, race.seed, RADAR_STREAM, race.tick, k)
+    note_sightings(world, w, k, fan, ranges)
 
 
 @kernel

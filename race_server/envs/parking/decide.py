@@ -3,11 +3,12 @@
 from race_server.core.kernels.jit import kernel
 from race_server.core.state import World
 from race_server.core.step import advance_world
-from race_server.envs.buffers import RESET_WORLD, Buffers
+from race_server.envs.buffers import STAY, Buffers
 from race_server.envs.decision import all_are_idle, clear_outcome, command_learners
 from race_server.envs.observations import write_observations, write_terminal
 from race_server.envs.parking.reset import LotTemplates, begin_round
 from race_server.envs.parking.reward_terms import judge
+from race_server.envs.parking.team import pay_team
 
 
 @kernel
@@ -21,8 +22,10 @@ def decide(world: World, buffers: Buffers, templates: LotTemplates) -> None:
         for k in range(buffers.rewards.shape[1]):
             if clear_outcome(buffers, w, k) and judge(world, buffers, templates.field, w, k):
                 write_terminal(world, buffers, w, k)
-        # A vehicle that is done stays as a block, so that a round ends when all are.
-        if buffers.settings[0].after == RESET_WORLD and all_are_idle(buffers, w):
+        if buffers.settings[0].team != 0.0:
+            pay_team(world, buffers, w)
+        # A vehicle that is done stays as a block, and none comes back before the round is over.
+        if buffers.settings[0].after != STAY and all_are_idle(buffers, w):
             begin_round(world, buffers, templates, w)
         write_observations(world, buffers, w)
 

@@ -10,7 +10,7 @@ import numpy as np
 from race_server.core.clock import TICK_S
 from race_server.core.lots import empty_parking
 from race_server.core.rules.parking import ALIGNED_WITHIN
-from race_server.core.state import World
+from race_server.core.state import World, empty_sightings
 from race_server.envs.buffers import Figures
 from race_server.envs.parking.decide import decide, restart
 from race_server.envs.parking.heuristics.field import empty_field
@@ -36,6 +36,8 @@ class Parking:
     heuristic: str = "euclid"  # of the way to the slot, see `heuristics/table.py`
     shaping: str = "difference"  # how the reward reads it, see `reward_terms.py:SHAPINGS`
     discount: float = 0.99  # of the learner, for the shaping `potential`
+    # All that learn get the mean of their rewards, until the last of them is done.
+    team: bool = False
 
     terms: ClassVar[Mapping[str, str]] = TERMS
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = REWARDS
@@ -59,6 +61,7 @@ class Parking:
         """What the kernels read."""
         return {
             "late_ends": self.late_ends,
+            "team": self.team,
             "heuristic": NUMBERS[self.heuristic],
             "cells": heuristic_named(self.heuristic).cells,
             "shaping": SHAPINGS.index(self.shaping),
@@ -93,7 +96,10 @@ class Parking:
         full = templates.parking
         sizes = (full.parkers.shape[1], full.blocks.shape[1], full.walkers.shape[1])
         parking = empty_parking(worlds, *sizes, full.lots)
-        world = world._replace(walls=templates.walls, route=templates.route, parking=parking)
+        sight = world.sight._replace(sightings=empty_sightings(parking))
+        world = world._replace(
+            walls=templates.walls, route=templates.route, parking=parking, sight=sight
+        )
         return world, LotTemplates(
             templates.races,
             templates.rules,

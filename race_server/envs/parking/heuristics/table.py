@@ -8,6 +8,7 @@ from race_server.core.vehicles import Vehicle
 from race_server.envs.parking.heuristics import (
     bfs,
     euclid,
+    forward,
     grid,
     hybrid,
     privileged,
@@ -21,16 +22,17 @@ from race_server.errors import ScenarioError
 NOTHING = Heuristic("none", "nothing: no way is left anywhere")
 _ALL = (
     *(NOTHING, euclid.HEURISTIC, bfs.HEURISTIC, grid.HEURISTIC, reeds_shepp.HEURISTIC),
-    *(hybrid.HEURISTIC, trailer_car.HEURISTIC, privileged.HEURISTIC),
+    *(hybrid.HEURISTIC, trailer_car.HEURISTIC, privileged.HEURISTIC, forward.HEURISTIC),
 )
 # Their numbers, in this order.
-NONE, EUCLID, BFS, GRID, REEDS_SHEPP, HYBRID, TRAILER_CAR, PRIVILEGED = range(len(_ALL))
+NONE, EUCLID, BFS, GRID, REEDS_SHEPP, HYBRID, TRAILER_CAR, PRIVILEGED, FORWARD = range(len(_ALL))
 
 HEURISTICS: Mapping[str, Heuristic] = MappingProxyType({one.name: one for one in _ALL})
 NUMBERS: Mapping[str, int] = MappingProxyType({one.name: n for n, one in enumerate(_ALL)})
 
 _euclid, _bfs, _grid, _reeds_shepp = euclid.way, bfs.way, grid.way, reeds_shepp.way
 _hybrid, _trailer_car, _privileged = hybrid.way, trailer_car.way, privileged.way
+_forward = forward.way
 
 
 @large_kernel
@@ -50,6 +52,8 @@ def way_left(number: int, aim: Aim, chart: Chart) -> float:
         return _trailer_car(aim, chart)
     if number == PRIVILEGED:
         return _privileged(aim, chart)
+    if number == FORWARD:
+        return _forward(aim, chart)
     return 0.0
 
 
