@@ -62,6 +62,7 @@ class Chauffeur:
         self._traffic, self._seat = traffic, seat
         self._passage: Passage | None = None
         self._failures, self._changes = 0, -1
+        self._wait_s = 0.0
         self._forget_way()
         if traffic is not None:
             traffic.aim(seat, box_in(order.slot, vehicle))
