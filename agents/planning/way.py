@@ -7,7 +7,18 @@ import numpy as np
 
 from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path import Path
-from race_agents.planning.path_follower import ANGLE, GEAR, HEADING, X, Y, follow, make_track
+from race_agents.planning.path_follower import (
+    ANGLE,
+    ARRIVED,
+    GEAR,
+    HEADING,
+    LAST,
+    LEFT,
+    X,
+    Y,
+    follow,
+    make_track,
+)
 from race_agents.planning.rig import rig_of
 from race_agents.planning.towed_follower import follow_towed, make_towed_track
 from race_agents.planning.towed_path import TowedPath, behind
@@ -59,8 +70,11 @@ class Way:
 
     @property
     def is_last(self) -> bool:
-        """Whether the last two points are reached."""
-        return int(self.progress[0]) + 2 >= len(self.track)
+        """Whether nothing but the end of the way lies ahead; the last step may be a short one."""
+        point, end = int(self.progress[0]), len(self.track) - 1
+        following = min(point + 1, end)
+        is_last_leg = bool(self.track[point, LAST] == end)
+        return is_last_leg and bool(self.track[following, LEFT] <= ARRIVED)
 
     def is_lost(self, motion: Motion, angle: float) -> bool:
         """Return whether the vehicle is astray."""

@@ -16,6 +16,7 @@ from race_agents.planning.plan_bench import bench_plan
 from race_agents.planning.towed_follower import make_towed_track
 from race_agents.planning.towed_path import TowedPath, before, behind
 from race_agents.planning.towed_planner import TowedPlanner
+from race_agents.planning.way import Way
 from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.contacts import box_on_box, box_on_segment
 from race_server.core.kernels.geometry import Pose
@@ -157,6 +158,12 @@ def test_nowhere_must_the_wheels_turn_faster_than_they_can() -> None:
     turning = np.abs(np.diff(angles))[inside] / steps[inside]
     fastest = np.maximum(ahead[1:, SPEED], ahead[:-1, SPEED])[inside]
     assert (turning * fastest).max() <= 0.7 * LORRY.steering_rate + 1e-9
+
+
+@pytest.mark.parametrize(("last_step", "is_last"), [(0.001, True), (0.1, False)])
+def test_a_last_step_of_a_millimetre_need_not_be_driven(last_step: float, is_last: bool) -> None:
+    path = TowedPath(Pose(0.0, 0.0, 0.0), np.array([[0.0, -0.1], [0.0, -last_step]]), np.zeros(3))
+    assert Way(path, LORRY, 1.0).is_last is is_last
 
 
 def test_a_lorry_docks_to_within_5_cm_where_all_is_as_it_seems() -> None:

@@ -142,5 +142,7 @@ def test_without_slip_the_rear_axle_drives_the_circle_of_the_steering_angle() ->
 
 
 def test_an_unknown_vehicle_names_those_that_exist() -> None:
-    with pytest.raises(VehicleError, match=r"'kart-90' is unknown; choose one of car, kart-13"):
+    with pytest.raises(
+        VehicleError, match=r"'kart-90' is unknown; choose one of car, car-trailer, kart-13"
+    ):
         vehicle_named("kart-90")

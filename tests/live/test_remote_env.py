@@ -285,7 +285,8 @@ def test_no_server_and_no_seat_say_so() -> None:
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
         (
             {"observation": "report_b"},
-            "a server gives one of lidar, radar, track, line, rivals, lot, lot_lidar, full",
+            "a server gives one of lidar, radar, track, line, rivals, lot, lot_lidar, "
+            "lot_trailer, full",
         ),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
         ({"action": "residual"}, "action 'residual' advises a driver inside the world"),
