@@ -20,6 +20,7 @@ from race_server.terminal import Console, TextColumn
 if TYPE_CHECKING:
     from race_agents.planning.planned_way import PlannedWay
     from race_server.competition.parking_exam import ExamSpec, Try
+    from race_server.competition.parking_rounds import RoundTally
     from race_server.competition.parking_tally import ParkingTally
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
@@ -43,8 +44,10 @@ class ParkingOptions:
     scenario: Annotated[
         str,
         typer.Option(
+            "--scenario",
+            "--lot",
             help="Comma-separated: 1 (zone-30) and 2 (yard-70) are those of the report on "
-            "automatic parking of a kart; others are names from `race lot list`."
+            "automatic parking of a kart; others are names from `race lot list`.",
         ),
     ] = "2"
     seeds: Annotated[int, typer.Option(min=1, help="Tasks of each scenario.")] = 1000
@@ -56,6 +59,9 @@ class ParkingOptions:
             "default's.",
         ),
     ] = HELD_OUT + 1
+    vehicles: Annotated[
+        int, typer.Option(min=1, max=64, help="Vehicles of each task, each with a driver.")
+    ] = 1
     level: Annotated[
         str, typer.Option(help="How well to stand, such as parked or precise. Default: the lot's.")
     ] = ""
@@ -79,13 +85,19 @@ class Result:
     driver: str
     spec: "ExamSpec"
     tries: "list[Try]"
-    plans: "dict[int, PlannedWay]"  # by seed
+    plans: "dict[tuple[int, int], PlannedWay]"  # by seed and vehicle
     tally: "ParkingTally"
+    rounds: "RoundTally | None"  # of several vehicles
 
     def parked_beside_plan(self) -> "list[tuple[Try, PlannedWay]]":
         """Return the tries that were parked, each with its plan."""
         parked = [one for one in self.tries if one.figures["is_success"]]
-        return [(one, self.plans[one.seed]) for one in parked if one.seed in self.plans]
+        keys = [(one.seed, one.vehicle) for one in parked]
+        return [
+            (one, self.plans[key])
+            for one, key in zip(parked, keys, strict=True)
+            if key in self.plans
+        ]
 
     def ratios(self, name: str) -> list[float]:
         """Return a figure of each parked vehicle as a multiple of its plan's."""
@@ -95,7 +107,7 @@ class Result:
         """Return the seeds of failures by kind."""
         failed = [one for one in self.tries if not one.figures["is_success"]]
         return {
-            ending: sorted(one.seed for one in failed if one.figures["ending"] == ending)
+            ending: sorted({one.seed for one in failed if one.figures["ending"] == ending})
             for ending in self.tally.failures
         }
 
@@ -109,6 +121,7 @@ class Result:
             "scenario": self.spec.scenario,
             "lot": self.spec.lot,
             "level": self.spec.level_name,
+            "vehicles": self.spec.vehicles,
             "delay_s": self.spec.delay_s,
             "noise": self.spec.noise,
             **asdict(self.tally),
@@ -117,6 +130,7 @@ class Result:
             "direction_changes_ratio": driven / planned if planned else None,
             "failed_seeds": self.failed_seeds(),
             "faults": sorted({one.fault for one in self.tries if one.fault}),
+            "rounds": asdict(self.rounds) if self.rounds else None,
         }
 
 
@@ -143,6 +157,7 @@ def parking(options: ParkingOptions) -> None:
         ExamSpec(
             scenario,
             range(options.first_seed, options.first_seed + options.seeds),
+            vehicles=options.vehicles,
             vehicle=options.vehicle,
             level=options.level,
             limit_s=options.limit_s,
@@ -169,22 +184,24 @@ def _examine(
     """Yield the result of each driver in each scenario."""
     from race_agents.planning.planned_way import PlannedWay, planned_way
     from race_server.competition.parking_exam import drive_exam
+    from race_server.competition.parking_rounds import RoundTally
     from race_server.competition.parking_tally import ParkingTally
 
     with _progress(specs, drivers, console, quiet=quiet) as advance:
         for spec in specs:
             vehicle = spec.scenario_of().vehicle_of(0)
-            plans: dict[int, PlannedWay | None] = {}
+            plans: dict[tuple[int, int], PlannedWay | None] = {}
             for driver in drivers:
                 tries = []
                 for one in drive_exam(spec, driver):
                     tries.append(one)
-                    if one.seed not in plans:
-                        plans[one.seed] = planned_way(vehicle, one.start, one.order)
+                    if (key := (one.seed, one.vehicle)) not in plans:
+                        plans[key] = planned_way(vehicle, one.start, one.order)
                     advance(f"{driver}, {spec.lot}")
-                known = {seed: plan for seed, plan in plans.items() if plan is not None}
+                known = {key: plan for key, plan in plans.items() if plan is not None}
                 tally = ParkingTally.of(one.figures for one in tries)
-                yield Result(driver, spec, tries, known, tally)
+                rounds = RoundTally.of(tries) if spec.vehicles > 1 else None
+                yield Result(driver, spec, tries, known, tally, rounds)
 
 
 @contextmanager
@@ -199,7 +216,7 @@ def _progress(
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
-        total = len(drivers) * sum(len(spec.seeds) for spec in specs)
+        total = len(drivers) * sum(len(spec.seeds) * spec.vehicles for spec in specs)
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
 
         def advance(words: str) -> None:
@@ -248,8 +265,22 @@ def _show(results: Sequence[Result]) -> None:
             told = ", ".join(map(str, seeds[:MOST_TOLD])) + (", …" * (len(seeds) > MOST_TOLD))
             name = f"{result.driver}, {result.spec.lot}"
             console.print(f"{name}: {ending} {len(seeds)}, seeds {told}", highlight=False)
+        if result.rounds is not None:
+            _show_rounds(result, result.rounds, console)
         for fault in result.row()["faults"]:
             console.print(f"{result.driver} raised {fault}", style="yellow", highlight=False)
+
+
+def _show_rounds(result: Result, rounds: "RoundTally", console: Console) -> None:
+    low, high = (100.0 * bound for bound in rounds.all_parked_interval)
+    parked = round(rounds.rounds * rounds.all_parked_rate)
+    console.print(
+        f"{result.driver}, {result.spec.lot}: all {result.spec.vehicles} vehicles parked in "
+        f"{parked} of {rounds.rounds} rounds ({low:.1f}-{high:.1f} %), the last after "
+        f"{_figure(rounds.last_time_s_mean, 1)} s in the mean; contacts in {rounds.with_contact}, "
+        f"deadlocks in {rounds.deadlocks}",
+        highlight=False,
+    )
 
 
 def _figure(value: float | None, digits: int) -> str:

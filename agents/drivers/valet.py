@@ -24,6 +24,7 @@ from race_server.core.kernels.motion import Command, Motion
 from race_server.core.messages import Control
 from race_server.core.observation import PART_NUMBERS, Observation
 from race_server.core.parking_order import ParkingOrder
+from race_server.core.traffic import Traffic
 from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError
 
@@ -59,12 +60,25 @@ class Valet:
         self._briefing = briefing
         self._cockpit: Cockpit | None = None
         self._chauffeur: Chauffeur | None = None
+        self._traffic: Traffic | None = None
+
+    def join(self, traffic: Traffic) -> None:
+        """Share ways with other vehicles: announce them, and drive as far as is cleared.
+
+        The way of a vehicle with a trailer is not announced: for others it stands where it is.
+        """
+        self._traffic = None if self._briefing.vehicle.trailers else traffic
 
     def park(self, order: ParkingOrder) -> None:
         """Drive to a slot from the next observation on, and stay there."""
         briefing = self._briefing
         self._chauffeur = Chauffeur(
-            briefing.vehicle, order, pace=self._pace, decision_s=briefing.decision_s
+            briefing.vehicle,
+            order,
+            pace=self._pace,
+            decision_s=briefing.decision_s,
+            traffic=self._traffic,
+            seat=briefing.seat,
         )
 
     def act(self, observation: Observation) -> Control:
@@ -88,7 +102,9 @@ class Valet:
 
     def _command(self, observation: Observation, cockpit: Cockpit) -> Command:
         """Return what to do once the command acts."""
-        must_stand = max(observation.scalar("lights"), observation.scalar("finished")) > 0.0
+        # After a race a kart may drive on to its slot.
+        is_done = observation.scalar("finished") > 0.0 and observation.scalar("speed_cap") <= 0.0
+        must_stand = is_done or observation.scalar("lights") > 0.0
         if self._chauffeur is None or must_stand:
             return HOLD
         now = motion_of(observation, self._briefing.vehicle)
@@ -115,6 +131,8 @@ class Valet:
         stop_s = abs(now.speed) / brakes + 0.5
         far = 0.5 * stop_s * abs(now.speed) + WALK * stop_s + vehicle.length + BEYOND
         self._points, self._before, known = self._before, self._points, self._count
+        if self._traffic is not None:
+            chart = chart.beside(self._traffic.expected(briefing.seat))
         points, near = self._points, chart_around(chart, now.x, now.y, far + BEYOND)
         seen = unexpected_points(near, eye, cockpit.observation, start, rays, far, points)
         elapsed_s = briefing.decision_s

@@ -1,21 +1,24 @@
 """Brings a vehicle into a slot: plans a way, follows it, and plans again where it has to."""
 
+import math
 from concurrent.futures import Future
+from contextlib import suppress
 
 import numpy as np
 
 from race_agents.planning.delay_compensation import angle_later, move_on
 from race_agents.planning.latency import LATENCY
-from race_agents.planning.parking_plan import chart_of, is_settled
+from race_agents.planning.parking_plan import box_in, chart_of, is_settled
 from race_agents.planning.path import Path
 from race_agents.planning.path_follower import STANDING
-from race_agents.planning.planner_process import ask_plan
-from race_agents.planning.unexpected import Chart
+from race_agents.planning.planner_process import ask_plan, get_ready
+from race_agents.planning.turn_taking import Passage
 from race_agents.planning.way import Way, axle_of
 from race_server.core.kernel_driver import Cockpit
 from race_server.core.kernels.motion import Command, Motion
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Floats
+from race_server.core.traffic import Traffic
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError
 
@@ -23,6 +26,11 @@ from race_server.errors import PlanError
 # people rest. Then it plans a way around what it sees, and takes that for a box of this half
 # size [m] around each point.
 PATIENCE_S, MARK = 4.0, 0.3
+# One plan takes at most this many steps, see `PathPlanner.allow`.
+MOST_STEPS = 12_000
+# How long [s] a vehicle waits at least before it plans once more, and as long as nothing changed at
+# most PATIENCE_S.
+PAUSE_S = 1.0
 # How long [s] a vehicle that arrived stands before it plans another way to stand better.
 SETTLED_S = 0.5
 HOLD = Command(0.0, 0.0, 1.0)
@@ -32,15 +40,32 @@ class Chauffeur:
     """Carries out one order of one vehicle."""
 
     def __init__(
-        self, vehicle: Vehicle, order: ParkingOrder, *, pace: float, decision_s: float
+        self,
+        vehicle: Vehicle,
+        order: ParkingOrder,
+        *,
+        pace: float,
+        decision_s: float,
+        traffic: Traffic | None = None,
+        seat: int = 0,
     ) -> None:
-        """Take an order. pace: most speed [m/s]; decision_s: time between two commands."""
+        """Take an order.
+
+        pace: most speed [m/s]; decision_s: time between two commands; traffic: where to announce
+        ways, as the vehicle of a seat.
+        """
+        get_ready(vehicle, order)
         self._vehicle, self._order, self._step_s = vehicle, order, decision_s
         self._pace = min(pace, vehicle.top_speed)
         self._chart = self.known = chart_of(order)
         self.plans = 0
+        self._traffic, self._seat = traffic, seat
+        self._passage: Passage | None = None
+        self._failures, self._changes = 0, -1
         self._wait_s = 0.0
         self._forget_way()
+        if traffic is not None:
+            traffic.aim(seat, box_in(order.slot, vehicle))
 
     @property
     def has_arrived(self) -> bool:
@@ -62,59 +87,102 @@ class Chauffeur:
             angle = angle_later(cockpit, now, angle, delay)
         if self._way is None:
             self._wait_s = max(self._wait_s - self._step_s, 0.0)
-            if abs(now.speed) > STANDING or abs(later.speed) > STANDING or self._wait_s > 0.0:
+            moves = abs(now.speed) > STANDING or abs(later.speed) > STANDING
+            if moves or not self._may_plan():
                 return Command(now.steering / self._vehicle.steering_limit, 0.0, 1.0)
             self._plan(later, angle, points[:seen])
         if self._way is None:
             return HOLD
         way, record = self._way, cockpit.vehicle
-        cap = way.safe_speed(record, points, count)
-        command = way.command(record, later, angle, cap)
-        self._judge(way, later, angle, is_blocked=cap <= 0.0)
+        safe, passage = way.safe_speed(record, points, count), self._passage
+        cleared = passage.speed(int(way.progress[0]), self._vehicle) if passage else math.inf
+        command = way.command(record, later, angle, min(safe, cleared))
+        self._judge(way, later, angle, is_blocked=safe <= 0.0, is_held=cleared <= 0.0)
         return command
 
     def _forget_way(self) -> None:
-        self._way: Way | None = None
         self._asked: Future[Path] | None = None
         # Time since it arrived, since something is in the way, since no way was found [s].
         self._arrived_s = self._blocked_s = 0.0
         self._wait_s = 0.0
+        self._give_way_up()
+
+    def _give_way_up(self) -> None:
+        """Stop, and let others know."""
+        self._way: Way | None = None
+        self._obstructed_s = 0.0
+        if self._passage is not None:
+            self._passage.close()
+            self._passage = None
+
+    def _may_plan(self) -> bool:
+        """Return whether it is time to plan: sooner where other vehicles have come or gone."""
+        traffic = self._traffic
+        if self._asked is not None or traffic is None:
+            return self._wait_s <= 0.0
+        rested = self._wait_s <= PATIENCE_S - PAUSE_S and traffic.changes != self._changes
+        return (rested or self._wait_s <= 0.0) and traffic.may_plan()
 
     def _plan(self, motion: Motion, angle: float, seen: Floats) -> None:
         """Plan a way from where the vehicle stands; without one it waits."""
         vehicle = self._vehicle
         if self._asked is None:
             self._mark(seen)
-            axle = axle_of(motion, vehicle)
-            self._asked = ask_plan(vehicle, axle, self._order, self.known, angle)
+            axle, chart = axle_of(motion, vehicle), self.known
+            if self._traffic is not None:
+                self._changes = self._traffic.changes
+                # Where no way leads around all slots that others go to, this vehicle is first.
+                all_goals = self._failures % 2 == 0
+                chart = chart.beside(self._traffic.obstacles(self._seat, all_goals=all_goals))
+            self._asked = ask_plan(vehicle, axle, self._order, chart, angle, MOST_STEPS)
         if not self._asked.done():
             return
         answer = self._asked
         self._forget_way()
-        try:
-            self._way = Way(answer.result(), vehicle, self._pace)
-            self.plans += 1
-        except PlanError:
-            # What stands there may walk on.
-            self.known, self._wait_s = self._chart, PATIENCE_S
+        with suppress(PlanError):
+            way = Way(answer.result(), vehicle, self._pace)
+            if self._take(way.track):
+                self._way, self._failures = way, 0
+                self.plans += 1
+                return
+        # What stands there may walk on, or drive.
+        self.known, self._wait_s = self._chart, PATIENCE_S
+        self._failures += 1
+        if self._traffic is not None and self._failures % 2:
+            self._wait_s = 0.0
+
+    def _take(self, track: Floats) -> bool:
+        """Announce a way; False where it would block other vehicles."""
+        if self._traffic is None:
+            return True
+        passage = Passage(self._traffic, self._seat, track, self._vehicle)
+        if not passage.open():
+            return False
+        self._passage = passage
+        return True
 
     def _mark(self, seen: Floats) -> None:
         """Put on the map what has stood in the way for long, of the points that are seen."""
         marks = np.zeros((len(seen) if self._blocked_s >= PATIENCE_S else 0, 6))
         marks[:, :2], marks[:, 2:] = seen[: len(marks), :2], (1.0, 0.0, MARK, MARK)
-        self.known = Chart(self._chart.walls, np.concatenate([self._chart.boxes, marks]))
+        self.known = self._chart.beside(marks)
 
-    def _judge(self, way: Way, motion: Motion, angle: float, *, is_blocked: bool) -> None:
+    def _judge(
+        self, way: Way, motion: Motion, angle: float, *, is_blocked: bool, is_held: bool
+    ) -> None:
         """Forget a way that leads nowhere any more: the vehicle stops and plans another one."""
         if way.is_lost(motion, angle):
             self._forget_way()
             return
         stands, step_s = abs(motion.speed) < STANDING, self._step_s
         self._blocked_s = self._blocked_s + step_s if is_blocked and stands else 0.0
-        is_there = way.is_last and stands and not is_blocked
+        is_there = way.is_last and stands and not (is_blocked or is_held)
         self._arrived_s = self._arrived_s + step_s if is_there else 0.0
-        if self._blocked_s >= PATIENCE_S:
-            self._way = None
+        passage = self._passage
+        is_obstructed = is_held and stands and passage is not None and passage.is_obstructed()
+        self._obstructed_s = self._obstructed_s + step_s if is_obstructed else 0.0
+        if max(self._blocked_s, self._obstructed_s) >= PATIENCE_S:
+            self._give_way_up()
         elif self.has_arrived and not self.is_parked(motion, angle):
             self._forget_way()
 

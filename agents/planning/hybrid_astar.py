@@ -31,6 +31,7 @@ from race_agents.planning.rig_moves import ANGLES, direction_in, drive, way_in
 from race_agents.planning.search_tree import (
     NODES,
     NONE,
+    STEPS,
     Tree,
     clear_tree,
     draft,
@@ -78,6 +79,7 @@ class Task(NamedTuple):
     prices: Prices
     costs: Floats  # (len(WORDS),), work space
     mesh: Mesh
+    steps: int  # most of all searches of a plan: states expanded, and words tried
 
 
 class Towing(NamedTuple):
@@ -230,9 +232,13 @@ def search(task: Task, towing: Towing | None, tree: Tree) -> tuple[int, int]:
         number = next_node(tree)
         if number == NONE or tree.nodes[number].estimate >= least:
             return found, found_word
+        if tree.counts[STEPS] >= task.steps:
+            return (GAVE_UP if found == EXHAUSTED else found), found_word
+        tree.counts[STEPS] += 1
         node = tree.nodes[number]
         wait -= 1.0
         if wait < 0.0:
+            tree.counts[STEPS] += 1
             word, cost = _rest(task, towing, node, least - node.cost)
             if word != NO_WORD:
                 found, found_word, least = number, word, node.cost + cost

@@ -10,7 +10,7 @@ from race_agents.planning.analytic_expansion import Prices
 from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import CURVATURE, LEFT, SPEED
-from race_agents.planning.path_planner import PathPlanner
+from race_agents.planning.path_planner import ENDLESS, PathPlanner
 from race_agents.planning.rig import only_trailer
 from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.towed_planner import TowedPlanner
@@ -40,6 +40,12 @@ def chart_of(order: ParkingOrder) -> Chart:
     x, y, heading, length, width = order.blocks.T
     boxes = np.stack([x, y, np.cos(heading), np.sin(heading), length, width], axis=1)
     return Chart(np.ascontiguousarray(order.walls), boxes)
+
+
+def box_in(slot: Slot, vehicle: Vehicle) -> Floats:
+    """Return the box of a vehicle that stands in the middle of a slot: (6,), see `Chart`."""
+    cos, sin = math.cos(slot.heading), math.sin(slot.heading)
+    return np.array([slot.x, slot.y, cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width])
 
 
 def is_settled(vehicle: Vehicle, order: ParkingOrder, motion: Motion, angle: float) -> bool:
@@ -75,11 +81,17 @@ def parked_trailer_pose(slot: Slot, vehicle: Vehicle) -> Pose:
 
 
 def plan_to_slot(
-    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, angle: float = 0.0
+    vehicle: Vehicle,
+    start: Pose,
+    order: ParkingOrder,
+    chart: Chart,
+    angle: float = 0.0,
+    steps: int = ENDLESS,
 ) -> Path:
     """Return a path of the rear axle from a pose of it into the slot of an order.
 
-    chart: what stands there, that of the order and what was seen since; angle: at the hitch [rad].
+    chart: what stands there, that of the order and what was seen since; angle: at the hitch [rad];
+    steps: most that the searches may take without a trailer, see `PathPlanner.allow`.
 
     Raises:
         PlanError: no margin leaves a path, or the vehicle draws several trailers.
@@ -89,6 +101,7 @@ def plan_to_slot(
     goal, refused = parked_pose(order.slot, vehicle), None
     for margin in MARGINS:
         planner = _planner(vehicle, margin)
+        planner.allow(steps)
         straight = _straight_in(planner, start, goal, order.level, chart)
         if straight is not None:
             return straight
@@ -96,6 +109,7 @@ def plan_to_slot(
             return planner.plan(start, goal, chart.walls, chart.boxes)
         except PlanError as error:
             refused = error
+        steps -= planner.steps
     assert refused is not None
     raise refused
 

@@ -21,7 +21,7 @@ from race_agents.planning.obstacles import (
     is_free,
 )
 from race_agents.planning.path import Path, driven_back, in_words, path_of
-from race_agents.planning.search_tree import NODES, NONE, make_tree
+from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.shortcuts import shortened
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import Pose
@@ -49,6 +49,8 @@ MESHES = (
     Mesh(0.8, 0.05, 0.10, 0.020, math.radians(1.0), 1.0, greed=1.6, nodes=200_000),
     Mesh(0.8, 0.02, 0.05, 0.005, math.radians(0.5), 1.0, greed=1.6, nodes=200_000),
 )
+# As many steps as a search likes to take.
+ENDLESS = 1 << 62
 
 
 class PathPlanner:
@@ -69,6 +71,21 @@ class PathPlanner:
         self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
         self._ground = Ground()
         self._costs = np.zeros(len(WORDS))
+        self._most_steps = ENDLESS
+
+    def allow(self, steps: int) -> None:
+        """Let all plans from now on take this number of steps together.
+
+        A step is a state expanded, or words tried. A bound in time would give other plans on
+        another machine.
+        """
+        self._most_steps = steps
+        self._tree.counts[STEPS] = 0
+
+    @property
+    def steps(self) -> int:
+        """Steps that were taken since they were allowed."""
+        return int(self._tree.counts[STEPS])
 
     def plan(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats = NO_BOXES) -> Path:
         """Return a path of the rear axle that keeps the margin from walls and boxes.
@@ -110,12 +127,22 @@ class PathPlanner:
         prices = Prices(self.back, 1.0) if is_swapped else Prices(1.0, self.back)
         for mesh in meshes:
             task = Task(
-                root, target, self.footprint, obstacles, distances, prices, self._costs, mesh
+                root,
+                target,
+                self.footprint,
+                obstacles,
+                distances,
+                prices,
+                self._costs,
+                mesh,
+                self._most_steps,
             )
             node, word = search(task, None, self._tree)
             if node >= 0:
                 path = self._path(task, node, word)
                 return replace(driven_back(path), start=start) if is_swapped else path
+            if self.steps >= self._most_steps:
+                break
         found = int(self._tree.counts[NODES])
         raise PlanError(
             f"no path from {in_words(start)} to {in_words(goal)}: the search "

@@ -12,10 +12,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
-from race_agents.planning.parking_plan import plan_to_slot
+import numpy as np
+
+from race_agents.planning.parking_plan import parked_pose, plan_to_slot
 from race_agents.planning.path import Path
 from race_agents.planning.unexpected import Chart
-from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.geometry import Pose, along_arc
 from race_server.core.kernels.jit import INTERPRET
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.vehicles import Vehicle
@@ -23,17 +25,26 @@ from race_server.errors import PlanError
 
 
 def ask_plan(
-    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, angle: float
+    vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, angle: float, steps: int
 ) -> "Future[Path]":
     """Return the path of `plan_to_slot`, or its error, now or once it is found."""
     if INTERPRET:
-        return _process().ask((vehicle, start, order, chart, angle))
+        return _process().ask((vehicle, start, order, chart, angle, steps))
     answer: Future[Path] = Future()
     try:
-        answer.set_result(plan_to_slot(vehicle, start, order, chart, angle))
+        answer.set_result(plan_to_slot(vehicle, start, order, chart, angle, steps))
     except PlanError as error:
         answer.set_exception(error)
     return answer
+
+
+def get_ready(vehicle: Vehicle, order: ParkingOrder) -> None:
+    """Start the process that plans, if it is another one, before a vehicle waits for its plan."""
+    if INTERPRET:
+        # A plan without steps fails, after all that it calls was compiled or loaded.
+        goal = parked_pose(order.slot, vehicle)
+        start = along_arc(goal, 0.0, vehicle.length)
+        _process().ask((vehicle, start, order, Chart(order.walls, np.zeros((0, 6))), 0.0, 0))
 
 
 class PlannerProcess:

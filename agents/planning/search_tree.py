@@ -32,7 +32,7 @@ NODE = np.dtype(
 )
 
 # Places in `counts`.
-NODES, QUEUED = 0, 1
+NODES, QUEUED, STEPS = 0, 1, 2
 NONE = -1
 
 
@@ -42,7 +42,8 @@ class Tree(NamedTuple):
     nodes: Records  # (N,) NODE
     queue: Ints  # (N,) numbers of nodes
     table: Ints  # (2^k,) numbers of nodes, NONE where free
-    counts: Ints  # (2,) nodes found, nodes queued
+    # (3,) nodes found, nodes queued; steps taken, which the next search counts on.
+    counts: Ints
 
 
 def make_tree(nodes: int) -> Tree:
@@ -52,13 +53,13 @@ def make_tree(nodes: int) -> Tree:
         np.zeros(nodes, NODE),
         np.zeros(nodes, np.int64),
         np.full(slots, NONE, np.int64),
-        np.zeros(2, np.int64),
+        np.zeros(3, np.int64),
     )
 
 
 @kernel
 def clear_tree(tree: Tree) -> None:
-    """Forget all nodes."""
+    """Forget all nodes, but not how many steps were taken."""
     for slot in range(len(tree.table)):
         tree.table[slot] = NONE
     tree.counts[NODES] = tree.counts[QUEUED] = 0

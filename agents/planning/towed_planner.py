@@ -18,7 +18,7 @@ from race_agents.planning.hybrid_astar import (
 )
 from race_agents.planning.obstacles import CORNER, PASSING, Obstacles, cover_radius, is_free
 from race_agents.planning.path import in_words
-from race_agents.planning.path_planner import MARGIN, REACH, disc_around_axle
+from race_agents.planning.path_planner import ENDLESS, MARGIN, REACH, disc_around_axle
 from race_agents.planning.rig import (
     Rig,
     Towed,
@@ -104,7 +104,8 @@ class TowedPlanner:
             )
         towing, costs = Towing(self.rig, towed, self._rows), np.zeros(0)
         for mesh in self._meshes:
-            task = Task(root, goal, self.rig.drawn, obstacles, distances, self._prices, costs, mesh)
+            fixed = (root, goal, self.rig.drawn, obstacles, distances, self._prices, costs)
+            task = Task(*fixed, mesh, ENDLESS)
             node, _ = search(task, towing, self._tree)
             if node >= 0:
                 return self._path(task, towing, node)

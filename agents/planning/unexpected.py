@@ -43,6 +43,10 @@ class Chart(NamedTuple):
     walls: Floats  # (P, 4) x0, y0, x1, y1 [m]
     boxes: Floats  # (B, 6) x, y [m], cosine and sine of the heading, half length, half width [m]
 
+    def beside(self, boxes: Floats) -> "Chart":
+        """Return the same with more boxes."""
+        return Chart(self.walls, np.concatenate([self.boxes, boxes]))
+
 
 def chart_around(chart: Chart, x: float, y: float, far: float) -> Chart:
     """Return what stands within `far` [m] of a place, and some of what is farther away."""

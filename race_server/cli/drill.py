@@ -42,7 +42,9 @@ def park(
     lot: Annotated[str, typer.Option(help="Car park: a name from `race lot list`.")] = "yard-70",
     seats: Annotated[int, typer.Option(min=1, max=64, help="Number of vehicles.")] = 20,
     driver: Annotated[str, typer.Option(help="Driver that parks them.")] = "valet",
-    together: Annotated[int, typer.Option(min=1, help="Vehicles that drive at a time.")] = 4,
+    together: Annotated[
+        int, typer.Option(min=1, help="Vehicles that are on their way at a time.")
+    ] = 64,
     seed: Seed = 1,
     kill: Annotated[
         bool, typer.Option("--kill/--no-kill", help="Kill the server half way.")

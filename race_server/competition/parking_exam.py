@@ -1,6 +1,7 @@
 """The exam of parking: a driver, and one task after another, each decided by its seed.
 
-Many tasks are driven side by side, each in a world of one batch.
+Many tasks are driven side by side, each in a world of one batch. Several vehicles of one task have
+a driver each.
 """
 
 from collections import deque
@@ -11,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from race_server.competition.time_trial.run import numbers_of
+from race_server.core import codes
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.seeds import HELD_OUT
 from race_server.core.state import Float32s, Floats
+from race_server.core.traffic import STANDING, Traffic
 from race_server.envs.batch import Batch
 from race_server.envs.parking import Parking
 from race_server.envs.reality_gap import MOST_DELAY, RealityGap
@@ -43,6 +46,7 @@ class ExamSpec:
 
     scenario: str  # a name of SCENARIOS, or of a lot
     seeds: Sequence[int] = range(HELD_OUT + 1, HELD_OUT + 1001)
+    vehicles: int = 1
     vehicle: str = ""
     level: str = ""
     limit_s: float = 0.0
@@ -68,7 +72,11 @@ class ExamSpec:
             LotError, VehicleError, ScenarioError: a name is unknown.
         """
         scenario = parking_scenario(
-            self.lot, vehicle=self.vehicle, level=self.level, limit_s=self.limit_s
+            self.lot,
+            vehicles=self.vehicles,
+            vehicle=self.vehicle,
+            level=self.level,
+            limit_s=self.limit_s,
         )
         radar, lidar = scenario.radar, scenario.lidar
         return replace(
@@ -102,7 +110,7 @@ class ExamSpec:
 
 @dataclass(frozen=True, eq=False)
 class Try:
-    """How a driver did in one task."""
+    """How a driver did with one vehicle of a task."""
 
     seed: int
     figures: dict[str, Any]  # see `race_server/envs/parking/discipline.py:Parking.report`
@@ -110,12 +118,14 @@ class Try:
     start: Floats  # (3,) x [m], y [m], heading [rad] of the centre of gravity
     end: Floats  # (3,) the same at the last decision
     fault: str = ""  # what the driver raised
+    vehicle: int = 0
+    pause_s: float = 0.0  # longest time in which no vehicle moved of those that drove like this one
 
 
 def drive_exam(
     spec: ExamSpec, name: str, make: Callable[[str], Driver] = driver_named
 ) -> Iterator[Try]:
-    """Yield how a driver did in each task, in the order in which they end.
+    """Yield how a driver did with each vehicle of each task, in the order in which they end.
 
     Raises:
         LotError, VehicleError, ScenarioError: the exam makes no task.
@@ -125,8 +135,8 @@ def drive_exam(
     if not seeds or min(seeds) < 0:
         raise ScenarioError(f"seeds {seeds[:3]}: give one or more, none below zero")
     scenario, count = spec.scenario_of(), min(SIDE_BY_SIDE, len(seeds))
-    drivers = [make(name) for _ in range(count)]
-    batch = Batch(spec.task_of(scenario, drivers[0].preset), worlds=count)
+    drivers = [[make(name) for _ in range(spec.vehicles)] for _ in range(count)]
+    batch = Batch(spec.task_of(scenario, drivers[0][0].preset), worlds=count)
     try:
         yield from _Hall(batch, scenario, name, drivers, deque(seeds)).drive()
     finally:
@@ -141,10 +151,10 @@ class _Hall:
         batch: Batch,
         scenario: Scenario,
         name: str,
-        drivers: Sequence[Driver],
+        drivers: Sequence[Sequence[Driver]],
         waiting: deque[int],
     ) -> None:
-        """Begin a task in each world. waiting: the seeds.
+        """Begin a task in each world. drivers: of each vehicle in each world; waiting: the seeds.
 
         Raises:
             DriverError: the driver cannot park, or not with this vehicle.
@@ -153,16 +163,21 @@ class _Hall:
         self.name = name
         self.drivers = drivers
         self.waiting = waiting
-        self.begun: dict[int, Try] = {}  # by world
-        self._briefing = Briefing(
-            seat=0,
-            vehicle=scenario.vehicle_of(0),
-            laps=0,
-            preset=drivers[0].preset,
-            decision_s=DECISION_S,
-            lidar_field=scenario.lidar.field,
-            lidar_reach=scenario.lidar.reach,
-        )
+        self.begun: dict[tuple[int, int], Try] = {}  # by world and vehicle
+        self._briefings = [
+            Briefing(
+                seat=k,
+                vehicle=scenario.vehicle_of(k),
+                laps=0,
+                preset=drivers[0][0].preset,
+                decision_s=DECISION_S,
+                lidar_field=scenario.lidar.field,
+                lidar_reach=scenario.lidar.reach,
+            )
+            for k in range(batch.karts)
+        ]
+        self._traffic: dict[int, Traffic] = {}  # by world, where there are several vehicles
+        self._stood_s = np.zeros(batch.worlds)  # how long no vehicle of a world has moved
         self._coming: list[int | None] = [None] * batch.worlds  # seeds of the next rounds
         for w in range(batch.worlds):
             self._let_follow(w)
@@ -175,13 +190,27 @@ class _Hall:
         batch = self.batch
         while self.begun:
             places = self._places()
-            for w in self.begun:
-                batch.buffers.actions[w, 0] = self._answer(w)
+            for w, traffic in self._traffic.items():
+                traffic.watch(batch.world, w)
+            for w, k in self.begun:
+                batch.buffers.actions[w, k] = self._answer(w, k)
+            self._count_pauses()
             batch.step()
-            over = batch.terminated[:, 0] | batch.truncated[:, 0]
-            for w in [w for w in self.begun if over[w]]:
-                yield self._outcome(w, places[w])
-                self._begin(w)
+            over = batch.terminated | batch.truncated
+            for w, k in [pair for pair in self.begun if over[pair]]:
+                yield self._outcome(w, k, places[w, k])
+                batch.buffers.actions[w, k] = BRAKE
+                if not any((w, other) in self.begun for other in range(batch.karts)):
+                    self._begin(w)
+
+    def _count_pauses(self) -> None:
+        """Note for how long no vehicle has moved of those that are on their way in a world."""
+        bodies = self.batch.world.bodies
+        moves = (bodies["status"] == codes.RACING) & (np.abs(bodies["speed"]) >= STANDING)
+        self._stood_s = np.where(moves.any(axis=1), 0.0, self._stood_s + DECISION_S)
+        for (w, k), task in self.begun.items():
+            if self._stood_s[w] > task.pause_s:
+                self.begun[w, k] = replace(task, pause_s=float(self._stood_s[w]))
 
     def _let_follow(self, w: int) -> None:
         """Set the seed of a world's next round."""
@@ -190,41 +219,47 @@ class _Hall:
 
     def _begin(self, w: int) -> None:
         """Take up the round that a world has just begun; behind the last seed none counts."""
-        seed = self._coming[w]
-        self.begun.pop(w, None)
-        self.batch.buffers.actions[w, 0] = BRAKE
+        batch, seed = self.batch, self._coming[w]
+        self._traffic.pop(w, None)
+        self._stood_s[w] = 0.0
+        batch.buffers.actions[w] = BRAKE
         if seed is None:
             return
         self._let_follow(w)
-        order = order_of(self.batch.world, w, 0)
-        self.drivers[w].reset(self._briefing)
-        tell_to_park(self.drivers[w], self.name, order)
-        self.begun[w] = Try(seed, {}, order, self._places()[w], self._places()[w])
+        if batch.karts > 1:
+            self._traffic[w] = Traffic(batch.karts)
+            self._traffic[w].watch(batch.world, w)
+        places = self._places()[w]
+        for k, driver in enumerate(self.drivers[w]):
+            order = order_of(batch.world, w, k)
+            driver.reset(self._briefings[k])
+            tell_to_park(driver, self.name, order, self._traffic.get(w))
+            self.begun[w, k] = Try(seed, {}, order, places[k], places[k], vehicle=k)
 
     def _places(self) -> Floats:
-        """Return where the vehicles are: (W, 3) x [m], y [m], heading [rad]."""
-        bodies = self.batch.world.bodies[:, 0]
-        return np.stack([bodies[name] for name in ("x", "y", "heading")], axis=1)
+        """Return where the vehicles are: (W, K, 3) x [m], y [m], heading [rad]."""
+        bodies = self.batch.world.bodies
+        return np.stack([bodies[name] for name in ("x", "y", "heading")], axis=2)
 
-    def _answer(self, w: int) -> Float32s:
+    def _answer(self, w: int, k: int) -> Float32s:
         """Return the control of a driver; one that raised an exception brakes."""
-        task = self.begun[w]
+        task = self.begun[w, k]
         if task.fault:
             return BRAKE
         batch = self.batch
         # A copy, so that a driver cannot change the buffer of the world.
-        seen = batch.observations[w, 0].copy()
+        seen = batch.observations[w, k].copy()
         try:
             tick = int(batch.world.races[w].tick)
-            return numbers_of(self.drivers[w].act(Observation(tick, batch.layout, seen)))
+            return numbers_of(self.drivers[w][k].act(Observation(tick, batch.layout, seen)))
         except Exception as error:  # a driver's fault ends its task, not the exam
             words = str(error).partition("\n")[0][:MOST_WORDS]
-            self.begun[w] = replace(task, fault=f"{type(error).__name__}: {words}")
+            self.begun[w, k] = replace(task, fault=f"{type(error).__name__}: {words}")
             return BRAKE
 
-    def _outcome(self, w: int, end: Floats) -> Try:
-        """Return how the task of a world went. end: the place before the last decision."""
-        task, figures = self.begun[w], self.batch.episode_of(w, 0)
+    def _outcome(self, w: int, k: int, end: Floats) -> Try:
+        """Return how the task of a vehicle went. end: the place before the last decision."""
+        task, figures = self.begun.pop((w, k)), self.batch.episode_of(w, k)
         if task.fault:
             figures |= {"is_success": False, "aligned": False, "ending": FAULT}
         return replace(task, figures=figures, end=end)

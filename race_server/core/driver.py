@@ -9,6 +9,7 @@ from typing import Protocol, cast, runtime_checkable
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
+from race_server.core.traffic import Traffic
 from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError
 
@@ -58,8 +59,18 @@ class ParkingDriver(Driver, Protocol):
         """
 
 
-def tell_to_park(driver: Driver, name: str, order: ParkingOrder) -> None:
-    """Hand an order to a driver of a name.
+@runtime_checkable
+class YieldingDriver(ParkingDriver, Protocol):
+    """A driver that shares its way with those of other vehicles, and gives way to them."""
+
+    def join(self, traffic: Traffic) -> None:
+        """Announce ways, and keep to what is cleared; it comes after `reset`, before `park`."""
+
+
+def tell_to_park(
+    driver: Driver, name: str, order: ParkingOrder, traffic: Traffic | None = None
+) -> None:
+    """Hand an order to a driver of a name, and what is known of other vehicles, if anything is.
 
     Raises:
         DriverError: it cannot park.
@@ -68,6 +79,8 @@ def tell_to_park(driver: Driver, name: str, order: ParkingOrder) -> None:
         raise DriverError(
             f"driver {name!r} cannot park: it takes no order; choose one that does, such as valet"
         )
+    if traffic is not None and isinstance(driver, YieldingDriver):
+        driver.join(traffic)
     driver.park(order)
 
 

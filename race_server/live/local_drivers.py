@@ -4,15 +4,16 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
+from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.items import items
+from race_server.core.traffic import Traffic
 from race_server.errors import DriverError
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.session import Session
-from race_server.session.parking import has_lot
+from race_server.session.parking import parks_from_start
 from race_server.session.seats import Seat
 
 
@@ -51,6 +52,8 @@ class LocalDrivers:
         """Begin with none. suspects: is told which driver is asked."""
         self._session, self._suspects = session, suspects or Suspects()
         self._locals: dict[int, _LocalDriver] = {}
+        # What those drivers inside that park share of their ways.
+        self.traffic = Traffic(session.world.bodies.shape[1])
 
     def __contains__(self, seat: object) -> bool:
         return seat in self._locals
@@ -75,8 +78,8 @@ class LocalDrivers:
         self._locals[taken.number] = _LocalDriver(driver)
         try:
             driver.reset(briefing_for(self._session, taken))
-            if has_lot(self._session.world) and isinstance(driver, ParkingDriver):
-                driver.park(order_for(self._session, taken.number))
+            if parks_from_start(self._session.world) and isinstance(driver, ParkingDriver):
+                tell_to_park(driver, name, order_for(self._session, taken.number), self.traffic)
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from race_server.core import codes
 from race_server.core.messages import Control
 from race_server.core.state import Float32s, Floats, World
 from race_server.scenario.race import Scenario
@@ -14,6 +13,7 @@ from race_server.session.failsafe import (
     grace_of,
 )
 from race_server.session.journal_entries import Inputs
+from race_server.session.parking import are_driven
 from race_server.session.seats import Seat, Seats
 
 
@@ -36,7 +36,7 @@ class Controls:
         """Apply the newest control of each seat, and return those that changed."""
         tick = int(world.races[0].tick)
         # All at once: to ask a record for a field takes a microsecond.
-        racing = (world.bodies["status"][0] == codes.RACING).tolist()
+        racing = are_driven(world).tolist()
         speeds = world.bodies["speed"][0].tolist()
         for seat in seats.taken():
             is_racing = racing[seat.number]

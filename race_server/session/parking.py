@@ -2,6 +2,10 @@
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core import codes
 from race_server.core.messages import Ending, Parking
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.parking import ending_of
@@ -19,6 +23,26 @@ def standing_orders_of(world: World) -> list[ParkingOrder]:
     return [order_of(world, 0, k) for k in range(world.parking.parkers.shape[1])]
 
 
+def are_driven(world: World) -> NDArray[np.bool_]:
+    """Return whose controls act: (K,), who races, or has finished and goes to a slot."""
+    statuses, parkers = world.bodies["status"][0], world.parking.parkers[0]
+    driven: NDArray[np.bool_] = statuses == codes.RACING
+    if len(parkers) and races_first(world):
+        goes = (parkers["length"] > 0.0) & (parkers["parked_tick"] == 0)
+        driven = driven | ((statuses == codes.FINISHED) & goes)
+    return driven
+
+
+def races_first(world: World) -> bool:
+    """Return whether vehicles race along a line before they go to slots."""
+    return int(world.route.courses[world.rules[0].course].line_count) > 0
+
+
+def parks_from_start(world: World) -> bool:
+    """Return whether every vehicle goes to a slot from the start on, as in a car park."""
+    return has_lot(world) and not races_first(world)
+
+
 def check_slot(world: World, kart: int, slot: int) -> None:
     """Do nothing for a slot that a vehicle can be sent to. slot: number, -1 for its own.
 
@@ -31,13 +55,30 @@ def check_slot(world: World, kart: int, slot: int) -> None:
     if slot >= count:
         known = f"choose 0 to {count - 1}, or -1" if count else "this car park has none: choose -1"
         raise SeatError(f"slot {slot} does not exist; {known}", Reason.DECISION)
+    if slot < 0 and world.parking.parkers[0, kart].length <= 0.0:
+        slot = free_slot(world, kart)
+        if slot < 0:
+            raise SeatError("no slot is free here", Reason.DECISION)
     if slot < 0:
         return
-    parkers = world.parking.parkers[0]
-    if any(int(parkers[k].slot) == slot for k in range(len(parkers)) if k != kart):
+    if _is_promised(world, slot, kart):
         raise SeatError(f"slot {slot} is that of another vehicle", Reason.DECISION)
     if _is_taken(world, slot):
         raise SeatError(f"slot {slot} is taken: a vehicle stands there", Reason.DECISION)
+
+
+def free_slot(world: World, kart: int) -> int:
+    """Return the first slot that a vehicle can be sent to, -1 where there is none."""
+    count = int(world.parking.lots.lots[world.rules[0].course].slot_count)
+    free = (s for s in range(count) if not (_is_promised(world, s, kart) or _is_taken(world, s)))
+    return next(free, -1)
+
+
+def _is_promised(world: World, slot: int, kart: int) -> bool:
+    """Return whether another vehicle than this one goes to a slot, or is parked there."""
+    parkers = world.parking.parkers[0]
+    goes = (parkers["length"] > 0.0) & (parkers["slot"] == slot)
+    return bool(np.delete(goes, kart).any())
 
 
 def _is_taken(world: World, slot: int) -> bool:
@@ -54,10 +95,12 @@ def _is_taken(world: World, slot: int) -> bool:
 
 
 def send_to(world: World, kart: int, slot: int) -> None:
-    """Give a vehicle another slot; -1 leaves it the one that it has."""
+    """Give a vehicle another slot; -1 leaves it the one that it has, or gives it the first free."""
     lots = world.parking.lots
     if not has_lot(world):
         return
+    if slot < 0 and world.parking.parkers[0, kart].length <= 0.0:
+        slot = free_slot(world, kart)
     lot = lots.lots[world.rules[0].course]
     if not 0 <= slot < lot.slot_count:
         return
@@ -68,13 +111,14 @@ def send_to(world: World, kart: int, slot: int) -> None:
 
 
 def figures_of(world: World, kart: int) -> Parking | None:
-    """Return how a vehicle fares on its way to its slot; None where there is no car park."""
-    if not has_lot(world):
+    """Return how a vehicle fares on its way to its slot; None where it goes to none."""
+    if not has_lot(world) or world.parking.parkers[0, kart].length <= 0.0:
         return None
     parker, body = world.parking.parkers[0, kart], world.bodies[0, kart]
-    reason = int(world.racers[0, kart].retired_for)
+    status, reason = int(body.status), int(world.racers[0, kart].retired_for)
+    is_open = status == codes.FINISHED and int(parker.parked_tick) == 0 and races_first(world)
     return Parking(
-        ending=Ending(ending_of(int(body.status), reason, int(parker.touched))),
+        ending=Ending.OPEN if is_open else Ending(ending_of(status, reason, int(parker.touched))),
         slot=int(parker.slot),
         way=float(parker.way),
         reversed=float(parker["reversed"]),

@@ -1,6 +1,7 @@
 """The planner of paths: what it promises about walls, goals and its errors."""
 
 import math
+from contextlib import suppress
 from functools import cache
 from pathlib import Path as FilePath
 
@@ -214,6 +215,23 @@ def test_a_slot_25_cm_longer_than_the_car_is_too_short() -> None:
     task = parallel(CAR.length + 0.25, name="L + 0.25")
     with pytest.raises(PlanError, match="found no further state; make the slot or the aisle wider"):
         parked(task, BEFORE_IT._replace(y=1.75))
+
+
+def test_a_plan_takes_no_more_steps_than_it_is_allowed() -> None:
+    bounded = PathPlanner(CAR)
+    goal, walls = FORWARD.goal(CAR), FORWARD.walls()
+    path, needed = bounded.plan(BEFORE_IT, goal, walls), bounded.steps
+    assert needed > 10
+    bounded.allow(needed // 2)
+    # Half of the steps may be enough for a way that is worse, or for none; never for more steps.
+    with suppress(PlanError):
+        bounded.plan(BEFORE_IT, goal, walls)
+    assert bounded.steps <= needed // 2 + 1
+    bounded.allow(3)
+    with pytest.raises(PlanError, match="gave up after"):
+        bounded.plan(BEFORE_IT, goal, walls)
+    bounded.allow(needed)
+    assert bounded.plan(BEFORE_IT, goal, walls).arcs.tolist() == path.arcs.tolist()
 
 
 def test_a_kart_parks_in_its_slot() -> None:

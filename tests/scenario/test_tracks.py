@@ -19,7 +19,7 @@ from race_server.scenario.track.load import load_course, read_course, spec_of, s
 from race_server.scenario.track.polyline import area_of, crossings, lengths_of, nearest_on
 from support.courses import ring
 
-VEHICLE_OF = {"hangar-400": "kart-30", "colline-1100": "kart-60"}
+VEHICLE_OF = {"hangar-400": "kart-30", "colline-1100": "kart-60", "paddock-280": "kart-30"}
 
 SQUARE = """
 title = "Square"

@@ -112,6 +112,12 @@ def has_parked(parker: Record, vehicle: Record, body: Record, stand: Stand) -> b
 
 
 @kernel
+def goes_to_slot(body: Record, parker: Record) -> bool:
+    """Return whether a kart whose race is over still drives to its slot. parker: PARKER."""
+    return bool(body.status == codes.FINISHED and parker.length > 0.0 and parker.parked_tick == 0)
+
+
+@kernel
 def ending_of(status: int, reason: int, touched: int) -> int:
     """Return how the way of a vehicle has ended, see `race_server.core.messages.Ending`.
 

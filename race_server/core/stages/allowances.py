@@ -4,10 +4,13 @@ from race_server.core import codes
 from race_server.core.kernels.course import way_to
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.effects import sum_effects, surface_grip
+from race_server.core.stages.progress import parks_after_race
 from race_server.core.state import Record, World
 
 # A yellow flag around a kart begins this number of lengths before it and ends this number behind.
 YELLOW_BEFORE, YELLOW_BEHIND = 12.0, 3.0
+# A kart that has finished drives to its slot at this speed at most [m/s].
+PIT_SPEED = 5.0
 
 
 @kernel
@@ -25,7 +28,8 @@ def set_allowances(world: World, w: int) -> None:
         body.thrust_scale = thrust
         body.grip_scale = grip * surface_grip(body.surface)
         if held or body.status != codes.RACING or body.trust >= codes.SUSPENDED:
-            body.speed_cap = 0.0
+            parks = not held and parks_after_race(world, w, k) and body.trust < codes.SUSPENDED
+            body.speed_cap = min(body.speed_cap, PIT_SPEED) if parks else 0.0
         elif race.flag == codes.YELLOW or racer.yellow:
             body.speed_cap = min(body.speed_cap, rules.yellow_speed)
 

@@ -14,6 +14,8 @@ from race_server.core.state import Record, Records
 def move_bodies(bodies: Records, vehicles: Records) -> None:
     """Move every simulated body by one substep; those that no longer race brake.
 
+    But one that has finished and goes to a slot drives on: it is allowed a speed.
+
     bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE.
     """
     for k in range(len(bodies)):
@@ -26,7 +28,8 @@ def move_bodies(bodies: Records, vehicles: Records) -> None:
 def _move_body(body: Record, vehicle: Record) -> None:
     """Move one body by a substep."""
     throttle, brake = body.throttle, body.brake
-    if body.status != codes.RACING:
+    goes_on = body.status == codes.FINISHED and body.speed_cap > 0.0
+    if body.status != codes.RACING and not goes_on:
         throttle, brake = 0.0, 1.0
     roll = surface_roll(body.surface)
     moved = move(

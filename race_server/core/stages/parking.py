@@ -1,4 +1,8 @@
-"""Vehicles on their way to a slot: how far they drove, whether they are parked or have left."""
+"""Vehicles on their way to a slot: how far they drove, whether they are parked or have left.
+
+In a car park they are on their way from the start. Where there is a line to race along, a kart goes
+to a slot once it has finished, if it has one by then.
+"""
 
 from race_server.core import codes
 from race_server.core.clock import TICK_S
@@ -7,6 +11,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.rules.laps import microseconds
 from race_server.core.rules.parking import has_parked, judged_box, stand_of
 from race_server.core.stages.events import report, retire
+from race_server.core.stages.progress import has_line, parks_after_race
 from race_server.core.state import Record, World
 
 # Slower than this [m/s] a vehicle drives neither forward nor back.
@@ -21,10 +26,13 @@ def park(world: World, w: int) -> None:
         body, parker = world.bodies[w, k], parkers[k]
         if parker.length <= 0.0 or body.status == codes.ABSENT:
             continue
-        if body.status == codes.RACING:
+        if has_line(world, w) and body.status != codes.FINISHED:
+            continue
+        if body.status == codes.RACING or parks_after_race(world, w, k):
             _count_way(body, parker)
             _judge_stand(world, w, k)
-        if body.status != codes.RACING and world.parking.blocks[w, k].kind == codes.NOTHING:
+        is_done = body.status != codes.RACING and not parks_after_race(world, w, k)
+        if is_done and world.parking.blocks[w, k].kind == codes.NOTHING:
             _become_block(world, w, k)
 
 
@@ -67,14 +75,15 @@ def _finish(world: World, w: int, k: int, turn: float) -> None:
     """Count a vehicle as parked. turn: heading of its last box against the slot's [rad]."""
     body, racer, race = world.bodies[w, k], world.racers[w, k], world.races[w]
     parker = world.parking.parkers[w, k]
-    body.status = codes.FINISHED
     body.speed = body.lateral_speed = body.yaw_rate = 0.0
     parker.parked_tick = race.tick
-    # The tick that is being stepped began at `race.tick`.
-    racer.finish_us = microseconds(race.tick - race.start_tick, 1.0)
-    race.finishers += 1
-    if race.winner_tick == 0:
-        race.winner_tick = race.tick
+    if body.status == codes.RACING:
+        body.status = codes.FINISHED
+        # The tick that is being stepped began at `race.tick`.
+        racer.finish_us = microseconds(race.tick - race.start_tick, 1.0)
+        race.finishers += 1
+        if race.winner_tick == 0:
+            race.winner_tick = race.tick
     report(world, w, codes.EVENT_PARKED, k, parker.slot, round(abs(turn) * 1000.0))
 
 

@@ -6,6 +6,7 @@ from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.effects import surface_at
 from race_server.core.rules.laps import count_gate, crossing_share, is_missed, microseconds
+from race_server.core.rules.parking import goes_to_slot
 from race_server.core.stages.events import penalise, report, report_lap
 from race_server.core.state import Record, World
 
@@ -14,6 +15,15 @@ from race_server.core.state import Record, World
 def has_line(world: World, w: int) -> bool:
     """Return whether one world has a course to follow; a car park has none."""
     return bool(world.route.courses[world.rules[w].course].line_count > 0)
+
+
+@kernel
+def parks_after_race(world: World, w: int, k: int) -> bool:
+    """Return whether a kart has finished its race and drives to its slot."""
+    parkers = world.parking.parkers[w]
+    if len(parkers) == 0 or not has_line(world, w):
+        return False
+    return goes_to_slot(world.bodies[w, k], parkers[k])
 
 
 @kernel

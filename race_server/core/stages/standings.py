@@ -5,6 +5,7 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.rules.laps import race_distance
 from race_server.core.rules.ranking import is_ahead
 from race_server.core.stages.events import report, retire
+from race_server.core.stages.progress import parks_after_race
 from race_server.core.state import World
 
 
@@ -48,7 +49,7 @@ def ranked_distance(world: World, w: int, k: int) -> float:
 
 @kernel
 def close_race(world: World, w: int) -> None:
-    """End the race once no kart is racing or the time is up."""
+    """End the race once no kart is racing or on its way to a slot, or the time is up."""
     race, rules = world.races[w], world.rules[w]
     if race.over != 0:
         return
@@ -59,7 +60,8 @@ def close_race(world: World, w: int) -> None:
     for k in range(world.bodies.shape[1]):
         if late:
             retire(world, w, k, codes.TIME_OUT)
-        if world.bodies[w, k].status == codes.RACING:
+        drives_on = not late and parks_after_race(world, w, k)
+        if drives_on or world.bodies[w, k].status == codes.RACING:
             racing += 1
     if racing == 0:
         race.over = 1

@@ -18,7 +18,7 @@ def order_frame_of(session: Session, seat: Seat) -> OrderFrame:
 def lot_of(session: Session) -> LotFrame:
     """Return what was drawn for this round; vehicles of the session are in the snapshot."""
     parking, statuses = session.world.parking, session.world.bodies["status"][0]
-    seats = np.flatnonzero(statuses != codes.ABSENT)
+    seats = np.flatnonzero((statuses != codes.ABSENT) & (parking.parkers["length"][0] > 0.0))
     goals = np.zeros(len(seats), GOAL)
     for name in ("x", "y", "heading", "length", "width", "slot"):
         goals[name] = parking.parkers[name][0, seats]

@@ -30,7 +30,7 @@ from race_server.net.wire.lobby import (
 from race_server.net.wire.sheets import LOCKSTEP, course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.session import Session
-from race_server.session.parking import has_lot
+from race_server.session.parking import parks_from_start
 from race_server.session.seats import Seat
 
 
@@ -179,7 +179,7 @@ class RequestHandler:
     def _welcome(self, seat: Seat, secret: int) -> Welcome:
         session = self._session
         briefing = briefing_for(session, seat)
-        order = order_frame_of(session, seat) if has_lot(session.world) else None
+        order = order_frame_of(session, seat) if parks_from_start(session.world) else None
         return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays, order)
 
 

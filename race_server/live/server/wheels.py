@@ -7,6 +7,9 @@ the clock of race control stay above it, as above every driver.
 from collections.abc import Callable
 from contextlib import suppress
 
+import numpy as np
+
+from race_server.core import codes
 from race_server.core.driver import Driver, ParkingDriver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.errors import DriverError, Reason, SeatError
@@ -16,7 +19,7 @@ from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.session import Session
 from race_server.session.observations import Observations
-from race_server.session.parking import check_slot
+from race_server.session.parking import are_driven, check_slot, has_lot, races_first
 
 # The driver that parks, where the server names no other.
 VALET = "valet"
@@ -41,6 +44,9 @@ class Wheels:
 
     def drive(self, receive: Callable[[int, bytes], None]) -> None:
         """Let every driver inside answer what it observes now. receive: a control of a seat."""
+        if has_lot(self._session.world):
+            self._lead_finished()
+            self._local_drivers.traffic.watch(self._session.world, 0)
         for seat in self._session.seats.taken():
             if seat.number in self._local_drivers:
                 self._drive_locally(seat.number, receive)
@@ -48,6 +54,19 @@ class Wheels:
             self._observations.compute(self._session.world)
             for number in list(self._valets):
                 self._lead(number)
+
+    def _lead_finished(self) -> None:
+        """Take the wheels of karts that have finished a race and go to a slot."""
+        session = self._session
+        if not races_first(session.world):
+            return
+        for number in np.flatnonzero(session.world.bodies["status"][0] == codes.FINISHED).tolist():
+            seat = session.seats[number]
+            goes = not seat.is_tracked and are_driven(session.world)[number]
+            if goes and number not in self._valets and not self._retake(number):
+                self._counters.refused.record(Reason.DRIVER, number)
+            elif goes and not seat.is_led:
+                session.race_control.hand_wheel(number, to_server=True)
 
     def _drive_locally(self, number: int, receive: Callable[[int, bytes], None]) -> None:
         try:
@@ -79,7 +98,8 @@ class Wheels:
         """Have the vehicle of a seat parked. slot: number, -1 for the one that it has.
 
         A real kart is sent the order, and a driver inside that parks is given it; of any other
-        kart the parking driver takes the wheel.
+        kart the parking driver takes the wheel. Where there is a race to finish, it does so after
+        the finish.
 
         Raises:
             SeatError: no race is on, the vehicle is not driven, the slot is not free, or there is
@@ -87,12 +107,17 @@ class Wheels:
         """
         session = self._session
         seat = session.seat(number)
-        if not session.is_racing(number):
+        after_race = has_lot(session.world) and races_first(session.world)
+        is_home = session.is_on and session.world.bodies["status"][0, number] == codes.FINISHED
+        if not (session.is_racing(number) or (after_race and is_home)):
             raise SeatError(f"the vehicle of seat {number} does not drive now", Reason.DECISION)
         check_slot(session.world, number, slot)
         local = self._local_drivers.driver_of(number)
         try:
             if seat.is_tracked:
+                session.race_control.park(number, slot)
+            elif after_race:
+                driver_named(self._valet)  # takes the wheel once the kart has finished
                 session.race_control.park(number, slot)
             elif isinstance(local, ParkingDriver):
                 session.race_control.park(number, slot)
@@ -115,20 +140,23 @@ class Wheels:
         session = self._session
         with self._suspects.asking(number):
             driver.reset(briefing_for(session, session.seats[number]))
-            tell_to_park(driver, self._valet, order_for(session, number))
+            order, traffic = order_for(session, number), self._local_drivers.traffic
+            tell_to_park(driver, self._valet, order, traffic)
         self._valets[number] = driver
         self._observations.show(number, driver.preset)
 
     def release(self, number: int) -> None:
         """Give the wheel of a kart back to its driver."""
         if self._valets.pop(number, None):
+            self._local_drivers.traffic.withdraw(number)
             self._observations.show(number, "")
             self._session.race_control.hand_wheel(number, to_server=False)
 
     def resume(self) -> None:
         """Take the wheels again that the server before this one had."""
         for seat in self._session.seats.taken():
-            if not (seat.is_led and self._session.is_racing(seat.number)):
+            is_driven = self._session.is_on and are_driven(self._session.world)[seat.number]
+            if not (seat.is_led and is_driven):
                 continue
             if not self._retake(seat.number):
                 self._counters.refused.record(Reason.DRIVER, seat.number)
@@ -146,5 +174,6 @@ class Wheels:
     def clear(self) -> None:
         """Begin a race: no parking driver drives."""
         for number in list(self._valets):
+            self._local_drivers.traffic.withdraw(number)
             self._observations.show(number, "")
         self._valets.clear()

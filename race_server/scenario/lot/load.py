@@ -23,17 +23,18 @@ from race_server.scenario.track.limits import (
     MOST_BLOCKS,
     MOST_OBSTACLES,
     MOST_PEOPLE,
-    MOST_SLOTS,
+    MOST_SLOT_ROWS,
     MOST_ZONES,
 )
 from race_server.scenario.track.lot import Blocks, Floats, Lot, People, Taken, Zone
 from race_server.scenario.track.polyline import area_of, crossings, segments_of
+from race_server.scenario.track.slots import slots_in
 
 MOST_ROWS = {
     "obstacles": MOST_OBSTACLES,
     "walls": MOST_OBSTACLES,
     "polygons": MOST_OBSTACLES,
-    "rows": 64,
+    "rows": MOST_SLOT_ROWS,
     "zones": MOST_ZONES,
 }
 MOST_CORNERS = 64  # of a polygon
@@ -79,7 +80,7 @@ def _lot_of(name: str, file: str, text: str) -> Course:
     area = _area(reader)
     obstacles, polygons = (*_walls(reader), *_obstacles(reader)), _polygons(reader, area)
     lot = Lot(
-        slots=_slots(reader),
+        slots=slots_in(reader, "rows"),
         zones=tuple(_zone(one, area) for one in reader.tables("zones")),
         slot_size=reader.pair("slot") or (3.0, 2.0),
         distance=reader.pair("distance") or (0.0, 0.0),
@@ -150,28 +151,6 @@ def _polygons(reader: TomlReader, area: tuple[float, float, float, float]) -> li
             raise reader.wrong(key, loop, "its sides cross; give its corners in order")
         polygons.append(corners[::-1] if area_of(corners) > 0.0 else corners)
     return polygons
-
-
-def _slots(reader: TomlReader) -> Floats:
-    """Return the slots of all rows, shape (S, 5)."""
-    slots = []
-    for row in reader.tables("rows"):
-        x, y = row.pair("at") or (0.0, 0.0)
-        towards, heading = (math.radians(row.number(name, 0.0, -360.0, 360.0)) for name in _TURNS)
-        length, width = row.number("length", 5.0, 0.5, 50.0), row.number("width", 2.5, 0.3, 20.0)
-        pitch = row.number("pitch", width, 0.3, 60.0)
-        for number in range(round(row.number("count", 1, 1, MOST_SLOTS))):
-            at_x = x + number * pitch * math.cos(towards)
-            at_y = y + number * pitch * math.sin(towards)
-            slots.append((at_x, at_y, heading, length, width))
-        row.no_more()
-    if len(slots) > MOST_SLOTS:
-        raise reader.wrong("rows", f"{len(slots)} slots", f"give up to {MOST_SLOTS}")
-    return np.array(slots).reshape(-1, 5)
-
-
-# Of a row of slots: the direction in which they follow each other, and their own headings.
-_TURNS = ("towards", "heading")
 
 
 def _zone(reader: TomlReader, area: tuple[float, float, float, float]) -> Zone:

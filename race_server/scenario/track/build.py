@@ -10,6 +10,7 @@ from race_server.scenario.track.blocks import HALF_THICKNESS, Loop, lay
 from race_server.scenario.track.borders import border_beside
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.limits import MOST_PLACES, check_length
+from race_server.scenario.track.lot import Lot
 from race_server.scenario.track.medial import medial_line
 from race_server.scenario.track.polyline import (
     area_of,
@@ -74,6 +75,7 @@ class TrackSpec:
     items: tuple[tuple[float, float], ...] | None = None  # progress, lateral offset
     obstacles: tuple[Obstacle, ...] = ()
     starts: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # the last two [deg]
+    slots: Floats = field(default_factory=lambda: np.zeros((0, 5)))  # see `Lot.slots`
 
 
 def build(plan: TrackSpec) -> Course:
@@ -116,6 +118,7 @@ def build(plan: TrackSpec) -> Course:
         width_mean=float(widths.mean()),
         width_max=float(widths.max()),
         digest=plan.digest,
+        lot=Lot(plan.slots) if len(plan.slots) else None,
     )
     spots = plan.items if plan.items is not None else _item_rows(course, scale, length)
     return replace(

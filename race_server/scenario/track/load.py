@@ -25,8 +25,10 @@ from race_server.scenario.track.limits import (
     MOST_OBSTACLES,
     MOST_PLACES,
     MOST_POINTS,
+    MOST_SLOT_ROWS,
     MOST_STARTS,
 )
+from race_server.scenario.track.slots import slots_in
 
 FORMS = ("blocks", "line", "spline")
 MOST_ROWS = {
@@ -34,6 +36,7 @@ MOST_ROWS = {
     "items": MOST_ITEMS,
     "obstacles": MOST_OBSTACLES,
     "starts": MOST_STARTS,
+    "slots": MOST_SLOT_ROWS,
 }
 
 
@@ -117,6 +120,7 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
         items=reader.items(),
         obstacles=tuple(reader.obstacles()),
         starts=reader.rows("starts", 6, np.zeros((0, 6))),
+        slots=slots_in(reader, "slots"),
     )
     reader.no_more()
     if plan.gates < plan.sectors:
@@ -179,4 +183,5 @@ def summary(course: Course) -> dict[str, Any]:
         "grid_places": len(course.grid),
         "item_spots": len(course.spots),
         "obstacles": len(course.obstacles),
+        "slots": 0 if course.lot is None else len(course.lot.slots),
     }

@@ -97,14 +97,14 @@ def drill_park(
     *,
     seats: int = 20,
     driver: str = VALET,
-    together: int = 4,
+    together: int = 64,
     seed: int = 1,
     kill: bool = True,
 ) -> dict[str, Any]:
     """Return the figures of a session in which all vehicles park on command.
 
-    driver: that parks; together: number of vehicles that drive at a time, those nearest to their
-    slots first; kill: end the server once, when half of the vehicles were told.
+    driver: that parks; together: number of vehicles that are on their way at a time, those nearest
+    to their slots first; kill: end the server once, when half of the vehicles are parked.
     """
     words = ["--lot", lot, "--karts", str(seats), "--wait-for", str(seats), "--valet", driver]
     words += ["--seed", str(seed), "--one-process", "--limit", str(LIMIT_S)]
@@ -174,7 +174,7 @@ def _run(process: ServerProcess, seats: int, together: int, *, kill: bool) -> in
             lately = [s for s, at in ordered.items() if s in driving and now < at + STUCK_S]
             if waiting and len(lately) < together and yard.order(waiting[0]):
                 ordered[waiting[0]] = now
-            if kill and not kills and 2 * len(ordered) >= seats:
+            if kill and not kills and 2 * yard.parked() >= seats:
                 os.kill(children_of(process.server.pid)[0], signal.SIGKILL)
                 kills += 1
             time.sleep(0.05)

@@ -1,0 +1,63 @@
+"""A vehicle's way among those of others: it is announced, and driven as far as it is cleared."""
+
+import math
+
+import numpy as np
+
+from race_agents.planning.footprint import Point, convert
+from race_agents.planning.path_follower import BRAKE_SHARE, HEADING, LEFT, X, Y
+from race_server.core.state import Floats
+from race_server.core.traffic import Traffic
+from race_server.core.vehicles import GRAVITY, Vehicle
+
+# Every n-th point of a track is a place of the way that is announced: they are 0.4 m apart.
+EVERY = 8
+# Time until brakes act [s], and how far before the end of a clearance [m] a vehicle stops.
+REACTION_S, SHORT = 0.25, 0.1
+# Slower than this [m/s] it is not worth to drive on.
+LEAST = 0.1
+
+
+class Passage:
+    """The way of one vehicle, from its announcement on."""
+
+    def __init__(self, traffic: Traffic, number: int, track: Floats, vehicle: Vehicle) -> None:
+        """Prepare a way. number: of the vehicle; track: (S, 8), see `path_follower`."""
+        self._traffic, self._number = traffic, number
+        steps = np.hypot(np.diff(track[:, X]), np.diff(track[:, Y]))
+        self._driven = np.concatenate([[0.0], np.cumsum(steps)])  # (S,) [m] from the start
+        is_place = np.arange(len(track)) % EVERY == 0
+        is_place[-1] = True
+        is_place |= track[:, LEFT] <= 0.0
+        self._places = np.flatnonzero(is_place)  # (P,) points of the track
+        axle = track[self._places][:, (X, Y, HEADING)]
+        x, y, heading = convert(axle, vehicle, Point.REAR_AXLE, Point.MIDDLE).T
+        sizes = np.broadcast_to([0.5 * vehicle.length, 0.5 * vehicle.width], (len(x), 2))
+        self._boxes = np.column_stack([x, y, np.cos(heading), np.sin(heading), sizes])
+
+    def open(self) -> bool:
+        """Announce the way; False where it would block others."""
+        return self._traffic.announce(self._number, self._boxes)
+
+    def close(self) -> None:
+        """Let others know that this way is not driven any more."""
+        self._traffic.withdraw(self._number)
+
+    def speed(self, point: int, vehicle: Vehicle) -> float:
+        """Return the most speed [m/s] at which a vehicle can stop where its clearance ends.
+
+        point: of the track, passed last.
+        """
+        passed = int(np.searchsorted(self._places, point, side="right")) - 1
+        cleared = self._traffic.clear(self._number, passed)
+        if cleared == len(self._places) - 1:
+            return math.inf
+        left = float(self._driven[self._places[cleared]] - self._driven[point]) - SHORT
+        brakes = BRAKE_SHARE * (vehicle.brake_force / vehicle.mass + vehicle.rolling * GRAVITY)
+        lag = brakes * REACTION_S
+        speed = math.sqrt(lag * lag + 2.0 * brakes * max(left, 0.0)) - lag
+        return speed if speed >= LEAST else 0.0
+
+    def is_obstructed(self) -> bool:
+        """Return whether a vehicle that has no way stands on this one."""
+        return self._traffic.is_obstructed(self._number)

@@ -1,0 +1,269 @@
+"""Right of way between vehicles of one car park, by the ways that their drivers announce.
+
+A driver announces the way that it planned, as the places of its body along it, and asks how far it
+may drive. What lies between it and there is its own: no other vehicle is cleared into it. A
+clearance is given only while an order is left in which all announced vehicles can drive to the ends
+of their ways, one after the other, each standing until then where it was cleared to. So vehicles
+that keep to their ways neither touch nor wait for each other in a circle, whatever their speeds.
+This is the banker's algorithm: Dijkstra, Cooperating sequential processes, 1965.
+
+Vehicles without a way stand where they are, and have to be driven around.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core import codes
+from race_server.core.state import Floats, World
+
+Bools = NDArray[np.bool_]
+
+# Two bodies come nearer than this on their ways [m]: they meet.
+APART = 0.06
+# A plan keeps so far from other vehicles [m], besides its own margin: what it leaves is more than
+# APART.
+AROUND = 0.1
+# Slower than this [m/s] a vehicle stands. Where it is seen is off by this noise [m], and by what it
+# moves in this time [s].
+STANDING, NOISE, SCAN_S = 0.05, 0.1, 0.15
+# A vehicle is cleared this number of places ahead if it can be; of them, and of those farther
+# away, it tries one of each few.
+HORIZON, STRIDE, FAR_STRIDE = 16, 3, 12
+
+
+@dataclass(eq=False)
+class _Way:
+    """A way, and how far a vehicle is on it."""
+
+    boxes: Floats  # (P, 6) of the body, see `Traffic.boxes`
+    passed: int = 0  # number of the place that was passed last
+    cleared: int = 0  # number of the place that it may drive to
+    refused: int = -1  # at this state of all ways it was cleared no farther
+
+    @property
+    def last(self) -> int:
+        return len(self.boxes) - 1
+
+
+class Traffic:
+    """What is known of all vehicles of one car park: where they are, and where they are going."""
+
+    def __init__(self, vehicles: int) -> None:
+        """Begin without ways."""
+        # x, y [m] of the middle, cosine and sine of the heading, half length, half width [m].
+        self.boxes = np.zeros((vehicles, 6))
+        self.speeds = np.zeros(vehicles)  # [m/s]
+        self.is_there: Bools = np.zeros(vehicles, bool)
+        self.is_on_its_way: Bools = np.zeros(vehicles, bool)  # neither parked nor out
+        self.changes = 0  # counts what began to stand, and what stands no more
+        self._goals: dict[int, Floats] = {}
+        self._ways: dict[int, _Way] = {}
+        self._meets: dict[tuple[int, int], Bools] = {}  # see `_compare`
+        self._will_meet: dict[tuple[int, int], Bools] = {}
+        self._order: list[int] = []  # in which all could arrive, found last
+        self._state = 0  # counts what clearances depend on
+        self._planned = False
+
+    def watch(self, world: World, w: int) -> None:
+        """Take the places of all vehicles of a world; one that is parked or out has no way left."""
+        bodies, vehicles = world.bodies[w], world.vehicles[w]
+        heading, ahead = np.asarray(bodies["heading"]), np.asarray(vehicles["box_offset"])
+        cos, sin = np.cos(heading), np.sin(heading)
+        self.boxes[:, 0], self.boxes[:, 1] = bodies["x"] + ahead * cos, bodies["y"] + ahead * sin
+        self.boxes[:, 2], self.boxes[:, 3] = cos, sin
+        self.boxes[:, 4], self.boxes[:, 5] = 0.5 * vehicles["length"], 0.5 * vehicles["width"]
+        self.speeds[:] = bodies["speed"]
+        self.is_there[:] = bodies["status"] != codes.ABSENT
+        drives = bodies["status"] == codes.RACING
+        self.changes += int((drives != self.is_on_its_way).any())
+        self.is_on_its_way[:] = drives
+        for number in [number for number in self._ways if not drives[number]]:
+            self.withdraw(number)
+        # A vehicle that drives without a way may have come out of one.
+        has_none = np.delete(np.abs(self.speeds), list(self._ways))
+        self._state += bool((has_none >= STANDING).any())
+        self._planned = False
+
+    def may_plan(self) -> bool:
+        """Return True to the first driver that asks between two calls of `watch`.
+
+        So a decision of all drivers takes the time of one plan at most.
+        """
+        is_first, self._planned = not self._planned, True
+        return is_first
+
+    def aim(self, number: int, goal: Floats) -> None:
+        """Let others know where a vehicle will stand: (6,), see `boxes`."""
+        self._goals[number] = goal
+        self.withdraw(number)
+
+    def expected(self, number: int) -> Floats:
+        """Return where other vehicles are that stand or keep to their ways: (B, 6), see `boxes`.
+
+        They are larger than they are by what they move while a sensor scans. What drives without a
+        way may do anything.
+        """
+        mask = self.is_there & (np.abs(self.speeds) < STANDING)
+        mask[list(self._ways)] = True
+        mask[number] = False
+        boxes = self.boxes[mask]
+        boxes[:, 4:] += (NOISE + SCAN_S * np.abs(self.speeds[mask]))[:, None]
+        return boxes
+
+    def obstacles(self, number: int, *, all_goals: bool) -> Floats:
+        """Return what a vehicle has to plan around, (B, 6): what stands, and the goals of others.
+
+        all_goals: also those of vehicles that have not announced a way yet.
+        """
+        standing = self._standing(number)
+        goals = [
+            goal
+            for other, goal in self._goals.items()
+            if other != number and self.is_on_its_way[other] and (all_goals or other in self._ways)
+        ]
+        boxes = np.concatenate([standing, np.reshape(goals, (-1, 6))])
+        boxes[:, 4:] += AROUND
+        return boxes
+
+    def _standing(self, number: int) -> Floats:
+        """Return the boxes of other vehicles without a way."""
+        mask = self.is_there.copy()
+        mask[[number, *self._ways]] = False
+        return self.boxes[mask]
+
+    def announce(self, number: int, boxes: Floats) -> bool:
+        """Take the way of a vehicle, (P, 6) places of its body; False where it would block others.
+
+        The vehicle is at the first place.
+        """
+        self.withdraw(number)
+        self._ways[number] = _Way(boxes)
+        self._state += 1
+        for other in self._ways:
+            if other != number:
+                self._compare(number, other)
+        if self._can_all_arrive(number, 0):
+            self.changes += 1
+            return True
+        self.withdraw(number)
+        return False
+
+    def _compare(self, one: int, other: int) -> None:
+        """Find where on their ways two vehicles meet.
+
+        `_meets[one, other]`, (P, Q): at place p of one and place q of the other; `_will_meet`: at q
+        and somewhere from p on.
+        """
+        meets = touching(self._ways[one].boxes, self._ways[other].boxes, APART)
+        for pair, table in (((one, other), meets), ((other, one), meets.T)):
+            self._meets[pair] = table
+            self._will_meet[pair] = np.logical_or.accumulate(table[::-1], axis=0)[::-1]
+
+    def withdraw(self, number: int) -> None:
+        """Forget the way of a vehicle: it stops, and stands."""
+        if self._ways.pop(number, None) is None:
+            return
+        self.changes += 1
+        self._state += 1
+        for pair in [pair for pair in self._meets if number in pair]:
+            del self._meets[pair], self._will_meet[pair]
+
+    def clear(self, number: int, passed: int) -> int:
+        """Return the number of the place that a vehicle may drive to.
+
+        passed: number of the place on its way that it has passed.
+        """
+        way = self._ways[number]
+        now = max(way.passed, min(passed, way.cleared))
+        self._state += now > way.passed
+        way.passed = now
+        first, wanted = way.cleared + 1, min(now + HORIZON, way.last)
+        if first > wanted or way.refused == self._state:
+            return way.cleared
+        free = self._free_until(number, first)
+        near = range(min(free, wanted), way.cleared, -STRIDE)
+        # Beyond a narrow place an order may be left where there is none inside of it.
+        for place in (*near, *range(wanted + FAR_STRIDE, free, FAR_STRIDE), max(free, wanted)):
+            if place <= free and self._can_all_arrive(number, place):
+                self._state += 1
+                way.cleared = place
+                return place
+        way.refused = self._state
+        return way.cleared
+
+    def _free_until(self, number: int, first: int) -> int:
+        """Return the last place from `first` on before which no other vehicle is in the way."""
+        way = self._ways[number]
+        blocked = np.zeros(way.last + 1, bool)
+        for other, its in self._ways.items():
+            if other != number:
+                held = self._meets[number, other][first:, its.passed : its.cleared + 1]
+                blocked[first:] |= held.any(axis=1)
+        standing = self._standing(number)
+        if len(standing):
+            blocked[first:] |= touching(way.boxes[first:], standing, APART).any(axis=1)
+        return first + int(blocked[first:].argmax()) - 1 if blocked[first:].any() else way.last
+
+    def is_obstructed(self, number: int) -> bool:
+        """Return whether a vehicle without a way stands on the way of this one."""
+        way = self._ways[number]
+        standing = self._standing(number)
+        return bool(touching(way.boxes[way.passed :], standing, APART).any())
+
+    def _can_all_arrive(self, number: int, place: int) -> bool:
+        """Return whether an order is left for all, once a vehicle stands at a place of its way."""
+        places = {other: way.cleared for other, way in self._ways.items()} | {number: place}
+        left = [other for other in self._order if other in places]
+        left += [other for other in places if other not in left]
+        order: list[int] = []
+        while left:
+            for one in left:
+                if self._can_arrive(one, places, left, order):
+                    left.remove(one)
+                    order.append(one)
+                    break
+            else:
+                return False
+        self._order = order
+        return True
+
+    def _can_arrive(
+        self, one: int, places: dict[int, int], left: list[int], arrived: list[int]
+    ) -> bool:
+        """Return whether a vehicle can drive to its end, the others standing.
+
+        places: of those that are left; the others have arrived at the ends of their ways.
+        """
+        place = places[one]
+        return not (
+            any(o != one and self._will_meet[one, o][place, places[o]] for o in left)
+            or any(self._will_meet[one, o][place, -1] for o in arrived)
+        )
+
+
+def touching(ones: Floats, others: Floats, apart: float) -> Bools:
+    """Return which boxes of two lists come nearer than `apart` [m], (P, Q).
+
+    ones: (P, 6); others: (Q, 6), see `Traffic.boxes`. Both grow by half of `apart` on all sides;
+    then they overlap unless a line along a side of one separates them.
+    """
+    reach = np.hypot(ones[:, 4], ones[:, 5])[:, None] + np.hypot(others[:, 4], others[:, 5])
+    dx = others[None, :, 0] - ones[:, None, 0]
+    dy = others[None, :, 1] - ones[:, None, 1]
+    near: Bools = dx * dx + dy * dy < np.square(reach + 2.0 * apart)
+    p, q = np.nonzero(near)
+    dx, dy = dx[p, q], dy[p, q]
+    cos1, sin1, length1, width1 = ones[p, 2:].T
+    cos2, sin2, length2, width2 = others[q, 2:].T
+    cos, sin = np.abs(cos1 * cos2 + sin1 * sin2), np.abs(sin1 * cos2 - cos1 * sin2)
+    length1, width1 = length1 + 0.5 * apart, width1 + 0.5 * apart
+    length2, width2 = length2 + 0.5 * apart, width2 + 0.5 * apart
+    near[p, q] = (
+        (np.abs(dx * cos1 + dy * sin1) < length1 + length2 * cos + width2 * sin)
+        & (np.abs(dy * cos1 - dx * sin1) < width1 + length2 * sin + width2 * cos)
+        & (np.abs(dx * cos2 + dy * sin2) < length2 + length1 * cos + width1 * sin)
+        & (np.abs(dy * cos2 - dx * sin2) < width2 + length1 * sin + width1 * cos)
+    )
+    return near
