@@ -1,13 +1,13 @@
 """What all reproductions of the report on an articulated vehicle in a car park share."""
 
-from race_agents.reproductions.plan import Column, ParkingExam, TrainingScale, Variant
+from race_agents.reproductions.plan import Column, ParkingExam, Reproduction, TrainingScale, Variant
 
-SOURCE = "Report on an articulated vehicle that learns to park, with a heuristic in its reward"
-PRESET = "trailer-report-c"
-EXAM = ParkingExam()
-FULL = TrainingScale(steps=9_600_000, seeds=3, starts=1000)
+_SOURCE = "Report on an articulated vehicle that learns to park, with a heuristic in its reward"
+_PRESET = "trailer-report-c"
+_EXAM = ParkingExam()
+_FULL = TrainingScale(steps=9_600_000, seeds=3, starts=1000)
 # One update for 128 decisions, of a smaller network.
-QUICK = TrainingScale(
+_QUICK = TrainingScale(
     steps=65_536,
     seeds=1,
     starts=64,
@@ -20,9 +20,9 @@ QUICK = TrainingScale(
     ),
 )
 
-PARKED = Column("parked", "parked, %", 1, of="starts")
-COLUMNS = (
-    PARKED,
+_PARKED = Column("parked", "parked, %", 1, of="starts")
+_COLUMNS = (
+    _PARKED,
     Column("aligned", "aligned, % of all", 1, of="starts"),
     Column("open_parked", "parked where nothing stands between, %", 1, of="open"),
     Column("barred_parked", "parked where something does, %", 1, of="barred"),
@@ -36,7 +36,7 @@ COLUMNS = (
     Column("learning_cpu_s", "learning, CPU s", 0),
 )
 
-ASSUMPTIONS = (
+_ASSUMPTIONS = (
     "The report gives neither sizes nor speeds of its vehicle, nor the length of a step, the "
     "actions, the number of steps, the critical angle of the hitch, or where its sensors look: "
     "`lorry-off-axle`, decisions of 0.1 s, one pedal and the wheel, 240 s for an episode and the "
@@ -58,3 +58,33 @@ ASSUMPTIONS = (
 def with_heuristic(name: str, *theirs: str) -> Variant:
     """Return a row of one heuristic."""
     return Variant(name, (f"parking.heuristic={name!r}",), theirs=theirs)
+
+
+def table_of(
+    title: str,
+    *rows: Variant,
+    finding: str,
+    base: str = "",
+    changes: tuple[str, ...] = (),
+    assumptions: tuple[str, ...] = (),
+) -> Reproduction:
+    """Return a table of the report.
+
+    finding: what the report says of it; base: a row that all others are compared with; changes: of
+    the preset, for all rows; assumptions: besides those of all tables.
+    """
+    return Reproduction(
+        title=title,
+        source=f"{_SOURCE}: {finding}",
+        preset=_PRESET,
+        changes=changes,
+        rows=rows,
+        exam=_EXAM,
+        full=_FULL,
+        quick=_QUICK,
+        their_heads=("finding",),
+        columns=_COLUMNS,
+        plotted=_PARKED,
+        base=base,
+        assumptions=(*_ASSUMPTIONS, *assumptions),
+    )

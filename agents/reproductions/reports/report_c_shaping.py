@@ -1,16 +1,7 @@
 """Report on an articulated vehicle: three ways to use a heuristic."""
 
-from race_agents.reproductions.plan import Reproduction, Variant
-from race_agents.reproductions.report_c import (
-    ASSUMPTIONS,
-    COLUMNS,
-    EXAM,
-    FULL,
-    PARKED,
-    PRESET,
-    QUICK,
-    SOURCE,
-)
+from race_agents.reproductions.plan import Variant
+from race_agents.reproductions.report_c import table_of
 
 _WORDS = {
     "difference": "d(s) - d(s'), as printed",
@@ -24,19 +15,11 @@ def _row(heuristic: str, shaping: str) -> Variant:
     return Variant(f"{heuristic}, {shaping}", changes, theirs=(_WORDS[shaping],))
 
 
-REPRODUCTION = Reproduction(
-    title="A lorry learns to park: a heuristic as a difference, as a potential, and in the targets",
-    source=f"{SOURCE}: the difference alone",
-    preset=PRESET,
-    rows=tuple(_row(name, way) for name in ("euclid", "bfs", "hybrid") for way in _WORDS),
-    exam=EXAM,
-    full=FULL,
-    quick=QUICK,
-    their_heads=("finding",),
-    columns=COLUMNS,
-    plotted=PARKED,
+REPRODUCTION = table_of(
+    "A lorry learns to park: a heuristic as a difference, as a potential, and in the targets",
+    *(_row(name, way) for name in ("euclid", "bfs", "hybrid") for way in _WORDS),
+    finding="the difference alone",
     assumptions=(
-        *ASSUMPTIONS,
         "The potential is that of Ng, Harada and Russell (1999), 0 at the end of an episode: it "
         "leaves the best policy as it is. The report's difference is this potential and a penalty "
         "of (1 - gamma) d(s') for each decision besides.",
