@@ -30,7 +30,7 @@ PATIENCE_S, MARK = 4.0, 0.3
 # this many times.
 MOST_DOUBLED = 5
 # One plan takes at most this many steps, see `PathPlanner.allow`: without a trailer, and with one.
-MOST_STEPS, MOST_TOWED_STEPS = 12_000, 60_000
+MOST_STEPS, MOST_TOWED_STEPS = 12_000, 100_000
 # How long [s] a vehicle waits at least before it plans once more, and as long as nothing changed at
 # most PATIENCE_S.
 PAUSE_S = 1.0

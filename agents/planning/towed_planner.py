@@ -31,6 +31,7 @@ from race_agents.planning.rig import (
 from race_agents.planning.rig_moves import direction_in, drive, way_in
 from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.towed_path import TowedPath
+from race_agents.planning.towed_ways import NO_WAYS, find_towed_ways
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
@@ -41,10 +42,16 @@ from race_server.errors import PlanError
 LOCK = 0.9
 # Cost of a change of direction [m], and how far around start and goal a path may lead, in bars.
 CUSP, REACH_BARS = 6.0, 3.0
-# From coarse to fine, for the usual bar; lengths of others are in proportion.
+# What is tried, until one holds a path, for the usual bar; lengths of others are in proportion. Of
+# each, whether it estimates by `towed_ways`: those know the obstacles, and where they mislead, as
+# some do whose hitch takes long to bend, the shortest path of a car does not. The last two are for
+# yards in which a lorry cannot turn at once.
+_COARSE = Mesh(3.0, 0.6, 1.5, 1.5, math.radians(10.0), 0.25, greed=2.0, nodes=5_000)
 MESHES = (
-    Mesh(3.0, 0.6, 1.5, 1.5, math.radians(10.0), 0.25, greed=2.0, nodes=40_000),
-    Mesh(2.0, 0.6, 1.0, 1.0, math.radians(7.5), 0.25, greed=1.5, nodes=60_000),
+    (_COARSE, True),
+    (_COARSE._replace(nodes=20_000), False),
+    (Mesh(1.5, 0.4, 0.75, 0.75, math.radians(6.0), 0.25, greed=3.0, nodes=40_000), True),
+    (Mesh(1.0, 0.4, 0.5, 0.5, math.radians(5.0), 0.25, greed=1.5, nodes=40_000), True),
 )
 # Most steps of a way, see `rig_moves.drive`.
 MOST_STEPS = 4096
@@ -69,9 +76,9 @@ class TowedPlanner:
         self.rig = rig_of(vehicle, margin, lock)
         scale = scale_of(self.trailer.bar)
         self._prices = Prices(1.0, back, CUSP * scale)
-        self._meshes = [_scaled(mesh, scale) for mesh in MESHES]
+        self._meshes = [(_scaled(mesh, scale), is_told) for mesh, is_told in MESHES]
         self._reach = max(REACH, REACH_BARS * self.trailer.bar)
-        self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
+        self._tree = make_tree(max(mesh.nodes for mesh, _ in MESHES))
         self._ground = Ground()
         self._rows = np.zeros((MOST_STEPS, 3))
         self._most_steps = ENDLESS
@@ -117,8 +124,10 @@ class TowedPlanner:
                 f"no way leads from {asked}: what is free around one is cut off from the other, "
                 f"or joined to it only farther than {reach:.1f} m aside"
             )
-        towing, costs = Towing(self.rig, towed, self._rows), np.zeros(0)
-        for mesh in self._meshes:
+        ways = find_towed_ways(obstacles, distances, self.rig, goal, self._prices)
+        costs = np.zeros(0)
+        for mesh, is_told in self._meshes:
+            towing = Towing(self.rig, towed, ways if is_told else NO_WAYS, self._rows)
             fixed = (root, goal, self.rig.drawn, obstacles, distances, self._prices, costs)
             task = Task(*fixed, mesh, self._most_steps)
             node, _ = search(task, towing, self._tree)
