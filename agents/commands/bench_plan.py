@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def bench_plan(
-    runs: Annotated[int, typer.Option(min=1, help="Random starts of each task.")] = 100,
+    runs: Annotated[
+        int, typer.Option("--runs", "--seeds", min=1, help="Random starts of each task.")
+    ] = 100,
     task: Annotated[
         str, typer.Option(help="Only tasks with this text in their names, such as parallel.")
     ] = "",

@@ -78,6 +78,19 @@ class ParkingOptions:
     as_json: AsJson = False
 
 
+@dataclass(frozen=True)
+class TrailerOptions(ParkingOptions):
+    """All options of `race exam trailer`."""
+
+    scenario: Annotated[
+        str,
+        typer.Option("--lot", "--scenario", help="Comma-separated names from `race lot list`."),
+    ] = "dock-35"
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle that draws a trailer. Default: the lot's.")
+    ] = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """One driver in one scenario."""
@@ -102,6 +115,13 @@ class Result:
     def ratios(self, name: str) -> list[float]:
         """Return a figure of each parked vehicle as a multiple of its plan's."""
         return [one.figures[name] / getattr(plan, name) for one, plan in self.parked_beside_plan()]
+
+    def decision_ms(self, share: float) -> float | None:
+        """Return the time [ms] in which a share [%] of all answers came."""
+        import numpy as np
+
+        times = np.concatenate([one.decisions_ms for one in self.tries])
+        return round(float(np.percentile(times, share)), 3) if len(times) else None
 
     def failed_seeds(self) -> dict[str, list[int]]:
         """Return the seeds of failures by kind."""
@@ -128,6 +148,8 @@ class Result:
             "time_ratio_median": _median(self.ratios("time_s")),
             "path_ratio_median": _median(self.ratios("path_m")),
             "direction_changes_ratio": driven / planned if planned else None,
+            "decision_ms_p95": self.decision_ms(95.0),
+            "decision_ms_worst": self.decision_ms(100.0),
             "failed_seeds": self.failed_seeds(),
             "faults": sorted({one.fault for one in self.tries if one.fault}),
             "rounds": asdict(self.rounds) if self.rounds else None,
@@ -145,6 +167,41 @@ def parking(options: ParkingOptions) -> None:
 
     Times and ways are of parked vehicles, and beside them those of the planner for the same task.
     A task of a lot is the same for every driver and every day: its seed decides it.
+    """
+    _examine_and_tell(options)
+
+
+@app.command()
+@expand_options
+def trailer(options: TrailerOptions) -> None:
+    """Let drivers park a vehicle with a trailer: the exam of parking, and jack-knives."""
+    for lot in names_in(options.scenario):
+        _require_trailer(lot, options.vehicle)
+    _examine_and_tell(options)
+
+
+def _require_trailer(lot: str, vehicle: str) -> None:
+    """Check that the vehicle of a lot draws a trailer.
+
+    Raises:
+        LotError, VehicleError: a name is unknown.
+        ScenarioError: it draws none.
+    """
+    from race_server.competition.parking_exam import ExamSpec
+
+    drawing = ExamSpec(lot, vehicle=vehicle).scenario_of().vehicle_of(0)
+    if not drawing.trailers:
+        raise ScenarioError(
+            f"vehicle {drawing.name!r} in the lot {lot!r} draws no trailer: choose --vehicle "
+            "lorry-16m5 or another one that does, or race exam parking"
+        )
+
+
+def _examine_and_tell(options: ParkingOptions) -> None:
+    """Hold the exam that options ask for, and print its rows.
+
+    Raises:
+        ScenarioError: no driver or lot is named, or the picture has another ending.
     """
     from race_server.competition.parking_exam import ExamSpec
 

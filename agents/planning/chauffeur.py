@@ -26,8 +26,11 @@ from race_server.errors import PlanError
 # people rest. Then it plans a way around what it sees, and takes that for a box of this half
 # size [m] around each point.
 PATIENCE_S, MARK = 4.0, 0.3
-# One plan takes at most this many steps, see `PathPlanner.allow`.
-MOST_STEPS = 12_000
+# Where no way was found and nothing has changed, it waits twice as long before the next plan, up to
+# this many times.
+MOST_DOUBLED = 5
+# One plan takes at most this many steps, see `PathPlanner.allow`: without a trailer, and with one.
+MOST_STEPS, MOST_TOWED_STEPS = 12_000, 100_000
 # How long [s] a vehicle waits at least before it plans once more, and as long as nothing changed at
 # most PATIENCE_S.
 PAUSE_S = 1.0
@@ -134,7 +137,8 @@ class Chauffeur:
                 # Where no way leads around all slots that others go to, this vehicle is first.
                 all_goals = self._failures % 2 == 0
                 chart = chart.beside(self._traffic.obstacles(self._seat, all_goals=all_goals))
-            self._asked = ask_plan(vehicle, axle, self._order, chart, angle, MOST_STEPS)
+            steps = MOST_TOWED_STEPS if vehicle.trailers else MOST_STEPS
+            self._asked = ask_plan(vehicle, axle, self._order, chart, angle, steps)
         if not self._asked.done():
             return
         answer = self._asked
@@ -147,6 +151,8 @@ class Chauffeur:
                 return
         # What stands there may walk on, or drive.
         self.known, self._wait_s = self._chart, PATIENCE_S
+        if self._traffic is None:
+            self._wait_s *= 2 ** min(self._failures, MOST_DOUBLED)
         self._failures += 1
         if self._traffic is not None and self._failures % 2:
             self._wait_s = 0.0

@@ -38,6 +38,7 @@ from race_agents.planning.search_tree import (
     keep_draft,
     next_node,
 )
+from race_agents.planning.towed_ways import TowedWays, towed_way
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import TURN, Pose, along_arc, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel
@@ -87,6 +88,7 @@ class Towing(NamedTuple):
 
     rig: Rig
     start: Towed
+    ways: TowedWays  # estimates are those costs where they are known
     rows: Floats  # (R, 3), work space of `rig_moves.drive`
 
 
@@ -104,11 +106,18 @@ def cell_of(root: Pose, mesh: Mesh, pose: Pose, angle: float, direction: float) 
 
 
 @large_kernel
-def estimate(task: Task, pose: Pose) -> float:
-    """Return an estimate [m] of the cost from a pose to the goal; infinite if it is cut off."""
+def estimate(task: Task, towing: Towing | None, pose: Pose, way: float) -> float:
+    """Return an estimate [m] of the cost from a pose to the goal; infinite if it is cut off.
+
+    way: on which the vehicle came, negative in reverse, 0 if it stood.
+    """
     field = distance_at(task.obstacles.grid, task.distances, pose.x, pose.y)
     if field == math.inf:
         return math.inf
+    if towing is not None:
+        known = towed_way(towing.ways, task.goal, pose, way)
+        if known < math.inf:
+            return task.mesh.greed * known
     drive = least_cost(pose, task.goal, task.footprint.radius, task.prices.cusp)
     return task.mesh.greed * max(field, drive)
 
@@ -123,7 +132,7 @@ def add_root(task: Task, towing: Towing | None, tree: Tree) -> None:
     if towing is not None:
         node.angle = towing.start.angle
     node.parent, node.cell = NONE, cell_of(task.root, task.mesh, task.root, node.angle, 0.0)
-    node.estimate = estimate(task, task.root)
+    node.estimate = estimate(task, towing, task.root, 0.0)
     keep_draft(tree)
 
 
@@ -177,7 +186,7 @@ def expand(task: Task, towing: Towing | None, tree: Tree, number: int) -> None:
         pose = Pose(node.x, node.y, node.heading)
         node.cost = parent.cost + cost_of_way(way, task.prices)
         node.cost += task.prices.cusp if direction * parent.way < 0.0 else 0.0
-        left = estimate(task, pose)
+        left = estimate(task, towing, pose, way)
         if left == math.inf:
             continue
         node.way, node.parent = way, number

@@ -91,13 +91,13 @@ def plan_to_slot(
     """Return a path of the rear axle from a pose of it into the slot of an order.
 
     chart: what stands there, that of the order and what was seen since; angle: at the hitch [rad];
-    steps: most that the searches may take without a trailer, see `PathPlanner.allow`.
+    steps: most that the searches may take, see `PathPlanner.allow`.
 
     Raises:
         PlanError: no margin leaves a path, or the vehicle draws several trailers.
     """
     if vehicle.trailers:
-        return _plan_towed(vehicle, start, angle, order, chart)
+        return _plan_towed(vehicle, start, angle, order, chart, steps)
     goal, refused = parked_pose(order.slot, vehicle), None
     for margin in MARGINS:
         planner = _planner(vehicle, margin)
@@ -115,7 +115,7 @@ def plan_to_slot(
 
 
 def _plan_towed(
-    vehicle: Vehicle, start: Pose, angle: float, order: ParkingOrder, chart: Chart
+    vehicle: Vehicle, start: Pose, angle: float, order: ParkingOrder, chart: Chart, steps: int
 ) -> Path:
     """Return a path of a vehicle with a trailer.
 
@@ -125,10 +125,12 @@ def _plan_towed(
     goal, refused = parked_trailer_pose(order.slot, vehicle), None
     for margin in MARGINS:
         planner = _towed_planner(vehicle, margin)
+        planner.allow(steps)
         try:
             return planner.plan(start, angle, goal, chart.walls, chart.boxes)
         except PlanError as error:
             refused = error
+        steps -= planner.steps
     assert refused is not None
     raise refused
 

@@ -31,8 +31,8 @@ ANGLE_SHARE, ANGLE_STEP = 0.9, 0.005
 # Greatest angle that controllers ask for [rad], and as a share of what plans keep to.
 SHARPEST, SHARPEST_SHARE = 0.75, 0.85
 # By how much the wheels turn on a metre at most [rad/m], for a wheelbase of 3.7 m: a lorry that
-# turns them by 0.5 rad/s drives at half a metre per second there.
-TURNING, USUAL_WHEELBASE = 1.0, 3.7
+# turns them by 0.5 rad/s drives at 1 m/s there. With 1 rad/m ways took a third longer.
+TURNING, USUAL_WHEELBASE = 0.5, 3.7
 
 
 class Rig(NamedTuple):

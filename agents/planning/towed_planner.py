@@ -29,8 +29,9 @@ from race_agents.planning.rig import (
     towed_by,
 )
 from race_agents.planning.rig_moves import direction_in, drive, way_in
-from race_agents.planning.search_tree import NODES, NONE, make_tree
+from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.towed_path import TowedPath
+from race_agents.planning.towed_ways import NO_WAYS, find_towed_ways
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
@@ -41,10 +42,16 @@ from race_server.errors import PlanError
 LOCK = 0.9
 # Cost of a change of direction [m], and how far around start and goal a path may lead, in bars.
 CUSP, REACH_BARS = 6.0, 3.0
-# From coarse to fine, for the usual bar; lengths of others are in proportion.
+# What is tried, until one holds a path, for the usual bar; lengths of others are in proportion. Of
+# each, whether it estimates by `towed_ways`: those know the obstacles, and where they mislead, as
+# some do whose hitch takes long to bend, the shortest path of a car does not. The last two are for
+# yards in which a lorry cannot turn at once.
+_COARSE = Mesh(3.0, 0.6, 1.5, 1.5, math.radians(10.0), 0.25, greed=2.0, nodes=5_000)
 MESHES = (
-    Mesh(2.0, 0.6, 1.0, 1.0, math.radians(7.5), 0.25, greed=1.5, nodes=12_000),
-    Mesh(1.0, 0.4, 0.5, 0.5, math.radians(5.0), 0.25, greed=1.5, nodes=40_000),
+    (_COARSE, True),
+    (_COARSE._replace(nodes=20_000), False),
+    (Mesh(1.5, 0.4, 0.75, 0.75, math.radians(6.0), 0.25, greed=3.0, nodes=40_000), True),
+    (Mesh(1.0, 0.4, 0.5, 0.5, math.radians(5.0), 0.25, greed=1.5, nodes=40_000), True),
 )
 # Most steps of a way, see `rig_moves.drive`.
 MOST_STEPS = 4096
@@ -69,11 +76,22 @@ class TowedPlanner:
         self.rig = rig_of(vehicle, margin, lock)
         scale = scale_of(self.trailer.bar)
         self._prices = Prices(1.0, back, CUSP * scale)
-        self._meshes = [_scaled(mesh, scale) for mesh in MESHES]
+        self._meshes = [(_scaled(mesh, scale), is_told) for mesh, is_told in MESHES]
         self._reach = max(REACH, REACH_BARS * self.trailer.bar)
-        self._tree = make_tree(max(mesh.nodes for mesh in MESHES))
+        self._tree = make_tree(max(mesh.nodes for mesh, _ in MESHES))
         self._ground = Ground()
         self._rows = np.zeros((MOST_STEPS, 3))
+        self._most_steps = ENDLESS
+
+    def allow(self, steps: int) -> None:
+        """Let all plans from now on take this number of steps together, see `PathPlanner`."""
+        self._most_steps = steps
+        self._tree.counts[STEPS] = 0
+
+    @property
+    def steps(self) -> int:
+        """Steps that were taken since they were allowed."""
+        return int(self._tree.counts[STEPS])
 
     def plan(
         self, start: Pose, angle: float, goal: Pose, walls: Floats, boxes: Floats = NO_BOXES
@@ -90,25 +108,33 @@ class TowedPlanner:
         """
         towed = towed_by(self.rig, start, math.remainder(angle, 2.0 * math.pi), math.inf)
         root = Pose(towed.x, towed.y, towed.heading)
-        obstacles = self._obstacles(root, goal, walls, boxes)
-        self._require_room("start", towed, obstacles)
-        self._require_room("goal", Towed(*goal, 0.0, 0.0), obstacles)
-        distances = self._distances_to(goal, obstacles)
         asked = (
             f"{in_words(start)} with the hitch at {math.degrees(angle):.0f}° to {in_words(goal)}"
         )
-        if distance_at(obstacles.grid, distances, root.x, root.y) == math.inf:
+        # Near by first: of a large area the grid has larger cells.
+        for reach in (self._reach, max(self._reach, _farthest(root, goal, walls))):
+            obstacles = self._obstacles(root, goal, walls, boxes, reach)
+            self._require_room("start", towed, obstacles)
+            self._require_room("goal", Towed(*goal, 0.0, 0.0), obstacles)
+            distances = self._distances_to(goal, obstacles)
+            if distance_at(obstacles.grid, distances, root.x, root.y) < math.inf:
+                break
+        else:
             raise PlanError(
                 f"no way leads from {asked}: what is free around one is cut off from the other, "
-                f"or joined to it only farther than {self._reach:g} m aside"
+                f"or joined to it only farther than {reach:.1f} m aside"
             )
-        towing, costs = Towing(self.rig, towed, self._rows), np.zeros(0)
-        for mesh in self._meshes:
+        ways = find_towed_ways(obstacles, distances, self.rig, goal, self._prices)
+        costs = np.zeros(0)
+        for mesh, is_told in self._meshes:
+            towing = Towing(self.rig, towed, ways if is_told else NO_WAYS, self._rows)
             fixed = (root, goal, self.rig.drawn, obstacles, distances, self._prices, costs)
-            task = Task(*fixed, mesh, ENDLESS)
+            task = Task(*fixed, mesh, self._most_steps)
             node, _ = search(task, towing, self._tree)
             if node >= 0:
                 return self._path(task, towing, node)
+            if self.steps >= self._most_steps:
+                break
         found = int(self._tree.counts[NODES])
         raise PlanError(
             f"no path from {asked}: the search "
@@ -120,12 +146,14 @@ class TowedPlanner:
         """Return whether vehicle and trailer keep the margin there; arguments as for `plan`."""
         towed = towed_by(self.rig, pose, angle, 0.0)
         place = Pose(towed.x, towed.y, towed.heading)
-        obstacles = self._obstacles(place, place, walls, boxes)
+        obstacles = self._obstacles(place, place, walls, boxes, self._reach)
         return abs(angle) <= self.rig.limit and _is_free(obstacles, self.rig, towed)
 
-    def _obstacles(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats) -> Obstacles:
+    def _obstacles(
+        self, start: Pose, goal: Pose, walls: Floats, boxes: Floats, reach: float
+    ) -> Obstacles:
         near = PASSING + max(cover_radius(self.rig.drawing), cover_radius(self.rig.drawn))
-        return self._ground.obstacles(start, goal, walls, boxes, reach=self._reach, near=near)
+        return self._ground.obstacles(start, goal, walls, boxes, reach=reach, near=near)
 
     def _distances_to(self, goal: Pose, obstacles: Obstacles) -> Floats:
         least = max(disc_around_axle(self.rig.drawn) - CORNER * obstacles.grid.cell, 0.0)
@@ -182,6 +210,13 @@ def _is_free(obstacles: Obstacles, rig: Rig, towed: Towed) -> bool:
     return is_free(obstacles, rig.drawn, place) and is_free(
         obstacles, rig.drawing, pose_ahead(rig, towed)
     )
+
+
+def _farthest(start: Pose, goal: Pose, walls: Floats) -> float:
+    """Return how far [m] walls lead beyond start and goal, along x or y."""
+    ends, both = walls.reshape(-1, 2), np.array([start[:2], goal[:2]])
+    beyond = np.concatenate([both.min(axis=0) - ends, ends - both.max(axis=0)])
+    return float(beyond.max(initial=0.0))
 
 
 def _scaled(mesh: Mesh, scale: float) -> Mesh:

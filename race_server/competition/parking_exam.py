@@ -4,6 +4,7 @@ Many tasks are driven side by side, each in a world of one batch. Several vehicl
 a driver each.
 """
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -119,6 +120,8 @@ class Try:
     end: Floats  # (3,) the same at the last decision
     fault: str = ""  # what the driver raised
     vehicle: int = 0
+    # [ms] wall time of each answer but the first of the exam
+    decisions_ms: Float32s = field(default_factory=lambda: np.zeros(0, np.float32))
     pause_s: float = 0.0  # longest time in which no vehicle moved of those that drove like this one
 
 
@@ -164,6 +167,8 @@ class _Hall:
         self.drivers = drivers
         self.waiting = waiting
         self.begun: dict[tuple[int, int], Try] = {}  # by world and vehicle
+        self._times: dict[tuple[int, int], list[float]] = {}  # [ms] of answers
+        self._is_ready = False  # after the first answer, which may compile
         self._briefings = [
             Briefing(
                 seat=k,
@@ -235,6 +240,7 @@ class _Hall:
             driver.reset(self._briefings[k])
             tell_to_park(driver, self.name, order, self._traffic.get(w))
             self.begun[w, k] = Try(seed, {}, order, places[k], places[k], vehicle=k)
+            self._times[w, k] = []
 
     def _places(self) -> Floats:
         """Return where the vehicles are: (W, K, 3) x [m], y [m], heading [rad]."""
@@ -249,17 +255,23 @@ class _Hall:
         batch = self.batch
         # A copy, so that a driver cannot change the buffer of the world.
         seen = batch.observations[w, k].copy()
+        observation = Observation(int(batch.world.races[w].tick), batch.layout, seen)
+        begun = time.perf_counter()
         try:
-            tick = int(batch.world.races[w].tick)
-            return numbers_of(self.drivers[w][k].act(Observation(tick, batch.layout, seen)))
+            return numbers_of(self.drivers[w][k].act(observation))
         except Exception as error:  # a driver's fault ends its task, not the exam
             words = str(error).partition("\n")[0][:MOST_WORDS]
             self.begun[w, k] = replace(task, fault=f"{type(error).__name__}: {words}")
             return BRAKE
+        finally:
+            if self._is_ready:
+                self._times[w, k].append(1e3 * (time.perf_counter() - begun))
+            self._is_ready = True
 
     def _outcome(self, w: int, k: int, end: Floats) -> Try:
         """Return how the task of a vehicle went. end: the place before the last decision."""
         task, figures = self.begun.pop((w, k)), self.batch.episode_of(w, k)
         if task.fault:
             figures |= {"is_success": False, "aligned": False, "ending": FAULT}
-        return replace(task, figures=figures, end=end)
+        times = np.array(self._times.pop((w, k)), np.float32)
+        return replace(task, figures=figures, end=end, decisions_ms=times)

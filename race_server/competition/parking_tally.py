@@ -15,6 +15,8 @@ from race_server.competition.proportion import wilson_interval
 PARKED, PERSON, LATE = "parked", "person", "late"
 # Endings at something that was run into.
 COLLISIONS = frozenset({"wall", "block", "vehicle", PERSON})
+# Endings at a hitch: bent beyond its limit, or until a trailer touched what draws it.
+JACK_KNIVES = frozenset({"jack_knife", "own_body"})
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class ParkingTally:
     aligned_interval: tuple[float, float]
     aligned_of_parked: float | None
     collisions: int  # with a person, too
+    jack_knives: int
     hit_people: int
     walked_into: int  # people who walked into the vehicle while it stood
     failures: dict[str, int]  # by how the episode ended, the most frequent first
@@ -51,6 +54,7 @@ class ParkingTally:
             aligned_interval=wilson_interval(aligned, len(every)),
             aligned_of_parked=aligned / len(parked) if parked else None,
             collisions=sum(count for ending, count in failed.items() if ending in COLLISIONS),
+            jack_knives=sum(count for ending, count in failed.items() if ending in JACK_KNIVES),
             hit_people=failed[PERSON],
             walked_into=sum(int(one["walked_into"]) for one in every),
             failures=dict(failed.most_common()),

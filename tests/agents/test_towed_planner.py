@@ -1,14 +1,18 @@
 """Ways of vehicles with a trailer into docks: what the planner promises, and driving along them."""
 
 import math
+from concurrent.futures import Future
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from race_agents.planning.analytic_expansion import Prices
 from race_agents.planning.dock_bench import bench_drive
 from race_agents.planning.dock_drive import NOISY, Trouble, Yard, dock_order
 from race_agents.planning.dock_tasks import DockTask, dock
+from race_agents.planning.ground import NO_BOXES, Ground
 from race_agents.planning.parking_plan import chart_of, parked_trailer_pose, plan_to_slot
 from race_agents.planning.path_follower import ANGLE, CURVATURE, GEAR, LEFT, SPEED
 from race_agents.planning.path_planner import MARGIN
@@ -16,6 +20,7 @@ from race_agents.planning.plan_bench import bench_plan
 from race_agents.planning.towed_follower import make_towed_track
 from race_agents.planning.towed_path import TowedPath, before, behind
 from race_agents.planning.towed_planner import TowedPlanner
+from race_agents.planning.towed_ways import find_towed_ways, towed_way
 from race_agents.planning.way import Way
 from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.contacts import box_on_box, box_on_segment
@@ -119,6 +124,55 @@ def test_a_yard_too_small_to_turn_in_is_given_up_after_a_number_of_states() -> N
         planner().plan(start, 0.0, task.goal(LORRY), task.walls(), task.boxes())
 
 
+def test_a_lorry_that_faces_the_end_of_the_yard_turns_round_before_the_last_bay() -> None:
+    # 11 m beside the bay the yard ends, and it is 17.4 m deep: 16.5 m of lorry do not turn at once.
+    walls = np.array([(11.0, 0.0, 11.0, 35.0), (-79.0, 0.0, -79.0, 35.0), *TASK.walls()[[0, 2]]])
+    boxes = TASK.boxes()[TASK.boxes()[:, 0] < 8.0]
+    path = planner().plan(Pose(5.2, 27.7, 0.1), 0.0, TASK.goal(LORRY), walls, boxes)
+    end = behind(path.poses, path.angles, LORRY.trailers[0])[-1]
+    assert end == pytest.approx([0.0, 4.8, 0.5 * math.pi], abs=0.05)
+    assert path.changes >= 2
+
+
+def test_the_way_round_a_long_wall_is_found_out_of_reach() -> None:
+    # From one side of a wall of 60 m to the other, around its end; 24 m to each side are in reach.
+    sides = [(-20.0, -40.0), (100.0, -40.0), (100.0, 40.0), (-20.0, 40.0)]
+    square = [(*a, *b) for a, b in pairwise([*sides, sides[0]])]
+    walls = np.array([*square, (-20.0, 0.0, 60.0, 0.0)])
+    path = planner().plan(Pose(10.0, -15.0, 0.0), 0.0, Pose(10.0, 15.0, math.pi), walls)
+    assert path.poses[:, 0].max() > 60.0
+    assert path.length > 100.0
+
+
+def test_a_plan_takes_as_many_steps_as_it_is_allowed() -> None:
+    lorry = TowedPlanner(LORRY)
+    lorry.allow(10)
+    with pytest.raises(PlanError, match=r"gave up after \d+ states"):
+        lorry.plan(START, 0.1, TASK.goal(LORRY), TASK.walls(), TASK.boxes())
+    # A state, and the way in from there, are a step each.
+    assert lorry.steps in (10, 11)
+    lorry.allow(10_000)
+    assert lorry.plan(START, 0.1, TASK.goal(LORRY), TASK.walls(), TASK.boxes()).changes <= 2
+    assert 0 < lorry.steps <= 10_000
+
+
+def test_costs_to_go_are_the_way_on_the_axis_and_a_change_of_direction() -> None:
+    goal, ground = Pose(0.0, 0.0, 0.5 * math.pi), Ground()
+    walls = 40.0 * np.array([(-1, -1, 1, -1), (1, -1, 1, 1), (1, 1, -1, 1), (-1, 1, -1, -1)])
+    obstacles = ground.obstacles(goal, goal, walls, NO_BOXES, reach=25.0, near=3.0)
+    distances = ground.distances_to(goal, obstacles, 1.0)
+    prices = Prices(1.0, 1.0, 6.0)
+    ways = find_towed_ways(obstacles, distances, planner().rig, goal, prices)
+    ahead = Pose(0.0, 12.0, 0.5 * math.pi)
+    # Back along the axis; what came ahead changes direction first.
+    assert towed_way(ways, goal, ahead, -1.0) == pytest.approx(12.0)
+    assert towed_way(ways, goal, ahead, 0.0) == pytest.approx(12.0)
+    assert towed_way(ways, goal, ahead, 1.0) == pytest.approx(18.0)
+    # A circle is the longer way round.
+    beside = Pose(6.0, 0.0, 0.5 * math.pi)
+    assert 12.0 < towed_way(ways, goal, beside, 0.0) < 60.0
+
+
 def test_no_way_is_planned_without_a_trailer() -> None:
     with pytest.raises(PlanError, match="'car' draws 0 trailers"):
         TowedPlanner(CAR)
@@ -179,6 +233,23 @@ def test_a_lorry_docks_by_noisy_places_of_a_tenth_of_a_second_ago() -> None:
     assert done.ending == "docked"
     assert math.hypot(done.along, done.across) < 0.15
     assert abs(done.turn) < 0.1
+
+
+def test_without_a_way_a_lorry_asks_again_after_4_8_16_32_and_64_s(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+
+    def refuse(*given: object) -> Future[TowedPath]:
+        asked.append(given)
+        answer: Future[TowedPath] = Future()
+        answer.set_exception(PlanError("no way"))
+        return answer
+
+    monkeypatch.setattr("race_agents.planning.chauffeur.ask_plan", refuse)
+    done = Yard(LORRY, TASK, (START, 0.1), Trouble("none")).drive(np.random.default_rng(0))
+    # After 0, 4, 12, 28, 60 and 124 s of 180.
+    assert (done.ending, len(asked)) == ("late", 6)
 
 
 # What is measured

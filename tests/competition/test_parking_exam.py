@@ -61,6 +61,13 @@ def test_a_driver_that_raises_fails_its_tasks_and_the_exam_goes_on() -> None:
     assert {one.fault for one in tries} == {"ValueError: no idea"}
 
 
+def test_every_answer_but_the_first_is_timed() -> None:
+    # In a second there are ten answers, and one more before the time is over.
+    tries = list(drive_exam(ExamSpec("1", range(2), limit_s=1.0), "ahead", lambda _: Ahead()))
+    assert sorted(len(one.decisions_ms) for one in tries) == [10, 11]
+    assert all((one.decisions_ms > 0.0).all() for one in tries)
+
+
 def test_who_cannot_park_is_refused_in_one_sentence() -> None:
     with pytest.raises(DriverError, match="'avoider' cannot park: it takes no order"):
         next(drive_exam(ExamSpec("1", [1]), "avoider"))
@@ -106,3 +113,19 @@ def test_a_person_reads_a_table_and_the_seeds_of_failures() -> None:
     assert done.exit_code == 0, done.output
     assert "valet" in done.output
     assert "late 1, seeds 1" in done.output
+
+
+def test_the_exam_of_trailers_counts_jack_knives_and_tells_of_long_decisions() -> None:
+    words = ["trailer", "--lot", "dock-35", "--seeds", "1", "--limit-s", "1", "--json"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    (row,) = json.loads(done.stdout)["rows"]
+    assert (row["driver"], row["lot"], row["failures"]) == ("valet", "dock-35", {"late": 1})
+    assert row["jack_knives"] == 0
+    assert 0.0 < row["decision_ms_p95"] <= row["decision_ms_worst"]
+
+
+def test_the_exam_of_trailers_is_none_for_a_kart() -> None:
+    refused = CliRunner().invoke(app, ["trailer", "--lot", "face-to-face"])
+    assert isinstance(refused.exception, ScenarioError)
+    assert "'face-to-face' draws no trailer" in str(refused.exception)

@@ -36,7 +36,13 @@ def test_a_person_that_is_hit_is_a_collision_and_time_that_runs_out_is_none() ->
     endings = ["wall", "block", "vehicle", "person", "person", "late", "left"]
     tally = ParkingTally.of(map(episode, endings))
     assert (tally.collisions, tally.hit_people) == (5, 2)
+    assert tally.jack_knives == 0
     assert next(iter(tally.failures)) == "person"
+
+
+def test_a_hitch_bent_too_far_and_a_trailer_that_touches_its_tractor_are_jack_knives() -> None:
+    tally = ParkingTally.of(map(episode, ["jack_knife", "jack_knife", "own_body", "block"]))
+    assert (tally.jack_knives, tally.collisions) == (3, 1)
 
 
 def test_times_ways_and_moves_are_those_of_parked_vehicles() -> None:
