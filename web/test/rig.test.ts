@@ -47,6 +47,11 @@ test('beyond the point of no return the sine is the bar over the radius of full 
   expect(noReturn({ ...RIG, hitches: [{ offset: 0, bar: 6 }] })).toBe(Infinity);
 });
 
+test('a car with a caravan has no way back in reverse from 73.9°', () => {
+  const caravan = { rearAxle: 1, wheelbase: 2.8, lock: 0.6, hitches: [{ offset: 1.2, bar: 3.6 }] };
+  expect((noReturn(caravan) * 180) / Math.PI).toBeCloseTo(73.9, 1);
+});
+
 test('straight ahead both axles follow a line', () => {
   const { paths, isKnife } = predict(RIG, kart(), [trailer()], 1);
   expect(isKnife).toBe(false);
