@@ -11,7 +11,7 @@ import math
 from race_agents.planning.tactics import SPEED
 from race_server.core.kernel_driver import DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.observation import AHEAD, PART_NUMBERS
+from race_server.core.observation import AHEAD, BRAKE_SHARE, PART_NUMBERS
 from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
 
@@ -22,6 +22,7 @@ HEADING = PART_NUMBERS["line_heading"]
 STEP = PART_NUMBERS["line_step"]
 CURVATURE = PART_NUMBERS["line_curvature_ahead"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
+LINE_HELD = PART_NUMBERS["line_speed_held"]
 SPEED_CAP = PART_NUMBERS["speed_cap"]
 THRUST_SCALE = PART_NUMBERS["thrust_scale"]
 GRIP_SCALE = PART_NUMBERS["grip_scale"]
@@ -33,9 +34,6 @@ BEND_SHARE = 0.98
 # The same on tyres so stiff that the wheels turn through all their slip within one decision: they
 # slide at once, and without a warning.
 STIFF_BEND_SHARE = 0.95
-# Share of the line's braking that is planned with: it brakes into bends with all tyres at their
-# limit, and a kart that does so cannot be steered.
-BRAKE_SHARE = 0.8
 # Share of the grip that a dash beyond the line's speeds leaves to the brakes, for bends after it.
 DASH_BRAKE_SHARE = 0.55
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
@@ -86,7 +84,10 @@ def grip_of(cockpit: Cockpit) -> float:
 def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) -> float:
     """Return the speed [m/s] to have a distance [m] ahead, `shift` [m] to the left of the line.
 
-    Less grip means that all accelerations of the line, and so the squares of its speeds, shrink.
+    The line brakes into bends with all tyres at their limit, and a kart that does so cannot be
+    steered: BRAKE_SHARE of its braking is planned with, beyond the last sample by
+    `line_speed_held`. Less grip means that all accelerations of the line, and so the squares of
+    its speeds, shrink.
     dash: share by which its speed is exceeded where no bend needs the grip, and the brakes can undo
     it before the next one.
     """
@@ -96,6 +97,8 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
         bend_share = STIFF_BEND_SHARE
     place = distance / max(observation[offsets[STEP]], 0.01)
     square = math.inf
+    if offsets[LINE_HELD] >= 0:
+        square = (STRAIGHT_SHARE * observation[offsets[LINE_HELD]]) ** 2
     brakes = 0.0
     if dash > 0.0:
         brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * observation[offsets[STEP]]

@@ -11,6 +11,7 @@ AHEAD = 16  # samples of the course ahead
 NEARBY = 4  # karts reported
 THINGS = 4  # item boxes and hazards reported
 USES = 4  # kinds of item use
+BRAKE_SHARE = 0.8  # of the reference line's braking, which `line_speed_held` plans with
 MOVERS = 2  # people and vehicles reported that move in a car park
 
 
@@ -173,6 +174,9 @@ movers_speed_y       movers m/s   -80   80     kart   the same, to the left
 movers_age           movers s     0     5      kart   time since a ray met them; 5 where there is
                                                       none
 movers_radius        movers m     0     10     kart   half their width; 0 where there is none
+line_speed_held      1      m/s   0     100    line   speed at the last of those points from which
+                                                      4/5 of the line's braking slows down in time
+                                                      for all that follows; 0 without a line
 """
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.observation_parts import BRAKE_SHARE
 from race_server.scenario.track.course import Floats
 
 
@@ -26,3 +27,19 @@ class ReferenceLine:
     right: Floats  # (N,) [m] the same to its right
     beside: NDArray[np.int64]  # (N,) sample of this line abreast of each of the centre line
     note: str = ""  # why it is used in place of the reference limit; empty if it is that
+
+    @property
+    def held(self) -> Floats:
+        """The most speed (N,) [m/s] that a vehicle may have that brakes less than the line does.
+
+        From there BRAKE_SHARE of the line's braking, by squares of speeds, slows down in time for
+        all that follows. One pass backward, from the slowest sample, where the line holds it.
+        """
+        squares = self.speed**2
+        losses = (BRAKE_SHARE * np.maximum(squares - np.roll(squares, -1), 0.0)).tolist()
+        held = squares.tolist()
+        count, slowest = len(held), int(np.argmin(squares))
+        for index in range(slowest + count - 1, slowest, -1):
+            here, there = index % count, (index + 1) % count
+            held[here] = min(held[here], held[there] + losses[here])
+        return np.sqrt(held)
