@@ -27,7 +27,7 @@ from race_server.core.vehicles import Vehicle
 from race_server.errors import RaceError, TrackError
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.raceline.reference import known_limit, reference_limit
-from race_server.scenario.track.load import load_course
+from race_server.scenario.track.load import digest_of, load_course
 
 # Kinds of courses that are drawn in turn; shorter vehicles [m] drive those of 1/10.
 SMALL, SHORT_M = ("block", "spline", "circuit"), 1.0
@@ -185,9 +185,8 @@ def try_of(run: Run) -> CourseTry:
 
 def _kept(spec: RunSpec, editions: Mapping[str, str]) -> Path:
     """Return the file that keeps a run: by all that decides it, the compiled code included."""
-    course = load_course(spec.track)
     edition = editions.get(spec.driver, "")
-    words = f"{source_digest()} {edition} {course.digest} {spec}"
+    words = f"{source_digest()} {edition} {digest_of(spec.track)} {spec}"
     digest = hashlib.sha256(words.encode()).hexdigest()[:24]
     return cache_root() / "lap-exams" / f"{digest}.json"
 
