@@ -117,7 +117,7 @@ def _examine(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
         total = len(drivers) * len(spec.courses)
-        task = bar.add_task("getting ready; the first limits take seconds each", total=total)
+        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
             for one in examine(spec, drivers, _editions_of(drivers)):
                 tries.append(one)

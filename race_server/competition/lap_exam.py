@@ -18,6 +18,7 @@ from typing import Any
 
 from race_server.competition.proportion import wilson_interval
 from race_server.competition.time_trial.figures import intervals
+from race_server.competition.time_trial.plan import compile_once
 from race_server.competition.time_trial.pool import run_all
 from race_server.competition.time_trial.run import Run, Tell, drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
@@ -149,6 +150,8 @@ def examine(
             yield kept
         else:
             waiting.append(run)
+    if waiting:
+        compile_once(waiting[0])
     outcomes = run_all(waiting, spec.jobs, drive=drive_with_limit)
     with contextlib.closing(outcomes):
         for _, run in outcomes:

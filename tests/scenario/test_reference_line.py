@@ -81,14 +81,15 @@ def line_with(speeds: list[float]) -> ReferenceLine:
 
 
 def test_the_speed_held_leaves_a_fifth_of_the_braking() -> None:
-    # From 10 m/s to 6 m/s the squares lose 64; 4/5 of that from 36 are 87.2.
+    # From 10 m/s to 6 m/s the squares lose 64; 4/5 of that above 36 are 87.2, and a step before
+    # the brakes have as much again.
     held = line_with([10.0, 10.0, 6.0, 6.0]).held
-    assert held**2 == pytest.approx([87.2, 87.2, 36.0, 36.0])
+    assert held**2 == pytest.approx([100.0, 87.2, 36.0, 36.0])
 
 
 def test_the_speed_held_looks_around_the_end_of_the_lap() -> None:
     held = line_with([6.0, 8.0, 10.0, 10.0]).held
-    assert held**2 == pytest.approx([36.0, 64.0, 87.2, 87.2])
+    assert held**2 == pytest.approx([36.0, 64.0, 100.0, 87.2])
 
 
 def test_where_the_line_never_brakes_its_own_speed_is_held() -> None:

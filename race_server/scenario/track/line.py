@@ -33,10 +33,14 @@ class ReferenceLine:
         """The most speed (N,) [m/s] that a vehicle may have that brakes less than the line does.
 
         From there BRAKE_SHARE of the line's braking, by squares of speeds, slows down in time for
-        all that follows. One pass backward, from the slowest sample, where the line holds it.
+        all that follows; where it does not brake yet, of the hardest braking of its lap, as far as
+        the bend leaves grip for it. One pass backward, from the slowest sample, which it holds.
         """
         squares = self.speed**2
-        losses = (BRAKE_SHARE * np.maximum(squares - np.roll(squares, -1), 0.0)).tolist()
+        drops = np.maximum(squares - np.roll(squares, -1), 0.0)
+        across = squares * np.abs(self.curvature)
+        unused = 1.0 - across / max(float(across.max()), 1e-9)
+        losses = (BRAKE_SHARE * np.maximum(drops, float(drops.max()) * unused)).tolist()
         held = squares.tolist()
         count, slowest = len(held), int(np.argmin(squares))
         for index in range(slowest + count - 1, slowest, -1):
