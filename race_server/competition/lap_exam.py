@@ -154,10 +154,10 @@ def examine(
         compile_once(waiting[0])
     outcomes = run_all(waiting, spec.jobs, drive=drive_with_limit)
     with contextlib.closing(outcomes):
-        for _, run in outcomes:
-            one = try_of(run)
-            if not run.failed:
-                _write(_kept(run.spec, editions), one)
+        for _, driven in outcomes:
+            one = try_of(driven)
+            if not driven.failed:
+                _write(_kept(driven.spec, editions), one)
             yield one
 
 
