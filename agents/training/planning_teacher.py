@@ -16,16 +16,20 @@ from race_agents.planning.parking_plan import chart_of, parked_trailer_pose
 from race_agents.planning.path_follower import (
     ANGLE,
     COLUMNS,
+    CURVATURE,
     GEAR,
     HEADING,
     LAST,
-    LEFT,
+    SPEED,
     STANDING,
+    Spot,
     X,
     Y,
+    locate,
 )
-from race_agents.planning.rig import Rig, rig_of
+from race_agents.planning.rig import Rig, rig_of, way_behind
 from race_agents.planning.towed_follower import (
+    LEAST_RATIO,
     axle_of,
     follow_towed,
     guided_axle,
@@ -38,11 +42,13 @@ from race_server.core.kernels.motion import Motion
 from race_server.core.kernels.trailers import axle_pose, hitch_angle
 from race_server.core.parking_order import order_of
 from race_server.core.state import Floats, Ints, Record, Records, World
-from race_server.envs.actions import PEDAL, action_kind
+from race_server.envs.actions import LEAST_SPEED
 from race_server.envs.batch import Batch
 from race_server.errors import PlanError, ScenarioError
 
 Labels = NDArray[np.float32]
+
+ACTION = "dock"  # what it answers with
 
 # Distances kept from obstacles [m], and steps of the search for a way, see `TowedPlanner.allow`. A
 # learner needs more room than a planner; the next one is tried where no way keeps the one before.
@@ -54,11 +60,8 @@ MOST_POINTS = 2048
 ASIDE, TURNED, BENT = 1.0, 0.4, 0.5
 # Decisions until a way is looked for again where there was none.
 PAUSE = 30
-# Slower than this [m/s] a vehicle stands, as far as labels are concerned: to wait for its wheels,
-# or to a centimetre for the next leg, is nothing to learn. It pushes off so hard.
-SLOW, PUSH = 0.1, 0.3
-# Way to the end [m] within which brakes mean that a vehicle is there.
-NEAR_END = 0.2
+# Slower than this [m/s] a vehicle stands, as far as labels are concerned.
+SLOW = 0.1
 
 
 class PlanningTeacher:
@@ -68,13 +71,13 @@ class PlanningTeacher:
         """Prepare a planner.
 
         Raises:
-            ScenarioError: the vehicles do not learn alone, or have other actions than `park`.
+            ScenarioError: the vehicles do not learn alone, or have other actions than `dock`.
             PlanError: they do not draw just one trailer.
         """
-        if action_kind(batch.task.action) != PEDAL:
+        if batch.task.action != ACTION:
             raise ScenarioError(
-                f"action = {batch.task.action!r}: a teacher that plans answers with one pedal and "
-                "steering; choose 'park'"
+                f"action = {batch.task.action!r}: a teacher that plans answers with a speed and "
+                f"steering; choose {ACTION!r}"
             )
         if batch.learners != 1:
             raise ScenarioError(
@@ -187,28 +190,40 @@ def label_all(
         cap = 2.0 * vehicle.top_speed
         command = follow_towed(track, progress[w], vehicle, rig, motion, angle, cap)
         row = track[int(progress[w, 0])]
-        if _is_astray(row, vehicle, rig, motion, angle):
+        led = guided_axle(rig, axle_of(vehicle, motion), angle, row[GEAR])
+        if _is_astray(row, led, angle):
             counts[w] = 0
             continue
+        spot = locate(track, progress[w], led.x, led.y, motion.speed)
+        controls[w, 0] = _wanted_speed(track, spot, vehicle, rig)
         controls[w, 1] = command.steering
-        if command.brake <= 0.0:
-            controls[w, 0] = command.throttle
-        elif speed == 0.0:
-            has_come = row[LAST] == counts[w] - 1 and row[LEFT] < NEAR_END
-            controls[w, 0] = 0.0 if has_come else PUSH * row[GEAR]
-            if has_come and abs(body.speed) < STANDING:
-                counts[w] = 0  # it would have ended here, so it does not stand well enough
-        elif speed > 0.0:
-            controls[w, 0] = -command.brake
-        else:
-            force = command.brake * vehicle.brake_force
-            controls[w, 0] = min(force / vehicle.motor_force, 1.0)
+        if spot.arrived and row[LAST] == counts[w] - 1 and abs(body.speed) < STANDING:
+            counts[w] = 0  # it would have ended here, so it does not stand well enough
 
 
 @kernel
-def _is_astray(row: Floats, vehicle: Record, rig: Rig, motion: Motion, angle: float) -> bool:
-    """Return whether a vehicle is too far from a point of its way, (COLUMNS,), to come back."""
-    led = guided_axle(rig, axle_of(vehicle, motion), angle, row[GEAR])
+def _wanted_speed(track: Floats, spot: Spot, vehicle: Record, rig: Rig) -> float:
+    """Return the speed at a spot of a way, as a share of the most in that direction.
+
+    At the end of a leg it turns round, so that the vehicle stands for a moment.
+    """
+    row, after = track[spot.point], track[spot.point + 1]
+    gear = row[GEAR]
+    ratio = 1.0
+    if gear < 0.0:
+        ratio = max(way_behind(rig, row[ANGLE], row[CURVATURE]), LEAST_RATIO)
+    speed = gear * max((row[SPEED] + spot.share * (after[SPEED] - row[SPEED])) / ratio, LEAST_SPEED)
+    if spot.arrived:
+        speed = -gear * LEAST_SPEED
+    return speed / (vehicle.top_speed if speed > 0.0 else vehicle.reverse_speed)
+
+
+@kernel
+def _is_astray(row: Floats, led: Pose, angle: float) -> bool:
+    """Return whether a vehicle is too far from a point of its way, (COLUMNS,), to come back.
+
+    led: the axle that is led; angle: at the hitch [rad].
+    """
     cos, sin = cos_sin(wrap_angle(row[HEADING]))
     aside = (led.y - row[Y]) * cos - (led.x - row[X]) * sin
     is_turned = abs(wrap_angle(led.heading - row[HEADING])) > TURNED

@@ -29,6 +29,7 @@ ActionName = Literal[
     "park",
     "report_a_1",
     "report_a",
+    "dock",
 ]
 
 

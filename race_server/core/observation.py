@@ -58,7 +58,7 @@ _MOVERS = (
 )
 _TRAILER = ("hitch", "hitch_behind", "goal_turn", "trailer_error")
 
-_DOCK = ("trailer_along", "trailer_across")
+_DOCK = ("trailer_along", "trailer_across", "gear")
 
 _REPORT_A = ("position_x", "position_y", "slot_x", "slot_y", "heading", "velocity_x", "velocity_y")
 _REPORT_A_UNIT = ("position_unit", "slot_unit", "heading", "velocity_unit", "to_slot_unit")
@@ -104,8 +104,8 @@ LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         # The state of a vehicle with one trailer in the frame of its slot, and what is near by; the
         # slot's own place tells what else stands in the lot.
         "dock": (
-            *("feelers", "speed", "steering", "hitch", "trailer_error", *_DOCK),
-            *("slot_x", "slot_y"),
+            *("feelers", "speed", "steering", "hitch", "trailer_error"),
+            *("trailer_along", "trailer_across", "slot_x", "gear"),
         ),
         # Report on an articulated vehicle that learns to park: 22 numbers.
         "report_c": (

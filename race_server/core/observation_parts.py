@@ -177,6 +177,8 @@ trailer_along        1      m     -1000 1000   slot   middle of the last trailer
                                                       stand, in the direction of the slot's
                                                       heading; without one that of the body
 trailer_across       1      m     -1000 1000   slot   the same, to the left of that direction
+gear                 1      -     -1    1      kart   direction of the last motion: 1 ahead, -1
+                                                      back, 0 before the first, and without a slot
 """
 
 

@@ -134,6 +134,16 @@ def test_a_trailer_is_seen_from_where_it_is_to_stand() -> None:
     assert seen(kart, "trailer_across") == pytest.approx([-4.0])
 
 
+def test_the_gear_is_the_direction_of_the_last_motion() -> None:
+    world = lorry(0.0, 0.0)
+    assert seen(world, "gear") == [0.0]
+    world.bodies["speed"][0, 0] = -1.0
+    wait(world, 1)
+    assert seen(world, "gear") == [-1.0]
+    world.bodies["speed"][0, 0] = 0.0
+    assert seen(world, "gear") == [-1.0]
+
+
 def test_the_observation_of_the_report_has_22_numbers() -> None:
     layout = layout_of("report_c", 1)
     assert layout.size == 22

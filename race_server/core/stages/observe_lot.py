@@ -94,6 +94,7 @@ def _fill_slot(
     last = stand_of(parker, vehicle, body, vehicle.trailer_count)
     put(out, offsets[part.TRAILER_ALONG], 0, last.along)
     put(out, offsets[part.TRAILER_ACROSS], 0, last.across)
+    put(out, offsets[part.GEAR], 0, parker.gear)
     put(out, offsets[part.SLOT_X], 0, x)
     put(out, offsets[part.SLOT_Y], 0, y)
     put(out, offsets[part.SLOT_HEADING], 0, parker.heading)
