@@ -55,9 +55,12 @@ ACTION = "dock"  # what it answers with
 MARGINS = ((0.3, 4_000), (0.05, 12_000))
 # Points of a way.
 MOST_POINTS = 2048
-# A vehicle that is farther than this from its way, to the side [m] or turned [rad], or whose hitch
-# has another angle than planned by more than this [rad], gets another way.
-ASIDE, TURNED, BENT = 1.0, 0.4, 0.5
+# A vehicle that is farther than this from its way [m], or turned [rad], or whose hitch has another
+# angle than planned by more than this [rad], gets another way. So does one that drives against its
+# way, faster than this [m/s]: it turned round where another way does, and may well go on.
+AWAY, TURNED, BENT, AGAINST = 1.0, 0.4, 0.5, 0.3
+# Decisions for which a way is kept against which a vehicle drives.
+KEPT = 20
 # Decisions until a way is looked for again where there was none.
 PAUSE = 30
 # Slower than this [m/s] a vehicle stands, as far as labels are concerned.
@@ -90,6 +93,7 @@ class PlanningTeacher:
         self._rig = rig_of(vehicle, 0.0, 1.0)
         self._tracks = np.zeros((batch.worlds, MOST_POINTS, COLUMNS))
         self._counts = np.zeros(batch.worlds, np.int64)  # points of each way; 0: there is none
+        self._ages = np.zeros(batch.worlds, np.int64)  # decisions since each was planned
         self._progress = np.zeros((batch.worlds, 1))
         self._waits = np.zeros(batch.worlds, np.int64)
         self._controls = np.zeros((batch.worlds, 2))
@@ -109,6 +113,7 @@ class PlanningTeacher:
             self._plan(int(w))
         self._label()
         self._waits = np.maximum(self._waits - 1, 0)
+        self._ages += 1
         return self._controls.astype(np.float32)
 
     def record_driven(self, actions: NDArray[np.float32]) -> None:
@@ -117,7 +122,8 @@ class PlanningTeacher:
     def _label(self) -> None:
         world = self._batch.world
         state = (world.bodies, world.vehicles, self._rig)
-        label_all(*state, self._tracks, self._counts, self._progress, self._controls)
+        ways = (self._tracks, self._counts, self._ages, self._progress)
+        label_all(*state, *ways, self._controls)
 
     def _plan(self, w: int) -> None:
         """Plan a way for one world, unless that failed a short while ago."""
@@ -138,7 +144,7 @@ class PlanningTeacher:
                 continue
             if len(track) <= MOST_POINTS:
                 self._tracks[w, : len(track)], self._counts[w] = track, len(track)
-                self._progress[w] = 0.0
+                self._progress[w], self._ages[w] = 0.0, 0
                 return
         self._waits[w] = PAUSE
 
@@ -168,13 +174,15 @@ def label_all(
     rig: Rig,
     tracks: Floats,
     counts: Ints,
+    ages: Ints,
     progress: Floats,
     controls: Floats,
 ) -> None:
-    """Fill `controls`, (W, 2) pedal and steering, from the way of each world.
+    """Fill `controls`, (W, 2) speed and steering as shares, from the way of each world.
 
     bodies, vehicles: (W, 1) BODY and VEHICLE; tracks: (W, S, COLUMNS), of which the first `counts`,
-    (W,), are a way, none where a vehicle is astray; progress: (W, 1), see `follow_towed`.
+    (W,), are a way, none where a vehicle is astray; ages: (W,) decisions since it was planned;
+    progress: (W, 1), see `follow_towed`.
     """
     for w in range(len(bodies)):
         body, vehicle = bodies[w, 0], vehicles[w, 0]
@@ -191,7 +199,8 @@ def label_all(
         command = follow_towed(track, progress[w], vehicle, rig, motion, angle, cap)
         row = track[int(progress[w, 0])]
         led = guided_axle(rig, axle_of(vehicle, motion), angle, row[GEAR])
-        if _is_astray(row, led, angle):
+        is_against = speed * row[GEAR] < -AGAINST and ages[w] >= KEPT
+        if is_against or _is_astray(row, led, angle):
             counts[w] = 0
             continue
         spot = locate(track, progress[w], led.x, led.y, motion.speed)
@@ -225,6 +234,7 @@ def _is_astray(row: Floats, led: Pose, angle: float) -> bool:
     led: the axle that is led; angle: at the hitch [rad].
     """
     cos, sin = cos_sin(wrap_angle(row[HEADING]))
-    aside = (led.y - row[Y]) * cos - (led.x - row[X]) * sin
+    x, y = led.x - row[X], led.y - row[Y]
+    is_away = max(abs(x * cos + y * sin), abs(y * cos - x * sin)) > AWAY
     is_turned = abs(wrap_angle(led.heading - row[HEADING])) > TURNED
-    return is_turned or abs(aside) > ASIDE or abs(wrap_angle(angle - row[ANGLE])) > BENT
+    return is_away or is_turned or abs(wrap_angle(angle - row[ANGLE])) > BENT
