@@ -120,10 +120,16 @@ class PlanningTeacher:
         """Do nothing: it looks where the vehicles are."""
 
     def _label(self) -> None:
-        world = self._batch.world
-        state = (world.bodies, world.vehicles, self._rig)
-        ways = (self._tracks, self._counts, self._ages, self._progress)
-        label_all(*state, *ways, self._controls)
+        label_all(
+            self._batch.world.bodies,
+            self._batch.world.vehicles,
+            self._rig,
+            self._tracks,
+            self._counts,
+            self._ages,
+            self._progress,
+            self._controls,
+        )
 
     def _plan(self, w: int) -> None:
         """Plan a way for one world, unless that failed a short while ago."""

@@ -32,7 +32,7 @@ def test_who_does_what_the_teacher_says_stands_in_the_bay() -> None:
         open_ways &= batch.terminated[:, 0] == 0
         if not open_ways.any():
             break
-    assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["is_parked"] * 2
+    assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["parked"] * 2
     assert teacher.plans == 2
 
 
