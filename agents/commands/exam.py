@@ -3,13 +3,13 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from race_agents.commands.exam_result import Result
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
@@ -18,10 +18,8 @@ from race_server.errors import ScenarioError
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
-    from race_agents.planning.planned_way import PlannedWay
-    from race_server.competition.parking_exam import ExamSpec, Try
+    from race_server.competition.parking_exam import ExamSpec
     from race_server.competition.parking_rounds import RoundTally
-    from race_server.competition.parking_tally import ParkingTally
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 
@@ -75,6 +73,13 @@ class ParkingOptions:
         Path | None,
         typer.Option(help="Draw failures and times into this .png or .svg file."),
     ] = None
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="Drive failed tasks again in a session, and record them into this folder; "
+            "`race replay` and the page play them."
+        ),
+    ] = None
     as_json: AsJson = False
 
 
@@ -89,75 +94,6 @@ class TrailerOptions(ParkingOptions):
     vehicle: Annotated[
         str, typer.Option(help="Vehicle that draws a trailer. Default: the lot's.")
     ] = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """One driver in one scenario."""
-
-    driver: str
-    spec: "ExamSpec"
-    tries: "list[Try]"
-    plans: "dict[tuple[int, int], PlannedWay]"  # by seed and vehicle
-    tally: "ParkingTally"
-    rounds: "RoundTally | None"  # of several vehicles
-
-    def parked_beside_plan(self) -> "list[tuple[Try, PlannedWay]]":
-        """Return the tries that were parked, each with its plan."""
-        parked = [one for one in self.tries if one.figures["is_success"]]
-        keys = [(one.seed, one.vehicle) for one in parked]
-        return [
-            (one, self.plans[key])
-            for one, key in zip(parked, keys, strict=True)
-            if key in self.plans
-        ]
-
-    def ratios(self, name: str) -> list[float]:
-        """Return a figure of each parked vehicle as a multiple of its plan's."""
-        return [one.figures[name] / getattr(plan, name) for one, plan in self.parked_beside_plan()]
-
-    def decision_ms(self, share: float) -> float | None:
-        """Return the time [ms] in which a share [%] of all answers came."""
-        import numpy as np
-
-        times = np.concatenate([one.decisions_ms for one in self.tries])
-        return round(float(np.percentile(times, share)), 3) if len(times) else None
-
-    def failed_seeds(self) -> dict[str, list[int]]:
-        """Return the seeds of failures by kind."""
-        failed = [one for one in self.tries if not one.figures["is_success"]]
-        return {
-            ending: sorted({one.seed for one in failed if one.figures["ending"] == ending})
-            for ending in self.tally.failures
-        }
-
-    def row(self) -> dict[str, Any]:
-        """Return the row of the JSON document. Its keys are a contract."""
-        pairs = self.parked_beside_plan()
-        planned = sum(plan.direction_changes for _, plan in pairs)
-        driven = sum(one.figures["direction_changes"] for one, _ in pairs)
-        return {
-            "driver": self.driver,
-            "scenario": self.spec.scenario,
-            "lot": self.spec.lot,
-            "level": self.spec.level_name,
-            "vehicles": self.spec.vehicles,
-            "delay_s": self.spec.delay_s,
-            "noise": self.spec.noise,
-            **asdict(self.tally),
-            "time_ratio_median": _median(self.ratios("time_s")),
-            "path_ratio_median": _median(self.ratios("path_m")),
-            "direction_changes_ratio": driven / planned if planned else None,
-            "decision_ms_p95": self.decision_ms(95.0),
-            "decision_ms_worst": self.decision_ms(100.0),
-            "failed_seeds": self.failed_seeds(),
-            "faults": sorted({one.fault for one in self.tries if one.fault}),
-            "rounds": asdict(self.rounds) if self.rounds else None,
-        }
-
-
-def _median(values: Sequence[float]) -> float | None:
-    return median(values) if values else None
 
 
 @app.command()
@@ -210,6 +146,11 @@ def _examine_and_tell(options: ParkingOptions) -> None:
         raise ScenarioError("--drivers and --scenario need a name each, separated by commas")
     if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
         raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    if options.record is not None and options.delay_s:
+        raise ScenarioError(
+            f"--delay-s {options.delay_s:g}: failures are recorded in sessions, which delay no "
+            "controls; leave out --delay-s or --record"
+        )
     specs = [
         ExamSpec(
             scenario,
@@ -228,11 +169,36 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     results = list(_examine(specs, drivers, console, quiet=options.as_json))
     if options.plot is not None:
         _draw(results, options.plot)
+    recorded = _record(results, options.record, console) if options.record else []
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
-        print_document({"rows": [result.row() for result in results], "wall_s": seconds})
-    else:
-        _show(results)
+        document = {"rows": [result.row() for result in results], "wall_s": seconds}
+        print_document(document | ({"recordings": recorded} if options.record else {}))
+        return
+    _show(results)
+    for row in recorded:
+        Console().print(
+            f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}",
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
+def _record(results: Sequence[Result], folder: Path, console: Console) -> list[dict[str, Any]]:
+    """Drive the first failures of each kind again, and return what was recorded of them."""
+    from race_server.competition.parking_recordings import record_tasks
+
+    rows = []
+    with console.status("recording failures", spinner="dots"):
+        for result in results:
+            kinds = result.failed_seeds().values()
+            seeds = {seed for kind in kinds for seed in kind[:MOST_TOLD]}
+            failed = [one for one in result.tries if one.seed in seeds]
+            for one in record_tasks(result.spec, result.driver, failed, folder, console.print):
+                endings = ", ".join(ending.name.lower() for ending in one.endings)
+                row = {"driver": result.driver, "lot": result.spec.lot, "seed": one.seed}
+                rows.append({**row, "path": str(one.path), "endings": endings})
+    return rows
 
 
 def _examine(

@@ -136,19 +136,26 @@ def _check(shown: Demonstrations, path: Path) -> None:
 def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
     """Return observations (n, size) and actions (n, A) of demonstrations for a learner.
 
+    Of a driver that decided n times as often as the learner, as in a session of a car park, every
+    n-th pair is taken.
+
     Raises:
         RaceError: the file is damaged, or recorded with another vehicle, interval or lidar.
     """
     shown = read_demonstrations(path)
     about, metadata = shown.about, metadata_from(settings, ())
-    for name, recorded, wanted in (
-        ("vehicle", about.vehicle, metadata.vehicle),
-        ("decision_s", about.decision_s, metadata.decision_s),
-    ):
-        if recorded != wanted:
-            raise ScenarioError(
-                f"{path}: {name} = {recorded!r}, the training's is {wanted!r}; record others"
-            )
+    if about.vehicle != metadata.vehicle:
+        raise ScenarioError(
+            f"{path}: vehicle = {about.vehicle!r}, the training's is {metadata.vehicle!r}; record "
+            "others"
+        )
+    ratio = metadata.decision_s / about.decision_s
+    every = round(ratio)
+    if every < 1 or abs(ratio - every) > 1e-6:
+        raise ScenarioError(
+            f"{path}: decision_s = {about.decision_s!r}, the training's is "
+            f"{metadata.decision_s!r}, which is no whole multiple of it; record others"
+        )
     kind = action_kind(settings.action)
     if kind not in {CONTINUOUS, CONTROL, PEDAL, BRAKED}:
         raise ScenarioError(
@@ -161,6 +168,7 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         places = places_in(layout, metadata, gear, "the learner")
     except RaceError as error:
         raise ScenarioError(f"{path}: {error}") from error
-    speeds = shown.observations[:, layout.slices["speed"].start]
-    actions = actions_of(shown.controls.astype(np.float64), kind, speeds.astype(np.float64))
-    return np.ascontiguousarray(shown.observations[:, places]), actions
+    seen, controls = shown.observations[::every], shown.controls[::every]
+    speeds = seen[:, layout.slices["speed"].start]
+    actions = actions_of(controls.astype(np.float64), kind, speeds.astype(np.float64))
+    return np.ascontiguousarray(seen[:, places]), actions

@@ -39,9 +39,14 @@ def crash(
 
 @app.command()
 def park(
-    lot: Annotated[str, typer.Option(help="Car park: a name from `race lot list`.")] = "yard-70",
+    lot: Annotated[str, typer.Option(help="Car park: a name from `race lot list`.")] = "kart-park",
     seats: Annotated[int, typer.Option(min=1, max=64, help="Number of vehicles.")] = 20,
-    driver: Annotated[str, typer.Option(help="Driver that parks them.")] = "valet",
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle. Default: the one that the car park is made for.")
+    ] = "",
+    driver: Annotated[
+        str, typer.Option(help="Driver that parks them, such as valet or learned:NAME.")
+    ] = "valet",
     together: Annotated[
         int, typer.Option(min=1, help="Vehicles that are on their way at a time.")
     ] = 64,
@@ -55,12 +60,12 @@ def park(
 
     All must be parked, no person hit, and the recording driven again must be the same session.
     """
-    with Console(stderr=True).status("parking", spinner="dots"):
+    with progress("parking", seats) as tell:
         from race_server.tools.drills.park import drill_park
 
-        document = drill_park(
-            lot, seats=seats, driver=driver, together=together, seed=seed, kill=kill
-        )
+        known_drivers(driver)
+        settings = {"vehicle": vehicle, "driver": driver, "together": together, "seed": seed}
+        document = drill_park(lot, seats=seats, kill=kill, tell=tell, **settings)
     finish(document, as_json=as_json)
 
 

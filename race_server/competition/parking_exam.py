@@ -122,6 +122,7 @@ class Try:
     vehicle: int = 0
     # [ms] wall time of each answer but the first of the exam
     decisions_ms: Float32s = field(default_factory=lambda: np.zeros(0, np.float32))
+    round_seed: int = 0  # of the world's round, which the seed of the task decides
     pause_s: float = 0.0  # longest time in which no vehicle moved of those that drove like this one
 
 
@@ -234,12 +235,14 @@ class _Hall:
         if batch.karts > 1:
             self._traffic[w] = Traffic(batch.karts)
             self._traffic[w].watch(batch.world, w)
-        places = self._places()[w]
+        places, round_seed = self._places()[w], int(batch.world.races[w].seed)
         for k, driver in enumerate(self.drivers[w]):
             order = order_of(batch.world, w, k)
             driver.reset(self._briefings[k])
             tell_to_park(driver, self.name, order, self._traffic.get(w))
-            self.begun[w, k] = Try(seed, {}, order, places[k], places[k], vehicle=k)
+            self.begun[w, k] = Try(
+                seed, {}, order, places[k], places[k], vehicle=k, round_seed=round_seed
+            )
             self._times[w, k] = []
 
     def _places(self) -> Floats:

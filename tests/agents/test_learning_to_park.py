@@ -23,7 +23,12 @@ from race_agents.training.callback import BEST, CURVE
 from race_agents.training.checkpoint import begin_with
 from race_agents.training.cloning import Cloning
 from race_agents.training.curriculum import Curriculum
-from race_agents.training.demonstrations import About, Demonstrations, write_demonstrations
+from race_agents.training.demonstrations import (
+    About,
+    Demonstrations,
+    pairs_for,
+    write_demonstrations,
+)
 from race_agents.training.evaluation import Examiner
 from race_agents.training.parking_marks import ParkingMarks
 from race_agents.training.run import TrainingResult
@@ -226,11 +231,20 @@ def test_cloning_beside_ppo_pulls_answers_to_the_demonstrations_and_fades(tmp_pa
     world.close()
 
 
+def test_of_demonstrations_at_twice_the_pace_every_second_pair_teaches(tmp_path: Path) -> None:
+    wanted = settings()
+    all_pairs = pairs_for(wanted, write_shown(tmp_path / "all.npz", steering=0.8))
+    fast = write_shown(tmp_path / "fast.npz", steering=0.8, decision_s=0.05)
+    seen, actions = pairs_for(wanted, fast)
+    assert np.array_equal(seen, all_pairs[0][::2])
+    assert np.array_equal(actions, all_pairs[1][::2])
+
+
 def test_demonstrations_of_another_pace_are_refused(tmp_path: Path) -> None:
-    shown = write_shown(tmp_path / "shown.npz", steering=0.0, decision_s=0.05)
+    shown = write_shown(tmp_path / "shown.npz", steering=0.0, decision_s=0.07)
     wanted = settings(f"cloning.demonstrations={shown}")
     budget, world, _ = untrained(wanted)
-    with pytest.raises(ScenarioError, match=r"decision_s = 0\.05, the training's is 0\.1"):
+    with pytest.raises(ScenarioError, match=r"decision_s = 0\.07, the training's is 0\.1"):
         Cloning(wanted, world, budget)
     world.close()
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from race_server.core.vehicles import numbers_of
 from race_server.net.wire.line import LineSheet
 from race_server.net.wire.lobby import CourseSheet
 
@@ -39,14 +40,25 @@ def course_sheet(scenario: "Scenario") -> CourseSheet:
     )
 
 
+# Of a vehicle's numbers those that decide on which arc it drives.
+STEERED = ("front_axle", "rear_axle", "steering_limit")
 # Among the rules that a server sends: whether the world waits for its drivers.
 LOCKSTEP = "lockstep"
 
 
 def rules_sheet(scenario: "Scenario") -> dict[str, str]:
-    """Return the rule book and the size of a kart [m] as names and values."""
+    """Return the rule book and the size of a kart [m] as names and values.
+
+    Of a vehicle with trailers also what decides where they go, by the names of `numbers_of`.
+    """
     rules, vehicle = asdict(scenario.rules), scenario.vehicle_of(0)
     size = {"kart_length": vehicle.length, "kart_width": vehicle.width}
+    if vehicle.trailers:
+        size |= {
+            name: value
+            for name, value in numbers_of(vehicle).items()
+            if name in STEERED or name.startswith("trailers.")
+        }
     return {name: str(value) for name, value in (rules | size).items()}
 
 

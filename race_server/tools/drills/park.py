@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,13 +21,14 @@ from typing import Any
 from race_server.competition.launch import START_S
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Control, EventKind, Phase, Standing, Status
-from race_server.errors import KeysError, LinkError, RaceError, SeatError
+from race_server.errors import KeysError, LinkError, LotError, RaceError, SeatError
 from race_server.live.client.driver import KartClient
 from race_server.live.client.spectator import Spectator
 from race_server.live.client.steward import StewardClient
 from race_server.live.server.wheels import VALET
 from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
+from race_server.scenario.lot.check import check_lot
 from race_server.storage.recording.reader import read_recording
 from race_server.tools.drills.crash import children_of
 from race_server.tools.drills.replay import replay_of
@@ -41,9 +43,13 @@ from race_server.tools.drills.server_process import (
 SMALL = SmallDrill("--seats 3 --lot zone-30 --together 1", 60, "parked")
 
 # A session of the drill lasts at most this long: by its own clock, and by that of the wall [s].
-LIMIT_S, MOST_S = 600, 900.0
+LIMIT_S, MOST_S = 180, 600.0
+# Rounds of the car park that are checked for room before vehicles start.
+ROUNDS = 10
 # A vehicle that drives for longer than this no longer holds up the others [s].
 STUCK_S = 60.0
+# A single vehicle has this way behind it [m] when its server is killed.
+HALF_M = 10.0
 # A server whose session is over ends within this time [s].
 END_S = 30.0
 
@@ -70,6 +76,12 @@ class Yard:
         """Return how many vehicles are parked by now."""
         return sum(row.status is Status.FINISHED for row in self.rows())
 
+    def is_half_way(self, seats: int) -> bool:
+        """Return whether half of the vehicles are parked, or the only one has driven HALF_M."""
+        if seats == 1:
+            return any(row.parking and row.parking.way > HALF_M for row in self.rows())
+        return 2 * self.parked() >= seats
+
     def driving(self) -> set[int]:
         """Return the seats whose vehicles are neither parked nor out."""
         return {row.seat for row in self.rows() if row.status is Status.RACING}
@@ -93,20 +105,32 @@ class Yard:
 
 
 def drill_park(
-    lot: str = "yard-70",
+    lot: str = "kart-park",
     *,
     seats: int = 20,
+    vehicle: str = "",
     driver: str = VALET,
     together: int = 64,
     seed: int = 1,
     kill: bool = True,
+    tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Return the figures of a session in which all vehicles park on command.
 
-    driver: that parks; together: number of vehicles that are on their way at a time, those nearest
-    to their slots first; kill: end the server once, when half of the vehicles are parked.
+    vehicle: that of the lot where it is empty; driver: that parks; together: number of vehicles
+    that are on their way at a time, those nearest to their slots first; kill: end the server once,
+    when half of the vehicles are parked or, where one parks, when it has driven half of its way;
+    tell: is told how many are parked.
+
+    Raises:
+        LotError: the car park has no room for so many.
     """
+    begun = time.monotonic()
+    for issue in check_lot(lot, vehicle, ROUNDS, seats):
+        if issue.level == "error":
+            raise LotError(f"{lot} cannot hold {seats}: {issue.what}; or take fewer --seats")
     words = ["--lot", lot, "--karts", str(seats), "--wait-for", str(seats), "--valet", driver]
+    words += ["--vehicle", vehicle] if vehicle else []
     words += ["--seed", str(seed), "--one-process", "--limit", str(LIMIT_S)]
     faults: list[str] = []
     with (
@@ -114,7 +138,7 @@ def drill_park(
         server_process([*words, "--record", folder], is_guarded=True) as process,
     ):
         try:
-            kills = _run(process, seats, together, kill=kill)
+            kills = _run(process, seats, together, tell, kill=kill)
             document = process.stop()
         except RaceError as error:
             return document_of([f"{error}; {process.last_words()}"], lot=lot, seats=seats)
@@ -123,7 +147,8 @@ def drill_park(
             faults.append(f"the recording {fault}")
     if kill and not kills:
         faults.append("the session was over before the server could be killed")
-    return _report(document, faults, lot=lot, driver=driver, seats=seats, kills=kills, seed=seed)
+    about = {"lot": lot, "driver": driver, "seats": seats, "kills": kills, "seed": seed}
+    return _report(document, faults, **about, wall_s=round(time.monotonic() - begun, 1))
 
 
 def _report(document: dict[str, Any], faults: list[str], **about: Any) -> dict[str, Any]:
@@ -144,10 +169,18 @@ def _report(document: dict[str, Any], faults: list[str], **about: Any) -> dict[s
         people_hit=hits,
         seconds=round(document["ticks"] / TICKS_PER_SECOND, 1),
         way_mean=round(sum(ways) / len(ways), 1),
+        vehicles=[{"seat": kart["seat"], **kart["parking"]} for kart in document["karts"]],
     )
 
 
-def _run(process: ServerProcess, seats: int, together: int, *, kill: bool) -> int:
+def _run(
+    process: ServerProcess,
+    seats: int,
+    together: int,
+    tell: Callable[[int], None],
+    *,
+    kill: bool,
+) -> int:
     """Let all vehicles park; return how many times the server was killed.
 
     Raises:
@@ -174,7 +207,8 @@ def _run(process: ServerProcess, seats: int, together: int, *, kill: bool) -> in
             lately = [s for s, at in ordered.items() if s in driving and now < at + STUCK_S]
             if waiting and len(lately) < together and yard.order(waiting[0]):
                 ordered[waiting[0]] = now
-            if kill and not kills and 2 * yard.parked() >= seats:
+            tell(yard.parked())
+            if kill and not kills and yard.is_half_way(seats):
                 os.kill(children_of(process.server.pid)[0], signal.SIGKILL)
                 kills += 1
             time.sleep(0.05)

@@ -1,7 +1,8 @@
 // A car park from above: slots, what stands in them, people, and what vehicles have driven.
 
 import type { Race } from '../race/race.svelte';
-import type { Block, Disc, Goal, LotFrame, Rectangle } from '../wire/frames';
+import { predict } from '../race/rig';
+import type { Block, Disc, Goal, LotFrame, Rectangle, SnapshotFrame } from '../wire/frames';
 import { RayHit } from '../wire/tables';
 import { type MapColours, liveryOf } from './palette';
 
@@ -124,6 +125,43 @@ export function drawWays(
     }
   }
   context.globalAlpha = 1;
+}
+
+// Of the vehicle's rear axle, of trailers' axles, and where the prediction ends in a jack-knife.
+const AHEAD = '#ffd43b';
+const BEHIND = '#74c0fc';
+const KNIFE = '#ff4d4d';
+
+/** Draws where a vehicle with trailers goes with the wheels as they are. */
+export function drawPrediction(
+  context: CanvasRenderingContext2D,
+  race: Race,
+  frame: SnapshotFrame,
+  seat: number,
+  pixel: number,
+): void {
+  const kart = frame.karts.find((one) => one.seat === seat);
+  if (!kart || !race.rig) return;
+  const { paths, isKnife } = predict(race.rig, kart, frame.trailers, wayOf(race, seat));
+  paths.forEach((path, row) => {
+    context.beginPath();
+    path.forEach(({ x, y }, index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
+    context.strokeStyle = row ? BEHIND : AHEAD;
+    context.lineWidth = 3 * pixel;
+    context.setLineDash([8 * pixel, 5 * pixel]);
+    context.stroke();
+    context.setLineDash([]);
+    const end = path.at(-1)!;
+    context.beginPath();
+    context.arc(end.x, end.y, (isKnife ? 7 : 4) * pixel, 0, TAU);
+    context.fillStyle = isKnife ? KNIFE : context.strokeStyle;
+    context.fill();
+  });
+}
+
+/** Returns in which direction a vehicle drives, or did before it stood. */
+function wayOf(race: Race, seat: number): 1 | -1 {
+  return race.ways.ways.get(seat)?.gear === -1 ? -1 : 1;
 }
 
 /** Draws what was drawn for a round, below the vehicles. */

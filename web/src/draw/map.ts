@@ -4,7 +4,7 @@ import type { Race } from '../race/race.svelte';
 import type { SnapshotFrame } from '../wire/frames';
 import { Camera } from './camera';
 import { drawKarts, drawTrailers } from './karts';
-import { drawPeople, drawRound, drawWays } from './lot';
+import { drawPeople, drawPrediction, drawRound, drawWays } from './lot';
 import { drawNames, namesOn } from './names';
 import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
 import { type MapColours, mapColours } from './palette';
@@ -20,6 +20,7 @@ export interface MapChoice {
   rays: boolean;
   names: boolean;
   line: boolean;
+  ahead?: boolean; // where the followed vehicle goes with the wheels as they are
 }
 
 export class TrackMap {
@@ -113,6 +114,8 @@ export class TrackMap {
     const style = { body, camera, ratio, colours: this.colours, followed, isBox: race.isLot };
     drawTrailers(top, frame.trailers, style);
     drawKarts(top, frame.karts, style);
+    camera.apply(top, ratio);
+    if (choice.ahead) drawPrediction(top, race, frame, followed, pixel);
     if (choice.names) drawNames(top, frame.karts, namesOn(race, frame, followed), style);
   }
 

@@ -3,6 +3,18 @@
 import { Ending, Status } from '../wire/tables';
 import { wrap } from './buffer';
 import type { Race } from './race.svelte';
+import { hitchAngles, noReturn } from './rig';
+
+// From this share of the limit on the driver is warned, whatever reversing could still mend.
+const NEAR = 0.85;
+
+/** The angle at a hitch [rad]. */
+export interface OwnHitch {
+  angle: number;
+  limit: number; // beyond it is a jack-knife
+  noReturn: number; // beyond it reversing makes it larger; Infinity where it is not known
+  isDanger: boolean;
+}
 
 export interface OwnParking {
   seat: number;
@@ -17,6 +29,7 @@ export interface OwnParking {
   offDegrees: number; // of its heading against that of the slot
   clearance: number; // least so far [m], NaN if unknown
   speed: number; // [m/s]
+  hitches: OwnHitch[]; // the nearest one first
 }
 
 /** Returns the figures of the vehicle of a seat, null where it has none. */
@@ -50,5 +63,18 @@ export function ownParking(race: Race, seat: number): OwnParking | null {
       goal && kart ? (Math.abs(wrap(kart.heading - goal.heading)) * 180) / Math.PI : NaN,
     clearance: race.clearances.get(seat) ?? NaN,
     speed: kart?.speed ?? 0,
+    hitches: hitchesOf(race, seat),
   };
+}
+
+/** Returns what the dials of the hitches of a vehicle show; none without a trailer. */
+export function hitchesOf(race: Race, seat: number): OwnHitch[] {
+  const [frame, kart] = [race.buffer.newest, race.kart(seat)];
+  if (!frame || !kart) return [];
+  const trailers = frame.trailers.filter((trailer) => trailer.seat === seat);
+  return hitchAngles(kart, trailers).map((angle, row) => {
+    const { limit } = trailers[row]!;
+    const last = row === 0 && race.rig ? noReturn(race.rig) : Infinity;
+    return { angle, limit, noReturn: last, isDanger: Math.abs(angle) > Math.min(last, NEAR * limit) };
+  });
 }

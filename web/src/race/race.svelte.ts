@@ -21,6 +21,7 @@ import { Course } from './course';
 import { InputAges } from './ages';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
+import { type Rig, rigOf } from './rig';
 import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
 import { clearanceOf } from './clearance';
@@ -58,6 +59,7 @@ export class Race {
   lot = $state.raw<LotFrame | null>(null);
   reference = $state.raw<LapTrace | null>(null);
   rules = $state.raw<RulesFrame | null>(null);
+  rig: Rig | null = null; // of vehicles that draw trailers
   standings = $state.raw<StandingsFrame | null>(null);
   events = $state.raw<readonly EventFrame[]>([]);
   rows = $state.raw<readonly Row[]>([]);
@@ -96,6 +98,7 @@ export class Race {
         return this.forget();
       case 'rules':
         this.rules = frame;
+        this.rig = rigOf(frame.values);
         return;
       case 'line':
         this.line = frame.x.length ? new ReferenceLine(frame) : null;

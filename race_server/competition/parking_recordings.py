@@ -1,0 +1,62 @@
+"""Tasks of an exam that failed, driven again in a session, so that recordings of them are played.
+
+The session is the lot's, with the seed of the task's round, the exam's interval of decisions and
+the driver inside. It has a countdown, and no delay of controls: the same task, in which a driver
+may fare better or worse than in the exam.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from race_server.competition.launch import free_address
+from race_server.competition.parking_exam import DECISION_TICKS, ExamSpec, Try
+from race_server.core.messages import Ending
+from race_server.live.server import LOCKSTEP, RaceServer
+from race_server.net.transport import ServerLink
+from race_server.scenario.race import Scenario
+from race_server.session import Session
+from race_server.storage.recording.logbook import Logbook
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One task that was driven again."""
+
+    seed: int
+    path: Path
+    endings: tuple[Ending, ...]  # of each vehicle
+
+
+def record_tasks(
+    spec: ExamSpec, driver: str, tries: Sequence[Try], folder: Path, log: Callable[[str], None]
+) -> Iterator[Recorded]:
+    """Drive the tasks of some tries in sessions, each once, and yield their recordings.
+
+    log: is told of a recording that fails.
+
+    Raises:
+        RecordingError: the folder cannot be written.
+        RaceError: the driver cannot drive there.
+    """
+    rounds = {one.seed: one.round_seed for one in tries}
+    for seed, round_seed in sorted(rounds.items()):
+        scenario = replace(spec.scenario_of(), seed=round_seed)
+        name = f"{spec.lot}-{seed}".replace(":", "-")
+        yield _record(scenario, driver, seed, name, folder, log)
+
+
+def _record(
+    scenario: Scenario, driver: str, seed: int, name: str, folder: Path, log: Callable[[str], None]
+) -> Recorded:
+    session = Session(name, scenario, decision_ticks=DECISION_TICKS)
+    before = set(folder.glob("*.mcap"))
+    with (
+        Logbook(folder, name, log) as book,
+        ServerLink(free_address(), name, scenario.karts) as link,
+    ):
+        result = RaceServer(session, link, LOCKSTEP, (driver,), logbook=book).run(0)
+    assert result is not None
+    (path,) = set(folder.glob("*.mcap")) - before
+    endings = tuple(row.parking.ending for row in result.standings if row.parking)
+    return Recorded(seed, path, endings)
