@@ -64,8 +64,16 @@ def park(
         from race_server.tools.drills.park import drill_park
 
         known_drivers(driver)
-        settings = {"vehicle": vehicle, "driver": driver, "together": together, "seed": seed}
-        document = drill_park(lot, seats=seats, kill=kill, tell=tell, **settings)
+        document = drill_park(
+            lot,
+            seats=seats,
+            vehicle=vehicle,
+            driver=driver,
+            together=together,
+            seed=seed,
+            kill=kill,
+            tell=tell,
+        )
     finish(document, as_json=as_json)
 
 

@@ -123,7 +123,7 @@ def drill_park(
     tell: is told how many are parked.
 
     Raises:
-        LotError: the car park has no room for so many.
+        LotError: the car park has no room for them.
     """
     begun = time.monotonic()
     for issue in check_lot(lot, vehicle, ROUNDS, seats):
