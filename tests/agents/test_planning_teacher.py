@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from race_agents.training.imitation import School
-from race_agents.training.planning_teacher import PlanningTeacher, occupied
+from race_agents.training.planning_teacher import MARGINS, PlanningTeacher, occupied
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_server.core import codes
@@ -33,7 +33,8 @@ def test_who_does_what_the_teacher_says_stands_in_the_bay() -> None:
         if not open_ways.any():
             break
     assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["parked"] * 2
-    assert teacher.plans == 2
+    # One way each, looked for with at most two margins.
+    assert 2 <= teacher.plans <= 2 * len(MARGINS)
 
 
 def test_which_neighbours_are_there_does_not_change_the_labels() -> None:
