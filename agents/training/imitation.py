@@ -19,12 +19,13 @@ from race_agents.training.budget import Budget
 from race_agents.training.demonstrations import pairs_for
 from race_agents.training.lines import Say, find_lines
 from race_agents.training.normaliser import Normaliser
+from race_agents.training.planning_teacher import PlanningTeacher
 from race_agents.training.schedule import deviations
-from race_agents.training.settings import Settings, WarmStart
+from race_agents.training.settings import PLANNER, Settings, WarmStart
 from race_agents.training.supervised import Memory, SupervisedSteps
 from race_agents.training.tasks import training_task
 from race_agents.training.teacher import Teacher, shown_to_both
-from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
+from race_server.envs.actions import CONTINUOUS, CONTROL, PACED, action_kind
 from race_server.envs.batch import Batch
 from race_server.envs.vector import after_an_episode
 from race_server.errors import ScenarioError
@@ -46,10 +47,11 @@ class School:
         Raises:
             RaceError: there is no such teacher, or it cannot teach the task.
         """
-        wanted = settings.warm_start
-        task = shown_to_both(training_task(settings), wanted.teacher)
-        scenarios = find_lines(task.scenarios, wanted.margin, settings.threads, say)
-        task = replace(task, scenarios=scenarios)
+        wanted, task = settings.warm_start, training_task(settings)
+        if wanted.teacher != PLANNER:
+            task = shown_to_both(task, wanted.teacher)
+            scenarios = find_lines(task.scenarios, wanted.margin, settings.threads, say)
+            task = replace(task, scenarios=scenarios)
         after = after_an_episode(task.count_learners())
         self.batch = Batch(
             task,
@@ -59,12 +61,19 @@ class School:
             after=after,
             threads=settings.threads,
         )
-        self.teacher = Teacher(wanted, self.batch)
+        self.teacher: Teacher | PlanningTeacher
+        if wanted.teacher == PLANNER:
+            self.teacher = PlanningTeacher(self.batch)
+        else:
+            self.teacher = Teacher(wanted, self.batch)
         self.karts = self.batch.worlds * self.batch.learners
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 
     def look(self, size: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return observations of the learners (n, size) and their labels (n, A)."""
+        """Return observations of the learners (n, size) and their labels (n, A).
+
+        Labels are not numbers where the teacher knows no way out.
+        """
         seen = self.batch.observations
         labels = self.teacher.labels(seen, self._begun)
         return seen.reshape(self.karts, -1)[:, :size].copy(), labels
@@ -117,6 +126,7 @@ class Imitation:
         self._school = School(settings, say) if wanted.teacher else None
         self._errors = np.zeros(width)
         self._next_look = 1  # once there are this many labels
+        self._taught = np.zeros(self._school.karts if self._school else 0, np.bool_)
 
     def go(self, budget: Budget, passed: Pass) -> None:
         """Imitate until its share of the training is over, or `passed` returns False."""
@@ -151,15 +161,28 @@ class Imitation:
         """Step by one decision, driven by the learner and at first also by the teacher."""
         wanted = self._wanted
         seen, labels = school.look(self._size)
-        self._memory.add(self._world.view(seen), labels)
+        known = np.isfinite(labels).all(axis=1)
+        self._memory.add(self._world.view(seen[known]), labels[known])
         means: Any = self._world.obs_rms
         means.update(seen)
         actions = self._lessons.answer(seen)
-        share = 1.0 - elapsed / wanted.teacher_drives if wanted.teacher_drives > 0.0 else 0.0
-        taught = self._chance.random(len(actions)) < share
+        taught = self._taught_now(elapsed) & known
         actions[taught] = labels[taught]
         actions += self._chance.normal(0.0, wanted.noise, actions.shape).astype(np.float32)
-        self._episodes.extend(school.move(np.clip(actions, self._low, self._high)))
+        actions = np.clip(actions, self._low, self._high)
+        # Without a way out straight on: the first thing that is hit ends the episode.
+        actions[~known] = np.eye(actions.shape[1], dtype=np.float32)[0]
+        self._episodes.extend(school.move(actions))
+
+    def _taught_now(self, elapsed: float) -> NDArray[np.bool_]:
+        """Return which karts the teacher drives now, shape (n,)."""
+        wanted, count = self._wanted, len(self._taught)
+        share = 1.0 - elapsed / wanted.teacher_drives if wanted.teacher_drives > 0.0 else 0.0
+        drawn = self._chance.random(count) < max(share, wanted.teacher_keeps)
+        if wanted.stretch > 1:
+            drawn = np.where(self._chance.random(count) * wanted.stretch < 1.0, drawn, self._taught)
+        self._taught = drawn
+        return drawn
 
     def close(self) -> None:
         """Close the worlds."""
@@ -183,7 +206,7 @@ def _weights(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return weight and quantile of the errors of each number of an action, each (A,)."""
     weights, quantiles = np.ones(width, np.float32), np.full(width, 0.5, np.float32)
-    if action_kind(action) == CONTINUOUS:
+    if action_kind(action) in {CONTINUOUS, PACED}:
         weights[1], quantiles[0] = wanted.steering_weight, wanted.quantile
     elif action_kind(action) == CONTROL:
         weights[0] = wanted.steering_weight

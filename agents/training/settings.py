@@ -11,6 +11,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
+PLANNER = "planner"  # the teacher that plans ways in a lot
 DECISION_TICKS = 3  # in a live race
 FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
@@ -28,6 +29,7 @@ ActionName = Literal[
     "park",
     "report_a_1",
     "report_a",
+    "dock",
 ]
 
 
@@ -177,7 +179,9 @@ class Goal(Table):
 class WarmStart(Table):
     """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
 
-    teacher: str = ""  # a scripted driver, which may see more than the learner
+    # A scripted driver, which may see more than the learner; in a lot `planner`, see
+    # `agents/training/planning_teacher.py`.
+    teacher: str = ""
     # To a teacher that takes it, as a residual action, see `race_server.envs.actions`.
     advice: tuple[float, ...] = ()
     # Greatest distance [m] between the learner and the lane that the teacher remembers, which a
@@ -193,6 +197,8 @@ class WarmStart(Table):
     log_std: Deviations = -2.0  # then; what is learned already needs less trying out
     # The share of steps that the teacher drives falls from all to none in this share of it.
     teacher_drives: float = Field(default=0.125, ge=0.0, le=1.0)
+    teacher_keeps: float = Field(default=0.0, ge=0.0, le=1.0)  # the least share; not none
+    stretch: int = Field(default=1, ge=1)  # decisions in a row that one of both drives, on average
     caution: float = Field(default=1.0, gt=0.0, le=1.0)  # share of its line's speeds
     margin: float | None = Field(default=None, ge=0.0)  # [m] of its line; None: as in a race
     noise: float = Field(default=0.05, ge=0.0)  # standard deviation of what is driven

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from race_agents.training.settings import LEARNER, Settings
+from race_agents.training.settings import LEARNER, PLANNER, Settings
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
@@ -89,13 +89,16 @@ def _check_seats(settings: Settings, source: str) -> None:
 def _check_discipline(settings: Settings, source: str) -> None:
     """Refuse what only races have in a lot, and the reverse, before it is ignored."""
     parks, where = settings.parks, f"parking.lots = {list(settings.parking.lots)}"
-    score = settings.evaluation.score
+    score, teacher = settings.evaluation.score, settings.warm_start.teacher
     wrong = {
         f"evaluation.score = {score!r}: choose success or return": parks and score == "speed",
         "evaluation.score = 'success': choose speed or return": not parks and score == "success",
         "self_play.seats: name race.opponents instead": parks and bool(settings.self_play.seats),
-        f"warm_start.teacher = {settings.warm_start.teacher!r}: a teacher follows a track's line; "
-        "give demonstrations instead": parks and bool(settings.warm_start.teacher),
+        f"warm_start.teacher = {teacher!r}: a driver follows a track's line; "
+        f"choose {PLANNER}, for a vehicle with a trailer, or demonstrations": (
+            parks and teacher not in {"", PLANNER}
+        ),
+        f"warm_start.teacher = {PLANNER!r}: choose a driver": not parks and teacher == PLANNER,
         "parking.shaping = 'hurl' and parking.heuristic = 'none': hurl needs a heuristic": (
             settings.mixes and settings.parking.heuristic == "none"
         ),

@@ -12,7 +12,10 @@ from race_server.scenario.sensors import Lidar, Radar
 
 RANGES, RADAR_RANGES = ("lidar", "lidar_before"), ("radar", "radar_before")
 # Offsets [m], of which the last metre matters as much as the fifty before it.
-OFFSETS = ("goal_x", "goal_y", "goal_distance", "movers_x", "movers_y")
+OFFSETS = (
+    *("goal_x", "goal_y", "goal_distance", "movers_x", "movers_y"),
+    *("trailer_along", "trailer_across"),
+)
 # No wall can be nearer than this [m]: the body surrounds the lidar.
 NEAREST = 0.05
 

@@ -1,7 +1,7 @@
 """`race drill`: provoke failures and attacks, and check that races survive them."""
 
 import json
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -64,16 +64,8 @@ def park(
         from race_server.tools.drills.park import drill_park
 
         known_drivers(driver)
-        document = drill_park(
-            lot,
-            seats=seats,
-            vehicle=vehicle,
-            driver=driver,
-            together=together,
-            seed=seed,
-            kill=kill,
-            tell=tell,
-        )
+        settings: dict[str, Any] = {"vehicle": vehicle, "driver": driver, "together": together}
+        document = drill_park(lot, seats=seats, seed=seed, kill=kill, tell=tell, **settings)
     finish(document, as_json=as_json)
 
 

@@ -60,6 +60,8 @@ _MOVERS = (
 )
 _TRAILER = ("hitch", "hitch_behind", "goal_turn", "trailer_error")
 
+_DOCK = ("trailer_along", "trailer_across", "gear")
+
 _REPORT_A = ("position_x", "position_y", "slot_x", "slot_y", "heading", "velocity_x", "velocity_y")
 _REPORT_A_UNIT = ("position_unit", "slot_unit", "heading", "velocity_unit", "to_slot_unit")
 
@@ -89,7 +91,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         # For drivers that have a map of the lot: their pose on it, and the lidar to see the rest.
         "lot_lidar": ("lidar", *_MOTION, *_POSE, "hitch", "parked_for", *_GAME),
         # For drivers that park with trailers, from feelers or from a map.
-        "lot_trailer": ("feelers", *_MOTION, *_GOAL, *_TRAILER, *_LOT, *_GAME),
+        "lot_trailer": ("feelers", *_MOTION, *_GOAL, *_TRAILER, *_LOT, *_GAME, *_DOCK),
         "full": tuple(part.name for part in PARTS),
     }
 )
@@ -111,6 +113,12 @@ LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         # Nothing here depends on where the lot lies.
         "park": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL),
         "park_trailer": ("feelers", *_MOTION, *_GOAL, *_TRAILER),
+        # The state of a vehicle with one trailer in the frame of its slot, and what is near by; the
+        # slot's own place tells what else stands in the lot.
+        "dock": (
+            *("feelers", "speed", "steering", "hitch", "trailer_error"),
+            *("trailer_along", "trailer_across", "slot_x", "gear"),
+        ),
         # Report on an articulated vehicle that learns to park: 22 numbers.
         "report_c": (
             *("speed", "heading", "hitch", "steering", "feelers", "goal_proximity"),

@@ -174,6 +174,12 @@ movers_speed_y       movers m/s   -80   80     kart   the same, to the left
 movers_age           movers s     0     5      kart   time since a ray met them; 5 where there is
                                                       none
 movers_radius        movers m     0     10     kart   half their width; 0 where there is none
+trailer_along        1      m     -1000 1000   slot   middle of the last trailer from where it is to
+                                                      stand, in the direction of the slot's
+                                                      heading; without one that of the body
+trailer_across       1      m     -1000 1000   slot   the same, to the left of that direction
+gear                 1      -     -1    1      kart   direction of the last motion: 1 ahead, -1
+                                                      back, 0 before the first, and without a slot
 line_speed_held      1      m/s   0     100    line   speed at the last of those points from which
                                                       4/5 of the line's braking slows down in time
                                                       for all that follows; 0 without a line

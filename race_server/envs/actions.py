@@ -8,9 +8,11 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel
 from race_server.core.state import Float32s, Floats, Record
+from race_server.core.vehicles import GRAVITY
 from race_server.errors import ScenarioError
 
 CONTINUOUS, RISING, DISCRETE, CONTROL, RESIDUAL, INCREMENTS, PEDAL, MOTOR, BRAKED = range(9)
+PACED = 9
 ACTIONS = {
     "continuous": CONTINUOUS,
     "report_b": RISING,
@@ -21,6 +23,7 @@ ACTIONS = {
     "park": PEDAL,
     "report_a_1": MOTOR,
     "report_a": BRAKED,
+    "dock": PACED,
 }
 # Numbers of an action, by kind.
 WIDTHS = {
@@ -33,6 +36,7 @@ WIDTHS = {
     PEDAL: 2,
     MOTOR: 2,
     BRAKED: 3,
+    PACED: 2,
 }
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
@@ -52,6 +56,10 @@ DASH_SHARE = 0.5
 
 # Below this speed [m/s] a kart that brakes goes into reverse.
 REVERSE_BELOW = 0.1
+
+# A vehicle that is told a speed drives at least so fast [m/s]: between ahead and back it would stay
+# where both are as good. Gain of the error of its speed [1/s].
+LEAST_SPEED, SPEED_GAIN = 0.1, 4.0
 
 # Places in the memory that an action has from one decision to the next.
 SET_SPEED, SET_STEERING, LAG_DRIVE, LAG_STEERING, PLAYED, MEMORY = range(6)
@@ -127,6 +135,9 @@ def read_action(
     if kind in (PEDAL, MOTOR, BRAKED):
         _drive_in_lot(kind, action, kart, control)
         return
+    if kind == PACED:
+        _keep_pace(action, kart, vehicle, control)
+        return
     drive, steering, item = 0.0, 0.0, 0.0
     if kind == CONTINUOUS:
         drive, steering, item = float(action[0]), float(action[1]), float(action[2])
@@ -157,6 +168,22 @@ def _drive_in_lot(kind: int, action: Float32s, kart: Driven, control: Floats) ->
         _press(float(action[0]), kart, control)
     elif kind == BRAKED:
         control[2] = max(float(action[2]), 0.0)
+
+
+@kernel
+def _keep_pace(action: Float32s, kart: Driven, vehicle: Record, control: Floats) -> None:
+    """Fill `control`, (4,), from a wanted speed, as a share of the most, and steering: (2,)."""
+    share = min(max(float(action[0]), -1.0), 1.0)
+    way = 1.0 if share >= 0.0 else -1.0
+    most = vehicle.top_speed if way > 0.0 else vehicle.reverse_speed
+    wanted = way * max(abs(share) * most, LEAST_SPEED)
+    rate = SPEED_GAIN * (wanted - kart.speed) + way * vehicle.rolling * GRAVITY
+    force = vehicle.mass * rate
+    brakes = force * kart.speed < 0.0 and abs(kart.speed) > REVERSE_BELOW
+    control[0] = float(action[1])
+    control[1] = 0.0 if brakes else min(max(force / vehicle.motor_force, -1.0), 1.0)
+    control[2] = min(abs(force) / vehicle.brake_force, 1.0) if brakes else 0.0
+    control[3] = 0.0
 
 
 @kernel

@@ -12,6 +12,7 @@ from race_server.envs.actions import (
     CONTROL,
     INCREMENTS,
     MOTOR,
+    PACED,
     PEDAL,
     RESIDUAL,
     RISING,
@@ -36,6 +37,7 @@ def action_space(action: str) -> spaces.Space[Any]:
     above zero alone, faster where no bend forbids it, closer to the kart ahead, fetch a box.
     park: one pedal [-1, 1] (ahead, or back; it brakes first) and steering [-1, 1]. report_a_1:
     motor [-1, 1] and steering [-1, 1]; report_a: a brake [0, 1] besides.
+    dock: speed [-1, 1], a share of the most ahead or back, never quite none, and steering [-1, 1].
     """
     kind = action_kind(action)
     if kind == RESIDUAL:
@@ -45,7 +47,7 @@ def action_space(action: str) -> spaces.Space[Any]:
     if kind in (RISING, INCREMENTS):
         lows = np.array([0 if kind == RISING else -1, -1], np.float32)
         return spaces.Box(lows, np.ones(2, np.float32))
-    if kind in (PEDAL, MOTOR):
+    if kind in (PEDAL, MOTOR, PACED):
         return spaces.Box(-np.ones(2, np.float32), np.ones(2, np.float32))
     if kind == BRAKED:
         return spaces.Box(np.array([-1, -1, 0], np.float32), np.ones(3, np.float32))

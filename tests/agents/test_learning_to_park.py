@@ -106,7 +106,7 @@ def test_a_lot_has_its_own_pace_and_a_race_that_of_a_live_one() -> None:
     ("change", "message"),
     [
         ("evaluation.score=speed", "choose success or return"),
-        ("warm_start.teacher=raceline", "a teacher follows a track's line"),
+        ("warm_start.teacher=raceline", "a driver follows a track's line"),
         ("algorithm.name=sac", "only ppo and poca can imitate beside"),
     ],
 )

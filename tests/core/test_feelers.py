@@ -120,6 +120,30 @@ def test_the_errors_of_tractor_and_trailer_are_those_of_the_slot_against_them() 
     assert seen(kart, "trailer_error") == pytest.approx([-0.3])
 
 
+def test_a_trailer_is_seen_from_where_it_is_to_stand() -> None:
+    # All stands straight, 2 m ahead of its place and 1 m to the left: the trailer does, too.
+    world = lorry(5.25 - 2.10 + 2.0, 1.0)
+    assert seen(world, "trailer_along") == pytest.approx([2.0])
+    assert seen(world, "trailer_across") == pytest.approx([1.0])
+    # A kart has no trailer, so it is its body: the slot's middle is at the origin.
+    kart = park_world(one_slot(), vehicle=KART_13)
+    offset = KART_13.box_offset
+    kart.bodies["x"][0, 0], kart.bodies["y"][0, 0] = 3.0 - offset, -4.0
+    kart.bodies["heading"][0, 0] = 0.0
+    assert seen(kart, "trailer_along") == pytest.approx([3.0])
+    assert seen(kart, "trailer_across") == pytest.approx([-4.0])
+
+
+def test_the_gear_is_the_direction_of_the_last_motion() -> None:
+    world = lorry(0.0, 0.0)
+    assert seen(world, "gear") == [0.0]
+    world.bodies["speed"][0, 0] = -1.0
+    wait(world, 1)
+    assert seen(world, "gear") == [-1.0]
+    world.bodies["speed"][0, 0] = 0.0
+    assert seen(world, "gear") == [-1.0]
+
+
 def test_the_observation_of_the_report_has_22_numbers() -> None:
     layout = layout_of("report_c", 1)
     assert layout.size == 22

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from race_server.core import codes
-from race_server.envs.actions import discrete_table
+from race_server.core.vehicle_presets import LORRY
+from race_server.core.vehicles import GRAVITY, vehicle_record
+from race_server.envs.actions import MEMORY, PACED, Driven, discrete_table, read_action
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import time_trial_task
@@ -158,3 +160,31 @@ def test_every_reward_table_weighs_known_terms() -> None:
     for name in REWARDS:
         assert len(reward_weights(name)) == len(TERMS)
         assert reward_weights(name).any()
+
+
+def paced(share: float, speed: float) -> list[float]:
+    """Return steering, throttle, brake and buttons of a lorry that is told a share of its speed."""
+    control, lorry = np.zeros(4), vehicle_record(LORRY)[0]
+    action = np.array([share, 0.25], np.float32)
+    told = Driven(speed, 0, 0)
+    read_action(PACED, action, discrete_table(), told, lorry, np.zeros(MEMORY + 1), control)
+    return [float(number) for number in control]
+
+
+def test_who_drives_as_fast_as_told_only_overcomes_the_rolling_resistance() -> None:
+    rolling = LORRY.mass * LORRY.rolling * GRAVITY / LORRY.motor_force
+    assert paced(0.5, 0.5 * LORRY.top_speed) == pytest.approx([0.25, rolling, 0.0, 0.0])
+    assert paced(-1.0, -LORRY.reverse_speed) == pytest.approx([0.25, -rolling, 0.0, 0.0])
+
+
+def test_who_is_told_to_turn_round_brakes_first() -> None:
+    assert paced(-1.0, 1.0)[1:3] == pytest.approx([0.0, 1.0])
+    assert paced(1.0, -1.0)[1:3] == pytest.approx([0.0, 1.0])
+    assert paced(-1.0, 0.05)[1:3] == pytest.approx([-1.0, 0.0])
+
+
+def test_who_is_told_a_speed_never_comes_to_rest() -> None:
+    slowly = paced(0.0, 0.0)
+    assert slowly[1] > 0.0
+    assert slowly == paced(0.01, 0.0)
+    assert paced(-1e-6, 0.0)[1] == pytest.approx(-slowly[1])

@@ -6,6 +6,7 @@ from race_server.core.clock import TICK_S
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.trailers import hitch_angle, place_in_line
+from race_server.core.rules.parking import stand_of
 from race_server.core.stages import observed_parts as part
 from race_server.core.stages.observed_parts import KartFrame, put
 from race_server.core.state import Float32s, Ints, Record, World
@@ -90,6 +91,10 @@ def _fill_slot(
     put(out, offsets[part.PARKED_FOR], 0, parker.held_ticks * TICK_S)
     put(out, offsets[part.GOAL_TURN], 0, turn)
     put(out, offsets[part.TRAILER_ERROR], 0, wrap_angle(parker.heading - turned))
+    last = stand_of(parker, vehicle, body, vehicle.trailer_count)
+    put(out, offsets[part.TRAILER_ALONG], 0, last.along)
+    put(out, offsets[part.TRAILER_ACROSS], 0, last.across)
+    put(out, offsets[part.GEAR], 0, parker.gear)
     put(out, offsets[part.SLOT_X], 0, x)
     put(out, offsets[part.SLOT_Y], 0, y)
     put(out, offsets[part.SLOT_HEADING], 0, parker.heading)

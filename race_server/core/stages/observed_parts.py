@@ -47,12 +47,12 @@ HAZARDS_AHEAD = HAZARDS_X, HAZARDS_Y = numbers_of("hazards_x hazards_y")
 GOAL = numbers_of(
     "goal_x goal_y goal_cos goal_sin goal_distance goal_proximity goal_bearing parked_for "
     "slot_x slot_y slot_heading to_slot_x to_slot_y slot_unit to_slot_unit "
-    "goal_turn trailer_error"
+    "goal_turn trailer_error trailer_along trailer_across gear"
 )
 GOAL_X, GOAL_Y, GOAL_COS, GOAL_SIN, GOAL_DISTANCE, GOAL_PROXIMITY, GOAL_BEARING = GOAL[:7]
 PARKED_FOR, SLOT_X, SLOT_Y, SLOT_HEADING, TO_SLOT_X, TO_SLOT_Y = GOAL[7:13]
 SLOT_UNIT, TO_SLOT_UNIT = GOAL_UNITS = GOAL[13:15]
-GOAL_TURN, TRAILER_ERROR = GOAL[15:]
+GOAL_TURN, TRAILER_ERROR, TRAILER_ALONG, TRAILER_ACROSS, GEAR = GOAL[15:]
 
 HITCHES = HITCH, HITCH_BEHIND = numbers_of("hitch hitch_behind")
 FEELING = numbers_of("feelers")
