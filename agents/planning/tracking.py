@@ -34,9 +34,10 @@ BEND_SHARE = 0.98
 # The same on tyres so stiff that the wheels turn through all their slip within one decision: they
 # slide at once, and without a warning.
 STIFF_BEND_SHARE = 0.95
-# A body that takes longer than this [s] to turn is given so much less of the bend's speed for each
-# second more: what it does wrong it notices late, and the rear axle slides before it is corrected.
-PROMPT_S, LATE_SHARE = 0.06, 0.45
+# A vehicle that goes farther than this [own lengths] while its body begins to turn is given so much
+# less of the bend's speed for each length more: what it does wrong it notices late, and the rear
+# axle slides before it is corrected.
+PROMPT, LATE_SHARE = 0.5, 0.0145
 # Share of the grip that brakes have where the line does not brake yet, or a dash exceeds it.
 DASH_BRAKE_SHARE = 0.55
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
@@ -98,7 +99,7 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
     grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
     if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
         bend_share = STIFF_BEND_SHARE
-    sluggish = turning_time(vehicle, 1.0)
+    turning = turning_time(vehicle, 1.0) / vehicle.length
     place = distance / max(observation[offsets[STEP]], 0.01)
     square = math.inf
     if offsets[LINE_HELD] >= 0:
@@ -115,7 +116,7 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
             square += BRAKE_SHARE * max(speed * speed - later * later, brakes * unused)
         used = min(speed * speed * abs(bend) / grip, 1.0)
         unused = 1.0 - used
-        late = LATE_SHARE * max(speed * sluggish - PROMPT_S, 0.0)
+        late = LATE_SHARE * max(speed * speed * turning - PROMPT, 0.0)
         share = STRAIGHT_SHARE + (bend_share - late - STRAIGHT_SHARE) * used + dash * unused
         # Nearer to the middle of a bend it is tighter.
         tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
