@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from race_agents.commands.exam_laps import laps
 from race_agents.commands.exam_result import Result
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from race_server.competition.parking_rounds import RoundTally
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
+app.command()(laps)
 
 # Seeds of failures that are told to a person, of each kind.
 MOST_TOLD = 8

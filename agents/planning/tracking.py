@@ -11,7 +11,7 @@ import math
 from race_agents.planning.tactics import SPEED
 from race_server.core.kernel_driver import DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.observation import AHEAD, PART_NUMBERS
+from race_server.core.observation import AHEAD, BRAKE_SHARE, PART_NUMBERS
 from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
 
@@ -22,6 +22,7 @@ HEADING = PART_NUMBERS["line_heading"]
 STEP = PART_NUMBERS["line_step"]
 CURVATURE = PART_NUMBERS["line_curvature_ahead"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
+LINE_HELD = PART_NUMBERS["line_speed_held"]
 SPEED_CAP = PART_NUMBERS["speed_cap"]
 THRUST_SCALE = PART_NUMBERS["thrust_scale"]
 GRIP_SCALE = PART_NUMBERS["grip_scale"]
@@ -33,10 +34,11 @@ BEND_SHARE = 0.98
 # The same on tyres so stiff that the wheels turn through all their slip within one decision: they
 # slide at once, and without a warning.
 STIFF_BEND_SHARE = 0.95
-# Share of the line's braking that is planned with: it brakes into bends with all tyres at their
-# limit, and a kart that does so cannot be steered.
-BRAKE_SHARE = 0.8
-# Share of the grip that a dash beyond the line's speeds leaves to the brakes, for bends after it.
+# A vehicle that goes farther than this [own lengths] while its body begins to turn is given so much
+# less of the bend's speed for each length more: what it does wrong it notices late, and the rear
+# axle slides before it is corrected.
+PROMPT, LATE_SHARE = 0.5, 0.0145
+# Share of the grip that brakes have where the line does not brake yet, or a dash exceeds it.
 DASH_BRAKE_SHARE = 0.55
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
 # slides turns the kart round, a front axle only makes its bend wider.
@@ -86,7 +88,10 @@ def grip_of(cockpit: Cockpit) -> float:
 def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) -> float:
     """Return the speed [m/s] to have a distance [m] ahead, `shift` [m] to the left of the line.
 
-    Less grip means that all accelerations of the line, and so the squares of its speeds, shrink.
+    The line brakes into bends with all tyres at their limit, and a kart that does so cannot be
+    steered: BRAKE_SHARE of its braking is planned with, beyond the last sample by
+    `line_speed_held`. Less grip means that all accelerations of the line, and so the squares of
+    its speeds, shrink.
     dash: share by which its speed is exceeded where no bend needs the grip, and the brakes can undo
     it before the next one.
     """
@@ -94,11 +99,12 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
     grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
     if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
         bend_share = STIFF_BEND_SHARE
+    turning = turning_time(vehicle, 1.0) / vehicle.length
     place = distance / max(observation[offsets[STEP]], 0.01)
     square = math.inf
-    brakes = 0.0
-    if dash > 0.0:
-        brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * observation[offsets[STEP]]
+    if offsets[LINE_HELD] >= 0:
+        square = (STRAIGHT_SHARE * observation[offsets[LINE_HELD]]) ** 2
+    brakes = 2.0 * DASH_BRAKE_SHARE / BRAKE_SHARE * grip * observation[offsets[STEP]]
     unused = 0.0
     for back in range(AHEAD):
         index = AHEAD - 1 - back
@@ -110,7 +116,8 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
             square += BRAKE_SHARE * max(speed * speed - later * later, brakes * unused)
         used = min(speed * speed * abs(bend) / grip, 1.0)
         unused = 1.0 - used
-        share = STRAIGHT_SHARE + (bend_share - STRAIGHT_SHARE) * used + dash * unused
+        late = LATE_SHARE * max(speed * speed * turning - PROMPT, 0.0)
+        share = STRAIGHT_SHARE + (bend_share - late - STRAIGHT_SHARE) * used + dash * unused
         # Nearer to the middle of a bend it is tighter.
         tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
         square = min(square, share * share * speed * speed * tighter)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.observation_parts import AHEAD as AHEAD
+from race_server.core.observation_parts import BRAKE_SHARE as BRAKE_SHARE
 from race_server.core.observation_parts import NEARBY as NEARBY
 from race_server.core.observation_parts import PART_NUMBERS as PART_NUMBERS
 from race_server.core.observation_parts import PARTS as PARTS
@@ -36,6 +37,7 @@ _LINE = (
     *("line_offset", "line_heading", "line_step", "line_ahead_x", "line_ahead_y"),
     *("line_curvature_ahead", "line_speed_ahead", "line_left_ahead", "line_right_ahead"),
 )
+_HELD = ("line_speed_held",)
 _WORLD = (
     *("karts_x", "karts_y", "karts_speed_x", "karts_speed_y"),
     *("boxes_x", "boxes_y", "hazards_x", "hazards_y"),
@@ -71,9 +73,19 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         # For drivers that may know the course.
         "track": (*_MOTION, *_TRACK, *_WORLD, *_GAME, *_GAPS),
         # For drivers that may know the fastest line as well; see `scenario/raceline/attach.py`.
-        "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, *_GAPS),
+        "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, *_GAPS, *_HELD),
         # The line, and where other karts are beside it: for policies that race.
-        "rivals": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_RIVALS, *_GAME, "item_use", *_GAPS),
+        "rivals": (
+            *_MOTION,
+            *_TRACK,
+            *_LINE,
+            *_WORLD,
+            *_RIVALS,
+            *_GAME,
+            "item_use",
+            *_GAPS,
+            *_HELD,
+        ),
         # For drivers that park: where the slot is, and what the radar sees.
         "lot": ("radar", "radar_kind", "radar_before", *_MOTION, *_GOAL, *_LOT, *_GAME),
         # For drivers that have a map of the lot: their pose on it, and the lidar to see the rest.
@@ -176,7 +188,7 @@ def offsets_of(layout: Layout) -> NDArray[np.int64]:
 
 def wants_line(observation: str | tuple[str, ...]) -> bool:
     """Return whether a preset, or parts by name, include the reference line."""
-    return not {*_LINE, *_RIVALS}.isdisjoint(_parts_of(observation))
+    return not {*_LINE, *_RIVALS, *_HELD}.isdisjoint(_parts_of(observation))
 
 
 def _parts_of(preset: str | tuple[str, ...]) -> tuple[str, ...]:

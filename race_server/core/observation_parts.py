@@ -11,6 +11,7 @@ AHEAD = 16  # samples of the course ahead
 NEARBY = 4  # karts reported
 THINGS = 4  # item boxes and hazards reported
 USES = 4  # kinds of item use
+BRAKE_SHARE = 0.8  # of the reference line's braking, which `line_speed_held` plans with
 MOVERS = 2  # people and vehicles reported that move in a car park
 
 
@@ -179,6 +180,9 @@ trailer_along        1      m     -1000 1000   slot   middle of the last trailer
 trailer_across       1      m     -1000 1000   slot   the same, to the left of that direction
 gear                 1      -     -1    1      kart   direction of the last motion: 1 ahead, -1
                                                       back, 0 before the first, and without a slot
+line_speed_held      1      m/s   0     100    line   speed at the last of those points from which
+                                                      4/5 of the line's braking slows down in time
+                                                      for all that follows; 0 without a line
 """
 
 

@@ -155,8 +155,9 @@ COURSE = record_of(
 )
 LINE = record_of(fields_of("x y heading cos sin curvature left right", ""))
 # A line to drive along, sampled at equal steps along itself, as many as of the centre line;
-# `beside` is its sample abreast of the centre line's. Without one `reference_spacing` is zero.
-REFERENCE = record_of(fields_of("x y heading cos sin curvature speed left right", "beside"))
+# `beside` is its sample abreast of the centre line's; for `held` see `ReferenceLine.held`. Without
+# a line `reference_spacing` is zero.
+REFERENCE = record_of(fields_of("x y heading cos sin curvature speed left right held", "beside"))
 GATE = record_of(fields_of("progress", "sector"))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from race_agents.planning.idm_model import follow_acceleration
 from race_agents.planning.latency import LATENCY, estimate_latency, remember_command
-from race_agents.planning.tracking import tyre_slip
+from race_agents.planning.tracking import speed_on_line, tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.competition.time_trial.gaps import Gap
@@ -16,7 +16,7 @@ from race_server.competition.time_trial.run import drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernel_driver import Cockpit, memory_size
 from race_server.core.messages import Status
-from race_server.core.observation import PART_NUMBERS
+from race_server.core.observation import PART_NUMBERS, layout_of, offsets_of
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import GRAVITY, vehicle_record
 from race_server.envs.reality_gap import RealityGap
@@ -117,6 +117,32 @@ def test_how_the_wheels_turn_tells_how_late_commands_act(delay: int) -> None:
         wanted = asked[max(len(asked) - 1 - delay, 0)]
         seen[0] += min(max(wanted - seen[0], -turn), turn)
     assert memory[LATENCY] == delay
+
+
+def preview(held: float) -> Cockpit:
+    """Return a cockpit on a straight whose line has 10 m/s, with the speed held behind it."""
+    layout = layout_of("line", 0)
+    offsets, seen = offsets_of(layout), np.zeros(layout.size)
+    for name, value in (("line_speed_ahead", 10.0), ("line_step", 0.2), ("grip_scale", 1.0)):
+        seen[layout.slices[name]] = value
+    seen[layout.slices["speed_cap"]], seen[layout.slices["line_speed_held"]] = 99.0, held
+    setup, uses = np.array([0.0, 0.0, 0.05]), np.zeros(1, np.int64)
+    return Cockpit(seen, offsets, vehicle_record(TT02)[0], setup, uses, np.zeros(0), np.zeros(4))
+
+
+def test_a_bend_beyond_the_preview_is_braked_for() -> None:
+    # The line keeps its 10 m/s for all the 3 m that are seen: what is behind them decides.
+    assert speed_on_line(preview(held=10.0), 0.0, 0.0, 0.0) == pytest.approx(9.9)
+    # On them the brakes have 55 % of the grip.
+    wanted = math.sqrt(4.95**2 + 2.0 * 0.55 * TT02.grip * GRAVITY * 3.0)
+    assert speed_on_line(preview(held=5.0), 0.0, 0.0, 0.0) == pytest.approx(wanted)
+    assert speed_on_line(preview(held=5.0), 0.0, 3.0, 0.0) == pytest.approx(4.95, rel=1e-3)
+
+
+def test_an_observation_without_the_speed_held_is_driven_by_its_preview() -> None:
+    cockpit = preview(held=5.0)
+    cockpit.offsets[PART_NUMBERS["line_speed_held"]] = -1
+    assert speed_on_line(cockpit, 0.0, 0.0, 0.0) == pytest.approx(9.9)
 
 
 def test_without_a_line_nobody_drives_by_one() -> None:

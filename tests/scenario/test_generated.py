@@ -69,6 +69,8 @@ def test_a_hundred_spline_courses_bend_no_tighter_than_a_kart_turns(
         ("generated:block:17", TT02),
         ("generated:spline:4", TT02),
         ("generated:spline:4:kart", KART_60),
+        ("generated:circuit:9", TT02),
+        ("generated:circuit:9:kart", KART_60),
     ],
 )
 def test_the_loaders_own_check_finds_nothing_wrong(name: str, vehicle: Vehicle) -> None:
@@ -110,3 +112,25 @@ def test_a_name_that_generates_nothing_says_what_does(name: str) -> None:
 
 def test_a_generated_course_has_the_name_it_was_asked_by() -> None:
     assert load_course("generated:spline:4").name == "generated:spline:4"
+
+
+def test_circuits_have_straights_that_end_in_braking_and_any_length_and_width() -> None:
+    plans = [plan_named(f"generated:circuit:{seed}") for seed in range(40)]
+    perimeters = [lengths_of(plan.points[:, :2]).sum() for plan in plans]
+    half_widths = [plan.points[:, 2].mean() for plan in plans]
+    assert min(perimeters) < 60.0
+    assert max(perimeters) > 300.0
+    assert min(half_widths) < 0.6
+    assert max(half_widths) > 1.2
+    # On 10 m a 1/10 car comes from 3 m/s to 7 m/s; the preview of its line is 3.4 m long.
+    longest = [lengths_of(plan.points[:, :2]).max() for plan in plans]
+    assert sum(straight > 10.0 for straight in longest) > 20
+
+
+def test_a_circuit_bends_no_tighter_than_a_kart_turns() -> None:
+    for seed in range(8):
+        plan = plan_named(f"generated:circuit:{seed}")
+        curve = periodic_spline(plan.points, SCALES["1/10"].spacing)[:, :2]
+        line = resample(curve, round(lengths_of(curve).sum() / 0.1))
+        _, curvature = derivatives(line)
+        assert 1.0 / abs(curvature).max() > 0.95 * TT02.turning_radius, plan.name

@@ -16,6 +16,7 @@ from race_server.scenario.race import Scenario, make_worlds
 from race_server.scenario.raceline.attach import reference_line, with_line
 from race_server.scenario.raceline.detour import edge_of
 from race_server.scenario.track.course import Obstacle
+from race_server.scenario.track.line import ReferenceLine
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.polyline import nearest_on
 from race_server.session import Session
@@ -70,6 +71,31 @@ def test_the_line_ahead_begins_at_the_kart_and_goes_on_in_equal_steps() -> None:
     # A bend of 6 m with 5 m/s² of grip: at 97.6 % of it the motor just makes up for the slip.
     assert view["line_speed_ahead"] == pytest.approx(np.sqrt(0.976 * 30.0), rel=2e-3)
     assert view["line_left_ahead"] == pytest.approx(0.7)
+
+
+def line_with(speeds: list[float]) -> ReferenceLine:
+    """Return a line of which only the speeds count."""
+    rest = np.zeros(len(speeds))
+    beside = np.arange(len(speeds))
+    return ReferenceLine(1.0, rest, rest, rest, rest, np.array(speeds), rest, rest, beside)
+
+
+def test_the_speed_held_leaves_a_fifth_of_the_braking() -> None:
+    # From 10 m/s to 6 m/s the squares lose 64; 4/5 of that above 36 are 87.2, and a step before
+    # the brakes have as much again.
+    held = line_with([10.0, 10.0, 6.0, 6.0]).held
+    assert held**2 == pytest.approx([100.0, 87.2, 36.0, 36.0])
+
+
+def test_the_speed_held_looks_around_the_end_of_the_lap() -> None:
+    held = line_with([6.0, 8.0, 10.0, 10.0]).held
+    assert held**2 == pytest.approx([36.0, 64.0, 100.0, 87.2])
+
+
+def test_where_the_line_never_brakes_its_own_speed_is_held() -> None:
+    assert line_with([5.0] * 4).held == pytest.approx(5.0)
+    view = on_the_ring(6.0)
+    assert view.scalar("line_speed_held") == pytest.approx(view["line_speed_ahead"][-1], rel=1e-4)
 
 
 def test_rivals_are_told_of_along_the_line_and_across_it() -> None:

@@ -209,6 +209,7 @@ def _fill_line(
         put(out, offsets[part.LINE_OFFSET], 0, 0.0)
         put(out, offsets[part.LINE_HEADING], 0, 0.0)
         put(out, offsets[part.LINE_STEP], 0, 0.0)
+        put(out, offsets[part.LINE_HELD], 0, 0.0)
         for number in part.LINE_AHEAD:
             for index in range(AHEAD):
                 put(out, offsets[number], index, 0.0)
@@ -225,6 +226,8 @@ def _fill_line(
     step = line_step_of(world.vehicles[w, k]) / course.reference_spacing
     for index in range(AHEAD):
         _fill_line_sample(world, w, here + index * step, index, frame, offsets, out)
+    last = course.line_start + int(here + (AHEAD - 1) * step + 0.5) % course.line_count
+    put(out, offsets[part.LINE_HELD], 0, route.reference[last].held)
 
 
 @kernel

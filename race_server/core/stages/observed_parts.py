@@ -31,10 +31,11 @@ CURVATURE, PATH_X, PATH_Y, LEFT, RIGHT = COURSE
 
 LINE = numbers_of(
     "line_offset line_heading line_step line_ahead_x line_ahead_y "
-    "line_curvature_ahead line_speed_ahead line_left_ahead line_right_ahead"
+    "line_curvature_ahead line_speed_ahead line_left_ahead line_right_ahead line_speed_held"
 )
 LINE_OFFSET, LINE_HEADING, LINE_STEP = LINE[:3]
-LINE_X, LINE_Y, LINE_CURVATURE, LINE_SPEED, LINE_LEFT, LINE_RIGHT = LINE_AHEAD = LINE[3:]
+LINE_X, LINE_Y, LINE_CURVATURE, LINE_SPEED, LINE_LEFT, LINE_RIGHT = LINE_AHEAD = LINE[3:9]
+LINE_HELD = LINE[9]
 
 KARTS = numbers_of("karts_x karts_y karts_speed_x karts_speed_y karts_along karts_across")
 KARTS_X, KARTS_Y, KARTS_SPEED_X, KARTS_SPEED_Y, KARTS_ALONG, KARTS_ACROSS = KARTS

@@ -1,4 +1,4 @@
-"""Random courses: ``generated:block:17``, ``generated:spline:4``.
+"""Random courses: ``generated:block:17``, ``generated:spline:4``, ``generated:circuit:9``.
 
 Kind and seed define the course: the same name always gives the same track file.
 """
@@ -12,12 +12,17 @@ from race_server.errors import TrackError
 from race_server.scenario.track.blocks import Loop
 from race_server.scenario.track.course import Floats
 from race_server.scenario.track.random_blocks import draw_blocks
+from race_server.scenario.track.random_circuits import draw_circuit
 from race_server.scenario.track.random_splines import draw_spline
 
 PREFIX = "generated:"
-FORMS = ("generated:block:SEED", "generated:spline:SEED", "generated:spline:SEED:kart")
+FORMS = (
+    *("generated:block:SEED", "generated:spline:SEED", "generated:spline:SEED:kart"),
+    *("generated:circuit:SEED", "generated:circuit:SEED:kart"),
+)
 
-_NAME = re.compile(r"generated:(block|spline):(\d{1,9})(:kart)?")
+_WRITTEN = {"block": "blocks", "spline": "spline", "circuit": "line"}
+_NAME = re.compile(r"generated:(block|spline|circuit):(\d{1,9})(:kart)?")
 
 
 @cache
@@ -35,7 +40,7 @@ def generated_file(name: str) -> bytes:
     # Half of them the other way round, so that policies learn both directions.
     words = [
         f'title = "Generated {kind} course {seed}{" for karts" if match[3] else ""}"',
-        f'form = "{"blocks" if kind == "block" else kind}"',
+        f'form = "{_WRITTEN[kind]}"',
         f'scale = "{scale}"',
         f"reverse = {str(chance.random() < 0.5).lower()}",
     ]
@@ -43,7 +48,8 @@ def generated_file(name: str) -> bytes:
         outer, inner, place = draw_blocks(chance)
         words += [f"line_at = [{place[0]:g}, {place[1]:g}]", *_table(outer), *_table(inner)]
     else:
-        words += ["points = [", *_rows(draw_spline(chance, scale)), "]"]
+        draw = draw_circuit if kind == "circuit" else draw_spline
+        words += ["points = [", *_rows(draw(chance, scale)), "]"]
     return "\n".join([*words, ""]).encode()
 
 

@@ -58,11 +58,25 @@ def load_course(name: str) -> Course:
     Raises:
         TrackError: there is no such course, or its file is not valid.
     """
+    return _course_of(*_source_of(name))
+
+
+def digest_of(name: str) -> str:
+    """Return the digest of a course without building it.
+
+    Raises:
+        TrackError: as of `load_course`.
+    """
+    return spec_of(*_source_of(name)).digest
+
+
+def _source_of(name: str) -> tuple[str, str, bytes]:
+    """Return the course's own name, and the name and content of its file."""
     if name.startswith(PREFIX) and not name.endswith(".toml"):
-        return _course_of(name, name, generated_file(name))
+        return name, name, generated_file(name)
     path = path_of("tracks", name)
     if path is not None:
-        return read_course(path)
+        return _source_in(path)
     known = ", ".join(track_names())
     raise TrackError(
         f"track {name!r} is unknown; choose one of {known}, give a .toml file, "
@@ -76,8 +90,11 @@ def read_course(path: Path) -> Course:
     Raises:
         TrackError: it cannot be read or describes no course.
     """
-    text = read_text(path, MOST_TOML, TrackError)
-    return _course_of(path.stem, path.name, text.encode())
+    return _course_of(*_source_in(path))
+
+
+def _source_in(path: Path) -> tuple[str, str, bytes]:
+    return path.stem, path.name, read_text(path, MOST_TOML, TrackError).encode()
 
 
 @cache

@@ -85,7 +85,7 @@ def is_drivable(points: Floats, size: Size, spacing: float) -> bool:
         _, curvature = derivatives(line)
         if np.abs(curvature).max() * least * share > 1.0:
             return False
-    return _keeps_apart(line, 2.2 * widest + size.apart)
+    return keeps_apart(line, 2.2 * widest + size.apart)
 
 
 def _tightest_circle(points: Floats) -> float:
@@ -97,7 +97,7 @@ def _tightest_circle(points: Floats) -> float:
     return float(np.min(sides[0] * sides[1] * sides[2] / np.maximum(2.0 * twice_area, 1e-9)))
 
 
-def _keeps_apart(line: Floats, apart: float) -> bool:
+def keeps_apart(line: Floats, apart: float) -> bool:
     """Return whether no two stretches of a closed line come nearer than `apart` [m].
 
     Places along the line within a half circle of that diameter belong to one stretch.

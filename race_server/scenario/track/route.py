@@ -56,7 +56,7 @@ def _line_of(course: Course) -> Records:
 def _reference_of(course: Course, reference: ReferenceLine | None) -> Records:
     path = np.zeros(len(course.line), REFERENCE)
     if reference is not None:
-        for name in ("x", "y", "heading", "curvature", "speed", "left", "right", "beside"):
+        for name in ("x", "y", "heading", "curvature", "speed", "held", "left", "right", "beside"):
             path[name] = getattr(reference, name)
         path["cos"], path["sin"] = np.cos(path["heading"]), np.sin(path["heading"])
     return path

@@ -1,0 +1,174 @@
+"""`race exam laps`: how drivers lap courses that they have never seen."""
+
+import hashlib
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.option_fields import expand_options
+from race_server.cli.options import known_drivers
+from race_server.core.seeds import HELD_OUT
+from race_server.errors import ScenarioError
+from race_server.terminal import Console, TextColumn
+
+if TYPE_CHECKING:
+    from race_server.competition.lap_exam import CourseTry, LapExamSpec, LapRow
+
+# Courses with laps that were not clean that are told to a person, of each driver.
+MOST_TOLD = 8
+LEARNED = "learned:"
+
+
+@dataclass(frozen=True)
+class LapOptions:
+    """All options of `race exam laps`."""
+
+    drivers: Annotated[
+        str, typer.Option("--drivers", "--driver", help="Comma-separated installed drivers.")
+    ] = "raceline,follow_gap"
+    courses: Annotated[
+        int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
+    ] = 200
+    first_seed: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Seed of the first course; the next ones count up from it. No training draws the "
+            "default's.",
+        ),
+    ] = HELD_OUT + 1
+    folder: Annotated[
+        Path | None,
+        typer.Option(help="Drive the course files (.toml) of this folder; none is drawn."),
+    ] = None
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
+    ] = "tt02"
+    laps: Annotated[
+        int, typer.Option(min=1, help="Counted laps of each course; one that is not comes first.")
+    ] = 5
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw clean laps and times into this .png or .svg file.")
+    ] = None
+    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
+    as_json: AsJson = False
+
+
+@expand_options
+def laps(options: LapOptions) -> None:
+    """Let drivers lap unseen courses alone, and count clean laps, contacts and lap times.
+
+    The ratio is the time of a lap over the limit of its course, which is solved where it is not
+    known. Finished courses are kept: an exam that was stopped goes on with the next one.
+    """
+    from race_server.competition.lap_exam import LapExamSpec, LapRow, courses_in, drawn_courses
+    from race_server.core.vehicle_presets import vehicle_named
+
+    drivers = known_drivers(options.drivers)
+    if not drivers:
+        raise ScenarioError("--drivers needs a name, or several separated by commas")
+    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
+        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    vehicle = vehicle_named(options.vehicle)
+    names = (
+        courses_in(options.folder)
+        if options.folder is not None
+        else drawn_courses(options.courses, options.first_seed, vehicle)
+    )
+    spec = LapExamSpec(names, options.vehicle, options.laps, options.jobs)
+    console, begun = Console(stderr=True), time.monotonic()
+    tries, stopped = _examine(spec, drivers, console, quiet=options.as_json)
+    by_driver = {name: [one for one in tries if one.driver == name] for name in drivers}
+    rows = [LapRow.of(group) for group in by_driver.values() if group]
+    if options.plot is not None and rows:
+        from race_server.competition.lap_picture import draw_laps
+
+        draw_laps(rows, tries, options.plot)
+    if options.as_json:
+        seconds = round(time.monotonic() - begun, 1)
+        document = {"rows": [asdict(row) for row in rows], "tries": [asdict(one) for one in tries]}
+        print_document(document | {"stopped": stopped, "wall_s": seconds})
+    else:
+        _show(rows)
+    if stopped:
+        console.print("stopped: these are the courses that were finished", style="yellow")
+        sys.exit(130)
+
+
+def _examine(
+    spec: "LapExamSpec", drivers: Sequence[str], console: Console, *, quiet: bool
+) -> "tuple[list[CourseTry], bool]":
+    """Return how each driver did on each course, in that order, and whether it was stopped."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    from race_server.competition.lap_exam import examine
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    hidden = quiet or not console.is_terminal
+    tries: list[CourseTry] = []
+    stopped = False
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
+    ) as bar:
+        total = len(drivers) * len(spec.courses)
+        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
+        try:
+            for one in examine(spec, drivers, _editions_of(drivers)):
+                tries.append(one)
+                bar.update(task, advance=1, description=f"{one.driver}, {Path(one.course).name}")
+        except KeyboardInterrupt:
+            stopped = True
+    order = {name: number for number, name in enumerate(spec.courses)}
+    return sorted(tries, key=lambda one: (drivers.index(one.driver), order[one.course])), stopped
+
+
+def _editions_of(drivers: Sequence[str]) -> dict[str, str]:
+    """Return a digest of the policy of each driver that has learned."""
+    from race_agents.policies.registry import policy_path
+
+    learned = [name for name in drivers if name.startswith(LEARNED)]
+    files = {name: policy_path(name.removeprefix(LEARNED)).read_bytes() for name in learned}
+    return {name: hashlib.sha256(data).hexdigest()[:16] for name, data in files.items()}
+
+
+def _show(rows: "Sequence[LapRow]") -> None:
+    from rich.table import Table
+
+    table = Table()
+    table.add_column("driver", no_wrap=True)
+    heads = ("courses", "laps", "clean laps", "95 %", "clean courses", "× limit", "95 %")
+    for head in (*heads, "contacts", "rescues"):
+        table.add_column(head, justify="right", no_wrap=True)
+    for row in rows:
+        low, high = row.clean_lap_interval
+        table.add_row(
+            *(row.driver, str(row.courses), str(row.laps)),
+            f"{100.0 * row.clean_lap_rate:.1f} %",
+            f"{100.0 * low:.1f}-{100.0 * high:.1f} %",
+            f"{100.0 * row.clean_course_rate:.1f} %",
+            *("-" if row.ratio is None else f"{row.ratio:.3f}", _between(row.ratio_interval)),
+            *(str(row.contacts), str(row.rescues)),
+        )
+    console = Console()
+    # Wider than the terminal if necessary, so that no figure is cut off.
+    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
+    console.print(table)
+    for row in rows:
+        if row.not_clean:
+            told = [f"{Path(name).name} {clean}" for name, clean in row.not_clean.items()]
+            more = ", …" * (len(told) > MOST_TOLD)
+            words = f"{row.driver}: clean laps of other courses {', '.join(told[:MOST_TOLD])}{more}"
+            console.print(words, highlight=False)
+        for remark in row.remarks[:MOST_TOLD]:
+            console.print(f"{row.driver}: {remark}", style="yellow", highlight=False)
+
+
+def _between(bounds: tuple[float | None, float | None]) -> str:
+    low, high = bounds
+    return "-" if low is None or high is None else f"{low:.3f}-{high:.3f}"

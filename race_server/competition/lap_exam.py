@@ -1,0 +1,213 @@
+"""The exam of laps: drivers alone on many courses, each course driven once by each of them.
+
+Runs are those of time trials. What a driver did on a course is kept in the user's cache, so that an
+exam that was stopped goes on where it was, and the same question is not driven twice.
+"""
+
+import contextlib
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import product
+from pathlib import Path
+from statistics import median
+from types import MappingProxyType
+from typing import Any
+
+from race_server.competition.proportion import wilson_interval
+from race_server.competition.time_trial.figures import intervals
+from race_server.competition.time_trial.plan import compile_once
+from race_server.competition.time_trial.pool import run_all
+from race_server.competition.time_trial.run import Run, Tell, drive_run
+from race_server.competition.time_trial.run_spec import RunSpec
+from race_server.core.kernels.jit import cache_root, source_digest
+from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import Vehicle
+from race_server.errors import RaceError, TrackError
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.raceline.reference import known_limit, reference_limit
+from race_server.scenario.track.load import digest_of, load_course
+
+# Kinds of courses that are drawn in turn; shorter vehicles [m] drive those of 1/10.
+SMALL, SHORT_M = ("block", "spline", "circuit"), 1.0
+LARGE = ("spline:{}:kart", "circuit:{}:kart")
+
+
+def drawn_courses(count: int, first_seed: int, vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of generated courses of a vehicle's scale, of each kind in turn."""
+    forms = tuple(f"{kind}:{{}}" for kind in SMALL) if vehicle.length < SHORT_M else LARGE
+    return tuple(f"generated:{forms[n % len(forms)].format(first_seed + n)}" for n in range(count))
+
+
+def courses_in(folder: Path) -> tuple[str, ...]:
+    """Return the course files of a folder, in alphabetic order.
+
+    Raises:
+        TrackError: there is none.
+    """
+    found = tuple(str(path) for path in sorted(folder.glob("*.toml")))
+    if not found:
+        raise TrackError(f"{folder}: no course file (.toml) in it; name a folder that has some")
+    return found
+
+
+@dataclass(frozen=True)
+class LapExamSpec:
+    """What is asked of every driver."""
+
+    courses: tuple[str, ...]  # names, or paths of course files
+    vehicle: str = "tt02"
+    laps: int = 5  # from a flying start, that count
+    jobs: int = 0  # processes; 0: one for each core
+
+    def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
+        """Return a run for each driver on each course."""
+        return [
+            RunSpec(driver, course, self.vehicle, laps=self.laps)
+            for driver, course in product(drivers, self.courses)
+        ]
+
+
+@dataclass(frozen=True)
+class CourseTry:
+    """How a driver did on one course."""
+
+    driver: str
+    course: str
+    laps_wanted: int
+    limit_s: float | None  # None: unknown
+    times_s: tuple[float, ...]  # of the laps that were completed and count
+    clean: int  # of them
+    contacts: int  # with walls, those of the lap before included
+    rescues: int
+    remark: str = ""  # why the run ended early, or has no limit
+
+    @property
+    def ratios(self) -> list[float]:
+        """Times of laps over the limit of the course."""
+        return [time / self.limit_s for time in self.times_s] if self.limit_s else []
+
+
+@dataclass(frozen=True)
+class LapRow:
+    """One driver on all courses. Its fields are a contract; intervals are bounds of 95 %."""
+
+    driver: str
+    courses: int
+    laps: int  # wanted; one that was not completed is not clean
+    clean_lap_rate: float
+    clean_lap_interval: tuple[float, float]  # as if laps of one course were independent
+    clean_course_rate: float  # courses with no lap that is not clean
+    clean_course_interval: tuple[float, float]
+    ratio: float | None  # median time of a lap over the limit of its course
+    ratio_interval: tuple[float | None, float | None]  # bootstrap over courses and laps
+    contacts: int
+    rescues: int
+    not_clean: dict[str, int]  # clean laps of the courses with fewer than wanted
+    remarks: tuple[str, ...]
+
+    @staticmethod
+    def of(tries: Sequence[CourseTry]) -> "LapRow":
+        """Return the row of one driver's tries."""
+        wanted, clean = sum(one.laps_wanted for one in tries), sum(one.clean for one in tries)
+        spoilt = {one.course: one.clean for one in tries if one.clean < one.laps_wanted}
+        held = len(tries) - len(spoilt)
+        ratios = [one.ratios for one in tries if one.ratios]
+        return LapRow(
+            driver=tries[0].driver,
+            courses=len(tries),
+            laps=wanted,
+            clean_lap_rate=clean / wanted,
+            clean_lap_interval=wilson_interval(clean, wanted),
+            clean_course_rate=held / len(tries),
+            clean_course_interval=wilson_interval(held, len(tries)),
+            ratio=median(ratio for group in ratios for ratio in group) if ratios else None,
+            ratio_interval=intervals(ratios)[0],
+            contacts=sum(one.contacts for one in tries),
+            rescues=sum(one.rescues for one in tries),
+            not_clean=spoilt,
+            remarks=tuple(f"{one.course}: {one.remark}" for one in tries if one.remark),
+        )
+
+
+def examine(
+    spec: LapExamSpec, drivers: Sequence[str], editions: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[CourseTry]:
+    """Yield how each driver did on each course, as they finish; those that are kept first.
+
+    editions: of a driver, what else than the code decides how it drives: a digest of its policy.
+
+    Raises:
+        RaceError: a course or the vehicle does not exist.
+    """
+    vehicle_named(spec.vehicle)
+    waiting = []
+    for run in spec.runs_of(drivers):
+        kept = _read(_kept(run, editions))
+        if kept is not None:
+            yield kept
+        else:
+            waiting.append(run)
+    if waiting:
+        compile_once(waiting[0])
+    outcomes = run_all(waiting, spec.jobs, drive=drive_with_limit)
+    with contextlib.closing(outcomes):
+        for _, driven in outcomes:
+            one = try_of(driven)
+            if not driven.failed:
+                _write(_kept(driven.spec, editions), one)
+            yield one
+
+
+def drive_with_limit(spec: RunSpec, tell: Tell) -> Run:
+    """Drive a run once the limit of its course is solved, here, beside those of other courses."""
+    with contextlib.suppress(RaceError):  # the run says what it lacks
+        reference_limit(load_course(spec.track), vehicle_named(spec.vehicle))
+    return drive_run(spec, tell)
+
+
+def try_of(run: Run) -> CourseTry:
+    """Return what an exam keeps of a run."""
+    course, vehicle = load_course(run.spec.track), vehicle_named(run.spec.vehicle)
+    limit = known_limit(course, bounds_of(vehicle))
+    remark = run.remark or ("" if limit else f"no limit of {vehicle.name} is known")
+    return CourseTry(
+        driver=run.spec.driver,
+        course=run.spec.track,
+        laps_wanted=run.spec.laps,
+        limit_s=limit.minimum_time.time_s if limit else None,
+        times_s=tuple(lap.time_s for lap in run.laps),
+        clean=sum(lap.is_clean for lap in run.laps),
+        contacts=run.crashes,
+        rescues=run.rescues,
+        remark=remark,
+    )
+
+
+def _kept(spec: RunSpec, editions: Mapping[str, str]) -> Path:
+    """Return the file that keeps a run: by all that decides it, the compiled code included."""
+    edition = editions.get(spec.driver, "")
+    words = f"{source_digest()} {edition} {digest_of(spec.track)} {spec}"
+    digest = hashlib.sha256(words.encode()).hexdigest()[:24]
+    return cache_root() / "lap-exams" / f"{digest}.json"
+
+
+def _read(path: Path) -> CourseTry | None:
+    """Return what a file keeps, or None if there is none that can be read."""
+    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+        words: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return CourseTry(**(words | {"times_s": tuple(words["times_s"])}))
+    return None
+
+
+def _write(path: Path, one: CourseTry) -> None:
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Written aside and moved, so that no reader sees half a file.
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, delete=False, encoding="utf-8"
+        ) as file:
+            json.dump(asdict(one), file)
+        Path(file.name).replace(path)

@@ -1,0 +1,126 @@
+"""The exam of laps: its courses, its figures, and what is kept of it."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from race_agents.commands.exam import app
+from race_server.competition import lap_exam
+from race_server.competition.lap_exam import (
+    CourseTry,
+    LapExamSpec,
+    LapRow,
+    courses_in,
+    drawn_courses,
+    drive_with_limit,
+    examine,
+)
+from race_server.competition.lap_picture import draw_laps
+from race_server.competition.time_trial.run import Run
+from race_server.competition.time_trial.run_spec import RunSpec
+from race_server.core.vehicle_presets import KART_60, TT02
+from race_server.errors import TrackError
+
+
+def one_try(course: str, clean: int, ratio: float) -> CourseTry:
+    """Return a driver's two laps on a course whose limit is 10 s."""
+    times = (10.0 * ratio, 10.0 * ratio)
+    return CourseTry("raceline", course, 2, 10.0, times, clean, contacts=2 - clean, rescues=0)
+
+
+def in_this_process(driven: list[RunSpec]) -> Any:
+    """Return what stands in for the pool of processes, and notes the runs that it drives."""
+
+    def run_all(specs: Sequence[RunSpec], _jobs: int, drive: Any) -> Iterator[tuple[int, Run]]:
+        for number, spec in enumerate(specs):
+            driven.append(spec)
+            yield number, drive(spec, lambda _: None)
+
+    return run_all
+
+
+def test_three_of_four_laps_clean_on_one_of_two_courses() -> None:
+    row = LapRow.of([one_try("a", 2, 1.02), one_try("b", 1, 1.06)])
+    assert (row.courses, row.laps, row.contacts, row.rescues) == (2, 4, 1, 0)
+    assert (row.clean_lap_rate, row.clean_course_rate) == (0.75, 0.5)
+    assert row.ratio == pytest.approx(1.04)
+    assert row.not_clean == {"b": 1}
+    low, high = row.clean_lap_interval
+    assert low < 0.75 < high
+
+
+def test_a_lap_that_was_not_driven_is_not_clean() -> None:
+    none = CourseTry("raceline", "a", 2, None, (), 0, 5, 1, "stood still for 10 s in lap 1")
+    row = LapRow.of([none])
+    assert (row.clean_lap_rate, row.ratio, row.rescues) == (0.0, None, 1)
+    assert row.remarks == ("a: stood still for 10 s in lap 1",)
+
+
+def test_courses_are_drawn_of_each_kind_in_turn_in_the_scale_of_the_vehicle() -> None:
+    assert drawn_courses(4, 70, TT02) == (
+        "generated:block:70",
+        "generated:spline:71",
+        "generated:circuit:72",
+        "generated:block:73",
+    )
+    assert drawn_courses(2, 70, KART_60) == (
+        "generated:spline:70:kart",
+        "generated:circuit:71:kart",
+    )
+
+
+def test_a_folder_without_courses_is_refused_by_its_name(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=f"{tmp_path}: no course file"):
+        courses_in(tmp_path)
+
+
+def test_a_course_that_was_driven_is_not_driven_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven: list[RunSpec] = []
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
+    (first,) = examine(LapExamSpec(("oval",), laps=1), ["raceline"])
+    both = {one.driver: one for one in examine(LapExamSpec(("oval",), laps=1), ["raceline", "idm"])}
+    assert [spec.driver for spec in driven] == ["raceline", "idm"]
+    assert both["raceline"] == first
+    assert (first.clean, first.contacts) == (1, 0)
+    assert 0.98 < first.ratios[0] < 1.05
+
+
+def test_a_driver_whose_policy_has_changed_is_driven_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven: list[RunSpec] = []
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    spec = LapExamSpec(("oval",), laps=1)
+    for edition in ("old", "old", "new"):
+        list(examine(spec, ["learned:full"], {"learned:full": edition}))
+    assert len(driven) == 2
+    assert drive_with_limit is not lap_exam.drive_with_limit
+
+
+def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:
+    tries = [one_try("a", 2, 1.02), one_try("b", 1, 1.06)]
+    draw_laps([LapRow.of(tries)], tries, tmp_path / "laps.svg")
+    assert "raceline" in (tmp_path / "laps.svg").read_text()
+
+
+def test_the_rows_of_the_document_have_the_keys_that_were_promised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    words = ["laps", "--drivers", "raceline", "--courses", "1", "--first-seed", "7", "--json"]
+    shown = CliRunner().invoke(app, words)
+    (row,) = json.loads(shown.stdout)["rows"]
+    keys = "driver courses laps clean_lap_rate ratio contacts rescues"
+    assert set(keys.split()) <= set(row)
+    assert (row["driver"], row["courses"], row["laps"]) == ("raceline", 1, 5)
