@@ -52,7 +52,7 @@ LEAST_RATIO = 0.3
 AWAY, TURNED, BENT, AGAINST = 1.0, 0.4, 0.5, 0.3
 # Decisions for which a way is kept against which a vehicle drives.
 KEPT = 20
-# Slower than this [m/s] a vehicle stands, as far as labels are concerned.
+# Slower than this [m/s] a vehicle stands, as far as labels are concerned; none of them is slower.
 SLOW = 0.1
 
 
@@ -179,14 +179,13 @@ def label_all(
     counts: Ints,
     ages: Ints,
     progress: Floats,
-    least: float,
     controls: Floats,
 ) -> None:
     """Fill `controls`, (W, 2) speed and steering as shares, from the way of each world.
 
     bodies, vehicles: (W, 1) BODY and VEHICLE; tracks: (W, S, COLUMNS), of which the first `counts`,
     (W,), are a way, none where a vehicle is astray; ages: (W,) decisions since it was planned;
-    progress: (W, 1), see `follow_towed`; least: slowest speed that is answered [m/s].
+    progress: (W, 1), see `follow_towed`.
     """
     for w in range(len(bodies)):
         body, vehicle = bodies[w, 0], vehicles[w, 0]
@@ -208,14 +207,14 @@ def label_all(
             counts[w] = 0
             continue
         spot = locate(track, progress[w], led.x, led.y, motion.speed)
-        controls[w, 0] = _wanted_speed(track, spot, vehicle, rig, least)
+        controls[w, 0] = _wanted_speed(track, spot, vehicle, rig)
         controls[w, 1] = command.steering
         if spot.arrived and row[LAST] == counts[w] - 1 and abs(body.speed) < STANDING:
             counts[w] = 0  # it would have ended here, so it does not stand well enough
 
 
 @kernel
-def _wanted_speed(track: Floats, spot: Spot, vehicle: Record, rig: Rig, least: float) -> float:
+def _wanted_speed(track: Floats, spot: Spot, vehicle: Record, rig: Rig) -> float:
     """Return the speed at a spot of a way, as a share of the most in that direction.
 
     At the end of a leg it turns round, so that the vehicle stands for a moment.
@@ -225,9 +224,9 @@ def _wanted_speed(track: Floats, spot: Spot, vehicle: Record, rig: Rig, least: f
     ratio = 1.0
     if gear < 0.0:
         ratio = max(way_behind(rig, row[ANGLE], row[CURVATURE]), LEAST_RATIO)
-    speed = gear * max((row[SPEED] + spot.share * (after[SPEED] - row[SPEED])) / ratio, least)
+    speed = gear * max((row[SPEED] + spot.share * (after[SPEED] - row[SPEED])) / ratio, SLOW)
     if spot.arrived:
-        speed = -gear * least
+        speed = -gear * SLOW
     return speed / (vehicle.top_speed if speed > 0.0 else vehicle.reverse_speed)
 
 

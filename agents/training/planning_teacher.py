@@ -21,7 +21,6 @@ from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.trailers import axle_pose, hitch_angle
 from race_server.core.parking_order import order_of
 from race_server.core.state import Floats, World
-from race_server.envs.actions import LEAST_SPEED
 from race_server.envs.batch import Batch
 from race_server.errors import PlanError, ScenarioError
 
@@ -99,7 +98,6 @@ class PlanningTeacher:
             self._counts,
             self._ages,
             self._progress,
-            LEAST_SPEED,
             self._controls,
         )
 
