@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from race_server.errors import ScenarioError
 from race_server.printable import printable
 
 
@@ -21,3 +22,19 @@ def save(figure: Any, path: Path, **options: Any) -> None:
         text.set_parse_math(False)
         text.set_text("\n".join(map(printable, text.get_text().split("\n"))))
     figure.savefig(path, **options)
+
+
+def save_and_close(figure: Any, path: Path, **options: Any) -> None:
+    """Write a figure of pyplot, and let go of it. options: of `savefig`.
+
+    Raises:
+        ScenarioError: the file cannot be written.
+    """
+    from matplotlib import pyplot
+
+    try:
+        save(figure, path, **options)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path} cannot be written: {error}") from error
+    finally:
+        pyplot.close(figure)

@@ -7,7 +7,6 @@ exam that was stopped goes on where it was, and the same question is not driven 
 import contextlib
 import hashlib
 import json
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -26,6 +25,7 @@ from race_server.core.kernels.jit import cache_root, source_digest
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.core.vehicles import Vehicle
 from race_server.errors import RaceError, TrackError
+from race_server.kept_file import keep
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.track.load import digest_of, load_course
@@ -203,11 +203,5 @@ def _read(path: Path) -> CourseTry | None:
 
 
 def _write(path: Path, one: CourseTry) -> None:
-    with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Written aside and moved, so that no reader sees half a file.
-        with tempfile.NamedTemporaryFile(
-            "w", dir=path.parent, delete=False, encoding="utf-8"
-        ) as file:
-            json.dump(asdict(one), file)
-        Path(file.name).replace(path)
+    words = json.dumps(asdict(one)).encode()
+    keep(path, lambda file: file.write(words))

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from race_server.competition.lap_exam import CourseTry, LapRow
-from race_server.errors import ScenarioError
-from race_server.pictures import save
+from race_server.pictures import save_and_close
 
 _INK, _CLEAN, _SPOILT = "#20242a", "#1565c0", "#d84315"
 _WIDTH, _HEIGHT = 11.0, 1.1  # [in]; of a driver
@@ -41,12 +40,7 @@ def draw_laps(rows: Sequence[LapRow], tries: Sequence[CourseTry], path: Path) ->
         panel.tick_params(labelsize=8)
         for side in ("top", "right"):
             panel.spines[side].set_visible(False)
-    try:
-        save(figure, path, dpi=150, facecolor="white")
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path} cannot be written: {error}") from error
-    finally:
-        pyplot.close(figure)
+    save_and_close(figure, path, dpi=150, facecolor="white")
 
 
 def _draw_share(panel: Any, place: int, row: LapRow) -> None:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from race_server.competition.parking_exam import Try
-from race_server.errors import ScenarioError
-from race_server.pictures import save
+from race_server.pictures import save_and_close
 
 _INK, _GREY, _BLUE = "#20242a", "#c3c8cf", "#1565c0"
 _COLOURS = {
@@ -54,12 +53,7 @@ def draw_exam(drawn: Sequence[Drawn], path: Path) -> None:
     for (place, times), one in zip(panels, drawn, strict=True):
         _draw_places(place, one)
         _draw_times(times, one)
-    try:
-        save(figure, path, dpi=150, facecolor="white")
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path} cannot be written: {error}") from error
-    finally:
-        pyplot.close(figure)
+    save_and_close(figure, path, dpi=150, facecolor="white")
 
 
 def _draw_places(panel: Any, drawn: Drawn) -> None:

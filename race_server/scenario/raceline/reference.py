@@ -3,7 +3,6 @@
 import contextlib
 import hashlib
 import importlib.metadata
-import tempfile
 import time
 import zipfile
 from functools import cache
@@ -13,6 +12,7 @@ import numpy as np
 
 from race_server.core.kernels.jit import cache_root
 from race_server.core.vehicles import Vehicle
+from race_server.kept_file import keep
 from race_server.scenario.raceline.baselines import least_curved, shortest
 from race_server.scenario.raceline.bounds import Bounds, bounds_of
 from race_server.scenario.raceline.bundled import read_bundled
@@ -117,12 +117,7 @@ def _write(path: Path, limit: Limit) -> None:
         for name, line in lines.items()
     }
     times = np.array([*(line.time_s for line in lines.values()), limit.solve_s])
-    with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Written aside and moved, so that no reader sees half a file.
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            np.savez(file, allow_pickle=False, times=times, **tables)
-        Path(file.name).replace(path)
+    keep(path, lambda file: np.savez(file, allow_pickle=False, times=times, **tables))
 
 
 def _read(path: Path) -> Limit | None:

@@ -3,12 +3,12 @@
 import contextlib
 import hashlib
 import pickle
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 from race_server.core.kernels.jit import cache_root
+from race_server.kept_file import keep
 from race_server.scenario.track.course import Course
 
 
@@ -30,10 +30,5 @@ def cached(digest: str, build: Callable[[], Course]) -> Course:
         if isinstance(course, Course):
             return course
     course = build()
-    with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Written aside and moved, so that no reader sees half a course.
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            pickle.dump(course, file)
-        Path(file.name).replace(path)
+    keep(path, lambda file: pickle.dump(course, file))
     return course
