@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from race_agents.training.budget import Budget
 from race_agents.training.curriculum import Curriculum
-from race_agents.training.normaliser import Normaliser, restore_means, state_of
+from race_agents.training.normaliser import LEAST_VARIANCE, Normaliser, restore_means, state_of
 from race_agents.training.reward_wrapper import RewardWrapper
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
@@ -84,7 +84,8 @@ def save_checkpoint(
 def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
     """Start a learner with the networks and the normalisation of another run's checkpoint.
 
-    Counters, optimisers' rates and budget are those of a run that begins.
+    Counters, optimisers' rates and budget are those of a run that begins. What never changed there
+    may change here: its variance begins with 1.
 
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
@@ -92,6 +93,8 @@ def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
     companions = {name: one.state() for name, one in companions_in(world).items()}
     counters = {name: getattr(learner, name) for name in COUNTERS}
     load_checkpoint(path, learner, world, Budget(None, 1))
+    seen: Any = world.obs_rms
+    seen.var = np.where(seen.var > LEAST_VARIANCE, seen.var, 1.0)
     for name, one in companions_in(world).items():
         one.restore(companions[name])
     for name, value in counters.items():

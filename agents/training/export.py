@@ -90,7 +90,7 @@ def _normalise(graph: _Graph, world: Normaliser) -> None:
     numbers: Any = world.obs_rms
     _view(graph, world.view, len(numbers.mean))
     graph.then("Sub", np.asarray(numbers.mean, np.float64))
-    graph.then("Div", np.sqrt(np.asarray(numbers.var, np.float64) + world.epsilon))
+    graph.then("Div", world.spread_of(numbers))
     most = np.float64(world.clip_obs)
     graph.then("Clip", -most, most)
     if world.stretch is not None:

@@ -13,6 +13,10 @@ from race_agents.training.view import ObservationView
 
 Rows = NDArray[Any]
 
+# What varies less never changed, and is left by its mean alone. Divided by next to nothing it would
+# saturate its input as soon as it does change, as when a kart that learned alone meets another.
+LEAST_VARIANCE = 1e-8
+
 
 class Normaliser(VecNormalize):
     """SB3's normalisation after an `ObservationView`, with optional decorrelation.
@@ -47,9 +51,21 @@ class Normaliser(VecNormalize):
     def scaled(self, viewed: Rows) -> NDArray[np.float32]:
         """Return viewed observations (n, size) with mean 0 and variance 1, not decorrelated."""
         means: Any = self.obs_rms
-        spread = np.sqrt(means.var + self.epsilon).astype(np.float32)
+        spread = self.spread_of(means).astype(np.float32)
         rows = (viewed.astype(np.float32) - means.mean.astype(np.float32)) / spread
         return np.clip(rows, -self.clip_obs, self.clip_obs)
+
+    def spread_of(self, means: RunningMeanStd) -> NDArray[np.float64]:
+        """Return what numbers are divided by, shape (size,): 1 for those that never changed."""
+        changed = means.var > LEAST_VARIANCE
+        return np.where(changed, np.sqrt(means.var + self.epsilon), 1.0)
+
+    def _normalize_obs(self, obs: Rows, obs_rms: RunningMeanStd) -> Rows:
+        rows = (obs - obs_rms.mean) / self.spread_of(obs_rms)
+        return np.clip(rows, -self.clip_obs, self.clip_obs)
+
+    def _unnormalize_obs(self, obs: Rows, obs_rms: RunningMeanStd) -> Rows:
+        return obs * self.spread_of(obs_rms) + obs_rms.mean
 
 
 def state_of(means: RunningMeanStd) -> dict[str, torch.Tensor]:
@@ -72,7 +88,8 @@ def restore_means(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> N
 
 class _Means(RunningMeanStd):
     def __init__(self, view: ObservationView, shape: Any) -> None:
-        super().__init__(shape=shape)
+        # What SB3 counts before the first observation would pass for a variance for long.
+        super().__init__(epsilon=1e-12, shape=shape)
         self._view = view
 
     def update(self, arr: Rows) -> None:
