@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from race_agents.planning.chauffeur import HOLD, Chauffeur
-from race_agents.planning.footprint import Point, convert
 from race_agents.planning.latency import estimate_latency, remember_command
 from race_agents.planning.scan import age_of_scan
 from race_agents.planning.unexpected import (
@@ -18,6 +17,7 @@ from race_agents.planning.unexpected import (
     unexpected_points,
 )
 from race_server.core.driver import Briefing
+from race_server.core.free_space.footprint import Point, convert
 from race_server.core.kernel_driver import Cockpit, cockpit_for
 from race_server.core.kernels.jit import INTERPRET
 from race_server.core.kernels.motion import Command, Motion

@@ -1,34 +1,18 @@
 """The rest of a path as one word of Reeds and Shepp, if one of them is free."""
 
 import math
-from typing import NamedTuple
 
-from race_agents.planning.footprint import Footprint
-from race_agents.planning.obstacles import Obstacles, free_way
+from race_server.core.free_space.footprint import Footprint
+from race_server.core.free_space.obstacles import Obstacles, free_way
+from race_server.core.free_space.prices import Prices, cost_of_way
 from race_server.core.kernels.geometry import Pose, along_arc
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.reeds_shepp import PIECES, WORDS, Word, word_between
 from race_server.core.state import Floats
 
-# Cost of a change of direction of a car [m].
-CUSP = 3.0
 # A shorter piece is no piece [m].
 LEAST_PIECE = 1e-6
 NO_WORD = -1
-
-
-class Prices(NamedTuple):
-    """What a metre costs, at least 1, and what a change of direction does."""
-
-    ahead: float  # driven forward
-    back: float  # driven in reverse
-    cusp: float = CUSP  # [m]
-
-
-@kernel
-def cost_of_way(way: float, prices: Prices) -> float:
-    """Return the cost [m] of a way [m], negative in reverse."""
-    return way * prices.ahead if way > 0.0 else -way * prices.back
 
 
 @kernel

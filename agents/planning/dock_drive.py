@@ -13,12 +13,12 @@ import numpy as np
 from race_agents.planning.chauffeur import Chauffeur
 from race_agents.planning.dock_tasks import DockTask
 from race_agents.planning.latency import estimate_latency, remember_command
-from race_agents.planning.obstacles import Obstacles, touches
-from race_agents.planning.rig import only_trailer
 from race_agents.planning.towed_path import behind
 from race_agents.planning.way import axle_of
 from race_server.core.clock import SUBSTEP_S
 from race_server.core.driver import Briefing
+from race_server.core.free_space.obstacles import Obstacles, touches
+from race_server.core.free_space.rig import only_trailer
 from race_server.core.kernel_driver import Cockpit, cockpit_for
 from race_server.core.kernels.boxes import Box, Hull, box_of
 from race_server.core.kernels.distance_field import Grid

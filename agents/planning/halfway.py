@@ -2,7 +2,7 @@
 
 import math
 
-from race_agents.planning.obstacles import Obstacles
+from race_server.core.free_space.obstacles import Obstacles
 from race_server.core.kernels.distance_field import cell_at
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats

@@ -20,14 +20,9 @@ from typing import NamedTuple
 
 from race_agents.planning.analytic_expansion import (
     NO_WORD,
-    Prices,
     cheapest_free_word,
-    cost_of_way,
 )
-from race_agents.planning.footprint import Footprint
-from race_agents.planning.obstacles import Obstacles, free_way
-from race_agents.planning.rig import Rig, Towed
-from race_agents.planning.rig_moves import ANGLES, direction_in, drive, way_in
+from race_agents.planning.rig_moves import direction_in, drive, way_in
 from race_agents.planning.search_tree import (
     NODES,
     NONE,
@@ -38,7 +33,11 @@ from race_agents.planning.search_tree import (
     keep_draft,
     next_node,
 )
-from race_agents.planning.towed_ways import TowedWays, towed_way
+from race_server.core.free_space.footprint import Footprint
+from race_server.core.free_space.obstacles import Obstacles, free_way
+from race_server.core.free_space.prices import Prices, cost_of_way
+from race_server.core.free_space.rig import ANGLES, Rig, Towed
+from race_server.core.free_space.towed_ways import TowedWays, towed_way
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import TURN, Pose, along_arc, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel

@@ -6,15 +6,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from race_agents.planning.analytic_expansion import Prices
-from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import CURVATURE, LEFT, SPEED
 from race_agents.planning.path_planner import ENDLESS, PathPlanner
-from race_agents.planning.rig import only_trailer
 from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.towed_planner import TowedPlanner
 from race_agents.planning.unexpected import Chart
+from race_server.core.free_space.footprint import Point, convert
+from race_server.core.free_space.prices import Prices
+from race_server.core.free_space.rig import only_trailer
 from race_server.core.kernels.geometry import Pose, along_arc
 from race_server.core.kernels.motion import Motion
 from race_server.core.level import Level

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from race_agents.planning.footprint import Point, convert
-from race_agents.planning.ground import NO_BOXES
+from race_server.core.free_space.footprint import Point, convert
+from race_server.core.free_space.ground import NO_BOXES
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from race_agents.planning.footprint import Point, convert
+from race_server.core.free_space.footprint import Point, convert
 from race_server.core.kernels.geometry import Pose, along_arc
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle

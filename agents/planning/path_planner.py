@@ -7,12 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_agents.planning.analytic_expansion import CUSP, LEAST_PIECE, Prices
-from race_agents.planning.footprint import Footprint, footprint_of
-from race_agents.planning.ground import NO_BOXES, Ground
+from race_agents.planning.analytic_expansion import LEAST_PIECE
 from race_agents.planning.halfway import halfway_poses
 from race_agents.planning.hybrid_astar import CURVATURES, GAVE_UP, Mesh, Task, search
-from race_agents.planning.obstacles import (
+from race_agents.planning.path import Path, driven_back, in_words, path_of
+from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
+from race_agents.planning.shortcuts import shortened
+from race_server.core.free_space.footprint import Footprint, footprint_of
+from race_server.core.free_space.ground import NO_BOXES, Ground
+from race_server.core.free_space.obstacles import (
     CORNER,
     PASSING,
     Obstacles,
@@ -20,9 +23,7 @@ from race_agents.planning.obstacles import (
     free_way,
     is_free,
 )
-from race_agents.planning.path import Path, driven_back, in_words, path_of
-from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
-from race_agents.planning.shortcuts import shortened
+from race_server.core.free_space.prices import CUSP, Prices
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.reeds_shepp import WORDS, word_between

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from race_agents.planning.dock_tasks import DockTask
-from race_agents.planning.footprint import Point, convert
 from race_agents.planning.parking_tasks import ParkingTask
 from race_agents.planning.path import Path
 from race_agents.planning.towed_path import TowedPath, behind
+from race_server.core.free_space.footprint import Point, convert
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import ScenarioError

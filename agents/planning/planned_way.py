@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from race_agents.planning.footprint import Point, convert
 from race_agents.planning.parking_plan import chart_of, driving_time, plan_to_slot
 from race_agents.planning.way import Way
+from race_server.core.free_space.footprint import Point, convert
 from race_server.core.kernels.geometry import Pose
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Floats

@@ -12,7 +12,7 @@ controller asks for the angle that turns this car towards the line, the more the
 
 import math
 
-from race_agents.planning.rig import Rig, curvature_of_rate, scale_of
+from race_server.core.free_space.rig import Rig, curvature_of_rate, scale_of
 from race_server.core.kernels.geometry import clip
 from race_server.core.kernels.jit import kernel
 

@@ -7,16 +7,14 @@ move brings the trailer onto the axis of its slot, and along it to its place.
 
 import math
 
-from race_agents.planning.obstacles import Obstacles, gets_there
 from race_agents.planning.reversing import angle_towards, curvature_towards
-from race_agents.planning.rig import Rig, Towed, moved, pose_ahead, scale_of, way_behind
+from race_server.core.free_space.obstacles import Obstacles, gets_there
+from race_server.core.free_space.rig import Rig, Towed, moved, pose_ahead, scale_of, way_behind
 from race_server.core.kernels.geometry import Pose, clip, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats
 
-# Angles at the hitch that moves go to, as shares of the greatest, and what stands for them on the
-# axis of the slot.
-ANGLES = (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0)
+# What stands for an angle at the hitch on the axis of the slot.
 ON_AXIS = math.inf
 # Way between two decisions of the controllers [m], and how often the bodies are looked at.
 SPACING, LOOKS = 0.1, 2

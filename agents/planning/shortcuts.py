@@ -11,12 +11,12 @@ import numpy as np
 from race_agents.planning.analytic_expansion import (
     LEAST_PIECE,
     NO_WORD,
-    Prices,
     cheapest_free_word,
 )
-from race_agents.planning.footprint import Footprint
-from race_agents.planning.obstacles import Obstacles
 from race_agents.planning.path import Path, path_of
+from race_server.core.free_space.footprint import Footprint
+from race_server.core.free_space.obstacles import Obstacles
+from race_server.core.free_space.prices import Prices
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.reeds_shepp import word_between
 from race_server.core.state import Floats

@@ -32,8 +32,8 @@ from race_agents.planning.path_follower import (
     speed_limits,
 )
 from race_agents.planning.reversing import angle_towards, curvature_towards
-from race_agents.planning.rig import Rig, angle_rate, towed_by, way_behind
 from race_agents.planning.towed_path import TowedPath, behind
+from race_server.core.free_space.rig import Rig, angle_rate, towed_by, way_behind
 from race_server.core.kernels.geometry import Pose, cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.motion import Command, Motion

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.planning.analytic_expansion import Prices
-from race_agents.planning.ground import NO_BOXES, Ground
 from race_agents.planning.hybrid_astar import (
     GAVE_UP,
     Mesh,
@@ -16,10 +14,15 @@ from race_agents.planning.hybrid_astar import (
     search,
     towed_at,
 )
-from race_agents.planning.obstacles import CORNER, PASSING, Obstacles, cover_radius, is_free
 from race_agents.planning.path import in_words
 from race_agents.planning.path_planner import ENDLESS, MARGIN, REACH, disc_around_axle
-from race_agents.planning.rig import (
+from race_agents.planning.rig_moves import direction_in, drive, way_in
+from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
+from race_agents.planning.towed_path import TowedPath
+from race_server.core.free_space.ground import NO_BOXES, Ground
+from race_server.core.free_space.obstacles import CORNER, PASSING, Obstacles, cover_radius, is_free
+from race_server.core.free_space.prices import Prices
+from race_server.core.free_space.rig import (
     Rig,
     Towed,
     only_trailer,
@@ -28,10 +31,7 @@ from race_agents.planning.rig import (
     scale_of,
     towed_by,
 )
-from race_agents.planning.rig_moves import direction_in, drive, way_in
-from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
-from race_agents.planning.towed_path import TowedPath
-from race_agents.planning.towed_ways import NO_WAYS, find_towed_ways
+from race_server.core.free_space.towed_ways import NO_WAYS, find_towed_ways
 from race_server.core.kernels.distance_field import distance_at
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path_follower import BRAKE_SHARE, HEADING, LEFT, X, Y
+from race_server.core.free_space.footprint import Point, convert
 from race_server.core.state import Floats
 from race_server.core.traffic import Traffic
 from race_server.core.vehicles import GRAVITY, Vehicle

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from race_agents.planning.path_follower import ANGLE, GEAR, HEADING, LAST, X, Y
-from race_agents.planning.rig import Rig, Towed, pose_ahead, towed_by
 from race_agents.planning.scan import ray_angle
+from race_server.core.free_space.rig import Rig, Towed, pose_ahead, towed_by
 from race_server.core.kernels.geometry import Pose, cos_sin
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Record

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.planning.footprint import Point, convert
 from race_agents.planning.path import Path
 from race_agents.planning.path_follower import (
     ANGLE,
@@ -19,10 +18,11 @@ from race_agents.planning.path_follower import (
     follow,
     make_track,
 )
-from race_agents.planning.rig import rig_of
 from race_agents.planning.towed_follower import follow_towed, make_towed_track
 from race_agents.planning.towed_path import TowedPath, behind
 from race_agents.planning.unexpected import safe_speed
+from race_server.core.free_space.footprint import Point, convert
+from race_server.core.free_space.rig import rig_of
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.motion import Command, Motion
 from race_server.core.state import Floats

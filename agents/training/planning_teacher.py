@@ -14,14 +14,14 @@ from race_agents.planning.parking_plan import chart_of, parked_trailer_pose
 from race_agents.planning.path_follower import (
     COLUMNS,
 )
-from race_agents.planning.rig import rig_of
 from race_agents.planning.towed_follower import label_all, make_towed_track
 from race_agents.planning.towed_planner import TowedPlanner
+from race_server.core.free_space.rig import rig_of
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.trailers import axle_pose, hitch_angle
 from race_server.core.parking_order import order_of
-from race_server.core.state import Floats, World
 from race_server.envs.batch import Batch
+from race_server.envs.parking.heuristics.atlas import standing_in
 from race_server.errors import PlanError, ScenarioError
 
 Labels = NDArray[np.float32]
@@ -108,8 +108,11 @@ class PlanningTeacher:
         world = self._batch.world
         body, record, order = world.bodies[w, 0], world.vehicles[w, 0], order_of(world, w, 0)
         start, angle = Pose(*axle_pose(body, record, 0)), float(hitch_angle(body, 0))
+        lots = world.parking.lots
+        lot, own = lots.lots[world.rules[w].course], int(world.parking.parkers[w, 0].slot)
+        others = standing_in(lots, lot, own)
         goal, walls = parked_trailer_pose(order.slot, self._vehicle), order.walls
-        boxes = np.unique(np.concatenate([chart_of(order).boxes, occupied(world, w, 0)]), axis=0)
+        boxes = np.unique(np.concatenate([chart_of(order).boxes, others]), axis=0)
         for planner, (_, steps) in zip(self._planners, MARGINS, strict=True):
             planner.allow(steps)
             self.plans += 1
@@ -123,21 +126,3 @@ class PlanningTeacher:
                 self._progress[w], self._ages[w] = 0.0, 0
                 return
         self._waits[w] = PAUSE
-
-
-def occupied(world: World, w: int, k: int) -> Floats:
-    """Return the boxes of all that may stand in the slots but that of vehicle k: (B, 6).
-
-    A box: see `Chart`. None where the lot leaves its slots free.
-    """
-    lots = world.parking.lots
-    lot, own = lots.lots[world.rules[w].course], int(world.parking.parkers[w, k].slot)
-    if lot.taken == 0.0:
-        return np.zeros((0, 6))
-    slots = lots.slots[lot.slot_start : lot.slot_start + lot.slot_count]
-    others = slots[np.arange(len(slots)) != own]
-    boxes = np.zeros((len(others), 6))
-    boxes[:, 0], boxes[:, 1] = others["x"], others["y"]
-    boxes[:, 2], boxes[:, 3] = np.cos(others["heading"]), np.sin(others["heading"])
-    boxes[:, 4:] = 0.5 * lot.taken_length, 0.5 * lot.taken_width
-    return boxes

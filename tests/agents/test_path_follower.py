@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from race_agents.planning.footprint import Point, box_at, convert, footprint_of
 from race_agents.planning.parking_tasks import bay
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import (
@@ -20,6 +19,7 @@ from race_agents.planning.path_follower import (
     make_track,
 )
 from race_agents.planning.path_planner import PathPlanner
+from race_server.core.free_space.footprint import Point, box_at, convert, footprint_of
 from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.motion import Allowance, Motion, move

@@ -10,9 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from race_agents.planning.footprint import Point, box_at, convert, footprint_of
 from race_agents.planning.halfway import cells_down
-from race_agents.planning.obstacles import Obstacles, free_way, is_free, survey
 from race_agents.planning.parking_tasks import ParkingTask, bay, parallel
 from race_agents.planning.path import Path, driven_back, path_of
 from race_agents.planning.path_planner import MARGIN, PathPlanner
@@ -28,6 +26,8 @@ from race_agents.planning.search_tree import (
     next_node,
 )
 from race_server.competition.proportion import wilson_interval
+from race_server.core.free_space.footprint import Point, box_at, convert, footprint_of
+from race_server.core.free_space.obstacles import Obstacles, free_way, is_free, survey
 from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose

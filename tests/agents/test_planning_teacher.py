@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from race_agents.training.imitation import School
-from race_agents.training.planning_teacher import MARGINS, PlanningTeacher, occupied
+from race_agents.training.planning_teacher import MARGINS, PlanningTeacher
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_server.core import codes
@@ -43,14 +43,6 @@ def test_which_neighbours_are_there_does_not_change_the_labels() -> None:
     batch.world.parking.blocks["kind"] = codes.NOTHING
     after = PlanningTeacher(batch).labels(batch.observations, begun)
     assert np.array_equal(before, after)
-
-
-def test_all_bays_but_its_own_count_as_occupied() -> None:
-    batch = yard()
-    boxes, parker = occupied(batch.world, 0, 0), batch.world.parking.parkers[0, 0]
-    assert boxes.shape == (17, 6)
-    assert np.abs(boxes[:, 0] - parker.x).min() == pytest.approx(4.0)
-    assert boxes[:, 4:] == pytest.approx(np.tile([6.8, 1.275], (17, 1)))
 
 
 def test_where_it_knows_no_way_there_is_no_label() -> None:

@@ -13,7 +13,7 @@ from race_agents.planning.reversing import (
     angle_towards,
     curvature_towards,
 )
-from race_agents.planning.rig import (
+from race_server.core.free_space.rig import (
     Rig,
     Towed,
     angle_rate,

@@ -8,11 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from race_agents.planning.analytic_expansion import Prices
 from race_agents.planning.dock_bench import bench_drive
 from race_agents.planning.dock_drive import NOISY, Trouble, Yard, dock_order
 from race_agents.planning.dock_tasks import DockTask, dock
-from race_agents.planning.ground import NO_BOXES, Ground
 from race_agents.planning.parking_plan import chart_of, parked_trailer_pose, plan_to_slot
 from race_agents.planning.path_follower import ANGLE, CURVATURE, GEAR, LEFT, SPEED
 from race_agents.planning.path_planner import MARGIN
@@ -20,8 +18,10 @@ from race_agents.planning.plan_bench import bench_plan
 from race_agents.planning.towed_follower import make_towed_track
 from race_agents.planning.towed_path import TowedPath, before, behind
 from race_agents.planning.towed_planner import TowedPlanner
-from race_agents.planning.towed_ways import find_towed_ways, towed_way
 from race_agents.planning.way import Way
+from race_server.core.free_space.ground import NO_BOXES, Ground
+from race_server.core.free_space.prices import Prices
+from race_server.core.free_space.towed_ways import find_towed_ways, towed_way
 from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.contacts import box_on_box, box_on_segment
 from race_server.core.kernels.geometry import Pose

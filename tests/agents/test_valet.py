@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from race_agents.planning.analytic_expansion import Prices
 from race_agents.planning.parking_plan import chart_of, driving_time, plan_to_slot
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import make_track
@@ -27,6 +26,7 @@ from race_agents.planning.unexpected import (
 )
 from race_server.competition.parking_exam import ExamSpec, drive_exam
 from race_server.core.driver import Briefing, driver_named
+from race_server.core.free_space.prices import Prices
 from race_server.core.kernels.geometry import Pose
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, Slot

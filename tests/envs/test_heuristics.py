@@ -32,7 +32,8 @@ from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 
 TERM = {name: number for number, name in enumerate(TERMS)}
-NO_CHART = Chart(Grid(0.0, 0.0, CELL, 0, 0), np.zeros((0, 0)))
+NO_COSTS = (Grid(0.0, 0.0, CELL, 1, 1), np.zeros((1, 1, 1), np.float32))
+NO_CHART = Chart(Grid(0.0, 0.0, CELL, 0, 0), np.zeros((0, 0)), *NO_COSTS)
 OF_PATHS = ("euclid", "reeds-shepp", "trailer-car", "privileged", "forward")
 # The first example may compile.
 unhurried = settings(max_examples=40, deadline=None)
@@ -69,7 +70,7 @@ def lot_with_ways(lot: str, seed: int, cells: int) -> tuple[World, Field, Chart]
     find_ways(world, field, 0, 0, 0, cells)
     x0, y0 = field.corners[0, 0].tolist()
     rows, columns = field.ways.shape[2:]
-    return world, field, Chart(Grid(x0, y0, CELL, columns, rows), field.ways[0, 0])
+    return world, field, Chart(Grid(x0, y0, CELL, columns, rows), field.ways[0, 0], *NO_COSTS)
 
 
 @cache

@@ -13,6 +13,7 @@ from race_server.core.rules.parking import ALIGNED_WITHIN
 from race_server.core.state import World, empty_sightings
 from race_server.envs.buffers import Figures
 from race_server.envs.parking.decide import decide, restart
+from race_server.envs.parking.heuristics.atlas import NO_ATLAS, make_atlas
 from race_server.envs.parking.heuristics.field import empty_field
 from race_server.envs.parking.heuristics.table import NUMBERS, check_vehicle, heuristic_named
 from race_server.envs.parking.reset import LotTemplates
@@ -100,6 +101,11 @@ class Parking:
         world = world._replace(
             walls=templates.walls, route=templates.route, parking=parking, sight=sight
         )
+        atlas = NO_ATLAS
+        if heuristic.has_atlas:
+            names = [scenario.course.name for scenario in scenarios]
+            vehicle = scenarios[0].vehicle_of(0)
+            atlas = make_atlas(full.lots, world.walls, vehicle, names)
         return world, LotTemplates(
             templates.races,
             templates.rules,
@@ -108,7 +114,7 @@ class Parking:
             templates.players,
             templates.vehicles,
             templates.parking.parkers,
-            empty_field(world.walls, worlds, world.bodies.shape[1], heuristic.cells),
+            empty_field(world.walls, worlds, world.bodies.shape[1], heuristic.cells, atlas),
         )
 
     def report(self, episode: Any) -> dict[str, Any]:

@@ -24,7 +24,8 @@ from race_server.core.kernels.rng import bits
 from race_server.core.stages.wall_contacts import block_hull
 from race_server.core.state import Floats, Ints, Walls, World
 from race_server.envs.parking.heuristics.aim import goal_of
-from race_server.envs.parking.heuristics.heuristic import CORNERS, NO_CELLS, Chart
+from race_server.envs.parking.heuristics.atlas import NO_ATLAS, Atlas
+from race_server.envs.parking.heuristics.heuristic import CORNERS, NO_CELLS, Chart, Costs
 
 # [m] side of a cell: that of the report on an articulated vehicle that learns to park.
 CELL = 1.0
@@ -47,6 +48,7 @@ class Field(NamedTuple):
     made_for: Ints  # (W, K) digest of lot, slot and obstacles
     clear: Floats  # (W, R, C) work space: of the first world of each part of the batch
     queues: Ints  # (W, 2, R * C) the same
+    atlas: Atlas  # costs to go to the slots of all lots
 
 
 @kernel
@@ -55,10 +57,12 @@ def cells_along(size: float) -> int:
     return math.ceil(size / CELL) + 1
 
 
-def empty_field(walls: Walls, worlds: int, vehicles: int, cells: int) -> Field:
+def empty_field(
+    walls: Walls, worlds: int, vehicles: int, cells: int, atlas: Atlas = NO_ATLAS
+) -> Field:
     """Return the fields of a batch, not yet filled; without cells if none are read.
 
-    walls: of all sites of the batch; cells: NO_CELLS, SIDES or CORNERS.
+    walls: of all sites of the batch; cells: NO_CELLS, SIDES or CORNERS; atlas: of their slots.
     """
     rows = columns = 0
     if cells != NO_CELLS:
@@ -72,6 +76,7 @@ def empty_field(walls: Walls, worlds: int, vehicles: int, cells: int) -> Field:
         np.full((worlds, vehicles), NEVER),
         np.zeros((worlds, rows, columns)),
         np.zeros((worlds, 2, rows * columns), np.int64),
+        atlas,
     )
 
 
@@ -91,7 +96,20 @@ def chart_of(world: World, field: Field, w: int, place: int, k: int) -> Chart:
     ways, corner = field.ways[place, k], field.corners[place, k]
     columns = min(cells_along(site.columns * site.cell), ways.shape[1])
     rows = min(cells_along(site.rows * site.cell), ways.shape[0])
-    return Chart(Grid(corner[0], corner[1], CELL, columns, rows), ways)
+    frame, costs = _page_of(world, field.atlas, w, k)
+    return Chart(Grid(corner[0], corner[1], CELL, columns, rows), ways, frame, costs)
+
+
+@kernel
+def _page_of(world: World, atlas: Atlas, w: int, k: int) -> tuple[Grid, Costs]:
+    """Return the costs to go to the slot of a vehicle, and the frame of their cells."""
+    number = 0
+    if len(atlas.frames) > 1:
+        lot = world.parking.lots.lots[world.rules[w].course]
+        number = lot.slot_start + world.parking.parkers[w, k].slot
+    frame = atlas.frames[number]
+    grid = Grid(frame[0], frame[1], frame[2], int(frame[3]), int(frame[4]))
+    return grid, atlas.costs[number]
 
 
 @kernel

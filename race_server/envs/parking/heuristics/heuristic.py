@@ -3,8 +3,13 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.state import Floats
+
+Costs = NDArray[np.float32]
 
 # Which ways over cells a heuristic reads: none; from side to side, past obstacles as they are; or
 # over corners as well, past obstacles grown by half the width of the vehicle.
@@ -19,6 +24,7 @@ class Heuristic:
     knows: str  # that the others may not
     cells: int = NO_CELLS
     has_trailer: bool = False  # only for vehicles with one trailer
+    has_atlas: bool = False  # reads the costs to go of an atlas
 
 
 class Chart(NamedTuple):
@@ -26,3 +32,5 @@ class Chart(NamedTuple):
 
     grid: Grid
     ways: Floats  # (R, C) [m], at least as many as the grid has
+    frame: Grid  # of the costs to go, in the frame of the goal
+    costs: Costs  # (T, R, C) [m] of headings and places, at least as many as the frame has

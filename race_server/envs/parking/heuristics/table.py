@@ -7,6 +7,7 @@ from race_server.core.kernels.jit import large_kernel
 from race_server.core.vehicles import Vehicle
 from race_server.envs.parking.heuristics import (
     bfs,
+    cost_to_go,
     euclid,
     forward,
     grid,
@@ -23,16 +24,19 @@ NOTHING = Heuristic("none", "nothing: no way is left anywhere")
 _ALL = (
     *(NOTHING, euclid.HEURISTIC, bfs.HEURISTIC, grid.HEURISTIC, reeds_shepp.HEURISTIC),
     *(hybrid.HEURISTIC, trailer_car.HEURISTIC, privileged.HEURISTIC, forward.HEURISTIC),
+    cost_to_go.HEURISTIC,
 )
 # Their numbers, in this order.
-NONE, EUCLID, BFS, GRID, REEDS_SHEPP, HYBRID, TRAILER_CAR, PRIVILEGED, FORWARD = range(len(_ALL))
+NONE, EUCLID, BFS, GRID, REEDS_SHEPP, HYBRID, TRAILER_CAR, PRIVILEGED, FORWARD, COST_TO_GO = range(
+    len(_ALL)
+)
 
 HEURISTICS: Mapping[str, Heuristic] = MappingProxyType({one.name: one for one in _ALL})
 NUMBERS: Mapping[str, int] = MappingProxyType({one.name: n for n, one in enumerate(_ALL)})
 
 _euclid, _bfs, _grid, _reeds_shepp = euclid.way, bfs.way, grid.way, reeds_shepp.way
 _hybrid, _trailer_car, _privileged = hybrid.way, trailer_car.way, privileged.way
-_forward = forward.way
+_forward, _cost_to_go = forward.way, cost_to_go.way
 
 
 @large_kernel
@@ -54,6 +58,8 @@ def way_left(number: int, aim: Aim, chart: Chart) -> float:
         return _privileged(aim, chart)
     if number == FORWARD:
         return _forward(aim, chart)
+    if number == COST_TO_GO:
+        return _cost_to_go(aim, chart)
     return 0.0
 
 

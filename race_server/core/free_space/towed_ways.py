@@ -17,10 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from race_agents.planning.analytic_expansion import Prices, cost_of_way
-from race_agents.planning.obstacles import Obstacles, is_free
-from race_agents.planning.rig import Rig, Towed, pose_ahead, scale_of
-from race_agents.planning.rig_moves import ANGLES
+from race_server.core.free_space.obstacles import Obstacles, is_free
+from race_server.core.free_space.prices import Prices, cost_of_way
+from race_server.core.free_space.rig import ANGLES, Rig, Towed, pose_ahead, scale_of
 from race_server.core.kernels.distance_field import Grid, cell_at, distance_at
 from race_server.core.kernels.geometry import TURN, Pose, along_arc, cos_sin, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel

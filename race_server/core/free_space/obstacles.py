@@ -12,7 +12,7 @@ vehicle: a short arc around the middle of its turn, nearly a segment.
 import math
 from typing import NamedTuple
 
-from race_agents.planning.footprint import Footprint, box_at
+from race_server.core.free_space.footprint import Footprint, box_at
 from race_server.core.kernels.boxes import Box
 from race_server.core.kernels.contacts import box_on_box, box_on_segment
 from race_server.core.kernels.distance_field import (

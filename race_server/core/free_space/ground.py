@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from race_agents.planning.obstacles import Obstacles, survey
+from race_server.core.free_space.obstacles import Obstacles, survey
 from race_server.core.kernels.distance_field import Grid, fill_distances
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats

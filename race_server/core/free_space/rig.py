@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from race_agents.planning.footprint import Footprint, footprint_of
+from race_server.core.free_space.footprint import Footprint, footprint_of
 from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.contacts import box_on_box
 from race_server.core.kernels.geometry import Pose, along_arc, cos_sin
@@ -30,6 +30,8 @@ USUAL_RADIUS = 7.0
 ANGLE_SHARE, ANGLE_STEP = 0.9, 0.005
 # Greatest angle that controllers ask for [rad], and as a share of what plans keep to.
 SHARPEST, SHARPEST_SHARE = 0.75, 0.85
+# Angles at the hitch that ways are made of, as shares of the greatest.
+ANGLES = (0.0, 1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0)
 # By how much the wheels turn on a metre at most [rad/m], for a wheelbase of 3.7 m: a lorry that
 # turns them by 0.5 rad/s drives at 1 m/s there. With 1 rad/m ways took a third longer.
 TURNING, USUAL_WHEELBASE = 0.5, 3.7
