@@ -10,6 +10,7 @@ REPRODUCTION = table_of(
     with_heuristic("hybrid", "–"),
     with_heuristic("trailer-car", "–"),
     with_heuristic("privileged", "privileged coordinates: asked for"),
+    with_heuristic("cost-to-go", "–"),
     finding="asked for, not tried",
     base="bfs",
     assumptions=(
