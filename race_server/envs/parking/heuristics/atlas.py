@@ -113,9 +113,9 @@ def _ways_to(goal: Pose, walls: Floats, boxes: Floats, rig: Rig, ground: Ground)
     """Return the costs to go to a pose of the trailer's axle, over all that lies between walls."""
     ends = walls.reshape(-1, 2)
     low, high = ends.min(axis=0, initial=math.inf), ends.max(axis=0, initial=-math.inf)
-    corners = [Pose(float(x), float(y), 0.0) for x, y in (low, high)]
+    lowest, highest = Pose(low[0], low[1], 0.0), Pose(high[0], high[1], 0.0)
     near = PASSING + max(cover_radius(rig.drawing), cover_radius(rig.drawn))
-    obstacles = ground.obstacles(*corners, walls, boxes, reach=1.0, near=near)
+    obstacles = ground.obstacles(lowest, highest, walls, boxes, reach=1.0, near=near)
     distances = ground.distances_to(goal, obstacles, rig.drawn.half_width)
     return find_towed_ways(
         obstacles, distances, rig, goal, Prices(1.0, 1.0, CUSP * scale_of(rig.bar))
