@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from race_server.core.records import Records, fields_of, record_of
+from race_server.core.vehicles import TRAILERS
 
 # One vehicle's slot and how it fares. Lengths [m], angles [rad], speeds [m/s].
 _PARKER = fields_of(
@@ -35,6 +36,9 @@ PARKER = record_of([*_PARKER, *fields_of("hitch", "last began")])
 # where there is none. Block k is the body of vehicle k once it has parked or crashed, block K + k
 # its first trailer, and so on, as far as any vehicle of the world has one.
 BLOCK = record_of(fields_of("x y heading half_length half_width", "kind"))
+# How far a vehicle was from all blocks [m], at least, when it was at this place and its trailers
+# had these headings; see `stages/blocks.py`. Derived from the world: in no digest.
+ROOM = record_of([*fields_of("x y heading room", ""), ("trailers", np.float64, (TRAILERS,))])
 # A person who walks from place to place. `rest_at`: way left [m] of this leg where a stop begins;
 # `against`: 1 + number of the vehicle that they touched in the tick before, 0 for none.
 WALKER = record_of(fields_of("x y to_x to_y speed radius rest_at", "leg rest_ticks against"))
@@ -76,6 +80,7 @@ class CarPark(NamedTuple):
     parkers: Records  # (W, K) PARKER
     blocks: Records  # (W, B) BLOCK
     walkers: Records  # (W, P) WALKER
+    rooms: Records  # (W, K) ROOM
 
 
 def empty_parking(worlds: int, vehicles: int, blocks: int, people: int, lots: Lots) -> CarPark:
@@ -85,13 +90,17 @@ def empty_parking(worlds: int, vehicles: int, blocks: int, people: int, lots: Lo
         parkers=np.zeros((worlds, vehicles), PARKER),
         blocks=np.zeros((worlds, blocks), BLOCK),
         walkers=np.zeros((worlds, people), WALKER),
+        rooms=np.zeros((worlds, vehicles), ROOM),
     )
 
 
 def part_of_parking(parking: CarPark, cut: slice) -> CarPark:
     """Return some of the worlds as a view that shares their memory."""
     return parking._replace(
-        parkers=parking.parkers[cut], blocks=parking.blocks[cut], walkers=parking.walkers[cut]
+        parkers=parking.parkers[cut],
+        blocks=parking.blocks[cut],
+        walkers=parking.walkers[cut],
+        rooms=parking.rooms[cut],
     )
 
 

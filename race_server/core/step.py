@@ -9,6 +9,7 @@ from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.stages.allowances import set_allowances
+from race_server.core.stages.blocks import forget_rooms
 from race_server.core.stages.contacts import find_contact_pairs
 from race_server.core.stages.controls import take_controls
 from race_server.core.stages.events import report, retire
@@ -47,6 +48,7 @@ def advance_world(world: World, w: int, controls: Floats, ticks: int) -> None:
     A call that hands over the whole world costs as much as moving a kart: one for all ticks.
     """
     take_controls(world.bodies[w], controls)
+    forget_rooms(world.parking.rooms[w])
     for _ in range(ticks):
         step(world, w)
 

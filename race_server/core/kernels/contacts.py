@@ -92,6 +92,25 @@ def box_on_box(box: Box, other: Box) -> tuple[float, float, float]:
 
 
 @kernel
+def gap_between(box: Box, other: Box) -> float:
+    """Return a distance [m] that two boxes have at least; not above 0 where they overlap.
+
+    The largest distance along any axis of the two, as in `box_on_box`.
+    """
+    dx, dy = box.x - other.x, box.y - other.y
+    ac = abs(box.cos * other.cos + box.sin * other.sin)
+    as_ = abs(box.sin * other.cos - box.cos * other.sin)
+    u, v = dx * box.cos + dy * box.sin, dy * box.cos - dx * box.sin
+    along = abs(u) - box.half_length - other.half_length * ac - other.half_width * as_
+    across = abs(v) - box.half_width - other.half_length * as_ - other.half_width * ac
+    gap = max(along, across)
+    u, v = dx * other.cos + dy * other.sin, dy * other.cos - dx * other.sin
+    along = abs(u) - other.half_length - box.half_length * ac - box.half_width * as_
+    across = abs(v) - other.half_width - box.half_length * as_ - box.half_width * ac
+    return max(gap, along, across)
+
+
+@kernel
 def touching_point(box: Box, nx: float, ny: float) -> tuple[float, float]:
     """Return the point of a box, from its middle [m], that lies deepest against a unit normal."""
     along, across = nx * box.cos + ny * box.sin, ny * box.cos - nx * box.sin

@@ -7,11 +7,11 @@ not seen.
 import math
 
 from race_server.core import codes
-from race_server.core.kernels.boxes import Box, box_count, box_of, hull_of, reach_of
-from race_server.core.kernels.geometry import ray_to_box
+from race_server.core.kernels.boxes import Box, Hull, box_count, box_of, hull_of, reach_of
+from race_server.core.kernels.geometry import cos_sin, ray_to_box
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rays import cast_ray
-from race_server.core.stages.wall_contacts import block_hull, is_near_block, is_own_block
+from race_server.core.stages.blocks import block_hull, is_near_block, is_own_block
 from race_server.core.state import Float32s, Record, World
 
 REACH = 20.0  # [m]
@@ -58,7 +58,7 @@ def _feel_blocks(world: World, w: int, k: int, box: Box, ranges: Float32s) -> No
     for number in range(len(blocks)):
         if is_near_block(blocks[number], box.x, box.y, near):
             if not is_own_block(vehicle, k, bodies, number):
-                _feel_box(vehicle, box, box_of(block_hull(blocks[number])), ranges)
+                _feel_box(vehicle, box, block_hull(blocks[number]), ranges)
 
 
 @kernel
@@ -72,29 +72,37 @@ def _feel_bodies(world: World, w: int, k: int, box: Box, ranges: Float32s) -> No
         near = REACH + box.half_length + box.half_width + reach_of(shape)
         if dx * dx + dy * dy < near * near:
             for number in range(box_count(shape)):
-                hull = hull_of(shape, rival, number)
-                _feel_box(world.vehicles[w, k], box, box_of(hull), ranges)
+                _feel_box(world.vehicles[w, k], box, hull_of(shape, rival, number), ranges)
 
 
 @kernel
-def _feel_box(vehicle: Record, box: Box, other: Box, ranges: Float32s) -> None:
-    """Shorten the rays from one box that meet another. ranges: (FEELERS,) [m]."""
-    dx, dy = other.x - box.x, other.y - box.y
+def _feel_box(vehicle: Record, box: Box, hull: Hull, ranges: Float32s) -> None:
+    """Shorten the rays from one box that meet another, a hull. ranges: (FEELERS,) [m]."""
+    x, y, half_length, half_width = hull.x, hull.y, hull.half_length, hull.half_width
+    other_cos, other_sin = 0.0, 0.0  # computed for the first ray that may meet the hull
+    if hull.offset != 0.0:
+        other_cos, other_sin = cos_sin(hull.heading)
+        x, y = x + hull.offset * other_cos, y + hull.offset * other_sin
+    dx, dy = x - box.x, y - box.y
     along, across = dx * box.cos + dy * box.sin, dy * box.cos - dx * box.sin
-    half_length, half_width = other.half_length, other.half_width
     radius = math.sqrt(half_length * half_length + half_width * half_width)
-    # A direction of the one box in the frame of the other.
-    cos = box.cos * other.cos + box.sin * other.sin
-    sin = box.sin * other.cos - box.cos * other.sin
     for ray in range(vehicle.feeler_count):
         feeler = vehicle.feelers[ray]
+        if feeler.box != box.number:
+            continue
         u, v = along - feeler.ahead, across - feeler.left
         # First the circle around the other: beside the ray, behind it, or beyond what stops it?
-        ahead, aside = u * feeler.cos + v * feeler.sin, v * feeler.cos - u * feeler.sin
-        if feeler.box != box.number or abs(aside) > radius or ahead < -radius:
+        aside = v * feeler.cos - u * feeler.sin
+        if abs(aside) > radius:
             continue
-        if ranges[ray] <= ahead - radius:
+        ahead = u * feeler.cos + v * feeler.sin
+        if ahead < -radius or ranges[ray] <= ahead - radius:
             continue
+        if other_cos == 0.0 and other_sin == 0.0:
+            other_cos, other_sin = cos_sin(hull.heading)
+        # A direction of the one box in the frame of the other.
+        cos = box.cos * other_cos + box.sin * other_sin
+        sin = box.sin * other_cos - box.cos * other_sin
         c, s = cos * feeler.cos - sin * feeler.sin, sin * feeler.cos + cos * feeler.sin
         x, y = sin * v - cos * u, -sin * u - cos * v
         ranges[ray] = min(ranges[ray], ray_to_box(x, y, c, s, half_length, half_width))

@@ -20,7 +20,7 @@ TOUCH_SPEED = 0.2
 def touch_karts(world: World, w: int) -> None:
     """Resolve contacts between karts, and judge every blow before the next."""
     rules, tick = world.rules[w], world.races[w].tick
-    if rules.kart_contact == codes.GHOST:
+    if rules.kart_contact == codes.GHOST or world.bodies.shape[1] == 1:
         return
     bodies, vehicles = world.bodies[w], world.vehicles[w]
     material = Material(rules.restitution, rules.wall_friction)
@@ -37,14 +37,15 @@ def touch_walls(world: World, w: int) -> None:
     """Resolve contacts with borders and obstacles; judge the first hard blow of each kart."""
     rules = world.rules[w]
     site = world.walls.sites[rules.course]
-    bodies, vehicles, blocks = world.bodies[w], world.vehicles[w], world.parking.blocks[w]
+    bodies, vehicles = world.bodies[w], world.vehicles[w]
+    blocks, rooms = world.parking.blocks[w], world.parking.rooms[w]
     material = Material(rules.restitution, rules.wall_friction)
     # Where a touch ends the race, the softest one does.
     softest = 0.0 if rules.wall_contact == codes.RETIRE else TOUCH_SPEED
     cursor = 0
     while cursor >= 0:
         blow = next_wall_blow(
-            bodies, vehicles, world.walls, site, blocks, material, softest, cursor
+            bodies, vehicles, world.walls, site, blocks, rooms, material, softest, cursor
         )
         cursor = blow.cursor
         if is_blow(blow):

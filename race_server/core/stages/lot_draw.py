@@ -27,8 +27,9 @@ from race_server.core.kernels.rng import (
 )
 from race_server.core.kernels.trailers import place_in_line, straighten
 from race_server.core.lots import BLOCKS, GOAL, START
+from race_server.core.stages.blocks import block_hull, is_near_block
 from race_server.core.stages.people import place_walker
-from race_server.core.stages.wall_contacts import block_hull, is_free_of_walls, is_near_block
+from race_server.core.stages.wall_contacts import is_free_of_walls
 from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
 from race_server.core.vehicles import TRAILERS

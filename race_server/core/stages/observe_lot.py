@@ -83,17 +83,21 @@ def _fill_slot(
     turn = wrap_angle(parker.heading - body.heading)
     put(out, offsets[part.GOAL_X], 0, forward)
     put(out, offsets[part.GOAL_Y], 0, left)
-    put(out, offsets[part.GOAL_COS], 0, math.cos(turn))
-    put(out, offsets[part.GOAL_SIN], 0, math.sin(turn))
+    if offsets[part.GOAL_COS] >= 0:
+        put(out, offsets[part.GOAL_COS], 0, math.cos(turn))
+    if offsets[part.GOAL_SIN] >= 0:
+        put(out, offsets[part.GOAL_SIN], 0, math.sin(turn))
     put(out, offsets[part.GOAL_DISTANCE], 0, distance)
     put(out, offsets[part.GOAL_PROXIMITY], 0, 1.0 / (1.0 + distance))
-    put(out, offsets[part.GOAL_BEARING], 0, math.atan2(left, forward))
+    if offsets[part.GOAL_BEARING] >= 0:
+        put(out, offsets[part.GOAL_BEARING], 0, math.atan2(left, forward))
     put(out, offsets[part.PARKED_FOR], 0, parker.held_ticks * TICK_S)
     put(out, offsets[part.GOAL_TURN], 0, turn)
     put(out, offsets[part.TRAILER_ERROR], 0, wrap_angle(parker.heading - turned))
-    last = stand_of(parker, vehicle, body, vehicle.trailer_count)
-    put(out, offsets[part.TRAILER_ALONG], 0, last.along)
-    put(out, offsets[part.TRAILER_ACROSS], 0, last.across)
+    if offsets[part.TRAILER_ALONG] >= 0 or offsets[part.TRAILER_ACROSS] >= 0:
+        last = stand_of(parker, vehicle, body, vehicle.trailer_count)
+        put(out, offsets[part.TRAILER_ALONG], 0, last.along)
+        put(out, offsets[part.TRAILER_ACROSS], 0, last.across)
     put(out, offsets[part.GEAR], 0, parker.gear)
     put(out, offsets[part.SLOT_X], 0, x)
     put(out, offsets[part.SLOT_Y], 0, y)

@@ -10,6 +10,7 @@ from race_server.core.kernels.boxes import box_count, box_of, hull_of
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.laps import microseconds
 from race_server.core.rules.parking import has_parked, judged_box, stand_of
+from race_server.core.stages.blocks import forget_rooms
 from race_server.core.stages.events import report, retire
 from race_server.core.stages.progress import has_line, parks_after_race
 from race_server.core.state import Record, World
@@ -98,3 +99,4 @@ def _become_block(world: World, w: int, k: int) -> None:
         block.x, block.y, block.heading = box.x, box.y, hull.heading
         block.half_length, block.half_width = box.half_length, box.half_width
         block.kind = codes.KART_HIT
+    forget_rooms(world.parking.rooms[w])

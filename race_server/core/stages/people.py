@@ -9,8 +9,9 @@ from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.rng import WALKER_STREAM, uniform
 from race_server.core.lots import PEOPLE
+from race_server.core.stages.blocks import block_hull, is_near_block
 from race_server.core.stages.events import report, retire
-from race_server.core.stages.wall_contacts import block_hull, is_free_of_walls, is_near_block
+from race_server.core.stages.wall_contacts import is_free_of_walls
 from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
 

@@ -8,17 +8,20 @@ from race_server.core.kernels.rays import Fan
 from race_server.core.kernels.rng import LIDAR_STREAM, RADAR_STREAM
 from race_server.core.kernels.sensors import cast_fan, disturb, see_body, see_disc
 from race_server.core.kernels.wall_scan import FEW_RAYS, scan_body
+from race_server.core.stages.blocks import block_hull, is_near_block, is_own_block
 from race_server.core.stages.sightings import note_sightings
-from race_server.core.stages.wall_contacts import block_hull, is_near_block, is_own_block
 from race_server.core.state import HAZARDS, Bytes, Float32s, Record, World
 
 
 @kernel
 def sense(world: World, w: int) -> None:
     """Take the scans that are due at this tick."""
-    sensors, tick = world.sensors[0], world.races[w].tick
-    lidar_due = tick % sensors.lidar_period_ticks == 0
-    radar_due = tick % sensors.radar_period_ticks == 0
+    sensors, tick, carried = world.sensors[0], world.races[w].tick, 0
+    for k in range(world.bodies.shape[1]):
+        carried |= world.bodies[w, k].sensors
+    # A division costs as much as the rest of a tick's bookkeeping, so it comes last.
+    lidar_due = carried & codes.LIDAR != 0 and tick % sensors.lidar_period_ticks == 0
+    radar_due = carried & codes.RADAR != 0 and tick % sensors.radar_period_ticks == 0
     if lidar_due or radar_due:
         _scan_all(world, w, lidar_due, radar_due)
 

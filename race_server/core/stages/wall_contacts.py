@@ -25,6 +25,12 @@ from race_server.core.kernels.contacts import (
 )
 from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel
+from race_server.core.stages.blocks import (
+    block_hull,
+    is_near_block,
+    is_own_block,
+    may_touch_blocks,
+)
 from race_server.core.stages.contacts import Blow, is_blow, no_blow
 from race_server.core.state import Record, Records, Walls
 
@@ -36,6 +42,7 @@ def next_wall_blow(
     walls: Walls,
     site: Record,
     blocks: Records,
+    rooms: Records,
     material: Material,
     softest: float,
     cursor: int,
@@ -43,8 +50,8 @@ def next_wall_blow(
     """Return the next body's first blow on a wall or block that is harder than `softest` [m/s].
 
     bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; site: SITE of the world; blocks: (B,)
-    BLOCK of the world; cursor: 0 at the start of a substep, then that of the blow before. Bodies
-    are pushed off all that they touch.
+    BLOCK of the world; rooms: (K,) ROOM, none where there are no blocks; cursor: 0 at the start of
+    a substep, then that of the blow before. Bodies are pushed off all that they touch.
     """
     for k in range(cursor, len(bodies)):
         body = bodies[k]
@@ -56,7 +63,9 @@ def next_wall_blow(
                 if not _is_clear(walls, site, hull_of(vehicles[k], body, number)):
                     other = _meet_walls(body, vehicles[k], number, walls, site, material, softest)
                     hit = hit if is_blow(hit) else other
-            if len(blocks) > 0:
+            if len(blocks) > 0 and may_touch_blocks(
+                body, vehicles[k], k, len(bodies), blocks, rooms[k]
+            ):
                 other = _meet_blocks(bodies, vehicles, k, blocks, material, softest)
                 hit = hit if is_blow(hit) else other
             if is_blow(hit):
@@ -90,21 +99,6 @@ def is_free_of_walls(walls: Walls, site: Record, hull: Hull) -> bool:
                 if box_on_segment(box, wall[0], wall[1], wall[2], wall[3])[0] > 0.0:
                     return False
     return True
-
-
-@kernel
-def block_hull(block: Record) -> Hull:
-    """Return the box of a block. block: BLOCK."""
-    return Hull(block.x, block.y, block.heading, 0.0, block.half_length, block.half_width, 0)
-
-
-@kernel
-def is_near_block(block: Record, x: float, y: float, reach: float) -> bool:
-    """Return whether a block is there and comes within `reach` [m] of a place [m]."""
-    if block.kind == codes.NOTHING:
-        return False
-    dx, dy, near = block.x - x, block.y - y, reach + block.half_length + block.half_width
-    return bool(dx * dx + dy * dy < near * near)
 
 
 @kernel
@@ -186,15 +180,6 @@ def _cells_under(site: Record, box: Box) -> tuple[int, int, int, int]:
     first_row = max(math.floor((box.y - reach_y - site.y0) * scale), 0)
     last_row = min(math.floor((box.y + reach_y - site.y0) * scale), site.rows - 1)
     return first_column, last_column, first_row, last_row
-
-
-@kernel
-def is_own_block(vehicle: Record, k: int, bodies: int, number: int) -> bool:
-    """Return whether a block is a box of vehicle k itself, see `lots.BLOCK`.
-
-    vehicle: VEHICLE; bodies: how many there are; number: of the block.
-    """
-    return bool(number % bodies == k and number < bodies * box_count(vehicle))
 
 
 @kernel

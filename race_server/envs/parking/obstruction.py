@@ -7,7 +7,7 @@ from race_server.core.kernels.boxes import Box, box_of
 from race_server.core.kernels.geometry import ray_to_box
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rays import cast_ray
-from race_server.core.stages.wall_contacts import block_hull
+from race_server.core.stages.blocks import block_hull
 from race_server.core.state import World
 
 

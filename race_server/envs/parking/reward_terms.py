@@ -17,9 +17,10 @@ from race_server.core.rules.parking import (
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import close_episode, weigh_terms
-from race_server.envs.parking.heuristics.aim import aim_of
+from race_server.envs.parking.heuristics.aim import aim_of, goal_of, middle_of
+from race_server.envs.parking.heuristics.euclid import straight_way
 from race_server.envs.parking.heuristics.field import Field, chart_of
-from race_server.envs.parking.heuristics.table import way_left
+from race_server.envs.parking.heuristics.table import EUCLID, way_left
 
 # What each term measures over one decision of one vehicle. The order is that of the numbers below;
 # a test holds the two together. A share is the part of the time limit that a decision takes, so
@@ -127,6 +128,9 @@ def look(world: World, buffers: Buffers, field: Field, w: int, k: int) -> None:
     parker = world.parking.parkers[w, k]
     before.turn = abs(stand_of(parker, vehicle, body, judged_box(parker, vehicle)).turn)
     heuristic = int(buffers.settings[0].heuristic)
+    if heuristic == EUCLID:  # asked for most, and needs neither chart nor poses of axles
+        before.way = straight_way(middle_of(body, vehicle, parker), goal_of(vehicle, parker))
+        return
     chart = chart_of(world, field, w, buffers.rounds[w].world, k)
     before.way = way_left(heuristic, aim_of(body, vehicle, parker), chart)
 

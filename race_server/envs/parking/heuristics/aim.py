@@ -42,10 +42,19 @@ def goal_of(vehicle: Record, parker: Record) -> Pose:
 
 
 @kernel
-def aim_of(body: Record, vehicle: Record, parker: Record) -> Aim:
-    """Return the aim of a vehicle. body: BODY; vehicle: VEHICLE; parker: PARKER."""
+def middle_of(body: Record, vehicle: Record, parker: Record) -> Pose:
+    """Return where the middle of the box that is judged is.
+
+    body: BODY; vehicle: VEHICLE; parker: PARKER.
+    """
     hull = hull_of(vehicle, body, judged_box(parker, vehicle))
     box = box_of(hull)
+    return Pose(box.x, box.y, hull.heading)
+
+
+@kernel
+def aim_of(body: Record, vehicle: Record, parker: Record) -> Aim:
+    """Return the aim of a vehicle. body: BODY; vehicle: VEHICLE; parker: PARKER."""
     axle = place_in_line(vehicle, 0) - vehicle.box_offset - vehicle.rear_axle
     cos, sin = cos_sin(parker.heading)
     x, y = parker.x + axle * cos, parker.y + axle * sin
@@ -56,7 +65,7 @@ def aim_of(body: Record, vehicle: Record, parker: Record) -> Aim:
         behind += drawn.hitch + bar
         bent += bar * abs(hitch_angle(body, number))
     return Aim(
-        Pose(box.x, box.y, hull.heading),
+        middle_of(body, vehicle, parker),
         axle_pose(body, vehicle, 0),
         axle_pose(body, vehicle, vehicle.trailer_count),
         goal_of(vehicle, parker),

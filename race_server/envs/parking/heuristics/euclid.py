@@ -2,6 +2,7 @@
 
 import math
 
+from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.jit import kernel
 from race_server.envs.parking.heuristics.aim import Aim
 from race_server.envs.parking.heuristics.heuristic import Chart, Heuristic
@@ -10,7 +11,13 @@ HEURISTIC = Heuristic("euclid", "the straight distance alone")
 
 
 @kernel
+def straight_way(middle: Pose, goal: Pose) -> float:
+    """Return the distance [m] between two places."""
+    dx, dy = middle.x - goal.x, middle.y - goal.y
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@kernel
 def way(aim: Aim, chart: Chart) -> float:
     """Return the distance [m] between the middle of the judged box and its place."""
-    dx, dy = aim.middle.x - aim.goal_middle.x, aim.middle.y - aim.goal_middle.y
-    return math.sqrt(dx * dx + dy * dy)
+    return straight_way(aim.middle, aim.goal_middle)

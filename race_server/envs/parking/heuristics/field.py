@@ -21,7 +21,7 @@ from race_server.core.kernels.distance_field import (
 )
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import bits
-from race_server.core.stages.wall_contacts import block_hull
+from race_server.core.stages.blocks import block_hull
 from race_server.core.state import Floats, Ints, Walls, World
 from race_server.envs.parking.heuristics.aim import goal_of
 from race_server.envs.parking.heuristics.atlas import NO_ATLAS, Atlas
