@@ -220,7 +220,9 @@ def _examine(
                 tries = []
                 for one in drive_exam(spec, driver):
                     tries.append(one)
-                    if (key := (one.seed, one.vehicle)) not in plans:
+                    key = (one.seed, one.vehicle)
+                    # Nothing that failed is measured against a plan.
+                    if one.figures["is_success"] and key not in plans:
                         plans[key] = planned_way(vehicle, one.start, one.order)
                     advance(f"{driver}, {spec.lot}")
                 known = {key: plan for key, plan in plans.items() if plan is not None}

@@ -1,6 +1,7 @@
 """The driver that parks: its sight, its speed before people, its way, its place in a batch."""
 
 import math
+import pathlib
 
 import numpy as np
 import pytest
@@ -39,6 +40,7 @@ from race_server.envs.presets import parking_task
 from race_server.errors import DriverError, PlanError
 from race_server.scenario.level import level_named
 
+PLANNED = "race_agents.planning.planned_way"
 NO_WALLS, NO_BOXES = np.zeros((0, 4)), np.zeros((0, 6))
 # 90 rays over a right angle, seen from the origin to the east.
 EYE = Eye(0.0, 0.0, 0.0, 0.5 * math.pi, 8.0, 0.7)
@@ -179,13 +181,33 @@ def test_full_lock_before_the_start_takes_a_second_and_a_half() -> None:
     assert driving_time(turned, CAR) - driving_time(straight, CAR) == pytest.approx(1.5, abs=0.1)
 
 
-def test_a_task_without_a_way_has_no_plan() -> None:
+def test_a_task_without_a_way_has_no_plan(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{PLANNED}.cache_root", lambda: tmp_path)
     walls = np.array([[15.0, -5, 25, -5], [25, -5, 25, 5], [25, 5, 15, 5], [15, 5, 15, -5.0]])
     task = order(walls=walls)
     assert planned_way(KART_13, np.zeros(3), task) is None
     plan = planned_way(KART_13, np.zeros(3), order())
     assert plan is not None
     assert (plan.path_m, plan.direction_changes) == (pytest.approx(20.0, abs=0.1), 0)
+    # Both answers are kept: what they depend on is looked for no second time.
+    monkeypatch.setattr(f"{PLANNED}.plan_to_slot", None)
+    assert planned_way(KART_13, np.zeros(3), task) is None
+    assert planned_way(KART_13, np.zeros(3), order()) == plan
+    with pytest.raises(TypeError):
+        planned_way(KART_13, np.array([0.0, 0.1, 0.0]), order())
+
+
+def test_a_plan_is_made_again_where_the_kept_one_is_damaged(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{PLANNED}.cache_root", lambda: tmp_path)
+    plan = planned_way(KART_13, np.zeros(3), order())
+    (file,) = (tmp_path / "plans").iterdir()
+    file.write_text('{"plan": {"time_s"', encoding="utf-8")
+    assert planned_way(KART_13, np.zeros(3), order()) == plan
+    assert planned_way(KART_13, np.zeros(3), order()) == plan
 
 
 # The driver

@@ -1,4 +1,4 @@
-"""Tests of how far vehicles are from blocks, none of which is looked at before they moved so far."""
+"""Tests of how far vehicles are from blocks, and that none is looked at before they move so far."""
 
 import math
 
