@@ -39,7 +39,8 @@ def bench_plan(
 ) -> None:
     """Plan how a vehicle parks, from random starts into slots of many sizes.
 
-    Times are CPU time of one core; a share comes with its 95 % interval.
+    Times are CPU time of one core; a share comes with its 95 % interval. A task is given up after
+    50 starts of which none was solved.
     """
     from race_agents.planning.dock_bench import bench_drive
     from race_agents.planning.plan_bench import bench_plan as measure

@@ -7,9 +7,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from race_agents.planning.dock_drive import TROUBLES, Drive, Trouble, Yard
-from race_agents.planning.plan_bench import TowedYard, chosen_tasks
+from race_agents.planning.plan_bench import TowedYard, chosen_tasks, is_hopeless
 from race_server.competition.proportion import wilson_interval
 from race_server.core.vehicles import Vehicle
+
+DOCKED = "docked"  # how a drive ends that went well
 
 
 @dataclass(frozen=True)
@@ -62,16 +64,18 @@ def bench_drive(
     for number, task in chosen_tasks(yard.tasks, text):
         starts = list(yard.starts(task, runs, np.random.default_rng((seed, number))))
         for trouble in troubles:
-            drives = [
-                Yard(vehicle, task, start, trouble).drive(np.random.default_rng((seed, run)))
-                for run, start in enumerate(starts)
-            ]
+            drives: list[Drive] = []
+            for run, start in enumerate(starts):
+                if is_hopeless(sum(drive.ending == DOCKED for drive in drives), len(drives)):
+                    break
+                yard_now = Yard(vehicle, task, start, trouble)
+                drives.append(yard_now.drive(np.random.default_rng((seed, run))))
             rows.append(_row(task.name, trouble.name, drives))
     return Driven(vehicle.name, seed, rows)
 
 
 def _row(task: str, trouble: str, drives: Sequence[Drive]) -> DriveRow:
-    docked = [drive for drive in drives if drive.ending == "docked"]
+    docked = [drive for drive in drives if drive.ending == DOCKED]
     low, high = wilson_interval(len(docked), len(drives))
     times = [drive.time_s for drive in docked]
     offsets = [float(np.hypot(drive.along, drive.across)) for drive in docked]

@@ -14,7 +14,6 @@ from race_agents.planning.halfway import cells_down
 from race_agents.planning.parking_tasks import ParkingTask, bay, parallel
 from race_agents.planning.path import Path, driven_back, path_of
 from race_agents.planning.path_planner import MARGIN, PathPlanner
-from race_agents.planning.plan_bench import bench_plan
 from race_agents.planning.plan_picture import plot_plans
 from race_agents.planning.search_tree import (
     NODES,
@@ -300,20 +299,6 @@ def test_of_each_cell_only_the_cheapest_node_is_expanded(found: list[tuple[int, 
         expanded[node.cell >> 40] = node.cost
     assert expanded == {cell: min(cost for c, cost in found if c == cell) for cell, _ in found}
     assert tree.counts[NODES] <= len(found)
-
-
-def test_the_yardstick_counts_what_was_solved() -> None:
-    measured = bench_plan(CAR, runs=1, seed=0, text="reverse")
-    rows = measured.document()["rows"]
-    assert isinstance(rows, list)
-    assert [row["task"] for row in rows] == [task.name for task, _ in measured.shown]
-    assert [row["solved"] for row in rows] == [1, 1, 1]
-    assert rows[0]["share_low"] == pytest.approx(0.2065, abs=1e-4)  # 1 / (1 + 1.96²)
-
-
-def test_a_task_that_does_not_exist_is_refused_with_the_names_of_those_that_do() -> None:
-    with pytest.raises(ScenarioError, match=r"is in the name of no task; .*L \+ 0.6"):
-        bench_plan(CAR, runs=1, seed=0, text="canal")
 
 
 @pytest.mark.parametrize(
