@@ -11,7 +11,13 @@ from race_server.core import codes
 from race_server.core.kernels.boxes import Box, box_count, box_of, hull_of
 from race_server.core.kernels.contacts import box_on_box, gap_between
 from race_server.core.lots import BLOCK, ROOM
-from race_server.core.stages.blocks import FARTHEST, block_hull, forget_rooms, may_touch_blocks
+from race_server.core.stages.blocks import (
+    FARTHEST,
+    Standing,
+    block_hull,
+    forget_rooms,
+    may_touch_blocks,
+)
 from race_server.core.state import BODY, Record, Records
 from race_server.core.vehicle_presets import KART_13, LORRY
 from race_server.core.vehicles import vehicle_record
@@ -72,22 +78,22 @@ def test_a_gap_is_0_or_less_just_where_the_boxes_touch(x: float, y: float, turn:
 def test_a_kart_is_not_measured_again_before_it_has_moved_as_far_as_it_is_from_a_block() -> None:
     vehicle, rooms = vehicle_record(KART_13)[0], np.zeros(1, ROOM).view(np.recarray)
     body, blocks = body_at(0.0, 0.0, 0.0), block_at(50.0, 0.0)
-    assert not may_touch_blocks(body, vehicle, 0, 1, blocks, rooms[0])
+    assert not may_touch_blocks(body, vehicle, 0, 1, Standing(blocks, rooms))
     assert rooms[0].room == pytest.approx(FARTHEST, abs=1e-5)
     body.x = 0.9 * FARTHEST
-    assert not may_touch_blocks(body, vehicle, 0, 1, blocks, rooms[0])
+    assert not may_touch_blocks(body, vehicle, 0, 1, Standing(blocks, rooms))
     assert rooms[0].x == 0.0
     body.x = 1.1 * FARTHEST
-    assert not may_touch_blocks(body, vehicle, 0, 1, blocks, rooms[0])
+    assert not may_touch_blocks(body, vehicle, 0, 1, Standing(blocks, rooms))
     assert rooms[0].x == body.x
 
 
 def test_a_block_that_comes_is_seen_once_rooms_are_forgotten() -> None:
     vehicle, rooms = vehicle_record(KART_13)[0], np.zeros(1, ROOM).view(np.recarray)
     body = body_at(0.0, 0.0, 0.0)
-    assert not may_touch_blocks(body, vehicle, 0, 1, block_at(50.0, 0.0), rooms[0])
+    assert not may_touch_blocks(body, vehicle, 0, 1, Standing(block_at(50.0, 0.0), rooms))
     forget_rooms(rooms)
-    assert may_touch_blocks(body, vehicle, 0, 1, block_at(0.0, 0.0), rooms[0])
+    assert may_touch_blocks(body, vehicle, 0, 1, Standing(block_at(0.0, 0.0), rooms))
 
 
 @settings(max_examples=30)
@@ -95,13 +101,13 @@ def test_a_block_that_comes_is_seen_once_rooms_are_forgotten() -> None:
 def test_no_block_is_passed_over_that_a_lorry_touches(
     moves: list[tuple[float, float, float, float]],
 ) -> None:
-    vehicle, room = vehicle_record(LORRY)[0], np.zeros(1, ROOM).view(np.recarray)[0]
+    vehicle, rooms = vehicle_record(LORRY)[0], np.zeros(1, ROOM).view(np.recarray)
     blocks = block_at(4.0, 2.5, heading=0.3, half=1.0)
     for x, y, turn, bend in moves:
         # Nearly the same place, and another one: most moves are small.
         for scale in (0.02, 1.0):
             body = body_at(scale * x, scale * y, turn, scale * bend)
             if touches(body, vehicle, blocks):
-                assert may_touch_blocks(body, vehicle, 0, 1, blocks, room)
+                assert may_touch_blocks(body, vehicle, 0, 1, Standing(blocks, rooms))
             else:
-                may_touch_blocks(body, vehicle, 0, 1, blocks, room)
+                may_touch_blocks(body, vehicle, 0, 1, Standing(blocks, rooms))

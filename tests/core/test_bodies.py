@@ -11,6 +11,7 @@ from race_server.core.kernels.boxes import box_count, box_of, hull_of
 from race_server.core.kernels.contacts import Material
 from race_server.core.kernels.rays import cast_ray
 from race_server.core.lots import BLOCK, ROOM
+from race_server.core.stages.blocks import Standing
 from race_server.core.stages.contacts import Blow, find_contact_pairs, is_blow, next_body_blow
 from race_server.core.stages.controls import take_controls
 from race_server.core.stages.motion import move_bodies
@@ -26,7 +27,7 @@ CORNERS = 0.5 * SIDE * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1
 SIDES = segments_of(CORNERS)  # counter-clockwise: the inside is on the left
 KINDS = np.full(len(SIDES), codes.BORDER, np.uint8)
 WALLS = pack_walls([Fence(SIDES, KINDS, 0.5)])
-NO_BLOCKS, NO_ROOMS = np.zeros(0, BLOCK), np.zeros(0, ROOM)
+NOTHING_STANDS = Standing(np.zeros(0, BLOCK), np.zeros(0, ROOM))
 MATERIAL = Material(0.3, 0.3)
 
 
@@ -55,7 +56,7 @@ def drive(bodies: Records, vehicles: Records, controls: np.ndarray, seconds: flo
                 blows += [blow] if is_blow(blow) else []
             cursor = 0
             while cursor >= 0:
-                walls = (WALLS, WALLS.sites[0], NO_BLOCKS, NO_ROOMS, MATERIAL, 0.0)
+                walls = (WALLS, WALLS.sites[0], NOTHING_STANDS, MATERIAL, 0.0)
                 blow = next_wall_blow(bodies, vehicles, *walls, cursor)
                 cursor = blow.cursor
                 blows += [blow] if is_blow(blow) else []

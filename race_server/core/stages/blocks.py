@@ -5,6 +5,7 @@ it is from all blocks at least, and none is looked at again before it has moved 
 """
 
 import math
+from typing import NamedTuple
 
 from race_server.core import codes
 from race_server.core.kernels.boxes import Hull, box_count, box_of, hull_of, reach_of
@@ -17,6 +18,13 @@ from race_server.core.state import Record, Records
 FARTHEST = 0.5
 # Room for the rounding of all that is computed [m].
 MARGIN = 1e-6
+
+
+class Standing(NamedTuple):
+    """What stands in one world, and how far its vehicles are from that."""
+
+    blocks: Records  # (B,) BLOCK
+    rooms: Records  # (K,) ROOM, none where there are no blocks
 
 
 @kernel
@@ -52,16 +60,17 @@ def forget_rooms(rooms: Records) -> None:
 
 @kernel
 def may_touch_blocks(
-    body: Record, vehicle: Record, k: int, bodies: int, blocks: Records, room: Record
+    body: Record, vehicle: Record, k: int, bodies: int, standing: Standing
 ) -> bool:
     """Return whether a box of vehicle k may touch a block; where it does not, none is touched.
 
-    body: BODY; vehicle: VEHICLE; bodies: how many there are; blocks: (B,) BLOCK; room: ROOM of the
-    vehicle, which is measured again where it is used up.
+    body: BODY; vehicle: VEHICLE; bodies: how many there are. Room that is used up is measured
+    again.
     """
+    room = standing.rooms[k]
     if room.room > 0.0 and _moved_since(body, vehicle, room) < room.room:
         return False
-    _measure_room(body, vehicle, k, bodies, blocks, room)
+    _measure_room(body, vehicle, k, bodies, standing.blocks, room)
     return bool(room.room <= 0.0)
 
 

@@ -7,6 +7,7 @@ from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.contacts import Material
 from race_server.core.kernels.jit import kernel
 from race_server.core.rules.conduct import is_new_touch, is_ramming
+from race_server.core.stages.blocks import Standing
 from race_server.core.stages.contacts import Blow, is_blow, next_body_blow
 from race_server.core.stages.events import report, retire
 from race_server.core.stages.wall_contacts import next_wall_blow
@@ -38,14 +39,14 @@ def touch_walls(world: World, w: int) -> None:
     rules = world.rules[w]
     site = world.walls.sites[rules.course]
     bodies, vehicles = world.bodies[w], world.vehicles[w]
-    blocks, rooms = world.parking.blocks[w], world.parking.rooms[w]
+    standing = Standing(world.parking.blocks[w], world.parking.rooms[w])
     material = Material(rules.restitution, rules.wall_friction)
     # Where a touch ends the race, the softest one does.
     softest = 0.0 if rules.wall_contact == codes.RETIRE else TOUCH_SPEED
     cursor = 0
     while cursor >= 0:
         blow = next_wall_blow(
-            bodies, vehicles, world.walls, site, blocks, rooms, material, softest, cursor
+            bodies, vehicles, world.walls, site, standing, material, softest, cursor
         )
         cursor = blow.cursor
         if is_blow(blow):

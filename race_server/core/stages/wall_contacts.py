@@ -26,6 +26,7 @@ from race_server.core.kernels.contacts import (
 from race_server.core.kernels.geometry import cos_sin
 from race_server.core.kernels.jit import kernel
 from race_server.core.stages.blocks import (
+    Standing,
     block_hull,
     is_near_block,
     is_own_block,
@@ -41,17 +42,15 @@ def next_wall_blow(
     vehicles: Records,
     walls: Walls,
     site: Record,
-    blocks: Records,
-    rooms: Records,
+    standing: Standing,
     material: Material,
     softest: float,
     cursor: int,
 ) -> Blow:
     """Return the next body's first blow on a wall or block that is harder than `softest` [m/s].
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; site: SITE of the world; blocks: (B,)
-    BLOCK of the world; rooms: (K,) ROOM, none where there are no blocks; cursor: 0 at the start of
-    a substep, then that of the blow before. Bodies are pushed off all that they touch.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; site: SITE of the world; cursor: 0 at
+    the start of a substep, then that of the blow before. Bodies are pushed off all that they touch.
     """
     for k in range(cursor, len(bodies)):
         body = bodies[k]
@@ -63,10 +62,10 @@ def next_wall_blow(
                 if not _is_clear(walls, site, hull_of(vehicles[k], body, number)):
                     other = _meet_walls(body, vehicles[k], number, walls, site, material, softest)
                     hit = hit if is_blow(hit) else other
-            if len(blocks) > 0 and may_touch_blocks(
-                body, vehicles[k], k, len(bodies), blocks, rooms[k]
+            if len(standing.blocks) > 0 and may_touch_blocks(
+                body, vehicles[k], k, len(bodies), standing
             ):
-                other = _meet_blocks(bodies, vehicles, k, blocks, material, softest)
+                other = _meet_blocks(bodies, vehicles, k, standing.blocks, material, softest)
                 hit = hit if is_blow(hit) else other
             if is_blow(hit):
                 return Blow(
