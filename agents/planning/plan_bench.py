@@ -167,7 +167,9 @@ def _measure(
     task: ParkingTask | DockTask, yard: Any, runs: int, random: np.random.Generator
 ) -> tuple[Row, Path | None]:
     """Return the row of a task, and the path of its last solved run."""
-    times, paths, failures = [], [], Counter[str]()
+    times: list[float] = []
+    paths: list[Path] = []
+    failures = Counter[str]()
     for start in yard.starts(task, runs, random):
         if is_hopeless(len(paths), len(times)):
             break
