@@ -1,0 +1,237 @@
+"""A course from a closed lap of scans: its borders, its centre line, and the line to race.
+
+`python -m race_agents.planning.charted_course` solves what it reads, so that the process that
+drives is never kept waiting.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_agents.planning.lap_survey import path_of, spread_error, wall_map_of
+from race_agents.planning.wall_map import Pose, Scan, WallMap
+from race_server.core.state import Floats
+from race_server.core.vehicles import Vehicle
+from race_server.errors import PlanError, RaceError
+from race_server.scenario.raceline.attach import line_of, stand_in
+from race_server.scenario.raceline.baselines import OffsetLine, least_curved
+from race_server.scenario.raceline.bounds import Bounds, bounds_of
+from race_server.scenario.raceline.frame import Frame, frame_of
+from race_server.scenario.raceline.minimum_time import TimedLine, fastest_lap
+from race_server.scenario.raceline.program import load_casadi
+from race_server.scenario.raceline.result import Solution, limit_of, profile_of
+from race_server.scenario.track.build import SCALES, TrackSpec, build
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.limits import MOST_POINTS
+from race_server.scenario.track.line import ReferenceLine
+from race_server.scenario.track.medial import medial_line
+from race_server.scenario.track.polyline import (
+    area_of,
+    derivatives,
+    lengths_of,
+    nearest_on,
+    resample,
+    segments_of,
+    smooth,
+)
+
+# Steps of a path and of a border [cells], and how far a wall beside it counts [cells].
+STEP, FARTHEST = 0.25, 60.0
+# Standard deviation [cells] that takes the noise off a border.
+SOFT = 0.8
+# Scans that must have seen a piece of wall.
+SEEN = 2
+# Free room between body and border that the line keeps, as a share of the vehicle's width: the
+# map's error, that of a pose and that of the steering come off it.
+MARGIN_SHARE = 0.5
+# Rounds in which every scan is fitted among all others, and the trust in its pose [m], [rad].
+REFINING, TRUST = 2, (0.1, 0.02)
+# The lap of minimum time is solved up to so many stations; beyond, it takes minutes.
+MOST_STATIONS = 0
+SHORT_M = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A course that was driven once, with the walls to find a pose by."""
+
+    points: Floats  # (N, 2) [m] of pieces of wall
+    normals: Floats  # (N, 2)
+    course: Course
+    line: ReferenceLine
+
+
+def refine(scans: list[Scan], poses: list[Pose], ways: list[float], cell: float) -> list[Pose]:
+    """Return poses after each scan was fitted among the scans of the whole lap."""
+    for _ in range(REFINING):
+        walls = wall_map_of(scans, poses, cell)
+        fits = [walls.match(scan, pose, TRUST) for scan, pose in zip(scans, poses, strict=True)]
+        poses = [fit.pose if fit.share > 0.5 else old for fit, old in zip(fits, poses, strict=True)]
+    return poses
+
+
+def borders_along(path: Floats, walls: WallMap) -> tuple[Floats, Floats]:
+    """Return the closed borders left and right of a closed path, each (M, 2) [m].
+
+    path: (N, 2) [m] in the direction of travel. A piece of wall belongs to the nearest place of the
+    path that its free side faces.
+
+    Raises:
+        PlanError: one side has hardly any walls.
+    """
+    step = STEP * walls.cell
+    line = resample(path, max(round(lengths_of(path).sum() / step), 32))
+    line = smooth(line, 2.0 / STEP)
+    heading, _ = derivatives(line)
+    seen = walls.counts >= SEEN
+    points, normals = walls.points[seen], walls.normals[seen]
+    place, offset = _beside(line, heading, points, normals, FARTHEST * walls.cell)
+    sides = []
+    for side in (1.0, -1.0):
+        mine = np.flatnonzero(side * offset > 0.0)
+        if len(mine) < 16:
+            raise PlanError("the lap shows no walls on one side of its path")
+        ahead = np.column_stack([np.cos(heading), np.sin(heading)])[place[mine]]
+        along = np.sum((points[mine] - line[place[mine]]) * ahead, axis=1)
+        order = np.argsort(place[mine] + along / step, kind="stable")
+        sides.append(_evened(points[mine[order]], walls.cell))
+    return sides[0], sides[1]
+
+
+def _beside(
+    line: Floats, heading: Floats, points: Floats, normals: Floats, most: float
+) -> tuple[NDArray[np.int64], Floats]:
+    """Return the place on a line that each wall faces, and its offset [m]; 0 where none is near."""
+    left = np.column_stack([-np.sin(heading), np.cos(heading)])
+    place, offset = np.zeros(len(points), np.int64), np.zeros(len(points))
+    for index, (point, normal) in enumerate(zip(points, normals, strict=True)):
+        away = point - line
+        square = np.sum(away * away, axis=1)
+        square[away @ normal >= 0.0] = np.inf
+        best = int(np.argmin(square))
+        if square[best] < most * most:
+            place[index], offset[index] = best, away[best] @ left[best]
+    return place, offset
+
+
+def _evened(border: Floats, cell: float) -> Floats:
+    """Return a border at equal steps without the noise of its points."""
+    keep = np.hypot(*(border - np.roll(border, 1, axis=0)).T) > 0.2 * cell
+    border = border[keep]
+    even = resample(border, max(round(lengths_of(border).sum() / cell), 16))
+    even = smooth(even, SOFT)
+    return resample(even, max(round(lengths_of(even).sum() / cell), 16))
+
+
+def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Course:
+    """Return the course between two closed borders, in the direction of a path along them.
+
+    Raises:
+        RaceError: no course fits between them.
+    """
+    outer, inner = (right, left) if area_of(path) > 0.0 else (left, right)
+    line, _ = medial_line(outer, inner, SCALES[scale].spacing)
+    if (area_of(line) > 0.0) != (area_of(path) > 0.0):
+        line = line[::-1]
+    line = smooth(line, 3.0)
+    start = int(np.argmin(np.hypot(*(line - path[0]).T)))
+    line = np.roll(line, -start, axis=0)
+    count = min(max(round(len(line) / 4), 32), MOST_POINTS)
+    line = resample(line, count)
+    widths = [nearest_on(segments_of(side), line)[0] for side in (left, right)]
+    plan = TrackSpec(
+        name="surveyed",
+        title="Surveyed",
+        form="line",
+        scale=scale,
+        digest="",
+        points=np.column_stack([line, *widths]),
+    )
+    return replace(build(plan), borders=np.concatenate([segments_of(left), segments_of(right)]))
+
+
+def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
+    """Return the line to race; the centre line where nothing solves it."""
+    bounds = bounds_of(vehicle, margin=MARGIN_SHARE * vehicle.width)
+    try:
+        load_casadi()
+        frame = frame_of(course, bounds)
+        calm = least_curved(frame, bounds)
+        best = _timed(frame, bounds, calm)
+    except RaceError as error:
+        return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
+    limit = limit_of(frame, bounds, Solution(best, calm, calm), 0.0)
+    return line_of(course, bounds, limit.minimum_time)
+
+
+def _timed(frame: Frame, bounds: Bounds, calm: OffsetLine) -> TimedLine:
+    steps, speeds = profile_of(frame, calm, bounds)
+    if len(frame.x) <= MOST_STATIONS:
+        return fastest_lap(frame, bounds, calm, speeds)
+    return TimedLine(calm, speeds, float(np.sum(steps / speeds)))
+
+
+def chart_lap(
+    scans: list[Scan], poses: list[Pose], ways: list[float], cell: float, vehicle: Vehicle
+) -> Chart:
+    """Return the course of a lap whose poses close, and the line to race on it.
+
+    Raises:
+        RaceError: no course fits.
+    """
+    poses = refine(scans, poses, ways, cell)
+    walls = wall_map_of(scans, poses, cell)
+    path = path_of(poses)
+    # What lies beyond the start is on the path already.
+    beyond = np.hypot(*(path - path[0]).T)
+    last = len(path) // 2 + int(np.argmin(beyond[len(path) // 2 :]))
+    path = path[: max(last, 8)]
+    left, right = borders_along(path, walls)
+    scale = "1/10" if vehicle.length < SHORT_M else "kart"
+    course = course_between(left, right, path, scale)
+    return Chart(walls.points, walls.normals, course, line_on(course, vehicle))
+
+
+def ask_chart(
+    scans: list[Scan], poses: list[Pose], ways: list[float], cell: float, vehicle: Vehicle
+) -> Chart:
+    """Return what `chart_lap` finds, made by another process.
+
+    Raises:
+        PlanError: it found none.
+    """
+    command = [sys.executable, "-m", "race_agents.planning.charted_course"]
+    task = pickle.dumps((scans, poses, ways, cell, vehicle))
+    done = subprocess.run(command, input=task, stdout=subprocess.PIPE, check=False)
+    try:
+        answer = pickle.loads(done.stdout)
+    except (EOFError, pickle.UnpicklingError) as error:
+        raise PlanError(f"the process that charts a lap ended with {done.returncode}") from error
+    if isinstance(answer, RaceError):
+        raise PlanError(str(answer))
+    assert isinstance(answer, Chart)
+    return answer
+
+
+def _main() -> None:
+    answers = sys.stdout.buffer
+    sys.stdout = sys.stderr
+    os.nice(5)
+    try:
+        answer: object = chart_lap(*pickle.load(sys.stdin.buffer))
+    except RaceError as error:
+        answer = error
+    pickle.dump(answer, answers)
+    answers.flush()
+
+
+if __name__ == "__main__":
+    # Under its own name, so that what is pickled here is found there.
+    from race_agents.planning.charted_course import _main as main
+
+    main()
