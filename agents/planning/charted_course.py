@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.planning.lap_survey import path_of, spread_error, wall_map_of
+from race_agents.planning.lap_survey import path_of, wall_map_of
 from race_agents.planning.wall_map import Pose, Scan, WallMap
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle

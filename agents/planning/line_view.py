@@ -35,7 +35,7 @@ class LineView:
         self._held = line.held
         self._places = np.column_stack([line.x, line.y])
         self._left = np.column_stack([-np.sin(line.heading), np.cos(line.heading)])
-        self._others = np.zeros((0, 4))  # x, y [m], velocity [m/s] of strangers
+        self.others = np.zeros((0, 4))  # x, y [m], velocity [m/s] of strangers
 
     def look(self, ranges: Floats, field: float, mount: float, pose: Pose, seconds: float) -> None:
         """Find who else is on the course.
@@ -56,7 +56,7 @@ class LineView:
                 distance = max(float(np.hypot(*away)), 1e-6)
                 middle = away * (1.0 + DEPTH * self._vehicle.length / distance)
                 found.append([*(middle + np.array(pose[:2])), 0.0, 0.0])
-        self._others = self._tracked(np.array(found).reshape(-1, 4), max(seconds, 0.02))
+        self.others = self._tracked(np.array(found).reshape(-1, 4), max(seconds, 0.02))
 
     def _is_inside(self, at: Floats, pose: Pose) -> NDArray[np.bool_]:
         """Return which points (N, 2) lie clear of the borders."""
@@ -73,9 +73,9 @@ class LineView:
 
     def _tracked(self, found: Floats, seconds: float) -> Floats:
         """Return strangers (N, 4) with velocities, from where the nearest of before was."""
-        for other in found if len(self._others) else ():
-            away = np.hypot(*(self._others[:, :2] - other[:2]).T)
-            before = self._others[int(np.argmin(away))]
+        for other in found if len(self.others) else ():
+            away = np.hypot(*(self.others[:, :2] - other[:2]).T)
+            before = self.others[int(np.argmin(away))]
             if away.min() < FASTEST * seconds:
                 velocity = (other[:2] - before[:2]) / seconds
                 other[2:] = NEW_SHARE * velocity + (1.0 - NEW_SHARE) * before[2:]
@@ -131,7 +131,7 @@ class LineView:
         }
 
     def _fill_others(self, values: NDArray[Any], pose: Pose) -> None:
-        others, slices = self._others, LAYOUT.slices
+        others, slices = self.others, LAYOUT.slices
         near = np.argsort(np.hypot(*(others[:, :2] - np.array(pose[:2])).T))[:NEARBY]
         x, y = _seen_from(pose, others[near, 0], others[near, 1])
         vx, vy = _seen_from((0.0, 0.0, pose[2]), others[near, 2], others[near, 3])

@@ -1,5 +1,7 @@
 """Where a kart is among known walls, scan by scan; and where it may be once it is lost."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from race_agents.planning.lap_survey import (
@@ -28,6 +30,7 @@ class Wayfinder:
         self.failures = 0
         self._coarse = WallMap(walls.points, walls.normals, COARSE * walls.cell)
         self._tried = 0
+        self._best = Fit(pose, 0.0, 0.0)  # of the places tried in this round
 
     @property
     def is_lost(self) -> bool:
@@ -37,6 +40,7 @@ class Wayfinder:
     def move(self, scan: Scan, moved: Pose, way: float) -> None:
         """Take in a scan. moved: by odometry since the one before; way: driven [m]."""
         guess = compose(self.pose, moved)
+        self._best = replace(self._best, pose=compose(self._best.pose, moved))
         trust = (LEAST_SLIP + SLIP * way, LEAST_TWIST + TWIST * abs(moved[2]))
         fit = self.walls.match(scan, guess, trust)
         if fit.share < FITTING:
@@ -50,11 +54,20 @@ class Wayfinder:
         self._take(self._from_afar(scan, self.pose))
 
     def search(self, scan: Scan, places: Floats) -> None:
-        """Try some places (N, 3) x, y [m], heading [rad] where a lost kart may be."""
+        """Try some places (N, 3) x, y [m], heading [rad] where a lost kart may be.
+
+        The best of all places is taken once all were tried, and the scan still fits there.
+        """
         for _ in range(TRIES):
-            x, y, heading = places[self._tried % len(places)]
+            x, y, heading = places[self._tried]
+            fit = self._from_afar(scan, (x, y, heading))
+            if fit.share > self._best.share:
+                self._best = fit
             self._tried += 1
-            if self._take(self._from_afar(scan, (x, y, heading))):
+            if self._tried >= len(places):
+                self._tried = 0
+                self._take(self._from_afar(scan, self._best.pose))
+                self._best = Fit(self.pose, 0.0, 0.0)
                 return
 
     def _from_afar(self, scan: Scan, guess: Pose) -> Fit:
@@ -62,11 +75,9 @@ class Wayfinder:
         fit = self._coarse.match(scan, guess, (far, 0.2))
         return self.walls.match(scan, fit.pose, (far, 0.1))
 
-    def _take(self, fit: Fit) -> bool:
-        found = fit.share >= FOUND
-        if found:
+    def _take(self, fit: Fit) -> None:
+        if fit.share >= FOUND:
             self.failures, self.pose = 0, fit.pose
-        return found
 
 
 def places_along(line: Floats, spacing: float, step: float) -> Floats:
