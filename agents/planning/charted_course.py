@@ -19,10 +19,10 @@ from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError, RaceError
 from race_server.scenario.raceline.attach import line_of, stand_in
-from race_server.scenario.raceline.baselines import OffsetLine, least_curved
-from race_server.scenario.raceline.bounds import Bounds, bounds_of
-from race_server.scenario.raceline.frame import Frame, frame_of
-from race_server.scenario.raceline.minimum_time import TimedLine, fastest_lap
+from race_server.scenario.raceline.baselines import least_curved
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.raceline.frame import frame_of
+from race_server.scenario.raceline.minimum_time import fastest_lap
 from race_server.scenario.raceline.program import load_casadi
 from race_server.scenario.raceline.result import Solution, limit_of, profile_of
 from race_server.scenario.track.build import SCALES, TrackSpec, build
@@ -43,16 +43,15 @@ from race_server.scenario.track.polyline import (
 # Steps of a path and of a border [cells], and how far a wall beside it counts [cells].
 STEP, FARTHEST = 0.25, 60.0
 # Standard deviation [cells] that takes the noise off a border.
-SOFT = 0.8
+SOFT = 0.4
 # Scans that must have seen a piece of wall.
 SEEN = 2
 # Free room between body and border that the line keeps, as a share of the vehicle's width: the
-# map's error, that of a pose and that of the steering come off it.
-MARGIN_SHARE = 0.5
+# map's error, that of a pose and that of the steering come off it. Corners of walls lack their tips
+# in the map, and borders are smoothed: by 0.1 m together.
+MARGIN_SHARE = 0.8
 # Rounds in which every scan is fitted among all others, and the trust in its pose [m], [rad].
 REFINING, TRUST = 2, (0.1, 0.02)
-# The lap of minimum time is solved up to so many stations; beyond, it takes minutes.
-MOST_STATIONS = 0
 SHORT_M = 1.0
 
 
@@ -162,18 +161,12 @@ def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
         load_casadi()
         frame = frame_of(course, bounds)
         calm = least_curved(frame, bounds)
-        best = _timed(frame, bounds, calm)
+        _, speeds = profile_of(frame, calm, bounds)
+        best = fastest_lap(frame, bounds, calm, speeds)
     except RaceError as error:
         return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
     limit = limit_of(frame, bounds, Solution(best, calm, calm), 0.0)
     return line_of(course, bounds, limit.minimum_time)
-
-
-def _timed(frame: Frame, bounds: Bounds, calm: OffsetLine) -> TimedLine:
-    steps, speeds = profile_of(frame, calm, bounds)
-    if len(frame.x) <= MOST_STATIONS:
-        return fastest_lap(frame, bounds, calm, speeds)
-    return TimedLine(calm, speeds, float(np.sum(steps / speeds)))
 
 
 def chart_lap(
