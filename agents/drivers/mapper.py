@@ -30,7 +30,7 @@ CELL = 0.55
 PATIENCE = 6
 # The line takes effect so much later [s] than the lap closed, and as much more for each metre of
 # it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
-LATER_S, LATER_PER_M = 10.0, 0.1
+LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
 # Places to look for a lost kart lie so many body lengths apart.
 APART = 1.5
