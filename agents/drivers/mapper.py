@@ -32,7 +32,7 @@ PATIENCE = 6
 # it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
 LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
-# Places to look for a lost kart lie so many body lengths apart.
+# Places to look for a lost kart lie this far apart [body lengths].
 APART = 1.5
 
 STILL: Pose = (0.0, 0.0, 0.0)
@@ -102,6 +102,8 @@ class Mapper:
 
     def _survey_on(self, survey: LapSurvey, scan: Scan, tick: int) -> None:
         """Add a scan to the lap; where it closes, ask for its chart."""
+        if not survey.poses:
+            self._began_tick = tick
         survey.add(scan, self._moved, self._way)
         if survey.failures >= PATIENCE:
             self._begin()
@@ -118,6 +120,7 @@ class Mapper:
         self._asked = thread.submit(ask_chart, *task)
         thread.shutdown(wait=False)
         self._asked_tick, self._asked_at = tick, time.monotonic()
+        self._driven_s = (tick - self._began_tick) * TICK_S
         self._ready_s = LATER_S + LATER_PER_M * survey.ways[-1]
         self._survey = None
 
@@ -152,6 +155,9 @@ class Mapper:
             chart = asked.result()
         except PlanError:
             self._begin()
+            return
+        if float(np.sum(chart.line.spacing / chart.line.speed)) > self._driven_s:
+            self._begin()  # slower than the lap it was made from: a border is wrong somewhere
             return
         walls = WallMap(chart.points, chart.normals, self._cell)
         if self._finder is not None:

@@ -8,7 +8,7 @@ import numpy as np
 from race_agents.planning.wall_map import Fit, Pose, Scan, WallMap, compose, inverse, placed
 from race_server.core.state import Floats
 
-# A scan is matched with those before it on so many body lengths of way, at least this many.
+# A scan is matched with those of the last stretch [body lengths], at least this many.
 RECENT, FEWEST = 14.0, 8
 # How far odometry may be off between two scans, of the way and of the turn, beside the least
 # [m], [rad].

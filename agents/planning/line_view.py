@@ -16,13 +16,13 @@ LAYOUT = layout_of("line", 0)
 NOWHERE = 1e3
 # How far around a kart others are looked for on the line [m].
 AROUND = 9.0
-# A stranger is seen by so many rays at least, next to each other but for so many.
+# Rays that see a stranger at least, and rays between two of them that may miss it.
 RAYS, MISSED = 3, 2
 # What stands nearer to a border than this [m] is part of it.
 EDGE = 0.15
 # A stranger moves no faster than this [m/s], and its speed is averaged by this share.
 FASTEST, NEW_SHARE = 12.0, 0.5
-# Its middle lies so many lengths behind what is seen of it.
+# How far its middle lies behind what is seen of it [body lengths].
 DEPTH = 0.3
 
 

@@ -15,8 +15,8 @@ from race_server.core.state import Floats
 
 Pose = tuple[float, float, float]  # x, y [m], heading [rad]
 
-# A point's direction comes from its neighbours on both sides; the nearest that are so many cells
-# apart together. Beyond FLAT cells from their line it lies at a corner.
+# A point's direction comes from its neighbours on both sides; the nearest whose distance is
+# CHORD cells. Beyond FLAT cells from their line it lies at a corner.
 NEIGHBOURS, CHORD, FLAT = (1, 2, 3, 5, 8), 2.0, 0.25
 # Neighbouring ranges that differ by more cells, or by this share, are of different walls.
 BREAK, BREAK_SHARE = 2.0, 0.15
