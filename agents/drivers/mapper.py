@@ -83,8 +83,8 @@ class Mapper:
 
     def _reckon(self, observation: Observation) -> None:
         """Move on by odometry."""
-        parts = ("speed", "lateral_speed", "yaw_rate")
-        motion = tuple(observation.scalar(name) for name in parts)
+        see = observation.scalar
+        motion = (see("speed"), see("lateral_speed"), see("yaw_rate"))
         seconds = (observation.tick - self._tick) * TICK_S if self._tick >= 0 else 0.0
         step = dead_reckoning(self._motion, motion, seconds)
         self._moved = compose(self._moved, step)
