@@ -77,11 +77,11 @@ class Learned:
             DriverError: the policy learned with another vehicle or at another pace.
         """
         pace = _pace_of(self.policy.metadata, briefing, self.policy.name)
-        self._pace_ticks = ticks_of(self.policy.metadata.decision_s) if pace > 1 else 0
+        self._pace_ticks = ticks_of(self.policy.metadata.decision_s) if pace > 1 else 1
         self._briefing = briefing
         self._drive: Callable[[], None] | None = None
         self._places: Ints | None = None
-        self._control, self._next_tick = Control(), 0
+        self._control, self._period = Control(), -1
         if self._base is not None:
             self._base.reset(briefing)
 
@@ -99,9 +99,11 @@ class Learned:
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
-        if observation.tick < self._next_tick:
+        # At the ticks of training, whenever it begins: those at which sensors have just scanned.
+        period = observation.tick // self._pace_ticks
+        if period == self._period:
             return self._control
-        self._next_tick = observation.tick + self._pace_ticks
+        self._period = period
         self._control = self._decide(observation)
         return self._control
 

@@ -240,12 +240,10 @@ class Session:
             raise WireError(f"{what} {sequence} again, already at {seat.sequence}", Reason.AGAIN)
 
     def waits_for(self) -> list[int]:
-        """Return the racing seats that have not yet answered the observation of this tick."""
-        return [
-            seat.number
-            for seat in self.seats.taken()
-            if seat.is_present and seat.answered_tick < self.tick and self.is_racing(seat.number)
-        ]
+        """Return the racing seats whose drivers have the wheel and have not yet answered."""
+        driving = (seat for seat in self.seats.taken() if seat.is_present and not seat.is_led)
+        late = [seat.number for seat in driving if seat.answered_tick < self.tick]
+        return [number for number in late if self.is_racing(number)]
 
     # Time passes
 

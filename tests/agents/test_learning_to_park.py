@@ -395,6 +395,10 @@ def test_a_driver_keeps_its_own_pace_where_decisions_come_more_often(run: Traini
 
     first = answer(0)
     assert answer(3) is first
-    assert answer(6) != first
+    second = answer(6)
+    assert second != first
+    driver.reset(briefing(0.05))
+    late = answer(15)  # asked for the first time between two decisions of training
+    assert answer(18) is not late
     with pytest.raises(DriverError, match=r"every 0\.1 s, not every 0\.075 s"):
         driver.reset(briefing(0.075))

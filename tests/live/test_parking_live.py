@@ -189,23 +189,47 @@ def test_a_seat_that_does_not_drive_cannot_be_parked_and_no_seat_where_there_is_
     assert valets == []
 
 
-def test_a_driver_asks_to_be_parked_and_takes_the_wheel_back(valets: list[Beeline]) -> None:
-    with serving(lot_session(one_slot())) as server, running(server, 1) as live:
+class Standing(Beeline):
+    """Is told to park, and stands."""
+
+    def act(self, observation: Observation) -> Control:
+        """Return a full brake."""
+        return Control(brake=1.0)
+
+
+def test_a_driver_asks_to_be_parked_and_takes_the_wheel_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = [Standing(), Beeline()]
+    valets = iter(made)
+    monkeypatch.setattr("race_server.live.server.wheels.driver_named", lambda _: next(valets))
+    with serving(lot_session(one_slot(), limit_s=3600.0)) as server, running(server, 1) as live:
         session = server.session
         with ClientLink(live.address, "lot") as link:
             seat = take_seat(link, Join("me", "track"))
             seat.act(topics.READY)
-            frame = seat.receive(20.0)
-            assert frame is not None
+            assert seat.receive(20.0) is not None  # and is not answered
             led = []
             for wanted in (True, False, True):
                 seat.act(topics.PARK, ready=wanted)
                 led.append(session.seats[0].is_led)
-            seat.answer(frame.epoch, 1, frame.tick, Control(brake=1.0))
             live.thread.join(20.0)
     assert led == [True, False, True]
-    assert len(valets) == 2
+    assert [len(valet.orders) for valet in made] == [1, 1]
     assert endings(live.results[0]) == [Ending.PARKED]
+
+
+def test_no_tick_waits_for_a_driver_that_has_handed_over_the_wheel(valets: list[Beeline]) -> None:
+    session = lot_session(one_slot())
+    with serving(session) as server:
+        session.join("me", "track")
+        session.start()
+        assert session.waits_for() == [0]
+        server._wheels.park(0)
+        assert session.waits_for() == []
+        server._wheels.release(0)
+        assert session.waits_for() == [0]
+    assert len(valets) == 1
 
 
 def test_the_results_file_keeps_how_each_way_ended(valets: list[Beeline], tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.clock import TICKS_PER_SECOND, ticks_of
 from race_server.core.messages import Event
+from race_server.core.stages.sightings import APART, REMEMBERED
 from race_server.errors import RecordingError
 from race_server.session import Session
 from race_server.session.interventions import ON_KARTS, Intervention
@@ -14,8 +15,9 @@ from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.scenario_codec import unpack_scenario
 
-# The part at the end of a blind rerun in which sensors scan: each does so twice at least.
-SEEING_TICKS = TICKS_PER_SECOND
+# The part at the end of a blind rerun in which sensors scan: each does so twice at least, and what
+# vehicles remember of others is what it was, with its speed.
+SEEING_TICKS = ticks_of(REMEMBERED + APART)
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class Rerun:
     def __init__(self, recording: Recording, *, is_blind: bool = False) -> None:
         """Line up.
 
-        is_blind: take no scans but in the last second, which makes it several times faster. No
+        is_blind: take no scans but in the last seconds, which makes it several times faster. No
         race depends on scans but through what its drivers did, which is recorded.
 
         Raises:

@@ -2,7 +2,8 @@
 
 All drivers stand with the brake on until the steward says `park`; then the server's parking driver
 takes every wheel. All have to be parked in time, no person may be hit, and the recording, driven
-again, has to end with the digest of the session.
+again, has to end with the digest of the session. A driver that knows but what it observes has to
+answer as it does in training.
 """
 
 import math
@@ -14,12 +15,13 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from race_server.competition.launch import START_S
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.driver import YieldingDriver, driver_named
 from race_server.core.messages import Control, EventKind, Phase, Standing, Status
 from race_server.errors import KeysError, LinkError, LotError, RaceError, SeatError
 from race_server.live.client.driver import KartClient
@@ -29,8 +31,9 @@ from race_server.live.server.wheels import VALET
 from race_server.net.auth.token import read_token
 from race_server.net.transport import ClientLink
 from race_server.scenario.lot.check import check_lot
-from race_server.storage.recording.reader import read_recording
+from race_server.storage.recording.reader import Recording, read_recording
 from race_server.tools.drills.crash import children_of
+from race_server.tools.drills.park_answers import ROUNDING, compare_answers
 from race_server.tools.drills.replay import replay_of
 from race_server.tools.drills.report import SmallDrill, document_of
 from race_server.tools.drills.server_process import (
@@ -143,12 +146,32 @@ def drill_park(
         except RaceError as error:
             return document_of([f"{error}; {process.last_words()}"], lot=lot, seats=seats)
         (path,) = Path(folder).glob("*.mcap")
-        if fault := replay_of(read_recording(path), document["digest"]).fault:
+        recording = read_recording(path)
+        if fault := replay_of(recording, document["digest"]).fault:
             faults.append(f"the recording {fault}")
+        answers = _answers_of(recording, driver, faults, most_apart=seats * kills)
     if kill and not kills:
         faults.append("the session was over before the server could be killed")
     about = {"lot": lot, "driver": driver, "seats": seats, "kills": kills, "seed": seed}
-    return _report(document, faults, **about, wall_s=round(time.monotonic() - begun, 1))
+    return _report(document, faults, **about, **answers, wall_s=round(time.monotonic() - begun, 1))
+
+
+def _answers_of(
+    recording: Recording, driver: str, faults: list[str], *, most_apart: int
+) -> dict[str, Any]:
+    """Return how far a session is from training, where its driver knows but what it observes.
+
+    most_apart: answers that may differ. A driver that is asked again after a kill, or a driver's
+    first question, may come between two decisions of training.
+    """
+    if isinstance(driver_named(driver), YieldingDriver):
+        return {}  # it also answers to ways that other vehicles announce
+    answers = compare_answers(recording, driver)
+    if answers.seen > ROUNDING:
+        faults.append(f"observations differ from those of training by {answers.seen:.3g}")
+    if answers.apart > most_apart:
+        faults.append(f"{answers.apart} answers differ from those in training")
+    return {"training": asdict(answers)}
 
 
 def _report(document: dict[str, Any], faults: list[str], **about: Any) -> dict[str, Any]:
