@@ -161,8 +161,8 @@ def _answers_of(
 ) -> dict[str, Any]:
     """Return how far a session is from training, where its driver knows but what it observes.
 
-    most_apart: answers that may differ. A driver that is asked again after a kill, or a driver's
-    first question, may come between two decisions of training.
+    most_apart: answers that may differ: after a kill the first one of each driver, which may come
+    between two decisions of training.
     """
     if isinstance(driver_named(driver), YieldingDriver):
         return {}  # it also answers to ways that other vehicles announce

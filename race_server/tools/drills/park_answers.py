@@ -26,6 +26,9 @@ from race_server.storage.recording.rerun import Rerun
 
 # Numbers that differ by no more are the same but for rounding.
 ROUNDING = 1e-5
+# A driver that was just given the wheel may answer between two decisions of training: its answers
+# count from then on.
+SETTLED_TICKS = 15
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class _Pair:
         for seat in session.seats:
             self._seen.show(seat.number, batch.layout.preset)
         self._drivers: dict[int, Driver] = {}  # by seat
+        self._since: dict[int, int] = {}  # by seat, the tick at which the driver was asked first
         self.decisions = self.apart = 0
         self.most_seen = self.most_answered = 0.0
 
@@ -96,12 +100,14 @@ class _Pair:
         number, trained = seat.number, self._trained[seat.number]
         off = float(np.abs(self._live[number] - trained).max())
         self.most_seen = max(self.most_seen, off)
+        self.decisions += 1
         answer = self._driver(seat).act(Observation(self._tick, self._batch.layout, trained))
+        if self._tick - self._since.setdefault(number, self._tick) < SETTLED_TICKS:
+            return
         said = np.array([answer.steering, answer.throttle, answer.brake])
         off = float(np.abs(said - self._session.acting(number)[:3]).max())
         self.most_answered = max(self.most_answered, off)
         self.apart += off > ROUNDING
-        self.decisions += 1
 
     def _driver(self, seat: Seat) -> Driver:
         if seat.number not in self._drivers:
