@@ -15,9 +15,9 @@ from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.scenario_codec import unpack_scenario
 
-# The part at the end of a blind rerun in which sensors scan: each does so twice at least, and what
-# vehicles remember of others is what it was, with its speed.
-SEEING_TICKS = ticks_of(REMEMBERED + APART)
+# The part at the end of a blind rerun in which sensors scan: each does so twice at least. Where
+# vehicles remember what they saw, for so long that they remember the same, with its speed.
+SEEING_TICKS, REMEMBERING_TICKS = TICKS_PER_SECOND, ticks_of(REMEMBERED + APART)
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,9 @@ class Rerun:
 
     def _move(self, ticks: int) -> list[Event]:
         fitted = self.session.world.bodies["sensors"]
-        if not self.is_blind or self.session.tick + ticks > self.recording.last_tick - SEEING_TICKS:
+        remembers = self.session.world.sight.sightings.size > 0
+        seeing = REMEMBERING_TICKS if remembers else SEEING_TICKS
+        if not self.is_blind or self.session.tick + ticks > self.recording.last_tick - seeing:
             return self.session.move(ticks)
         sensors = fitted.copy()
         fitted[:] = 0
