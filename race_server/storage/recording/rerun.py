@@ -16,7 +16,7 @@ from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.scenario_codec import unpack_scenario
 
 # The part at the end of a blind rerun in which sensors scan: each does so twice at least. Where
-# vehicles remember what they saw, for so long that they remember the same, with its speed.
+# vehicles remember what they saw it is longer, and they remember the same, with its speed.
 SEEING_TICKS, REMEMBERING_TICKS = TICKS_PER_SECOND, ticks_of(REMEMBERED + APART)
 
 
