@@ -1,16 +1,42 @@
-"""Files of the user's cache: whole or not there, and no loss if they cannot be written."""
+"""Files that are whole or not there."""
 
 import contextlib
+import errno
+import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
 
 def keep(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Let a function write a file aside and move it, so that no reader sees half of it."""
+    """Let a function write a file aside and move it, so that no reader sees half of it.
+
+    It is of the user's cache: no loss if it cannot be written.
+    """
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
             write(file)
         Path(file.name).replace(path)
+
+
+def write_together(files: Mapping[Path, bytes]) -> None:
+    """Write files aside, and move them when all are complete.
+
+    One that is stopped before leaves none behind.
+
+    Raises:
+        OSError: one cannot be written.
+    """
+    aside = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in files}
+    try:
+        for path, data in files.items():
+            aside[path].write_bytes(data)
+        for path in filter(Path.is_dir, files):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        for path in files:
+            aside[path].replace(path)
+    finally:
+        for part in aside.values():
+            part.unlink(missing_ok=True)

@@ -1,6 +1,6 @@
 """The way out of a jam as a wrapper of any driver that sees a lidar: ``unstuck:NAME``.
 
-After the learned driver of the 1/10 race's report of 2024: where the nearest thing is closer than
+After the learned driver of the 1/10 race's report of 2023: where the nearest thing is closer than
 a threshold the car reverses and turns away from it, and it never drives slower than 0.1 m/s, so
 that a policy cannot stall. The report guards the reversing with an ultrasonic sensor at the back;
 no observation here has one, so the reversing is short.

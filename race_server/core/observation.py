@@ -100,7 +100,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 # trained on one of them picks its numbers out of a larger preset.
 LEARNING_PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        # Report of the 1/10 race, 2024: the scan now and before, speed and steering.
+        # Report of the 1/10 race, 2023: the scan now and before, speed and steering.
         "report_b": ("lidar", "lidar_before", "speed", "steering"),
         # Report on automatic parking of a kart, 2022: its first configuration, its second, and with
         # the radar the final one.

@@ -1,23 +1,15 @@
 """Courses, maps and settings that would cost gigabytes or minutes."""
 
 import os
-from collections import deque
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from race_server.errors import TrackError
 from race_server.scenario.text_files import parse_toml, read_text
 from race_server.scenario.track.importers import import_course
 from race_server.scenario.track.load import read_course, spec_of
-from race_server.scenario.track.polyline import nearest_on
-from race_server.scenario.track.ros_map import _components
 from race_server.scenario.track.walls import fence_of, pack_walls
 from race_server.tools.drills.bombs import YAML, chess_board, circle, picture, table, track
 from support.courses import ring
@@ -91,47 +83,6 @@ def test_numbers_with_points_are_no_words_of_a_key() -> None:
     row = ", ".join(["1.5"] * 100)
     assert parse_toml(f"a = {{ b = [{row}], c.d.e = [{row}] }}")["a"]["c"]["d"]["e"][99] == 1.5
     assert len(parse_toml(f"a = [\n[{row}],\n[{row}]\n]")["a"]) == 2
-
-
-def flooded(mask: Any) -> list[set[tuple[int, int]]]:
-    """Return the connected parts of a mask, one pixel after the other."""
-    left, parts = {(int(r), int(c)) for r, c in np.argwhere(mask)}, []
-    while left:
-        part, queue = set(), deque([left.pop()])
-        while queue:
-            row, column = queue.popleft()
-            part.add((row, column))
-            for near in (
-                (row + 1, column),
-                (row - 1, column),
-                (row, column + 1),
-                (row, column - 1),
-            ):
-                if near in left:
-                    left.remove(near)
-                    queue.append(near)
-        parts.append(part)
-    return parts
-
-
-@given(arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9))))
-@settings(max_examples=60)
-def test_parts_of_a_map_are_those_that_a_flood_finds(mask: Any) -> None:
-    parts, sizes = _components(mask, Path("m"))
-    found = {frozenset(zip(*np.nonzero(parts == n), strict=True)) for n in np.unique(parts[mask])}
-    assert found == {frozenset(part) for part in flooded(mask)}
-    assert sorted(sizes[sizes > 0]) == sorted(len(part) for part in flooded(mask))
-
-
-def test_distances_do_not_depend_on_the_parts_in_which_they_are_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    rng = np.random.default_rng(1)
-    segments, points = rng.normal(size=(40, 4)), rng.normal(size=(30, 2))
-    whole = nearest_on(segments, points)
-    monkeypatch.setattr("race_server.scenario.track.polyline.MOST_PAIRS", 40 * 7)
-    for one, other in zip(whole, nearest_on(segments, points), strict=True):
-        assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-300, float("nan")])

@@ -233,7 +233,7 @@ def tum_file(folder: Path) -> Path:
 
 def test_a_tum_csv_becomes_a_course(tmp_path: Path) -> None:
     target = tmp_path / "circle.toml"
-    course = import_course(tum_file(tmp_path), target, scale="kart", title="Circle")
+    course = import_course(tum_file(tmp_path), target, title="Circle").course
     assert course.length == pytest.approx(100.0 * np.pi, rel=0.001)
     assert course.half_widths[0] == pytest.approx((4.0, 3.0))
     assert load_course(str(target)).digest == course.digest
@@ -245,45 +245,6 @@ def test_a_tum_csv_with_words_names_the_line(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match=r"circle\.csv, line 62: 'one,two,three,four' holds no"):
         import_course(path, tmp_path / "c.toml", scale="kart", title="c")
     assert not (tmp_path / "c.toml").exists()
-
-
-def ros_map(folder: Path, *, closed: bool = True) -> Path:
-    """Write a map of a ring corridor of radius 10 m, 4 m wide, at 0.1 m a pixel."""
-    from PIL import Image
-
-    x, y = np.meshgrid(np.arange(300) - 150, np.arange(300) - 150)
-    radius = 0.1 * np.hypot(x, y)
-    free = (radius > 8.0) & (radius < 12.0)
-    if not closed:
-        free &= x < 60
-    Image.fromarray(np.where(free, 255, 0).astype(np.uint8)).save(folder / "ring.png")
-    path = folder / "ring.yaml"
-    path.write_text(
-        "image: ring.png\nresolution: 0.1\norigin: [-15.0, -15.0, 0.0]\nnegate: 0\n"
-        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    )
-    return path
-
-
-def test_a_ros_map_becomes_a_course(tmp_path: Path) -> None:
-    course = import_course(ros_map(tmp_path), tmp_path / "ring.toml", scale="1/10", title="Ring")
-    assert course.length == pytest.approx(20.0 * np.pi, rel=0.01)
-    assert course.width_mean == pytest.approx(4.0, abs=0.15)
-    assert np.abs(course.line[:, :2].mean(axis=0)).max() < 0.1
-
-
-def test_a_ros_map_without_a_closed_corridor_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TrackError, match="no closed corridor"):
-        import_course(ros_map(tmp_path, closed=False), tmp_path / "r.toml", scale="1/10", title="r")
-
-
-@pytest.mark.parametrize("key", ["image", "resolution", "origin"])
-def test_a_ros_map_without_a_key_names_it(tmp_path: Path, key: str) -> None:
-    path = ros_map(tmp_path)
-    lines = [line for line in path.read_text().splitlines() if not line.startswith(key)]
-    path.write_text("\n".join(lines))
-    with pytest.raises(TrackError, match=f"the key {key} is missing"):
-        import_course(path, tmp_path / "r.toml", scale="1/10", title="r")
 
 
 def test_a_loop_laid_to_the_left_of_its_line_is_smaller() -> None:

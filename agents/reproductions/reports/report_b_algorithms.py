@@ -1,4 +1,4 @@
-"""Report of the 1/10 race, 2024, table 5.1: which algorithm earns most in 100 000 steps."""
+"""Report of the 1/10 race, 2023, table 5.1: which algorithm earns most in 100 000 steps."""
 
 from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.report_b import ASSUMPTIONS, OWN, as_printed

@@ -1,4 +1,4 @@
-"""Report of the 1/10 race, 2024, table 5.2: what networks do on the training track with cars."""
+"""Report of the 1/10 race, 2023, table 5.2: what networks do on the training track with cars."""
 
 from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.report_b import ASSUMPTIONS, GROWING_CRASH, OWN, STEPS_OF_2

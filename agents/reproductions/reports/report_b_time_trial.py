@@ -1,4 +1,4 @@
-"""Report of the 1/10 race, 2024, table 5.3: six networks on the empty validation track."""
+"""Report of the 1/10 race, 2023, table 5.3: six networks on the empty validation track."""
 
 from dataclasses import replace
 

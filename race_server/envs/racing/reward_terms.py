@@ -30,7 +30,7 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "lap": "laps completed",
         "finish": "1 if the kart finished its race",
         "time": "1, always",
-        # Report of the 1/10 race, 2024: -300 at a crash, else 12 times the nearest range [m] plus
+        # Report of the 1/10 race, 2023: -300 at a crash, else 12 times the nearest range [m] plus
         # 3 times the speed [m/s].
         "report_b": "12 · nearest range + 3 · speed, or -300 at a crash",
         "lead": "gain in the sum over all rivals of how far ahead of them the kart is, each from "

@@ -5,11 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from race_server.core.vehicles import Vehicle
-from race_server.scenario.track.course import Course
+from race_server.scenario.track.course import Course, Floats
+from race_server.scenario.track.occupancy_map import OccupancyMap
 from race_server.scenario.track.polyline import crossings, nearest_on
 
 # Free width that a vehicle needs beside its own, as a share of it.
 ROOM = 0.3
+# By so much a border may lie inside a wall of the map: pixels, and share of the half-width. Beside
+# the tip of a wall the width jumps: the widest place within this share of the width counts.
+PIXELS_INSIDE, SHARE_INSIDE, NEARBY = 2.0, 0.05, 0.15
 
 
 @dataclass(frozen=True)
@@ -20,9 +24,15 @@ class CourseIssue:
     what: str
 
 
-def check_course(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
-    """Return all errors and warnings; none for a good course."""
+def check_course(
+    course: Course, vehicle: Vehicle, occupancy: OccupancyMap | None = None
+) -> list[CourseIssue]:
+    """Return all errors and warnings; none for a good course.
+
+    occupancy: the map that it was drawn after, to compare it with.
+    """
     return [
+        *(_in_walls(course, vehicle, occupancy) if occupancy else ()),
         *_open_borders(course),
         *_crossing_borders(course),
         *_narrow_places(course, vehicle),
@@ -31,20 +41,63 @@ def check_course(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     ]
 
 
+def _in_walls(course: Course, vehicle: Vehicle, occupancy: OccupancyMap) -> list[CourseIssue]:
+    """Compare the line and the half-widths with the free pixels of a map."""
+    name, line = occupancy.file.path.name, course.line[:, :2]
+    blocked = ~occupancy.is_free(line)
+    if blocked.any():
+        x, y = line[blocked][0]
+        return [
+            CourseIssue(
+                "error",
+                f"{blocked.sum()} of {len(line)} samples of the line lie in a wall of {name}, the "
+                f"first at ({x:.2f}, {y:.2f})",
+            )
+        ]
+    free = _free_beside(course, occupancy)
+    found = []
+    reach = round(NEARBY * course.width_mean / course.spacing)
+    nearby = np.max([np.roll(free, shift, axis=0) for shift in range(-reach, reach + 1)], axis=0)
+    slack = PIXELS_INSIDE * occupancy.file.resolution + SHARE_INSIDE * course.half_widths
+    inside = course.half_widths - nearby
+    worst, side = np.unravel_index(np.argmax(inside - slack), inside.shape)
+    if inside[worst, side] > slack[worst, side]:
+        x, y = line[worst]
+        count = (inside > slack).any(axis=1).sum()
+        found.append(
+            CourseIssue(
+                "error",
+                f"the {('left', 'right')[side]} border at ({x:.2f}, {y:.2f}) lies "
+                f"{inside[worst, side]:.2f} m inside a wall of {name}, as it does at {count} of "
+                f"{len(line)} samples",
+            )
+        )
+    narrowest = int(np.argmin(free.sum(axis=1)))
+    width, needed = float(free[narrowest].sum()), (1.0 + ROOM) * vehicle.width
+    if width < needed:
+        x, y = line[narrowest]
+        what = f"{name} is {width:.2f} m wide at ({x:.2f}, {y:.2f}); {vehicle.name} needs"
+        found.append(CourseIssue("error", f"{what} {needed:.2f} m"))
+    return found
+
+
+def _free_beside(course: Course, occupancy: OccupancyMap) -> Floats:
+    """Return how far it is to a wall of the map from each sample, left and right (N, 2) [m]."""
+    heading = course.line[:, 2]
+    left = np.column_stack([-np.sin(heading), np.cos(heading)])
+    reach = 1.5 * float(course.half_widths.max())
+    sides = [occupancy.ranges_to_walls(course.line[:, :2], way, reach) for way in (left, -left)]
+    return np.column_stack(sides)
+
+
 def _open_borders(course: Course) -> list[CourseIssue]:
     """Return places where the end of a wall is not the start of another."""
     starts, ends = course.borders[:, :2], course.borders[:, 2:]
-    found = []
-    for end in ends:
-        gap = float(np.hypot(*(starts - end).T).min())
-        if gap > 1e-6:
-            x, y = end
-            found.append(
-                CourseIssue(
-                    "error", f"the border is open at ({x:.2f}, {y:.2f}): a gap of {gap:.2f} m"
-                )
-            )
-    return found
+    gaps, _ = nearest_on(np.hstack([starts, starts]), ends)
+    return [
+        CourseIssue("error", f"the border is open at ({x:.2f}, {y:.2f}): a gap of {gap:.2f} m")
+        for (x, y), gap in zip(ends[gaps > 1e-6], gaps[gaps > 1e-6], strict=True)
+    ]
 
 
 def _crossing_borders(course: Course) -> list[CourseIssue]:

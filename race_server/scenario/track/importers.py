@@ -1,38 +1,77 @@
 """Convert courses of other formats into track files."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
+import numpy as np
+
 from race_server.errors import TrackError
-from race_server.scenario.track.build import SCALES
+from race_server.kept_file import write_together
+from race_server.scenario.track.build import SCALES, scale_for
 from race_server.scenario.track.course import Course, Floats
-from race_server.scenario.track.load import read_course
-from race_server.scenario.track.ros_map import read_ros_map
+from race_server.scenario.track.load import course_in
+from race_server.scenario.track.occupancy_map import OccupancyMap, read_map
+from race_server.scenario.track.ros_map import points_in
 from race_server.scenario.track.tum import read_tum
 
-READERS = {".csv": read_tum, ".yaml": read_ros_map, ".yml": read_ros_map}
+MAPS = (".yaml", ".yml")
+# Ends the name of a map that is kept beside a course: `ring.map.yaml` beside `ring.toml`.
+MAP_BESIDE = ".map.yaml"
+# Takes the share of the work that is done.
+Report = Callable[[float], None]
 
 
-def import_course(source: Path, target: Path, *, scale: str, title: str) -> Course:
+@dataclass(frozen=True)
+class Imported:
+    """A course that was written, and the size of the karts that it was written for."""
+
+    course: Course
+    scale: str
+    likely_scale: str  # of a course of this width
+
+
+def import_course(
+    source: Path,
+    target: Path,
+    *,
+    title: str,
+    scale: str = "",
+    report: Report = lambda share: None,
+) -> Imported:
     """Write the course of a TUM CSV or of a ROS map's YAML as a track file, and return it.
+
+    A map is kept beside the file, to check the course against. scale: empty for the one that the
+    width speaks for.
 
     Raises:
         TrackError: the source is neither, or holds no course; no file is written then.
     """
-    reader = READERS.get(source.suffix.lower())
-    if reader is None:
+    if source.suffix.lower() not in {".csv", *MAPS}:
         raise TrackError(f"{source}: import a TUM .csv or the .yaml of a ROS map")
-    if scale not in SCALES:
+    if scale and scale not in SCALES:
         raise TrackError(f"scale {scale!r} is unknown; choose one of {', '.join(SCALES)}")
-    points = reader(source)
+    report(0.0)
+    occupancy = read_map(source) if source.suffix.lower() in MAPS else None
+    report(0.1)
+    points = points_in(occupancy) if occupancy else read_tum(source)
+    report(0.3)
+    likely = scale_for(float(points[:, 2:].sum(axis=1).mean()))
+    words = _file_of(points, source.name, scale or likely, title).encode()
+    course = course_in(target.stem, target.name, words)
+    report(0.9)
+    files = {}
+    if occupancy is not None:
+        _check_line(course, occupancy)
+        files = _kept_map(occupancy, target)
+    files[target] = words
     try:
-        target.write_text(_file_of(points, source.name, scale, title))
+        write_together(files)
     except OSError as error:
         raise TrackError(f"{target}: cannot be written: {error.strerror}") from error
-    try:
-        return read_course(target)
-    except TrackError:
-        target.unlink()
-        raise
+    report(1.0)
+    return Imported(course, scale or likely, likely)
 
 
 def _file_of(points: Floats, source: str, scale: str, title: str) -> str:
@@ -47,3 +86,41 @@ def _file_of(points: Floats, source: str, scale: str, title: str) -> str:
         "points = [",
     ]
     return "\n".join([*head, *rows, "]", ""])
+
+
+def _check_line(course: Course, occupancy: OccupancyMap) -> None:
+    """Check that the course runs over free pixels alone.
+
+    Raises:
+        TrackError: it does not.
+    """
+    places = course.line[~occupancy.is_free(course.line[:, :2]), :2]
+    if len(places):
+        x, y = places[0]
+        raise TrackError(
+            f"{occupancy.file.path}: the corridor is too narrow near ({x:.2f}, {y:.2f}) for a "
+            "line of this scale; give a finer picture, or draw away what stands there"
+        )
+
+
+def _kept_map(occupancy: OccupancyMap, target: Path) -> dict[Path, bytes]:
+    """Return the files of a map, to be kept beside a course: what is free, and where it lies."""
+    from PIL import Image
+
+    path = target.with_suffix(MAP_BESIDE)
+    image, picture = path.with_suffix(".png"), BytesIO()
+    Image.fromarray(np.where(occupancy.free[1:-1, 1:-1], 254, 0).astype(np.uint8)).save(
+        picture, "PNG"
+    )
+    words = (
+        f"image: {image.name}\nresolution: {occupancy.file.resolution!r}\n"
+        f"origin: {list(occupancy.file.origin)}\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return {image: picture.getvalue(), path: words.encode()}
+
+
+def map_beside(course_file: Path) -> Path | None:
+    """Return the map that is kept beside a course file, if there is one."""
+    path = course_file.with_suffix(MAP_BESIDE)
+    return path if path.is_file() else None

@@ -58,7 +58,7 @@ def load_course(name: str) -> Course:
     Raises:
         TrackError: there is no such course, or its file is not valid.
     """
-    return _course_of(*_source_of(name))
+    return course_in(*_source_of(name))
 
 
 def digest_of(name: str) -> str:
@@ -90,7 +90,7 @@ def read_course(path: Path) -> Course:
     Raises:
         TrackError: it cannot be read or describes no course.
     """
-    return _course_of(*_source_in(path))
+    return course_in(*_source_in(path))
 
 
 def _source_in(path: Path) -> tuple[str, str, bytes]:
@@ -98,7 +98,14 @@ def _source_in(path: Path) -> tuple[str, str, bytes]:
 
 
 @cache
-def _course_of(name: str, file: str, data: bytes) -> Course:
+def course_in(name: str, file: str, data: bytes) -> Course:
+    """Return the course that the content of a file describes.
+
+    name: of the course; file: named where something is wrong.
+
+    Raises:
+        TrackError: it describes no course.
+    """
     plan = spec_of(name, file, data)
     try:
         return cached(plan.digest, lambda: build(plan))

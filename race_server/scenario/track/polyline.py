@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from race_server.scenario.track.course import Floats
 
 # Points are compared with segments in parts: a few arrays of 2 MB, whatever a course is like.
 MOST_PAIRS = 1 << 18
+RUN = 64  # segments or points that are looked at together
 
 
 def segments_of(points: Floats) -> Floats:
@@ -37,11 +39,14 @@ def lengths_of(points: Floats) -> Floats:
 
 
 def resample(points: Floats, count: int) -> Floats:
-    """Return `count` points at equal steps along a closed polyline, the first one kept."""
+    """Return `count` points at equal steps along a closed polyline, the first one kept.
+
+    points: (N, 2 or more): x, y [m], and what else changes evenly from one point to the next.
+    """
     closed = np.vstack([points, points[:1]])
-    at = np.concatenate([[0.0], np.cumsum(lengths_of(points))])
+    at = np.concatenate([[0.0], np.cumsum(lengths_of(points[:, :2]))])
     wanted = np.linspace(0.0, at[-1], count, endpoint=False)
-    return np.stack([np.interp(wanted, at, closed[:, axis]) for axis in (0, 1)], axis=1)
+    return np.stack([np.interp(wanted, at, column) for column in closed.T], axis=1)
 
 
 def smooth(points: Floats, samples: float) -> Floats:
@@ -79,22 +84,41 @@ def area_of(points: Floats) -> float:
 
 
 def nearest_on(segments: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Return distance (N,) and nearest point (N, 2) of each point to a set of segments."""
+    """Return distance (N,) and nearest point (N, 2) of each point to a set of segments.
+
+    Runs of segments that are further off than another run, as a whole, are left out.
+    """
+    middles, radii = _circles_around(segments)
+    distances, nearest = np.empty(len(points)), np.empty((len(points), 2))
+    for first in range(0, len(points), RUN):
+        part = points[first : first + RUN]
+        off = np.hypot(part[:, :1] - middles[:, 0], part[:, 1:] - middles[:, 1])
+        bound = (off + radii).min(axis=1, keepdims=True) * (1.0 + 1e-9) + 1e-9
+        near = np.repeat((off - radii <= bound).any(axis=0), RUN)[: len(segments)]
+        found = _nearest_of(segments[near], part)
+        distances[first : first + RUN], nearest[first : first + RUN] = found
+    return distances, nearest
+
+
+def _circles_around(segments: Floats) -> tuple[Floats, Floats]:
+    """Return middle (G, 2) and radius (G,) of a circle around each run of RUN segments."""
+    last = np.repeat(segments[-1:], -len(segments) % RUN, axis=0)
+    runs = np.vstack([segments, last]).reshape(-1, 2 * RUN, 2)
+    middles = 0.5 * (runs.min(axis=1) + runs.max(axis=1))
+    return middles, np.hypot(*np.moveaxis(runs - middles[:, None], -1, 0)).max(axis=1)
+
+
+def _nearest_of(segments: Floats, points: Floats) -> tuple[Floats, Floats]:
     start_x, start_y = segments[:, 0], segments[:, 1]
     along_x, along_y = segments[:, 2] - start_x, segments[:, 3] - start_y
     squares = np.maximum(along_x**2 + along_y**2, 1e-18)
-    distances, nearest = np.empty(len(points)), np.empty((len(points), 2))
-    for rows in _parts(len(points), len(segments)):
-        part = points[rows]
-        x, y = part[:, :1] - start_x, part[:, 1:] - start_y
-        share = np.clip((x * along_x + y * along_y) / squares, 0.0, 1.0)
-        x -= share * along_x
-        y -= share * along_y
-        square = x**2 + y**2
-        best = (np.arange(len(part)), np.argmin(square, axis=1))
-        distances[rows] = np.sqrt(square[best])
-        nearest[rows] = part - np.column_stack([x[best], y[best]])
-    return distances, nearest
+    x, y = points[:, :1] - start_x, points[:, 1:] - start_y
+    share = np.clip((x * along_x + y * along_y) / squares, 0.0, 1.0)
+    x -= share * along_x
+    y -= share * along_y
+    square = x**2 + y**2
+    best = (np.arange(len(points)), np.argmin(square, axis=1))
+    return np.sqrt(square[best]), points - np.column_stack([x[best], y[best]])
 
 
 def ranges_to(segments: Floats, points: Floats, ways: Floats) -> Floats:
@@ -135,19 +159,32 @@ def is_inside(points: Floats, segments: Floats) -> NDArray[np.bool_]:
 def crossings(segments: Floats, *, first_only: bool = False) -> NDArray[np.int64]:
     """Return pairs of segments that cross properly, shape (N, 2); touching ends do not count.
 
-    first_only: leave out those after the first segment that crosses any.
+    Only pairs whose stretches of x overlap are compared. first_only: leave out those after the
+    first segment that crosses any.
     """
-    a, b = segments[:, :2], segments[:, 2:]
-    found = []
-    for index in range(len(segments)):
-        others = np.arange(index + 1, len(segments))
-        side_a = _side(a[index], b[index], a[others]) * _side(a[index], b[index], b[others])
-        side_b = _side(a[others], b[others], a[index]) * _side(a[others], b[others], b[index])
-        hits = others[(side_a < -1e-12) & (side_b < -1e-12)]
-        found.append(np.stack([np.full(len(hits), index), hits], axis=1))
-        if first_only and len(hits):
-            break
-    return np.concatenate(found) if found else np.zeros((0, 2), np.int64)
+    low, high = (choose(segments[:, 0], segments[:, 2]) for choose in (np.minimum, np.maximum))
+    order = np.argsort(low, kind="stable")
+    # In this order segment n is compared with those behind it, as far as `ends[n]`.
+    ends = np.searchsorted(low[order], high[order], side="right")
+    counts = ends - np.arange(1, len(segments) + 1)
+    parts = np.searchsorted(np.cumsum(counts), np.arange(0, counts.sum(), MOST_PAIRS), "right")
+    found = [np.zeros((0, 2), np.int64)]
+    for first, last in pairwise([*np.unique(parts).tolist(), len(segments)]):
+        here = np.repeat(np.arange(first, last), counts[first:last])
+        before = np.cumsum(counts[first:last]) - counts[first:last]
+        there = here + 1 + np.arange(len(here)) - np.repeat(before, counts[first:last])
+        pairs = np.sort(np.stack([order[here], order[there]], axis=1), axis=1)
+        found.append(pairs[_cross(segments[pairs[:, 0]], segments[pairs[:, 1]])])
+    pairs = np.concatenate(found)
+    pairs = pairs[np.lexsort(pairs.T[::-1])]
+    return pairs[pairs[:, 0] == pairs[0, 0]] if first_only and len(pairs) else pairs
+
+
+def _cross(one: Floats, other: Floats) -> NDArray[np.bool_]:
+    """Return whether segments (N, 4) and others (N, 4) cross properly, pair by pair."""
+    a, b, c, d = one[:, :2], one[:, 2:], other[:, :2], other[:, 2:]
+    across = _side(a, b, c) * _side(a, b, d) < -1e-12
+    return np.asarray(across & (_side(c, d, a) * _side(c, d, b) < -1e-12))
 
 
 def _side(start: Floats, end: Floats, point: Floats) -> Floats:

@@ -1,0 +1,159 @@
+"""The corridor of an occupancy map that leads around an island, and the line in its middle.
+
+The middle is made of all points that are as near to the walls inside as to those outside. It is
+read off the Delaunay triangles of the points on the walls: those with corners on both sides form
+one closed strip, and the centres of their circles are the corners of the line (its Voronoi edges).
+The radius of such a circle is free of walls: the line may move by less anywhere.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.errors import TrackError
+from race_server.scenario.track.course import Floats
+from race_server.scenario.track.occupancy_map import OccupancyMap
+from race_server.scenario.track.pixel_parts import Mask, Numbers, Parts, parts_of
+
+MOST_EDGES = 1 << 17  # of pixels, between the corridor and its walls
+# What is less than this share of the free pixels is no corridor, and an island less than this
+# share of the corridor's extent is not what it leads around.
+LEAST_SHARE, LEAST_ISLAND = 0.01, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Corridor:
+    """Free pixels around an island, and the parts that stand in and around them."""
+
+    free: Mask  # (rows, columns)
+    walls: Parts  # connected parts of all other pixels
+    outside: int  # number of the part around the corridor
+    island: int  # number of the largest part that it leads around
+
+
+def find_corridor(occupancy: OccupancyMap) -> Corridor:
+    """Return the largest free part with an island in it, first of those within the picture.
+
+    Raises:
+        TrackError: there is none.
+    """
+    name = occupancy.file.path
+    parts = parts_of(occupancy.free, name)
+    if not parts.sizes.any():
+        raise TrackError(f"{name}: the map has no free pixel")
+    touching = np.unique(np.concatenate([parts.of[1, :], parts.of[-2, :], *parts.of[:, [1, -2]].T]))
+    large = np.flatnonzero(parts.sizes >= LEAST_SHARE * parts.sizes.sum())
+    order = sorted(large, key=lambda part: (part in touching, -int(parts.sizes[part])))
+    for part in order:
+        free = np.asarray(parts.of == part)
+        walls = parts_of(~free, name, diagonal=True)
+        outside = int(walls.of[0, 0])
+        island = _largest_island(walls, outside, free)
+        if island >= 0:
+            return Corridor(free, walls, outside, island)
+    raise TrackError(f"{name}: the free space has no island in it: no closed corridor")
+
+
+def _largest_island(walls: Parts, outside: int, free: Mask) -> int:
+    """Return the number of the largest island, or -1 if there is none of any extent."""
+    sizes = walls.sizes.copy()
+    sizes[outside] = 0
+    island = int(np.argmax(sizes))
+    if not sizes[island] or _extent(walls.of == island) < LEAST_ISLAND * _extent(free):
+        return -1
+    return island
+
+
+def _extent(mask: Mask) -> float:
+    """Return the diagonal of the box around a mask, in pixels."""
+    sides = [np.flatnonzero(mask.any(axis=axis)) for axis in (0, 1)]
+    return float(np.hypot(*(side[-1] - side[0] + 1 for side in sides)))
+
+
+def middle_of(corridor: Corridor, name: object) -> tuple[Floats, Floats]:
+    """Return the closed line midway between the walls (N, 2), and its distance to them (N,).
+
+    In pixels. Islands other than the one that the corridor leads around belong to the side that
+    they are nearer to, so that the line passes where there is more room.
+
+    Raises:
+        TrackError: the walls have too many edges.
+    """
+    from matplotlib.tri import Triangulation
+
+    points, parts = _edges(corridor)
+    if len(points) > MOST_EDGES:
+        raise TrackError(
+            f"{name}: the walls have {len(points)} edges of pixels, at most {MOST_EDGES} make a "
+            "map; make the picture coarser"
+        )
+    net = Triangulation(*points.T)
+    inside = _sides(points, parts, net.edges, corridor)[parts]
+    strip = _strip(net.neighbors, inside[net.triangles])
+    corners = points[net.triangles[strip]]
+    middle = _centres(corners)
+    return middle, np.asarray(np.hypot(*(middle - corners[:, 0]).T))
+
+
+def _edges(corridor: Corridor) -> tuple[Floats, Numbers]:
+    """Return the middles (N, 2) of edges between free pixels and others, and the others' parts."""
+    free, found, parts = corridor.free, [], []
+    for axis in (0, 1):
+        row, column = np.nonzero(np.diff(free, axis=axis))
+        beyond = free[row, column]  # whether the pixel on the far side of the edge is the wall
+        parts.append(corridor.walls.of[row + beyond * (1 - axis), column + beyond * axis])
+        found.append(np.column_stack([column, row]) + ([1.0, 0.5] if axis else [0.5, 1.0]))
+    return np.concatenate(found), np.concatenate(parts)
+
+
+def _sides(points: Floats, parts: Numbers, edges: Numbers, corridor: Corridor) -> NDArray[np.bool_]:
+    """Return by number of a part whether it belongs to the inner side.
+
+    Parts are joined by the shortest ways between them, those of one side never with the other.
+    """
+    one, other = parts[edges].T
+    apart = one != other
+    lengths = np.hypot(*(points[edges[apart, 0]] - points[edges[apart, 1]]).T)
+    pairs = np.stack([one[apart], other[apart]], axis=1)
+    joined: dict[int, list[int]] = {int(part): [int(part)] for part in np.unique(parts)}
+    ends = {corridor.outside, corridor.island}
+    for first, second in pairs[np.argsort(lengths, kind="stable")].tolist():
+        group, more = joined[first], joined[second]
+        if group is more or len(ends & {*group, *more}) == len(ends):
+            continue
+        group += more
+        joined.update(dict.fromkeys(more, group))
+    inside = np.zeros(len(corridor.walls.sizes), np.bool_)
+    inside[joined[corridor.island]] = True
+    return inside
+
+
+def _strip(neighbors: Numbers, inside: NDArray[np.bool_]) -> list[int]:
+    """Return the triangles with corners on both sides, in order around the island.
+
+    neighbors: (T, 3) triangle across the side from each corner to the next; inside: (T, 3) whether
+    a corner lies on the inner side.
+    """
+    crosses = inside != np.roll(inside, -1, axis=1)
+    mixed = np.flatnonzero(crosses.any(axis=1))
+    # Each has two sides that lead across, to the triangle before and to the one behind.
+    both = neighbors[mixed][crosses[mixed]].reshape(-1, 2)
+    following = dict(zip(mixed.tolist(), both.tolist(), strict=True))
+    strip = [int(mixed[0])]
+    ahead = following[strip[0]][0]
+    while ahead != strip[0]:
+        first, second = following[ahead]
+        strip.append(ahead)
+        ahead = second if first == strip[-2] else first
+    return strip
+
+
+def _centres(corners: Floats) -> Floats:
+    """Return the centres (T, 2) of the circles through the corners (T, 3, 2) of triangles."""
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    double = 2.0 * (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    squares = (one**2).sum(axis=1), (other**2).sum(axis=1)
+    x = (other[:, 1] * squares[0] - one[:, 1] * squares[1]) / double
+    y = (one[:, 0] * squares[1] - other[:, 0] * squares[0]) / double
+    return np.asarray(corners[:, 0] + np.column_stack([x, y]))
