@@ -156,7 +156,8 @@ def test_what_is_left_of_a_shortest_path_is_a_shortest_path(
     word = shortest_word(start, goal, radius)
     between = pose_along(word, start, share * word.length)
     left = shortest_length(between, goal, radius)
-    assert left == pytest.approx((1.0 - share) * word.length, abs=1e-7)
+    # Close to the goal arcs are as long as the square root of what is rounded, 1e-8 and some.
+    assert left == pytest.approx((1.0 - share) * word.length, abs=1e-6)
 
 
 @unhurried
