@@ -53,6 +53,13 @@ def test_a_hundred_block_courses_close_and_leave_room_for_a_kart(
         assert nearest_on(segments_of(outer), inner)[0].min() > 0.89, plan.name
 
 
+def test_borders_that_were_moved_to_an_eight_are_drawn_again() -> None:
+    plan = plan_named("generated:block:1000016")  # its first inner border made no turn
+    assert plan.inner is not None
+    words = "".join(pieces_of(plan.inner))
+    assert abs(words.count("L") - words.count("R")) == 4
+
+
 def test_a_hundred_spline_courses_bend_no_tighter_than_a_kart_turns(
     plans: dict[str, list[TrackSpec]],
 ) -> None:

@@ -26,6 +26,7 @@ JOG_AFTER = 14  # least length of a side that may get a jog
 MOST_JOGS = 3
 SHIFTED = 0.45  # share of the sides of the path at which a border stands out of line
 
+QUARTERS = 4  # turns to one side in a loop, more than to the other
 # What a 1/10 car needs: it turns on 0.79 m.
 LEAST_WIDTH = 0.89  # [m] free between the borders; blocks give 0.90 at least
 
@@ -93,7 +94,10 @@ def _beside(path: list[Corner], left: list[int]) -> list[Corner]:
 
 
 def _loop_of(name: str, corners: list[Corner]) -> Loop | None:
-    """Return the blocks along a path; None where a side is too short for its turns."""
+    """Return the blocks along a path; None where a side is too short for its turns.
+
+    Or where the path is no loop: sides that were moved over each other make it an eight.
+    """
     turn = round(TURN_RADIUS / UNIT)
     words = []
     for side in range(len(corners)):
@@ -103,6 +107,8 @@ def _loop_of(name: str, corners: list[Corner]) -> Loop | None:
         words += _straight(straight // STEP)
         (a, b), (c, d) = _way(corners, side), _way(corners, (side + 1) % len(corners))
         words.append("L" if a * d - b * c > 0 else "R")
+    if abs(words.count("L") - words.count("R")) != QUARTERS:
+        return None
     east, north = _way(corners, 0)
     x, y = corners[0]
     heading = math.atan2(north, east)
