@@ -29,7 +29,7 @@ def write_together(files: Mapping[Path, bytes]) -> None:
     Raises:
         OSError: one cannot be written.
     """
-    aside = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in files}
+    aside = {path: path.with_name(f"{path.name}.part") for path in files}
     try:
         for path, data in files.items():
             aside[path].write_bytes(data)

@@ -1,7 +1,8 @@
 """Files that other programs read while they are written again."""
 
-from contextlib import suppress
 from pathlib import Path
+
+from race_server.kept_file import write_together
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -15,12 +16,5 @@ def write_whole(path: Path, text: str) -> None:
     path = path.resolve()
     if path.exists() and not path.is_file():
         path.write_text(text, encoding="utf-8")
-        return
-    aside = path.with_name(f"{path.name}.part")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    except OSError:
-        with suppress(OSError):
-            aside.unlink()
-        raise
+    else:
+        write_together({path: text.encode()})
