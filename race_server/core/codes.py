@@ -17,6 +17,8 @@ GREEN, YELLOW, RED = (int(flag) for flag in Flag)
 
 # How the pose of a kart is taken: no contact from DOUBTFUL on, seen by no sensor from SUSPENDED on.
 SIMULATED, TRUSTED, DOUBTFUL, SUSPENDED, OUT = (int(trust) for trust in Trust)
+# Moved by another simulator in a training world: all but its motion is that of a simulated one.
+ELSEWHERE = SIMULATED - 1
 
 # Contact policies of a scenario.
 BUMP, RETIRE, GHOST = 0, 1, 2

@@ -16,6 +16,7 @@ kernels, and each `decide` calls them by name.
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -41,6 +42,7 @@ from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import ABSENT, Scenario
 from race_server.scenario.sensors import sensors_for
+from race_server.second.simulator import simulator_named
 
 
 class Batch:
@@ -76,6 +78,7 @@ class Batch:
         self.terms = tuple(task.discipline.terms)  # their names, in the order of `buffers.terms`
         self.layout = layout_of(task.observation, first.lidar.rays)
         self._advises = action_kind(task.action) == RESIDUAL
+        self._simulator = simulator_named(task.simulator, scenarios) if task.simulator else None
         self.opponents = self._find_opponents(first)
         self.scenarios = tuple(_fitted(scenario, self._sensors()) for scenario in scenarios)
         self.world, self._templates = task.discipline.begin(self.scenarios, worlds)
@@ -151,7 +154,13 @@ class Batch:
             group.driving(world, buffers.views, buffers.memory, buffers.controls)
             for group in self.opponents
         ]
-        self._decisions.append([*calls, bind(discipline.decide, world, buffers, templates)])
+        if self._simulator is None:
+            calls.append(bind(discipline.decide, world, buffers, templates))
+        else:
+            first, last = (bind(kernel, world, buffers, templates) for kernel in discipline.around)
+            ticks = partial(self._simulator, world, buffers.controls, self.task.decision_ticks)
+            calls += [first, ticks, last]
+        self._decisions.append(calls)
 
     # What others read
 

@@ -69,6 +69,10 @@ class Discipline(Protocol):
     def decide(self) -> Kernel:
         """The kernel that moves every world on by one decision."""
 
+    @property
+    def around(self) -> tuple[Kernel, Kernel]:
+        """What `decide` does before its ticks and after them, for another simulator's ticks."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -85,6 +89,7 @@ class Task:
     gap: RealityGap = field(default_factory=RealityGap)
     decision_ticks: int = 3
     most_steps: int = 0  # decisions until an episode is cut off; 0: the rules alone end it
+    simulator: str = ""  # that moves the bodies, see `race_server.second`; empty: ours
 
     def with_options(self, **options: Any) -> "Task":
         """Return the task with other options: its own, or those of its discipline."""

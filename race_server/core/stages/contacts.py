@@ -143,7 +143,7 @@ def _separate(
     a, b: BODY; va, vb: their VEHICLE; nx, ny: unit normal, towards `a`.
     """
     # Real karts stand like walls; two of them stay where they are.
-    a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
+    a_moves, b_moves = a.trust <= codes.SIMULATED, b.trust <= codes.SIMULATED
     share = vb.mass / (va.mass + vb.mass)
     if not (a_moves and b_moves):
         share = 1.0 if a_moves else 0.0
@@ -184,7 +184,7 @@ def _strike(
     closing = (vax - vbx) * nx + (vay - vby) * ny
     sliding = (vay - vby) * nx - (vax - vbx) * ny
     # Real karts take no impulse; a blow between two of them is reported nevertheless.
-    a_moves, b_moves = a.trust == codes.SIMULATED, b.trust == codes.SIMULATED
+    a_moves, b_moves = a.trust <= codes.SIMULATED, b.trust <= codes.SIMULATED
     a_counts = 1.0 if a_moves or not b_moves else 0.0
     b_counts = 1.0 if b_moves or not a_moves else 0.0
     (moved_a, turned_a), (moved_b, turned_b) = (

@@ -43,7 +43,7 @@ def _watch_start(world: World, w: int, k: int) -> None:
     """Fine a kart that moved before the lights, once."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     dx, dy = body.x - racer.start_x, body.y - racer.start_y
-    share = FALSE_START_SHARE if body.trust == codes.SIMULATED else REAL_START_SHARE
+    share = FALSE_START_SHARE if body.trust <= codes.SIMULATED else REAL_START_SHARE
     allowed = share * world.vehicles[w, k].length
     if racer.false_started == 0 and dx * dx + dy * dy > allowed * allowed:
         racer.false_started = 1
@@ -79,7 +79,7 @@ def _watch_standstill(world: World, w: int, k: int) -> None:
     """Offer a kart that is stuck a rescue, and rescue it once it accepts."""
     body, racer = world.bodies[w, k], world.racers[w, k]
     race, rules = world.races[w], world.rules[w]
-    if body.trust != codes.SIMULATED:
+    if body.trust > codes.SIMULATED:
         return  # a real kart is not put back on the line
     held = race.flag == codes.RED or race.tick < race.hold_until
     if held or abs(body.speed) > rules.stuck_speed:

@@ -230,7 +230,7 @@ def _meet_solid(
     """
     depth, nx, ny = touch
     # A real kart is where it is: its touch counts, but no blow moves it.
-    is_free = body.trust == codes.SIMULATED
+    is_free = body.trust <= codes.SIMULATED
     if is_free:
         body.x += depth * nx
         body.y += depth * ny

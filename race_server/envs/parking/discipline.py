@@ -12,7 +12,7 @@ from race_server.core.lots import empty_parking
 from race_server.core.rules.parking import ALIGNED_WITHIN
 from race_server.core.state import World, empty_sightings
 from race_server.envs.buffers import Figures
-from race_server.envs.parking.decide import decide, restart
+from race_server.envs.parking.decide import decide, give_outcomes, restart, take_actions
 from race_server.envs.parking.heuristics.atlas import NO_ATLAS, make_atlas
 from race_server.envs.parking.heuristics.field import empty_field
 from race_server.envs.parking.heuristics.table import NUMBERS, check_vehicle, heuristic_named
@@ -78,6 +78,11 @@ class Parking:
     def decide(self) -> Kernel:
         """The kernel that moves every world on by one decision."""
         return decide
+
+    @property
+    def around(self) -> tuple[Kernel, Kernel]:
+        """What `decide` does before its ticks and after them."""
+        return take_actions, give_outcomes
 
     def scenarios_of(self, task: Task) -> tuple[Scenario, ...]:
         """Return the scenarios that a reset can draw."""

@@ -15,16 +15,40 @@ from race_server.envs.racing.reward_terms import judge, snapshot_counters
 def decide(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
     """Move every world on by one decision: actions in, observations, rewards and ends out."""
     for w in range(world.bodies.shape[0]):
-        world.event_counts[w] = 0
-        command_learners(world, buffers, w)
-        snapshot_counters(world, buffers, w)
+        _take_actions(world, buffers, w)
         advance_world(world, w, buffers.controls[w], buffers.settings[0].decision_ticks)
-        buffers.rounds[w].steps += 1
-        for k in range(buffers.rewards.shape[1]):
-            if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):
-                write_terminal(world, buffers, w, k)
-        _replace_what_is_over(world, buffers, templates, w)
-        write_observations(world, buffers, w)
+        _give_outcomes(world, buffers, templates, w)
+
+
+@kernel
+def take_actions(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
+    """Do what `decide` does before its ticks, where another simulator moves the karts in them."""
+    for w in range(world.bodies.shape[0]):
+        _take_actions(world, buffers, w)
+
+
+@kernel
+def give_outcomes(world: World, buffers: Buffers, templates: RaceTemplates) -> None:
+    """Do what `decide` does after its ticks."""
+    for w in range(world.bodies.shape[0]):
+        _give_outcomes(world, buffers, templates, w)
+
+
+@written_out
+def _take_actions(world: World, buffers: Buffers, w: int) -> None:
+    world.event_counts[w] = 0
+    command_learners(world, buffers, w)
+    snapshot_counters(world, buffers, w)
+
+
+@written_out
+def _give_outcomes(world: World, buffers: Buffers, templates: RaceTemplates, w: int) -> None:
+    buffers.rounds[w].steps += 1
+    for k in range(buffers.rewards.shape[1]):
+        if clear_outcome(buffers, w, k) and judge(world, buffers, w, k):
+            write_terminal(world, buffers, w, k)
+    _replace_what_is_over(world, buffers, templates, w)
+    write_observations(world, buffers, w)
 
 
 @kernel

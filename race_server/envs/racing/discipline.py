@@ -10,7 +10,7 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.state import World
 from race_server.envs.buffers import Figures
-from race_server.envs.racing.decide import decide, restart
+from race_server.envs.racing.decide import decide, give_outcomes, restart, take_actions
 from race_server.envs.racing.reset import RaceTemplates
 from race_server.envs.racing.reward_terms import REWARDS, TERMS
 from race_server.envs.racing.starts import start_tables
@@ -61,6 +61,11 @@ class Racing:
     def decide(self) -> Kernel:
         """The kernel that moves every world on by one decision."""
         return decide
+
+    @property
+    def around(self) -> tuple[Kernel, Kernel]:
+        """What `decide` does before its ticks and after them."""
+        return take_actions, give_outcomes
 
     @property
     def sensors(self) -> int:

@@ -19,6 +19,8 @@ from race_server.scenario.track.cache import cached
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.generated import FORMS as DRAWN
 from race_server.scenario.track.generated import PREFIX, generated_file
+from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
+from race_server.scenario.track.highway_roads import highway_file
 from race_server.scenario.track.limits import (
     MOST_GATES,
     MOST_ITEMS,
@@ -74,6 +76,8 @@ def _source_of(name: str) -> tuple[str, str, bytes]:
     """Return the course's own name, and the name and content of its file."""
     if name.startswith(PREFIX) and not name.endswith(".toml"):
         return name, name, generated_file(name)
+    if name.startswith(HIGHWAY) and not name.endswith(".toml"):
+        return name, name, highway_file(name)
     path = path_of("tracks", name)
     if path is not None:
         return _source_in(path)
