@@ -119,7 +119,7 @@ def _examine(
         total = len(drivers) * len(spec.courses)
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
-            for one in examine(spec, drivers, _editions_of(drivers)):
+            for one in examine(spec, drivers, editions_of(drivers)):
                 tries.append(one)
                 bar.update(task, advance=1, description=f"{one.driver}, {Path(one.course).name}")
         except KeyboardInterrupt:
@@ -128,7 +128,7 @@ def _examine(
     return sorted(tries, key=lambda one: (drivers.index(one.driver), order[one.course])), stopped
 
 
-def _editions_of(drivers: Sequence[str]) -> dict[str, str]:
+def editions_of(drivers: Sequence[str]) -> dict[str, str]:
     """Return a digest of the policy of each driver that has learned."""
     from race_agents.policies.registry import policy_path
 

@@ -62,6 +62,12 @@ class TrainOptions:
     seed: Annotated[
         int | None, typer.Option(help="Seed of worlds and network. Default: the preset's.")
     ] = None
+    simulator: Annotated[
+        str,
+        typer.Option(
+            help="Simulator that moves the vehicles: highway-env. Default: the preset's, our own."
+        ),
+    ] = ""
     algorithm: Annotated[
         str, typer.Option(help="ppo, poca, sac, td3 or dqn. Default: the preset's.")
     ] = ""
@@ -171,6 +177,8 @@ def _changes(options: TrainOptions) -> list[str]:
         changes += ["steps=none", f"minutes={minutes}"]
     if steps is not None:
         changes += ["minutes=none", f"steps={steps}"]
+    if options.simulator:
+        changes += [f"simulator={options.simulator}"]
     if options.algorithm:
         changes += [f"algorithm.name={options.algorithm}"]
     for name in ("seed", "worlds", "threads"):

@@ -5,6 +5,7 @@ from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.tracking import speed_on_line
 from race_agents.planning.traffic import ABREAST, NOWHERE, lane_past, leader
+from race_agents.planning.tyre_slip import watch_slip
 from race_server.core.kernel_driver import SHIFT, Cockpit, Cockpits, KernelDriver, cockpit_at
 from race_server.core.kernels.jit import kernel, large_kernel
 
@@ -18,6 +19,7 @@ GAIN = 0.3
 def follow(cockpit: Cockpit) -> None:
     """Follow the line behind a slower kart, or in a lane past it."""
     memory = cockpit.memory
+    watch_slip(cockpit)
     look_ahead(cockpit)
     wanted = lane_to_gain(cockpit, memory[SHIFT])
     drive_in_lane(cockpit, wanted)

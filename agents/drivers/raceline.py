@@ -5,6 +5,7 @@ from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.tracking import speed_on_line
 from race_agents.planning.traffic import ABREAST, FORESIGHT_S, NOWHERE, SLOWER, lane_past, leader
+from race_agents.planning.tyre_slip import watch_slip
 from race_server.core.kernel_driver import SHIFT, Cockpit, Cockpits, KernelDriver, cockpit_at
 from race_server.core.kernels.jit import kernel, large_kernel
 
@@ -13,6 +14,7 @@ from race_server.core.kernels.jit import kernel, large_kernel
 def race(cockpit: Cockpit) -> None:
     """Follow the line, or a lane beside it that passes a slower kart."""
     memory = cockpit.memory
+    watch_slip(cockpit)
     look_ahead(cockpit)
     wanted = open_lane(cockpit, memory[SHIFT])
     drive_in_lane(cockpit, wanted)

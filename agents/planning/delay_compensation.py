@@ -19,15 +19,12 @@ from race_agents.planning.latency import (
 from race_agents.planning.tactics import KARTS_X, LIGHTS, SPEED
 from race_agents.planning.tracking import (
     CURVATURE,
-    GRIP_SCALE,
     HEADING,
-    LATERAL_SPEED,
     LINE_SPEED,
     OFFSET,
     SPEED_CAP,
     STEP,
     THRUST_SCALE,
-    YAW_RATE,
     at_distance,
 )
 from race_agents.planning.traffic import (
@@ -42,6 +39,7 @@ from race_agents.planning.traffic import (
     NOWHERE,
     RIGHT,
 )
+from race_agents.planning.tyre_slip import GRIP_SCALE, LATERAL_SPEED, YAW_RATE
 from race_server.core.kernel_driver import DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.motion import Allowance, Command, Motion, move

@@ -30,6 +30,8 @@ WHEELS = LATELY + 1
 COMMANDS = LATELY + 2
 COMMAND = 3
 AGAINST = COMMANDS + (LONGEST + 1) * COMMAND
+# Sums of the slip seen times that of the model, and of its square: see `tyre_slip.py`.
+SLIP_SEEN, SLIP_MODEL = AGAINST + DELAYS, AGAINST + DELAYS + 1
 
 
 @kernel

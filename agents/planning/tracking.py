@@ -3,20 +3,26 @@
 Steering: feed-forward from the line's curvature with the slip that both axles need for it, feedback
 on the offset and on the heading that the body should have in that bend (Kapania and Gerdes,
 Design of a feedback-feedforward steering controller for accurate path tracking and stability at the
-limits of handling, 2015). Slip follows from force by the inverse of Fiala's brush tyre.
+limits of handling, 2015).
 """
 
 import math
 
 from race_agents.planning.tactics import SPEED
+from race_agents.planning.tyre_slip import (
+    GRIP_SCALE,
+    LATERAL_SPEED,
+    YAW_RATE,
+    grip_of,
+    slip_share,
+    slips_in,
+)
 from race_server.core.kernel_driver import DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, BRAKE_SHARE, PART_NUMBERS
 from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
 
-LATERAL_SPEED = PART_NUMBERS["lateral_speed"]
-YAW_RATE = PART_NUMBERS["yaw_rate"]
 OFFSET = PART_NUMBERS["line_offset"]
 HEADING = PART_NUMBERS["line_heading"]
 STEP = PART_NUMBERS["line_step"]
@@ -25,7 +31,6 @@ LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
 LINE_HELD = PART_NUMBERS["line_speed_held"]
 SPEED_CAP = PART_NUMBERS["speed_cap"]
 THRUST_SCALE = PART_NUMBERS["thrust_scale"]
-GRIP_SCALE = PART_NUMBERS["grip_scale"]
 
 # Shares of the line's speed: on the straight, and where it takes all the grip for the bend. A line
 # of minimum time knows what slip costs, but leaves no grip to correct an error with.
@@ -66,22 +71,6 @@ def at_distance(observation: Floats, start: int, place: float) -> float:
     index = int(place)
     share = place - index
     return observation[start + index] * (1.0 - share) + observation[start + index + 1] * share
-
-
-@kernel
-def tyre_slip(used: float, slide: float) -> float:
-    """Return the slip of a brush tyre at a share of its most lateral force.
-
-    slide: the slip at which the whole contact patch slides.
-    """
-    return slide * (1.0 - (1.0 - min(used, 0.97)) ** (1.0 / 3.0))
-
-
-@kernel
-def grip_of(cockpit: Cockpit) -> float:
-    """Return the most acceleration [m/s²] that the tyres give here."""
-    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
-    return vehicle.grip * GRAVITY * max(observation[offsets[GRIP_SCALE]], 0.05)
 
 
 @large_kernel
@@ -199,25 +188,17 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     speed = max(observation[offsets[SPEED]], SLOWEST)
     front_axle, rear_axle = vehicle.front_axle, vehicle.rear_axle
     wheelbase = front_axle + rear_axle
+    slide = 3.0 * grip_of(cockpit) / GRAVITY / vehicle.cornering
     step = max(observation[offsets[STEP]], 0.01)
-    turn_s = turning_time(vehicle, speed)
-    delay = DELAY_S + DELAY_SHARE * turn_s
+    # A body on wheels that never slip turns with them: there is no lag, and nothing to damp.
+    slipping = slip_share(cockpit.memory)
+    turn_s = slipping * turning_time(vehicle, speed)
+    delay = DELAY_S * (0.5 + 0.5 * slipping) + DELAY_SHARE * turn_s
     lead = speed * (LEAD_S + turn_s) / step
     bend = at_distance(observation, offsets[CURVATURE], lead)
     bend /= max(1.0 - shift * bend, 0.3)
 
-    # Slip of both axles in that bend.
-    grip = grip_of(cockpit)
-    along = abs(force) / (vehicle.mass * grip)
-    front_share = vehicle.front_drive if force > 0.0 else vehicle.front_brake
-    front_left = axle_left(along * front_share * wheelbase / rear_axle)
-    rear_left = axle_left(along * (1.0 - front_share) * wheelbase / front_axle)
-    slide = 3.0 * grip / GRAVITY / vehicle.cornering
-    used = speed * speed * abs(bend) / grip
-    blend = (speed - vehicle.kinematic_below) / (vehicle.dynamic_above - vehicle.kinematic_below)
-    side = min(max(blend, 0.0), 1.0) * (1.0 if bend >= 0.0 else -1.0)
-    front_slip = side * tyre_slip(used / front_left, slide * front_left)
-    rear_slip = side * tyre_slip(used / rear_left, slide * rear_left)
+    front_slip, rear_slip = slips_in(cockpit, speed, bend, force)
 
     # Errors once this decision acts. In a bend the body points inside by the rear axle's slip.
     turning = observation[offsets[YAW_RATE]] - speed * at_distance(
@@ -232,7 +213,7 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     offset = min(max(offset, -STEEPEST * look), STEEPEST * look)
     angle = math.atan(wheelbase * bend) + front_slip - rear_slip
     angle -= gain * (offset + look * math.sin(heading))
-    angle -= YAW_DAMPING * wheelbase / speed * turning
+    angle -= slipping * YAW_DAMPING * wheelbase / speed * turning
     if speed > vehicle.dynamic_above:
         # Turned further than it slips at most, a front wheel only brakes. Stiff tyres hardly slip,
         # but the kart follows them at once.
@@ -249,9 +230,3 @@ def turning_time(vehicle: Record, speed: float) -> float:
     """Return the time constant [s] of the yaw rate behind the steering, on tyres that hold."""
     stiffness = vehicle.cornering * vehicle.mass * GRAVITY  # [N/rad]
     return speed * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
-
-
-@kernel
-def axle_left(along: float) -> float:
-    """Return the share of an axle's grip that is left across, with a share in use along."""
-    return math.sqrt(max(1.0 - along * along, 0.05))

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -26,22 +25,14 @@ from race_server.envs.actions import REVERSE_BELOW
 from race_server.envs.parking.reward_terms import REWARDS
 from race_server.envs.spaces import action_space, observation_space
 from race_server.errors import ScenarioError
+from race_server.second.similarity import Similarity
 
 
-@dataclass(frozen=True)
-class Similarity:
-    """How large and how slow things are there, beside those of a kart."""
-
-    length: float = 1.0  # metres there that are one to the policy
-    time: float = 1.0  # seconds there that are one to it
-
-    @classmethod
-    def of(cls, settings: Settings) -> "Similarity":
-        """Return that with the kart's turning circle at full lock and its pace of decisions."""
-        kart = vehicle_named(settings.vehicle)
-        radius = kart.wheelbase / math.tan(kart.steering_limit)
-        there = WHEELBASE / math.tan(STEERING_LIMIT)
-        return cls(there / radius, DECISION_S / settings.decision_s)
+def similar_kart(settings: Settings) -> Similarity:
+    """Return the similarity with the kart's turning circle at full lock and its pace."""
+    there = WHEELBASE / math.tan(STEERING_LIMIT)
+    radius = vehicle_named(settings.vehicle).turning_radius
+    return Similarity(there / radius, DECISION_S / settings.decision_s)
 
 
 class KartThere(gymnasium.Env[Any, Any]):

@@ -8,15 +8,13 @@ from collections.abc import Callable
 from statistics import median
 from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.reproductions.exam import FIRST_SEED
 from race_server.envs.parking.goal import METRES, is_reached
-from race_server.errors import ScenarioError
+from race_server.scenario.highway import make_highway
 from race_server.scenario.level import level_named
-from race_server.tools.bench.rates import has_highway
 
 Array = NDArray[Any]
 Act = Callable[[Any], Any]  # from what `parking-v0` shows to pedal and steering, both -1 to 1
@@ -37,11 +35,7 @@ def make_parking_v0() -> Any:
     Raises:
         ScenarioError: highway-env is not installed.
     """
-    if not has_highway():
-        raise ScenarioError(
-            "highway-env is not installed: `pip install race-server[bench]` brings it"
-        )
-    return gymnasium.make(NAME, disable_env_checker=True, config={"duration": LIMIT_S})
+    return make_highway(NAME, duration=LIMIT_S)
 
 
 def goals_in(env: Any) -> tuple[Array, Array]:

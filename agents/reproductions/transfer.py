@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from race_agents.policies.registry import BEST, policy_path, run_folder
 from race_agents.policies.session import Policy
 from race_agents.reproductions.exam import Decide
-from race_agents.reproductions.kart_there import KartThere, Similarity
+from race_agents.reproductions.kart_there import KartThere, similar_kart
 from race_agents.reproductions.parking_exam import examine_parking
 from race_agents.reproductions.parking_v0 import SHARE, examine_there, make_parking_v0
 from race_agents.reproductions.plan import Learned, ParkingExam
@@ -36,6 +36,7 @@ from race_server.competition.parking_tally import COLLISIONS
 from race_server.core.observation import layout_of
 from race_server.envs.parking.goal import PARTS, GoalView
 from race_server.scenario.text_files import parse_toml
+from race_server.second.similarity import Similarity
 
 Tell = Callable[[float], None]
 
@@ -109,7 +110,7 @@ class Bundled:
         tell(0.5)
         if not self.there:
             return Learned(0, _untrained(figures_in_lot(settings, starts, decide)), [])
-        kart = KartThere(settings, Similarity.of(settings) if self.similar else Similarity())
+        kart = KartThere(settings, similar_kart(settings) if self.similar else Similarity())
         return Learned(0, _untrained(_figures_there(kart, starts, decide)), [])
 
 
@@ -121,7 +122,7 @@ class OnThere:
 
     def give(self, settings: Settings, starts: int, tell: Tell) -> Learned:
         """Train and examine."""
-        budget, similar = Budget.of(settings), Similarity.of(settings)
+        budget, similar = Budget.of(settings), similar_kart(settings)
         kart = KartThere(settings, similar)
         karts = DummyVecEnv([_watched(lambda: KartThere(settings, similar))] * settings.worlds)
         world = Normaliser(karts, ObservationView.of(settings), norm_reward=False)

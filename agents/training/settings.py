@@ -285,6 +285,7 @@ class Settings(Table):
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
     action: ActionName = "continuous"
+    simulator: str = ""  # that moves the vehicles: highway-env; empty: our own
     base: str = ""  # the driver that residual actions advise
     # Observations are clipped to this before they are normalised: without a kart nearby the
     # distance is 1000 m, beside which all near ones would look alike.

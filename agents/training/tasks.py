@@ -128,6 +128,7 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
         "gap": settings.gap,
         "decision_ticks": settings.decision_ticks,
         "most_steps": episode.steps,
+        "simulator": settings.simulator,
     }
     if settings.parks:
         asked = settings.parking

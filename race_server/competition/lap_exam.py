@@ -8,15 +8,19 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import median
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from race_server.competition.proportion import wilson_interval
 from race_server.competition.time_trial.figures import intervals
+from race_server.competition.time_trial.gaps import DECISION_TICKS
+from race_server.competition.time_trial.lap import X, Y
 from race_server.competition.time_trial.plan import compile_once
 from race_server.competition.time_trial.pool import run_all
 from race_server.competition.time_trial.run import Run, Tell, drive_run
@@ -28,6 +32,7 @@ from race_server.errors import RaceError, TrackError
 from race_server.kept_file import keep
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.raceline.reference import known_limit, reference_limit
+from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import digest_of, load_course
 
 # Kinds of courses that are drawn in turn; shorter vehicles [m] drive those of 1/10.
@@ -61,11 +66,19 @@ class LapExamSpec:
     vehicle: str = "tt02"
     laps: int = 5  # from a flying start, that count
     jobs: int = 0  # processes; 0: one for each core
+    simulator: str = ""  # that moves the vehicle, see `race_server.second`; empty: ours
+    decision_ticks: int = DECISION_TICKS
 
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
         """Return a run for each driver on each course."""
+        like = RunSpec(
+            *("", "", self.vehicle),
+            laps=self.laps,
+            simulator=self.simulator,
+            decision_ticks=self.decision_ticks,
+        )
         return [
-            RunSpec(driver, course, self.vehicle, laps=self.laps)
+            replace(like, driver=driver, track=course)
             for driver, course in product(drivers, self.courses)
         ]
 
@@ -83,6 +96,7 @@ class CourseTry:
     contacts: int  # with walls, those of the lap before included
     rescues: int
     remark: str = ""  # why the run ended early, or has no limit
+    off_centre_m: float | None = None  # mean distance from the centre line; None: no lap
 
     @property
     def ratios(self) -> list[float]:
@@ -183,7 +197,18 @@ def try_of(run: Run) -> CourseTry:
         contacts=run.crashes,
         rescues=run.rescues,
         remark=remark,
+        off_centre_m=_off_centre(course, run),
     )
+
+
+def _off_centre(course: Course, run: Run) -> float | None:
+    """Return how far [m] the laps of a run are from the centre line in the mean."""
+    traces = [lap.trace for lap in run.laps]
+    if not traces:
+        return None
+    x, y = np.hstack(traces)[[X, Y]]
+    ways = np.hypot(*(np.stack([x, y], axis=1)[:, None] - course.line[None, :, :2]).T)
+    return float(ways.min(axis=0).mean())
 
 
 def _kept(spec: RunSpec, editions: Mapping[str, str]) -> Path:

@@ -2,8 +2,7 @@
 
 A body is handed over with its pose and speed, moved there by highway-env's own vehicle on its own
 roads, and taken back, step by step. What contacts, rescues and resets do to it here is so known
-there. Model cars are larger there: lengths are ten times ours, times and speeds √10 times, so that
-accelerations and angles are equal (Froude's similarity).
+there.
 """
 
 import math
@@ -23,15 +22,13 @@ from race_server.core.step import advance_world
 from race_server.errors import ScenarioError
 from race_server.scenario.highway import make_highway
 from race_server.scenario.race import Scenario
-from race_server.scenario.track.highway_roads import TENTH
 from race_server.second.highway_network import network_for
 from race_server.second.highway_options import NAME, HighwayOptions
+from race_server.second.similarity import Similarity
 
 STEP_S = 1.0 / 15.0  # of its physics
 ACCELERATION = 5.0  # [m/s²] most of its `ContinuousAction`, both ways
 STEERING = math.radians(45.0)  # the same of its wheels
-SHORT_M = 1.0  # shorter vehicles are model cars
-IDLE = 0.05  # [m/s] slower than this brakes bring it to rest
 
 
 class HighwayMotion:
@@ -50,15 +47,11 @@ class HighwayMotion:
                 raise ScenarioError(
                     f"vehicle {vehicle.name} draws a trailer: {NAME} has none; choose another"
                 )
-        short = vehicles[0].length < SHORT_M
-        if any((vehicle.length < SHORT_M) != short for vehicle in vehicles):
-            raise ScenarioError(f"{NAME}: model cars and karts in one task have no common scale")
-        self.metres = TENTH if short else 1.0
-        self.seconds = math.sqrt(self.metres)
-        tick_s = TICK_S * self.seconds
-        self.step_ticks = 1 if options.steps == "ours" else max(round(STEP_S / tick_s), 1)
+        self.similar = Similarity.of(vehicles)
         make_highway("racetrack-v0")
-        self._networks = [network_for(scenario.course, self.metres) for scenario in scenarios]
+        lengths = self.similar.length
+        self._networks = [network_for(scenario.course, lengths) for scenario in scenarios]
+        self.step_ticks = 1 if options.steps == "ours" else ticks_in(STEP_S, self.similar)
         self._movers: dict[tuple[int, int], Any] = {}
 
     def __call__(self, world: World, controls: Floats, ticks: int) -> None:
@@ -88,16 +81,16 @@ class HighwayMotion:
         # Its point is the middle between the axles, which moves at this angle to the body.
         ahead = 0.5 * float(vehicle.rear_axle - vehicle.front_axle)
         slip = math.atan(0.5 * math.tan(angle))
-        heading, pace = float(body.heading), self.metres / self.seconds
+        heading, similar = float(body.heading), self.similar
         before = np.array([math.cos(heading), math.sin(heading)])
-        mover.position = self.metres * (np.array([body.x, body.y]) - ahead * before)
-        mover.heading, mover.speed = heading, pace * float(body.speed) / math.cos(slip)
+        mover.position = similar.length * (np.array([body.x, body.y]) - ahead * before)
+        mover.heading, mover.speed = heading, similar.pace * float(body.speed) / math.cos(slip)
         mover.crashed = False
         mover.action = {"steering": angle, "acceleration": gain}
-        mover.step(dt * self.seconds)
+        mover.step(dt * similar.time)
         after = np.array([math.cos(mover.heading), math.sin(mover.heading)])
-        x, y = mover.position / self.metres + ahead * after
-        speed = mover.speed / pace
+        x, y = mover.position / similar.length + ahead * after
+        speed = mover.speed / similar.pace
         body.yaw_rate = 2.0 * speed * math.sin(slip) / (vehicle.front_axle + vehicle.rear_axle)
         body.speed = speed * math.cos(slip)
         body.lateral_speed = speed * math.sin(slip) + ahead * body.yaw_rate
@@ -137,9 +130,14 @@ class HighwayMotion:
             from highway_env.road.road import Road
             from highway_env.vehicle.kinematics import Vehicle
 
-            kind = type("Mover", (Vehicle,), {"LENGTH": self.metres * wheelbase})
+            kind = type("Mover", (Vehicle,), {"LENGTH": self.similar.length * wheelbase})
             self._movers[key] = kind(Road(network), [0.0, 0.0])
         return self._movers[key]
+
+
+def ticks_in(seconds: float, similar: Similarity) -> int:
+    """Return how many ticks here are about as long as some seconds there: one or more."""
+    return max(round(seconds / similar.time / TICK_S), 1)
 
 
 def _shift(body: Record, move: Floats) -> None:

@@ -1,5 +1,6 @@
 """Courses of ours as road networks of highway-env."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def network_for(course: Course, metres: float) -> Any:
     ends = np.linspace(0, len(middle), count + 1).astype(int)
     step = max(round(1.0 / (metres * course.spacing)), 1)
     network = RoadNetwork()
-    for number, (first, last) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+    for number, (first, last) in enumerate(pairwise(ends)):
         places = [*range(first, last, step), last]
         rows = np.array(places) % len(middle)
         lane = PolyLane(

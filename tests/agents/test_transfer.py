@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from race_agents.reproductions import parking_v0
-from race_agents.reproductions.kart_there import KartThere, Similarity
+from race_agents.reproductions.kart_there import KartThere, similar_kart
 from race_agents.reproductions.parking_v0 import examine_there, make_parking_v0
 from race_agents.reproductions.plan import Learned, ParkingExam, TrainingScale, Variant
 from race_agents.reproductions.registry import reproduction_named
@@ -17,7 +16,9 @@ from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.envs.batch import Batch
 from race_server.errors import ScenarioError
-from race_server.tools.bench.rates import has_highway
+from race_server.scenario import highway
+from race_server.scenario.highway import has_highway
+from race_server.second.similarity import Similarity
 
 needs_highway = pytest.mark.skipif(not has_highway(), reason="highway-env is not installed")
 
@@ -44,7 +45,7 @@ def place(env: Any, x: float, y: float, degrees: float, speed: float = 0.0) -> N
 
 
 def test_a_similar_kart_turns_as_narrowly_and_decides_as_often() -> None:
-    similar = Similarity.of(settings())
+    similar = similar_kart(settings())
     assert similar.length == pytest.approx(5.0 / (1.087 / math.tan(0.55)))
     assert similar.time == pytest.approx(2.0)  # 0.2 s there, 0.1 s here
 
@@ -136,7 +137,7 @@ def test_what_the_second_simulator_lacks_is_named(change: str, message: str) -> 
 
 
 def test_without_highway_env_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parking_v0, "has_highway", lambda: False)
+    monkeypatch.setattr(highway, "has_highway", lambda: False)
     with pytest.raises(ScenarioError, match=r"race-server\[bench\]"):
         make_parking_v0()
 

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 import numpy as np
 
 from race_server.competition.time_limit import TimeLimitExceeded, time_limit
-from race_server.competition.time_trial.gaps import DECISION_S
 from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
 from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, RunSpec, task_of
 from race_server.core import codes
@@ -114,7 +113,7 @@ class Attempt:
                 vehicle=vehicle_named(spec.vehicle),
                 laps=spec.laps_driven,
                 preset=driver.preset,
-                decision_s=DECISION_S,
+                decision_s=spec.decision_ticks * TICK_S,
                 items=tuple(item.name for item in items()),
                 lidar_field=lidar.field,
                 lidar_reach=lidar.reach,

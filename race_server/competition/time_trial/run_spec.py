@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from race_server.competition.time_trial.gaps import NONE, Gap
+from race_server.competition.time_trial.gaps import DECISION_TICKS, NONE, Gap
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.core.vehicles import Vehicle
@@ -40,6 +40,8 @@ class RunSpec:
     laps: int = 5  # that count
     start: str = FLYING
     decision_limit_s: float = 2.0  # a driver that takes longer has stalled
+    simulator: str = ""  # that moves the kart, see `race_server.second`; empty: ours
+    decision_ticks: int = DECISION_TICKS
 
     @property
     def laps_driven(self) -> int:
@@ -107,6 +109,8 @@ def task_of(spec: RunSpec, course: Course, preset: str) -> Task:
         observation=preset,
         action="control",
         gap=spec.gap.reality,
+        simulator=spec.simulator,
+        decision_ticks=spec.decision_ticks,
     )
 
 

@@ -11,10 +11,11 @@ from race_server.envs.buffers import REENTER
 from race_server.envs.parallel import KartRace
 from race_server.envs.presets import race_task, scenario_on, task_on
 from race_server.envs.single import time_trial
+from race_server.scenario.highway import has_highway
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
 from race_server.tools.bench.core import profile
-from race_server.tools.bench.rates import batch_rate, has_highway, is_over, ratio, replay_rate
+from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
 
 TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")

@@ -14,7 +14,8 @@ from race_server.envs.buffers import RESET_WORLD
 from race_server.envs.parallel import parallel_lot
 from race_server.envs.parking.single import park_goal
 from race_server.envs.presets import parking_task
-from race_server.tools.bench.rates import batch_rate, has_highway, is_over, ratio, replay_rate
+from race_server.scenario.highway import has_highway
+from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
 
 WORLDS, VEHICLES = 64, 8
 OPEN, YARD, GATE, ROWS = "zone-30", "yard-70", "gate", "grid-150"

@@ -62,15 +62,6 @@ def replay_rate(
     return steps / spent
 
 
-def has_highway() -> bool:
-    """Return whether highway-env is installed, and register its environments if it is."""
-    try:
-        import highway_env  # noqa: F401  # registers its environments
-    except ImportError:
-        return False
-    return True
-
-
 def is_over(outcome: tuple[Any, ...]) -> bool:
     """Return whether Gymnasium's `step` ended an episode."""
     return bool(outcome[2] or outcome[3])

@@ -1,0 +1,142 @@
+"""`race transfer`: the same drivers on the same tracks, here and in a second simulator."""
+
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from race_agents.commands.exam_laps import editions_of
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.option_fields import expand_options
+from race_server.cli.options import known_drivers, names_in
+from race_server.errors import ScenarioError
+from race_server.terminal import Console, TextColumn
+
+if TYPE_CHECKING:
+    from race_server.competition.lap_exam import CourseTry, LapExamSpec
+    from race_server.competition.transfer import TransferRow
+
+
+@dataclass(frozen=True)
+class TransferOptions:
+    """All arguments and options of `race transfer`."""
+
+    drivers: Annotated[str, typer.Argument(help="Comma-separated installed drivers.")] = (
+        "raceline,idm,follow_gap,learned:time-trial"
+    )
+    to: Annotated[str, typer.Option(help="The other simulator: highway-env.")] = "highway-env"
+    tracks: Annotated[
+        str,
+        typer.Option(
+            help="Comma-separated tracks. Default: the race tracks of highway-env, a tenth of "
+            "their size for model cars."
+        ),
+    ] = ""
+    vehicle: Annotated[str, typer.Option(help="Vehicle: a model car or a kart.")] = "tt02"
+    laps: Annotated[
+        int, typer.Option(min=1, help="Counted laps of each run; one that is not comes first.")
+    ] = 5
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw clean laps and times into this .png or .svg file.")
+    ] = None
+    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
+    as_json: AsJson = False
+
+
+@expand_options
+def transfer(options: TransferOptions) -> None:
+    """Drive here and in a second simulator, and say which difference costs most.
+
+    Between the two stands a ladder of changes, one at a time. Finished runs are kept: a transfer
+    that was stopped goes on with the next one.
+    """
+    from race_server.competition.lap_exam import LapExamSpec
+    from race_server.competition.transfer import rows_of
+    from race_server.core.vehicle_presets import vehicle_named
+    from race_server.second.highway_options import NAME
+
+    drivers = known_drivers(options.drivers)
+    if not drivers:
+        raise ScenarioError("no driver; name one or more, separated by commas")
+    if options.to != NAME:
+        raise ScenarioError(f"--to {options.to!r}: choose {NAME}")
+    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
+        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle).length)
+    spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs)
+    console = Console(stderr=True)
+    found, stopped = _drive(spec, drivers, console, quiet=options.as_json)
+    rows = sorted(rows_of(found), key=lambda row: tracks.index(row.track))
+    rows.sort(key=lambda row: drivers.index(row.driver))
+    if options.plot is not None and rows:
+        from race_server.competition.transfer_picture import draw_transfer
+
+        draw_transfer(rows, options.plot)
+    if options.as_json:
+        print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
+    else:
+        _show(rows)
+    if stopped:
+        console.print("stopped: these are the runs that were finished", style="yellow")
+        sys.exit(130)
+
+
+def own_tracks(length: float) -> tuple[str, ...]:
+    """Return the race tracks of highway-env for a vehicle of some length [m]."""
+    from race_server.scenario.track.highway_roads import PREFIX, TRACKS
+    from race_server.second.similarity import SHORT_M
+
+    return tuple(PREFIX + track + ":tenth" * (length < SHORT_M) for track in TRACKS)
+
+
+def _drive(
+    spec: "LapExamSpec", drivers: tuple[str, ...], console: Console, *, quiet: bool
+) -> "tuple[list[tuple[str, CourseTry]], bool]":
+    """Return what was driven, and whether it was stopped."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    from race_server.competition.transfer import LADDER, drive_ladder
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    hidden = quiet or not console.is_terminal
+    found: list[tuple[str, CourseTry]] = []
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
+    ) as bar:
+        total = len(drivers) * len(spec.courses) * len(LADDER)
+        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
+        try:
+            for name, one in drive_ladder(spec, drivers, editions_of(drivers)):
+                found.append((name, one))
+                bar.update(task, advance=1, description=f"{one.driver}, {one.course}, {name}")
+        except KeyboardInterrupt:
+            return found, True
+    return found, False
+
+
+def _show(rows: "list[TransferRow]") -> None:
+    from rich.table import Table
+
+    from race_server.competition.transfer import LADDER
+
+    table = Table()
+    table.add_column("driver, track", no_wrap=True)
+    for rung in LADDER:
+        table.add_column(rung.name, justify="right", no_wrap=True)
+    table.add_column("costs most")
+    for row in rows:
+        cells = [
+            f"{100.0 * one['clean_lap_rate']:.0f} % "
+            + ("-" if one["ratio"] is None else f"{one['ratio']:.3f}")
+            for one in row.ladder
+        ]
+        table.add_row(f"{row.driver}, {row.track}", *cells, row.factor or "-")
+    console = Console()
+    # Wider than the terminal if necessary, so that no figure is cut off.
+    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
+    console.print(table)
+    console.print("clean laps, and the median lap over the limit of its track", highlight=False)
+    for rung in LADDER:
+        console.print(f"{rung.name}: {rung.meaning}", style="dim", highlight=False)
