@@ -61,6 +61,9 @@ class RealityGap:
     ] = (1.0, 1.0)
     mass: Annotated[Range, _share("factor of the vehicle's mass and inertia")] = (1.0, 1.0)
     grip: Annotated[Range, _share("factor of the vehicle's grip")] = (1.0, 1.0)
+    stiffness: Annotated[
+        Range, _share("factor of the tyres' cornering stiffness: above 5 they hardly slip")
+    ] = (1.0, 1.0)
 
     def ranges(self) -> Floats:
         """Return low and high of every factor, shape (G, 2), those of delays as whole numbers.
@@ -88,7 +91,7 @@ FACTORS: Mapping[str, Factor] = MappingProxyType(
         for name, hint in get_type_hints(RealityGap, include_extras=True).items()
     }
 )
-ACTION_DELAY, OBSERVATION_DELAY, LAG, PLAY, SPEED, MASS, GRIP = range(7)
+ACTION_DELAY, OBSERVATION_DELAY, LAG, PLAY, SPEED, MASS, GRIP, STIFFNESS = range(8)
 
 
 @kernel
@@ -113,6 +116,7 @@ def draw_gap(
     vehicle.mass *= draws[MASS]
     vehicle.yaw_inertia *= draws[MASS]
     vehicle.grip *= draws[GRIP]
+    vehicle.cornering *= draws[STIFFNESS]
 
 
 @kernel
