@@ -102,7 +102,13 @@ def check(
 
 @app.command("import")
 def import_track(
-    source: Annotated[Path, typer.Argument(help="TUM .csv file, or the .yaml file of a ROS map.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="TUM .csv file, the .yaml file of a ROS map, or highway:racetrack-v0: roads of "
+            "highway-env."
+        ),
+    ],
     to: Annotated[Path, typer.Option("--to", help="Course file to write (.toml).")],
     scale: Annotated[
         str,

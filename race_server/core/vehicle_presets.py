@@ -236,10 +236,39 @@ KART_CART = _slow(
     1.0,
 )
 
+# The vehicle of highway-env 1.12.1: 5 by 2 m, axles 5 m apart, wheels that turn by 45° at once and
+# never slip, 5 m/s² both ways, 40 m/s (https://github.com/Farama-Foundation/HighwayEnv). It has no
+# mass: ours gives the forces, and its tyres hold them.
+HIGHWAY_CAR = Vehicle(
+    name="highway-car",
+    length=5.0,
+    width=2.0,
+    box_offset=0.0,
+    front_axle=2.5,
+    rear_axle=2.5,
+    mass=1000.0,
+    yaw_inertia=1000.0 * (5.0**2 + 2.0**2) / 12.0,
+    steering_limit=float(np.radians(45.0)),
+    steering_rate=1000.0,
+    motor_force=5000.0,
+    motor_power=1e6,
+    brake_force=5000.0,
+    front_drive=0.5,
+    front_brake=0.5,
+    top_speed=40.0,
+    reverse_speed=40.0,
+    rolling=0.0,
+    drag=0.0,
+    grip=2.0,
+    cornering=10.0,
+    kinematic_below=1e9,
+    dynamic_above=2e9,
+)
+
 VEHICLES = {
     vehicle.name: vehicle
     for vehicle in (
-        *(TT02, TT02_DRIFT, TT02_FACTS, KART_13, KART_30, KART_60, CAR),
+        *(TT02, TT02_DRIFT, TT02_FACTS, KART_13, KART_30, KART_60, CAR, HIGHWAY_CAR),
         *(LORRY, LORRY_OFF_AXLE, CAR_TRAILER, KART_CART),
     )
 }

@@ -9,6 +9,8 @@ RACE = "Kart/Race-v0"
 TIME_TRIAL = "Kart/TimeTrial-v0"
 PARK, PARK_GOAL, LOT = "Kart/Park-v0", "Kart/ParkGoal-v0", "Kart/Lot-v0"
 PARK_TRAILER, PARK_TRAILER_GOAL = "Kart/ParkTrailer-v0", "Kart/ParkTrailerGoal-v0"
+# Spaces, rewards and infos of highway-env's parking-v0 and racetrack-v0.
+PARK_COMPATIBLE, RACETRACK_COMPATIBLE = "Kart/ParkCompatible-v0", "Kart/RacetrackCompatible-v0"
 # What makes one environment, and what makes a vector of them, by id.
 MAKERS = {
     TIME_TRIAL: ("single:time_trial", "vector:time_trial_vector"),
@@ -17,6 +19,8 @@ MAKERS = {
     PARK_GOAL: ("parking.single:park_goal", None),
     PARK_TRAILER: ("parking.single:park_trailer", "parking.single:park_trailer_vector"),
     PARK_TRAILER_GOAL: ("parking.single:park_trailer_goal", None),
+    PARK_COMPATIBLE: ("compatible.parking:ParkCompatible", None),
+    RACETRACK_COMPATIBLE: ("compatible.racetrack:RacetrackCompatible", None),
 }
 
 

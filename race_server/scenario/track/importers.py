@@ -1,6 +1,6 @@
 """Convert courses of other formats into track files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -11,6 +11,8 @@ from race_server.errors import TrackError
 from race_server.kept_file import write_together
 from race_server.scenario.track.build import SCALES, scale_for
 from race_server.scenario.track.course import Course, Floats
+from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
+from race_server.scenario.track.highway_roads import highway_file
 from race_server.scenario.track.load import course_in
 from race_server.scenario.track.occupancy_map import OccupancyMap, read_map
 from race_server.scenario.track.ros_map import points_in
@@ -48,10 +50,14 @@ def import_course(
     Raises:
         TrackError: the source is neither, or holds no course; no file is written then.
     """
-    if source.suffix.lower() not in {".csv", *MAPS}:
-        raise TrackError(f"{source}: import a TUM .csv or the .yaml of a ROS map")
     if scale and scale not in SCALES:
         raise TrackError(f"scale {scale!r} is unknown; choose one of {', '.join(SCALES)}")
+    if str(source).startswith(HIGHWAY):
+        return _import_highway(str(source), target, scale)
+    if source.suffix.lower() not in {".csv", *MAPS}:
+        raise TrackError(
+            f"{source}: import a TUM .csv, the .yaml of a ROS map, or {HIGHWAY}racetrack-v0"
+        )
     report(0.0)
     occupancy = read_map(source) if source.suffix.lower() in MAPS else None
     report(0.1)
@@ -66,12 +72,25 @@ def import_course(
         _check_line(course, occupancy)
         files = _kept_map(occupancy, target)
     files[target] = words
+    _write(files, target)
+    report(1.0)
+    return Imported(course, scale or likely, likely)
+
+
+def _import_highway(name: str, target: Path, scale: str) -> Imported:
+    """Write the roads of highway-env of a name as a course; model cars get a tenth of them."""
+    words = highway_file(name.removesuffix(":tenth") + ":tenth" * (scale == "1/10"))
+    course = course_in(target.stem, target.name, words)
+    _write({target: words}, target)
+    used = scale or "kart"
+    return Imported(course, used, used)
+
+
+def _write(files: Mapping[Path, bytes], target: Path) -> None:
     try:
         write_together(files)
     except OSError as error:
         raise TrackError(f"{target}: cannot be written: {error.strerror}") from error
-    report(1.0)
-    return Imported(course, scale or likely, likely)
 
 
 def _file_of(points: Floats, source: str, scale: str, title: str) -> str:
