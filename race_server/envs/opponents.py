@@ -2,8 +2,8 @@
 
 A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
 instead: from the cockpits and the layout of the observations it makes a call that fills the
-controls. What it remembers is in `memory`, which is zero when a round begins. A driver that takes
-orders to park answers for one kart after the other, as in a live race: see `Valets`.
+controls. What it remembers is in `memory`, which is zero when a round begins. Any other driver,
+such as one that takes orders to park, answers for one kart after the other: see `Asked`.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named, tell_to_park
+from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
 from race_server.core.kernel_driver import ASIDE, FETCH, Cockpits, item_uses_of
 from race_server.core.kernels.jit import bind
 from race_server.core.observation import PARTS, Layout, Observation, layout_of, offsets_of
@@ -63,11 +63,11 @@ class Opponents:
             return drive
         if hasattr(type(driver), "decide_all"):
             return bind(type(driver).decide_all, cockpits)
-        return Valets(self, world, cockpits).drive
+        return Asked(self, world, cockpits).drive
 
 
-class Valets:
-    """Drivers that take orders to park, one for each kart, each asked in turn."""
+class Asked:
+    """Drivers that are no kernels, one for each kart: each is asked in turn, as in a live race."""
 
     def __init__(self, group: Opponents, world: World, cockpits: Cockpits) -> None:
         """Take all seats of a group."""
@@ -122,7 +122,6 @@ def opponents_of(
 
     Raises:
         DriverError: a driver is unknown.
-        ScenarioError: a driver is no kernel and can only drive in its own process.
     """
     seats: dict[str, list[int]] = {}
     for place, kart in enumerate(range(first, karts)):
@@ -130,12 +129,6 @@ def opponents_of(
     found = []
     for name, numbers in seats.items():
         driver = driver_named(name)
-        is_kernel = hasattr(type(driver), "decide_all") or hasattr(driver, "driving")
-        if not is_kernel and not isinstance(driver, ParkingDriver):
-            raise ScenarioError(
-                f"driver {name!r} cannot race in a batch: it has no `decide_all`, see "
-                "race_server/core/kernel_driver.py; let it join a live server instead"
-            )
         layout = layout_of(driver.preset, rays)
         item_uses = item_uses_of(item_names)
         found.append(Opponents(name, tuple(numbers), layout, driver, setup, item_uses))

@@ -5,6 +5,8 @@ from typing import Any
 
 from race_server.errors import ScenarioError
 
+INSTALL = "`pip install race-server[bench]` brings it"
+
 
 def has_highway() -> bool:
     """Return whether highway-env is installed, and register its environments if it is."""
@@ -22,9 +24,7 @@ def make_highway(name: str, **config: Any) -> Any:
         ScenarioError: highway-env is not installed, or has no such environment.
     """
     if not has_highway():
-        raise ScenarioError(
-            "highway-env is not installed: `pip install race-server[bench]` brings it"
-        )
+        raise ScenarioError(f"highway-env is not installed: {INSTALL}")
     import gymnasium
 
     spec = gymnasium.registry.get(name)
