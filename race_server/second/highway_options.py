@@ -1,7 +1,7 @@
 """What of highway-env is as it comes, and what is as here: one factor at a time."""
 
 from dataclasses import dataclass, fields
-from typing import Literal, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 from race_server.errors import ScenarioError
 
@@ -25,7 +25,7 @@ class HighwayOptions:
         Raises:
             ScenarioError: there is no such option, or it has no such value.
         """
-        values = {}
+        values: dict[str, Any] = {}
         for word in filter(None, text.split(",")):
             name, _, value = word.partition("=")
             kinds = get_type_hints(cls)

@@ -8,7 +8,8 @@ import pytest
 
 from race_agents.planning.idm_model import follow_acceleration
 from race_agents.planning.latency import LATENCY, estimate_latency, remember_command
-from race_agents.planning.tracking import speed_on_line, tyre_slip
+from race_agents.planning.tracking import speed_on_line
+from race_agents.planning.tyre_slip import tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.competition.time_trial.gaps import Gap

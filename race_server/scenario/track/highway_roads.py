@@ -62,7 +62,7 @@ def highway_file(name: str) -> bytes:
         points = course_points(loop_of(network_of(environment).graph, environment)) / metres
     except ScenarioError as error:
         raise TrackError(f"track {name!r}: {error}") from error
-    rows = [f"    [{', '.join(f'{number:.4f}' for number in row)}]," for row in points]
+    rows = [f"    [{', '.join(f'{number:.7f}' for number in row)}]," for row in points]
     scale = "1/10" if metres > 1.0 else "kart"
     head = [
         f"# Lanes of {environment} of highway-env. Points: x, y, half-width left and right [m].",
