@@ -33,7 +33,8 @@ class TrainOptions:
     preset: Annotated[
         str,
         typer.Argument(
-            help="time-trial, time-trial-ppo, race, full, report-b, parking-1, parking-2, "
+            help="time-trial, time-trial-any, time-trial-ppo, race, full, report-b, parking-1, "
+            "parking-2, "
             "parking-2-karts, park, park-gate, park-lorry, or a .toml file of settings."
         ),
     ] = ""

@@ -140,3 +140,8 @@ def _show(rows: "list[TransferRow]") -> None:
     console.print("clean laps, and the median lap over the limit of its track", highlight=False)
     for rung in LADDER:
         console.print(f"{rung.name}: {rung.meaning}", style="dim", highlight=False)
+    for row in rows:
+        for one in row.ladder:
+            if one["remark"]:
+                words = f"{row.driver}, {row.track}, {one['change']}: {one['remark']}"
+                console.print(words, style="yellow", highlight=False)
