@@ -34,8 +34,7 @@ class TrainOptions:
         str,
         typer.Argument(
             help="time-trial, time-trial-any, time-trial-ppo, race, full, report-b, parking-1, "
-            "parking-2, "
-            "parking-2-karts, park, park-gate, park-lorry, or a .toml file of settings."
+            "parking-2, parking-2-karts, park, park-gate, park-lorry, or a .toml file of settings."
         ),
     ] = ""
     track_set: Annotated[

@@ -1,7 +1,7 @@
 """The vehicle of highway-env that drives by itself, `IDMVehicle`, in our races.
 
-At each decision it is put on a lane that runs along the reference line ahead, among the karts that are
-seen, and asked what it would do. It follows by the Intelligent Driver Model, and steers for the
+At each decision it is put on a lane that runs along the reference line ahead, among the karts that
+are seen, and asked what it would do. It follows by the Intelligent Driver Model, and steers for the
 middle of its lane. It knows no bends: the lane's speed limit is ours.
 """
 

@@ -16,8 +16,17 @@ def test_the_numbers_of_the_reward_terms_are_their_order() -> None:
 
 
 def test_every_draw_of_the_reality_gap_is_explained() -> None:
-    names = ("action_delay", "observation_delay", "LAG", "PLAY", "SPEED", "MASS", "GRIP")
-    numbers = [getattr(reality_gap, name.upper()) for name in names]
+    names = [
+        "ACTION_DELAY",
+        "OBSERVATION_DELAY",
+        "LAG",
+        "PLAY",
+        "SPEED",
+        "MASS",
+        "GRIP",
+        "STIFFNESS",
+    ]
+    numbers = [getattr(reality_gap, name) for name in names]
     assert numbers == list(range(len(reality_gap.FACTORS)))
     for name, factor in reality_gap.FACTORS.items():
         assert f"| `{name}` | {factor.unit} |" in manual()
