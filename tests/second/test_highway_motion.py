@@ -141,6 +141,17 @@ def test_what_is_not_known_of_a_simulator_is_named(simulator: str, message: str)
     assert message in str(caught.value)
 
 
+def test_a_car_parks_there_by_our_rules() -> None:
+    task = parking_task("face-to-face", action="control", simulator=THERE)
+    batch = Batch(task, seed=1)
+    for _ in range(60):
+        batch.step(np.array([0.0, 0.3, 0.0, 0.0], np.float32))
+        if batch.terminated[0, 0]:
+            break
+    # The slot is 5 m straight ahead; its level asks for a place, at any speed.
+    assert batch.episode_of(0, 0)["ending"] == "parked"
+
+
 def test_a_trailer_is_refused() -> None:
     with pytest.raises(ScenarioError, match="lorry-16m5 draws a trailer"):
         Batch(parking_task("dock-35", observation="park_trailer", simulator=THERE))
