@@ -14,9 +14,8 @@ EDGE_M = 40.0  # about the length of an edge
 def network_for(course: Course, metres: float) -> Any:
     """Return a road network of a course: its own, if it was imported from one.
 
-    Otherwise one lane as wide as the asphalt, in edges of about 40 m; of a car park one lane as wide
-    and as long as its ground.
-    metres: there, that are one here.
+    Otherwise one lane as wide as the asphalt, in edges of about 40 m; of a car park one lane as
+    large as its ground. metres: there, that are one here.
 
     Raises:
         ScenarioError: highway-env is not installed.
@@ -27,7 +26,7 @@ def network_for(course: Course, metres: float) -> Any:
     from highway_env.road.road import RoadNetwork
 
     network = RoadNetwork()
-    if not len(course.line):
+    if len(course.line) == 0:
         corners = metres * course.borders.reshape(-1, 2)
         (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
         middle_y = 0.5 * (south + north)
