@@ -29,7 +29,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.topics import Topic
 from race_server.session import Session
-from race_server.session.parking import has_lot
+from race_server.session.parking import are_driven, has_lot
 from race_server.session.seats import Seat
 
 
@@ -152,13 +152,15 @@ def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s
     immune = max(int(player.immune_until), int(player.shield_until)) - tick
     race, tracker = session.world.races[0], session.tracked_karts.trackers.get(seat.number)
     is_paused = session.race_control.is_paused
+    is_driven = bool(are_driven(session.world)[seat.number])
     flag = Flag(max(int(race.flag), int(racer.yellow)))
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
-        # A kart that has finished or retired is to stop, from that tick on. Where the clock stands
-        # all stop, under red: a kart that is told to stop under another flag takes itself home.
-        speed_cap=0.0 if is_paused or body.status != codes.RACING else float(body.speed_cap),
+        # A kart that has finished or retired is to stop, from that tick on, unless it goes to a
+        # slot. Where the clock stands all stop, under red: a kart that is told to stop under
+        # another flag takes itself home.
+        speed_cap=0.0 if is_paused or not is_driven else float(body.speed_cap),
         thrust_scale=float(body.thrust_scale),
         grip_scale=float(body.grip_scale),
         item=int(player.held),
