@@ -10,6 +10,7 @@ const TAU = 2 * Math.PI;
 const PERSON = '#f27ba5';
 const PARKED = '#5d6874';
 const MINE = '#3fbf7f';
+const PLAN = '#f08c00';
 
 /** Draws all slots as open rectangles: the side that one drives in through has no line. */
 export function drawSlots(
@@ -124,6 +125,26 @@ export function drawWays(
       context.stroke();
     }
   }
+  context.globalAlpha = 1;
+}
+
+/** Draws the ways that are planned, dashed and in one colour beside all driven ones. */
+export function drawPlans(
+  context: CanvasRenderingContext2D,
+  lot: LotFrame,
+  followed: number,
+  pixel: number,
+): void {
+  context.strokeStyle = PLAN;
+  context.setLineDash([6 * pixel, 4 * pixel]);
+  for (const { seat, points } of lot.ways) {
+    context.globalAlpha = followed < 0 || seat === followed ? 0.9 : 0.3;
+    context.lineWidth = (seat === followed ? 2.2 : 1.4) * pixel;
+    context.beginPath();
+    points.forEach(({ x, y }, index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
+    context.stroke();
+  }
+  context.setLineDash([]);
   context.globalAlpha = 1;
 }
 

@@ -232,7 +232,10 @@ export const fr: Words = {
     reversed: 'En marche arrière',
     moves: 'Manœuvres',
     movesHelp: 'Changements de sens',
-    clearance: 'Marge minimale',
+    clearance: 'Marge',
+    least: 'Marge minimale',
+    driven: 'Piloté',
+    plan: 'Plan',
     toSlot: 'Jusqu’à la place',
     off: 'Écart de cap',
     endings: [
