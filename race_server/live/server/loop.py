@@ -63,11 +63,10 @@ class RaceServer:
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
         self._session_log = SessionLog(session, self.counters, self.log, timing)
-        self._local_drivers = LocalDrivers(session, self.suspects)
+        self._local_drivers = inside = LocalDrivers(session, self.suspects)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
-        inside = session, self._local_drivers
-        self._wheels = Wheels(*inside, self.counters, self.suspects, self.valet)
-        self._yardstick = Yardstick(*inside, self.valet if self.measures else "")
+        self._wheels = Wheels(session, inside, self.counters, self.suspects, self.valet)
+        self._yardstick = Yardstick(session, inside, self.valet if self.measures else "")
         out = session, self.link, self._persistence
         self._publisher = Publisher(*out, orders_s=timing.orders_s, ways=self._wheels.ways)
         self._steward = Steward(session, self.token, self._penalise_late, self._wheels.park)
@@ -210,10 +209,10 @@ class RaceServer:
         self.watchdog.rest()
         self._yardstick.settle()
         self._announce(wait=True)
+        self._publisher.record_standings()
         self._persistence.close()
         self._publish_observations()
-        self._publisher.publish_snapshot()
-        self._publisher.publish_standings()
+        self._publisher.publish_end()
         figures = self.missed_ticks, self.refusals(), _now_us()
         self._result = RaceResult.of(self.session, self.events, *figures)
         self._session_log.close(self._result)

@@ -127,6 +127,16 @@ class Publisher:
         if self._session.is_on:
             self._publish(topics.LINKS, encode_links(links_of(self._session)))
 
+    def record_standings(self) -> None:
+        """Record how all ended, before the recording does."""
+        *_, recording = self._sinks
+        recording.publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
+
+    def publish_end(self) -> None:
+        """Send the end of a race, whose result is written."""
+        self.publish_snapshot()
+        self.publish_standings()
+
     def publish_orders(self) -> None:
         """Send every seat the order to park that it was given in this race."""
         for seat in self._session.seats.taken():

@@ -10,7 +10,6 @@ const TAU = 2 * Math.PI;
 const PERSON = '#f27ba5';
 const PARKED = '#5d6874';
 const MINE = '#3fbf7f';
-const PLAN = '#f08c00';
 
 /** Draws all slots as open rectangles: the side that one drives in through has no line. */
 export function drawSlots(
@@ -128,14 +127,15 @@ export function drawWays(
   context.globalAlpha = 1;
 }
 
-/** Draws the ways that are planned, dashed and in one colour beside all driven ones. */
+/** Draws the ways that are planned: dashed, in the colour of writing, which no vehicle has. */
 export function drawPlans(
   context: CanvasRenderingContext2D,
   lot: LotFrame,
   followed: number,
+  colours: MapColours,
   pixel: number,
 ): void {
-  context.strokeStyle = PLAN;
+  context.strokeStyle = colours.ink;
   context.setLineDash([6 * pixel, 4 * pixel]);
   for (const { seat, points } of lot.ways) {
     context.globalAlpha = followed < 0 || seat === followed ? 0.9 : 0.3;

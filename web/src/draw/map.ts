@@ -122,7 +122,7 @@ export class TrackMap {
   private drawLot(frame: SnapshotFrame, race: Race, choice: MapChoice, pixel: number): void {
     const { top, colours } = this;
     if (race.lot) drawRound(top, race.lot, choice.followed, colours, pixel);
-    if (choice.trails && race.lot) drawPlans(top, race.lot, choice.followed, pixel);
+    if (choice.trails && race.lot) drawPlans(top, race.lot, choice.followed, colours, pixel);
     if (choice.trails) drawWays(top, race, choice.followed, colours, pixel);
     drawPeople(top, frame.walkers, colours, pixel);
   }
