@@ -241,7 +241,6 @@ export const en = {
     movesHelp: 'Changes of direction',
     clearance: 'Clearance',
     least: 'Least clearance',
-    driven: 'Driven',
     plan: 'Plan',
     toSlot: 'To the slot',
     off: 'Off its heading',

@@ -234,7 +234,6 @@ export const fr: Words = {
     movesHelp: 'Changements de sens',
     clearance: 'Marge',
     least: 'Marge minimale',
-    driven: 'Piloté',
     plan: 'Plan',
     toSlot: 'Jusqu’à la place',
     off: 'Écart de cap',

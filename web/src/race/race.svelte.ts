@@ -227,7 +227,9 @@ export class Race {
   private takeStandings(frame: StandingsFrame): void {
     this.standings = frame;
     if (frame.phase === Phase.LOBBY) this.clearTrack(frame.epoch);
-    if (!this.buffer.newest) {
+    const { newest } = this.buffer;
+    if (newest) this.makeRows(newest, this.readMs); // the last standings follow the last snapshot
+    else {
       const { phase, flag, tick } = frame;
       this.headline = { phase, flag, tick, lights: 0, lap: 0 };
       this.makeRows(null, 0); // a lobby: there is nothing on the track yet
