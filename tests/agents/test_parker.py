@@ -10,6 +10,7 @@ import pytest
 
 from race_agents.onboard.control_unit import STOP, ControlUnit, Fix, Readings
 from race_agents.onboard.crew import Crew
+from race_agents.onboard.ekf import SPEED
 from race_agents.onboard.fence import LotFence
 from race_agents.onboard.parker import Parker, observation_of
 from race_agents.plant.body import Body
@@ -124,6 +125,20 @@ def test_a_kart_that_is_told_to_stand_shows_that_all_is_over() -> None:
     seen = observation_of(unit, layout_of("lot_lidar", RAYS))
     assert seen is not None
     assert seen.scalar("finished") == 1.0
+
+
+def test_a_kart_that_brakes_at_4_cm_a_second_tells_that_it_stands() -> None:
+    unit = placed_unit()
+    assert unit.fusion is not None
+    unit.fusion.state[SPEED] = -0.04
+    told = unit.pose()
+    assert told is not None
+    assert (told.speed, told.lateral_speed) == (0.0, 0.0)
+    unit.drive(Control(throttle=-0.2), 0.0)
+    unit.decide(0.0)
+    told = unit.pose()
+    assert told is not None
+    assert told.speed == pytest.approx(-0.04)
 
 
 def test_without_a_lidar_no_driver_is_asked() -> None:

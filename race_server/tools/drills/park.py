@@ -46,7 +46,7 @@ from race_server.tools.drills.server_process import (
     wait_until,
 )
 
-SMALL = SmallDrill("--seats 3 --lot zone-30 --together 1", 60, "parked")
+SMALL = SmallDrill("--seats 3 --lot zone-30 --together 1 --real 1", 60, "parked")
 
 # A session of the drill lasts at most this long: by its own clock, and by that of the wall [s].
 LIMIT_S, MOST_S = 180, 600.0
