@@ -1,11 +1,12 @@
 """Parks a real kart on order: a parking driver that sees what the kart itself knows.
 
-It thinks in a thread: the control unit never waits for it. An answer that is late is one that the
-dead man's handle of the control unit misses, so a kart whose parking driver thinks for long stands.
+It thinks in a thread: the control unit does not wait for it, but for the moment that an answer
+takes that needs no thought. An answer that is late is one that the dead man's handle of the control
+unit misses, so a kart whose parking driver thinks for long stands.
 """
 
 import math
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import partial
 
@@ -23,6 +24,9 @@ from race_server.net.wire.parking import OrderFrame
 
 # The observation that a kart can make itself, without a server.
 PRESET = "lot_lidar"
+# An answer is waited for this long [s] at most, once: a fifth of a turn of the control unit.
+# Without that it would come a turn later, and on a busy machine too late.
+MOMENT_S = 0.004
 
 
 class Parker:
@@ -65,15 +69,17 @@ class Parker:
         Raises:
             DriverError: the driver failed.
         """
-        control = None
-        if self._asked is not None and self._asked.done():
-            control, self._asked = self._asked.result(), None
-        if self._asked is None and now_s >= self._due_s:
-            seen = observation_of(unit, self._layout)
-            if seen is not None:
-                self._due_s = max(self._due_s + self._step_s, now_s)
-                self._asked = self._thread.submit(self._decide, self._order, seen)
-                self._order = None
+        if self._asked is None:
+            seen = observation_of(unit, self._layout) if now_s >= self._due_s else None
+            if seen is None:
+                return None
+            self._due_s = max(self._due_s + self._step_s, now_s)
+            self._asked = self._thread.submit(self._decide, self._order, seen)
+            self._order = None
+            wait([self._asked], MOMENT_S)
+        if not self._asked.done():
+            return None
+        control, self._asked = self._asked.result(), None
         return control
 
     def _decide(self, order: ParkingOrder | None, seen: Observation) -> Control:

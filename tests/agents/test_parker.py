@@ -214,8 +214,9 @@ def test_a_driver_that_fails_ends_the_program_with_its_reason() -> None:
         raise ValueError("no way")
 
     driver.act = fail  # type: ignore[method-assign]
-    crew = Crew(None, parker_of(driver), races_first=False)
-    crew.act(None, order(1), unit, 0.0)
+    parker = parker_of(driver)
+    crew = Crew(None, parker, races_first=False)
+    parker.take(order(1))
     with pytest.raises(DriverError, match="'named' failed in act: ValueError: no way"):
         answered(crew, unit, 0.1)
     crew.close()
