@@ -238,13 +238,13 @@ class ControlUnit:
     def pose(self) -> Pose | None:
         """Return the pose of the kart's centre of gravity, as it is sent to the server.
 
-        A kart that brakes and is this slow stands: what its sensors say is noise, which would count
-        as changes of direction.
+        A kart this slow stands: what its sensors say is noise, which would count as changes of
+        direction.
         """
         if self.fusion is None:
             return None
         state = [float(value) for value in self.fusion.state]
-        if self.command.brake > 0.0 and abs(state[SPEED]) < STANDS:
+        if abs(state[SPEED]) < STANDS:
             state[SPEED] = state[SLIDE] = state[YAW_RATE] = 0.0
         back, heading = self.vehicle.rear_axle, state[HEADING]
         lost_s = self._time_s - self._fix_s

@@ -131,5 +131,11 @@ def _standing(row: Table, most_laps: int) -> Standing:
         raise WireError(f"standings are damaged: {error}") from error
     driver = row.text(0, NAME_BYTES)[:MOST_NAME]
     parking, planned = read_parking(row, 13), read_planned(row, 14)
-    named = {"status": status, "driver": driver, "lap_times_us": laps}
-    return Standing(**numbers, **named, parking=parking, planned=planned)
+    return Standing(
+        **numbers,
+        status=status,
+        driver=driver,
+        lap_times_us=laps,
+        parking=parking,
+        planned=planned,
+    )
