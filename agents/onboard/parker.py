@@ -17,6 +17,7 @@ from race_server.core.driver import Briefing, Driver, ParkingDriver
 from race_server.core.messages import Control
 from race_server.core.observation import Layout, Observation, layout_of
 from race_server.core.parking_order import ParkingOrder
+from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError
 from race_server.live.client.driver_loop import call_driver
@@ -103,7 +104,7 @@ def observation_of(unit: ControlUnit, layout: Layout) -> Observation | None:
     if pose is None or hud is None or ranges is None:
         return None
     x, y = middle_of(pose.x, pose.y, pose.heading, unit.vehicle)
-    parts = {
+    parts: dict[str, float | Floats] = {
         "lidar": ranges,
         "speed": pose.speed,
         "lateral_speed": pose.lateral_speed,
