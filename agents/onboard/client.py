@@ -186,7 +186,7 @@ def take_part(
 def _crew_of(
     driver: Driver, name: str, valet: str, briefing: Briefing, welcome: Welcome, sheet: CourseSheet
 ) -> Crew:
-    """Return who drives, each with its briefing."""
+    """Return the drivers, each with its briefing."""
     races_first = len(sheet.line) > 0
     if isinstance(driver, ParkingDriver) and driver.preset == PRESET:
         return Crew(None, Parker(driver, name, briefing, welcome.lidar_rays), races_first)

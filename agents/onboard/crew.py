@@ -1,4 +1,4 @@
-"""Who drives a real kart: a driver that races, and one that parks once it is told to."""
+"""The drivers of a real kart: one that races, and one that parks once it is told to."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class Crew:
         unit: ControlUnit,
         now_s: float,
     ) -> Control | None:
-        """Return what the one who has the wheel decided on, None if there is nothing new.
+        """Return the decision of the driver that has the wheel, None if there is nothing new.
 
         seen: what the server shows the racer, if there is something new; order: to park, if one
         has come.
