@@ -1,4 +1,4 @@
-"""A real kart that parks on order: the driver at the wheel, what it sees, and what waits."""
+"""A real kart that parks on order: which driver decides, what it sees, and what waits."""
 
 import math
 import threading
