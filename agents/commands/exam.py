@@ -207,10 +207,11 @@ def _examine(
     specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console, *, quiet: bool
 ) -> Iterator[Result]:
     """Yield the result of each driver in each scenario."""
-    from race_agents.planning.planned_way import PlannedWay, planned_way
+    from race_agents.planning.planned_way import planned_way
     from race_server.competition.parking_exam import drive_exam
     from race_server.competition.parking_rounds import RoundTally
     from race_server.competition.parking_tally import ParkingTally
+    from race_server.core.messages import PlannedWay
 
     with _progress(specs, drivers, console, quiet=quiet) as advance:
         for spec in specs:

@@ -6,10 +6,10 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from race_agents.planning.planned_way import PlannedWay
     from race_server.competition.parking_exam import ExamSpec, Try
     from race_server.competition.parking_rounds import RoundTally
     from race_server.competition.parking_tally import ParkingTally
+    from race_server.core.messages import PlannedWay
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,16 @@ from race_server.cli.access import Connect, KeysFolder, SessionName, access
 
 def plant(
     driver: Annotated[str, typer.Option(help="Installed driver of the kart.")] = ("pure_pursuit"),
+    valet: Annotated[
+        str, typer.Option(help="Driver that parks the kart when the server orders that.")
+    ] = "valet",
+    on_request: Annotated[
+        bool,
+        typer.Option(
+            "--on-request",
+            help="In a car park: stand until the server orders the kart to park.",
+        ),
+    ] = False,
     connect: Connect = "",
     session: SessionName = "",
     keys: KeysFolder = None,
@@ -45,6 +55,8 @@ def plant(
     given = access(keys, connect, session)
     setting = PlantSetting(
         driver=driver,
+        valet=valet,
+        on_request=on_request,
         seat=given.seat(seat),
         address=given.address,
         session=given.session,

@@ -1,12 +1,14 @@
 """Parks: plans a way to its slot on the map, drives it, and stops before what is on no map."""
 
 import math
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
 
 from race_agents.planning.chauffeur import HOLD, Chauffeur
 from race_agents.planning.latency import estimate_latency, remember_command
+from race_agents.planning.planned_way import ask_planned_way
 from race_agents.planning.scan import age_of_scan
 from race_agents.planning.unexpected import (
     WALK,
@@ -16,14 +18,15 @@ from race_agents.planning.unexpected import (
     keep_in_mind,
     unexpected_points,
 )
-from race_server.core.driver import Briefing
+from race_server.core.driver import MOST_POINTS, Briefing
 from race_server.core.free_space.footprint import Point, convert
 from race_server.core.kernel_driver import Cockpit, cockpit_for
 from race_server.core.kernels.jit import INTERPRET
 from race_server.core.kernels.motion import Command, Motion
-from race_server.core.messages import Control
+from race_server.core.messages import Control, PlannedWay
 from race_server.core.observation import PART_NUMBERS, Observation
 from race_server.core.parking_order import ParkingOrder
+from race_server.core.state import Floats
 from race_server.core.traffic import Traffic
 from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError
@@ -80,6 +83,17 @@ class Valet:
             traffic=self._traffic,
             seat=briefing.seat,
         )
+
+    def way_ahead(self) -> Floats:
+        """Return the way that it is on, (N, 2): x, y [m] of the middle of the body, or none."""
+        chauffeur = self._chauffeur
+        return chauffeur.way_ahead(MOST_POINTS) if chauffeur is not None else np.zeros((0, 2))
+
+    def ask_plan(
+        self, vehicle: Vehicle, start: Floats, order: ParkingOrder
+    ) -> "Future[PlannedWay | None]":
+        """Return how a task is planned, once another process has found that; None for no way."""
+        return ask_planned_way(vehicle, start, order)
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""

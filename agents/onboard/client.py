@@ -13,10 +13,13 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
-from race_agents.onboard.control_unit import ControlUnit, Fence, Readings
+from race_agents.onboard.control_unit import ControlUnit, Readings
+from race_agents.onboard.crew import Crew
+from race_agents.onboard.fence import fence_of
+from race_agents.onboard.parker import PRESET, Parker
 from race_agents.onboard.safety import Command
 from race_server.core.clock import Pacer
-from race_server.core.driver import Driver
+from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
 from race_server.errors import RaceError, WireError
@@ -25,12 +28,15 @@ from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import HudFrame, decode_hud
-from race_server.net.wire.lobby import CourseSheet, Join, decode_course
+from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
+from race_server.net.wire.parking import OrderFrame
 from race_server.net.wire.pose import PoseFrame, encode_pose
 
 PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
 # After the link broke the kart asks for its seat as often as this, and gives up after this time.
 RETRY_S, GIVE_UP_S = 1.0, 10.0
+# The driver that parks, where none is named.
+VALET = "valet"
 
 Clock = Callable[[], float]
 
@@ -87,6 +93,10 @@ class KartProgram:
             return None
         return Observation(frame.tick, self.seat.layout, frame.values)
 
+    def receive_order(self) -> OrderFrame | None:
+        """Return the newest order to park, if one has arrived."""
+        return None if self.is_cut else self.seat.receive_order()
+
     def tell(self, unit: ControlUnit, now_s: float) -> None:
         """Send the pose, and what was sent before and is due."""
         pose, hud = unit.pose(), unit.hud
@@ -137,37 +147,54 @@ def take_part(
     delay_s: float = 0.0,
     clock: Clock = time.monotonic,
     caution: float = 1.0,
+    valet: str = VALET,
+    on_request: bool = False,
     each_turn: Callable[[KartProgram, ControlUnit, float], bool] | None = None,
 ) -> None:
-    """Drive one race with a real kart.
+    """Drive one race with a real kart, or park it.
 
-    caution: share of the tyres' grip that the driver's briefing states, because a real kart rarely
-    has the grip of its data sheet. each_turn: is called after each decision; the kart leaves once
-    it returns False.
+    driver: one that parks goes to its slot in a car park; any other races, and hands the wheel to
+    the one named by `valet` when the server orders the kart to park. caution: share of the tyres'
+    grip that the driver's briefing states, because a real kart rarely has the grip of its data
+    sheet. on_request: a driver that parks waits for an order of the server, too. each_turn: is
+    called after each decision; the kart leaves once it returns False.
 
     Raises:
         LinkError: no server.
         SeatError: no seat.
+        DriverError: the driver that is to park cannot.
     """
     with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         join = Join(name[:32], driver.preset, wanted, tracked=True)
         seat = persist(partial(take_seat, link, join))
         sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
-        briefing = seat.welcome.briefing
-        unit = ControlUnit.of(briefing.vehicle, fence_of(sheet))
+        vehicle = seat.welcome.briefing.vehicle
+        unit = ControlUnit.of(vehicle, fence_of(sheet))
         hardware = hardware_of(seat, sheet, link)
         onboard = KartProgram(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
-        known = replace(briefing.vehicle, grip=caution * briefing.vehicle.grip)
-        driver.reset(replace(briefing, vehicle=known))
+        known = replace(vehicle, grip=caution * vehicle.grip)
+        briefing = replace(seat.welcome.briefing, vehicle=known)
+        crew = _crew_of(driver, name, valet, briefing, seat.welcome, sheet)
+        if crew.parker is not None and not on_request:
+            crew.parker.take(seat.welcome.order)
         persist(partial(seat.act, topics.READY))
-        _drive(driver, onboard, unit, hardware, each_turn or _until_home)
+        _drive(crew, onboard, unit, hardware, each_turn or _until_home)
 
 
-def fence_of(sheet: CourseSheet) -> Fence:
-    """Return the course as the kart may use it."""
-    return Fence(sheet.line, sheet.half_widths, sheet.kerb)
+def _crew_of(
+    driver: Driver, name: str, valet: str, briefing: Briefing, welcome: Welcome, sheet: CourseSheet
+) -> Crew:
+    """Return the drivers, each with its briefing."""
+    races_first = len(sheet.line) > 0
+    if isinstance(driver, ParkingDriver) and driver.preset == PRESET:
+        return Crew(None, Parker(driver, name, briefing, welcome.lidar_rays), races_first)
+    driver.reset(briefing)
+    if races_first and not len(sheet.slots):
+        return Crew(driver)
+    parker = Parker(driver_named(valet), valet, briefing, welcome.lidar_rays)
+    return Crew(driver, parker, races_first)
 
 
 def _until_home(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
@@ -186,7 +213,7 @@ def is_home(unit: ControlUnit) -> bool:
 
 
 def _drive(
-    driver: Driver,
+    crew: Crew,
     onboard: KartProgram,
     unit: ControlUnit,
     hardware: Hardware,
@@ -194,14 +221,15 @@ def _drive(
 ) -> None:
     """Turn 50 times a second; however the loop ends, the kart is left with its brakes on."""
     try:
-        _turn(driver, onboard, unit, hardware, goes_on)
+        _turn(crew, onboard, unit, hardware, goes_on)
     finally:
         hardware.act(Command())
+        crew.close()
         onboard.close()
 
 
 def _turn(
-    driver: Driver,
+    crew: Crew,
     onboard: KartProgram,
     unit: ControlUnit,
     hardware: Hardware,
@@ -216,8 +244,8 @@ def _turn(
         if (heard := onboard.hear(now)) is not None:
             unit.hear(*heard)
             heard_s = asked = now
-        seen = onboard.see()
-        control = hardware.hands(driver.act(seen) if seen is not None else None, now)
+        decided = crew.act(onboard.see(), onboard.receive_order(), unit, now)
+        control = hardware.hands(decided, now)
         if control is not None:
             unit.drive(control, now)
         hardware.act(unit.decide(now))

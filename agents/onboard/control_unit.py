@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.onboard.ekf import HEADING, SLIDE, SPEED, YAW_RATE, KartFilter, X, Y
+from race_agents.onboard.fence import Fence
 from race_agents.onboard.safety import (
     STOP_FOR_OBSTACLE,
     Command,
@@ -57,6 +58,7 @@ class Fix:
     y: float
     deviation: float  # [m]
     source: Source = Source.CORRECTED_SATELLITES
+    heading: float | None = None  # [rad] of a receiver with two antennas
 
 
 @dataclass(frozen=True)
@@ -70,29 +72,7 @@ class Readings:
     acceleration: tuple[float, float] | None = None  # [m/s²] ahead and to the left
     fix: Fix | None = None
     echoes: Echoes | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Fence:
-    """The course as the kart may use it: a band around its centre line."""
-
-    line: NDArray[np.float64]  # (N, 4) x, y, heading, curvature
-    half_widths: NDArray[np.float64]  # (N, 2)
-    kerb: float
-
-    def beyond(self, x: float, y: float) -> float:
-        """Return how far outside the kerb a point lies [m], negative inside."""
-        dx, dy = x - self.line[:, 0], y - self.line[:, 1]
-        nearest = int(np.argmin(dx * dx + dy * dy))
-        heading = self.line[nearest, 2]
-        offset = dy[nearest] * math.cos(heading) - dx[nearest] * math.sin(heading)
-        width = self.half_widths[nearest, 0 if offset > 0.0 else 1]
-        return float(abs(offset) - width - self.kerb)
-
-    def heading_at(self, x: float, y: float) -> float:
-        """Return the direction of the course at a point [rad]."""
-        dx, dy = x - self.line[:, 0], y - self.line[:, 1]
-        return float(self.line[int(np.argmin(dx * dx + dy * dy)), 2])
+    ranges: NDArray[np.float64] | None = None  # [m] of a lidar's rays, right to left, 0 for nothing
 
 
 @dataclass
@@ -107,6 +87,7 @@ class ControlUnit:
     command: Command = field(default_factory=Command)
     steering: float = 0.0
     echoes: Echoes = field(default_factory=Echoes.nothing)
+    ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
     _driver: Control = STOP
     _driver_s: float = -math.inf
@@ -136,6 +117,8 @@ class ControlUnit:
         self.steering = readings.steering
         if readings.echoes is not None:
             self.echoes = readings.echoes
+        if readings.ranges is not None:
+            self.ranges = readings.ranges
         if self.fusion is None:
             self._begin(readings.fix)
             return
@@ -173,9 +156,14 @@ class ControlUnit:
         return blow if blow > BLOW * self.vehicle.grip * GRAVITY else 0.0
 
     def _begin(self, fix: Fix | None) -> None:
-        """Begin at the first fix, facing along the course, as every kart does on a grid."""
-        if fix is not None:
-            heading = self.fence.heading_at(fix.x, fix.y)
+        """Begin at the first fix, facing along the course, as every kart does on a grid.
+
+        In a car park the fix has to tell the heading: until one does, the kart does not move.
+        """
+        if fix is None:
+            return
+        heading = self.fence.heading_at(fix.x, fix.y)
+        if (heading := fix.heading if heading is None else heading) is not None:
             lever = self.vehicle.rear_axle
             self.fusion = KartFilter(fix.x, fix.y, heading, lever=lever)
             self._fix_s, self._source = self._time_s, fix.source
@@ -248,10 +236,16 @@ class ControlUnit:
         return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
 
     def pose(self) -> Pose | None:
-        """Return the pose of the kart's centre of gravity, as it is sent to the server."""
+        """Return the pose of the kart's centre of gravity, as it is sent to the server.
+
+        A kart this slow stands: what its sensors say is noise, which would count as changes of
+        direction.
+        """
         if self.fusion is None:
             return None
         state = [float(value) for value in self.fusion.state]
+        if abs(state[SPEED]) < STANDS:
+            state[SPEED] = state[SLIDE] = state[YAW_RATE] = 0.0
         back, heading = self.vehicle.rear_axle, state[HEADING]
         lost_s = self._time_s - self._fix_s
         return Pose(

@@ -75,6 +75,10 @@ class Chauffeur:
         """Whether the vehicle has stood in its slot for a while, as far as it knows."""
         return self._arrived_s > SETTLED_S
 
+    def way_ahead(self, most: int) -> Floats:
+        """Return the way that the vehicle is on, (N, 2) of the middle of its body [m], or none."""
+        return self._way.middles(most) if self._way is not None else np.zeros((0, 2))
+
     def command(
         self, cockpit: Cockpit, now: Motion, angle: float, points: Floats, count: int, seen: int
     ) -> Command:

@@ -7,29 +7,23 @@ cache, where the exams of other drivers find it.
 import contextlib
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from concurrent.futures import Future
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from race_agents.planning.parking_plan import chart_of, driving_time, plan_to_slot
+from race_agents.planning.planner_process import ask_apart
 from race_agents.planning.way import Way
 from race_server.core.free_space.footprint import Point, convert
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.jit import cache_root, source_digest
+from race_server.core.messages import PlannedWay
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError
 from race_server.kept_file import keep
-
-
-@dataclass(frozen=True)
-class PlannedWay:
-    """How a task is planned, without anything that moves."""
-
-    time_s: float  # along the path at its speeds, and until the vehicle counts as parked
-    path_m: float
-    direction_changes: int
 
 
 def planned_way(vehicle: Vehicle, start: Floats, order: ParkingOrder) -> PlannedWay | None:
@@ -45,6 +39,13 @@ def planned_way(vehicle: Vehicle, start: Floats, order: ParkingOrder) -> Planned
     content = json.dumps({"plan": asdict(plan) if plan else None}).encode()
     keep(path, lambda file: file.write(content))
     return plan
+
+
+def ask_planned_way(
+    vehicle: Vehicle, start: Floats, order: ParkingOrder
+) -> "Future[PlannedWay | None]":
+    """Return `planned_way` of the same arguments, once another process has found it."""
+    return ask_apart(planned_way, vehicle, start, order)
 
 
 def _plan(vehicle: Vehicle, start: Floats, order: ParkingOrder) -> PlannedWay | None:

@@ -8,9 +8,10 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,13 +24,23 @@ from race_server.core.parking_order import ParkingOrder
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError
 
+Found = TypeVar("Found")
+
+
+def ask_apart(find: Callable[..., Found], *task: Any) -> "Future[Found]":
+    """Return what a function of a module returns for a task, once another process has called it.
+
+    The future raises `PlanError` where the function does, or where that process has ended.
+    """
+    return _process().ask(find, task)
+
 
 def ask_plan(
     vehicle: Vehicle, start: Pose, order: ParkingOrder, chart: Chart, angle: float, steps: int
 ) -> "Future[Path]":
     """Return the path of `plan_to_slot`, or its error, now or once it is found."""
     if INTERPRET:
-        return _process().ask((vehicle, start, order, chart, angle, steps))
+        return ask_apart(plan_to_slot, vehicle, start, order, chart, angle, steps)
     answer: Future[Path] = Future()
     try:
         answer.set_result(plan_to_slot(vehicle, start, order, chart, angle, steps))
@@ -44,11 +55,12 @@ def get_ready(vehicle: Vehicle, order: ParkingOrder) -> None:
         # A plan without steps fails, after all that it calls was compiled or loaded.
         goal = parked_pose(order.slot, vehicle)
         start = along_arc(goal, 0.0, vehicle.length)
-        _process().ask((vehicle, start, order, Chart(order.walls, np.zeros((0, 6))), 0.0, 0))
+        chart = Chart(order.walls, np.zeros((0, 6)))
+        ask_apart(plan_to_slot, vehicle, start, order, chart, 0.0, 0)
 
 
 class PlannerProcess:
-    """A process that plans, one path after the other."""
+    """A process that plans, one task after the other."""
 
     def __init__(self) -> None:
         """Start it. Before its first answer it may have to compile, which takes minutes."""
@@ -59,23 +71,22 @@ class PlannerProcess:
         )
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="planner")
 
-    def ask(self, task: Any) -> "Future[Path]":
-        """Return an answer that is yet to come. task: the arguments of `plan_to_slot`."""
-        return self._thread.submit(self._answer, task)
+    def ask(self, find: Callable[..., Found], task: tuple[Any, ...]) -> "Future[Found]":
+        """Return an answer that is yet to come. task: the arguments of the function."""
+        return self._thread.submit(self._answer, find, task)
 
-    def _answer(self, task: Any) -> Path:
+    def _answer(self, find: Callable[..., Any], task: tuple[Any, ...]) -> Any:
         process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
         try:
-            pickle.dump(task, process.stdin)
+            pickle.dump((find, task), process.stdin)
             process.stdin.flush()
             answer = pickle.load(process.stdout)
         except (OSError, EOFError) as error:
             raise PlanError(f"the planner's process has ended: {process.poll()}") from error
         if isinstance(answer, PlanError):
             raise answer
-        assert isinstance(answer, Path)
         return answer
 
     def close(self) -> None:
@@ -99,11 +110,11 @@ def _serve() -> None:
     sys.stdout = sys.stderr
     while True:
         try:
-            task = pickle.load(sys.stdin.buffer)
+            find, task = pickle.load(sys.stdin.buffer)
         except (EOFError, OSError, KeyboardInterrupt):
             return
         try:
-            answer: object = plan_to_slot(*task)
+            answer: object = find(*task)
         except PlanError as error:
             answer = error
         pickle.dump(answer, answers)

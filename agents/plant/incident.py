@@ -100,7 +100,9 @@ class PersonIncident:
         middle = body.heading + 0.5 * curvature * ahead
         x, y = body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle)
         turned = curvature * ahead
-        stray = math.remainder(unit.fence.heading_at(x, y) - body.heading - turned, 2.0 * math.pi)
+        course = unit.fence.heading_at(x, y)
+        course = body.heading + turned if course is None else course  # a car park has none
+        stray = math.remainder(course - body.heading - turned, 2.0 * math.pi)
         if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
             return
         person = Person(x, y, radius)

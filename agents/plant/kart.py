@@ -10,9 +10,11 @@ import numpy as np
 from race_agents.onboard.control_unit import STOP, Fix, Readings
 from race_agents.onboard.safety import Command, Echoes
 from race_agents.plant.body import Body, as_built
-from race_agents.plant.radar import Floats, Surroundings, scan
+from race_agents.plant.radar import Floats, Surroundings, scan, scan_all_around
 from race_server.core.messages import Control, Source
 from race_server.core.vehicles import Vehicle
+
+Place = tuple[float, float, float]  # x [m], y [m], heading [rad]
 
 # Longest time [s] between two checks for borders, and longest pause that the body moves through.
 PART_S, MOST_S = 0.05, 2.0
@@ -29,6 +31,11 @@ class Sensors:
     gyro_deviation: float = 0.01  # [rad/s]
     gyro_bias: float = 0.02  # [rad/s]
     accelerometer_deviation: float = 0.3  # [m/s²]
+    lidar_rays: int = 0  # of a lidar over the centre of gravity; 0: there is none
+    lidar_field: float = 0.0  # [rad] between its outermost rays
+    lidar_reach: float = 8.0  # [m]
+    lidar_deviation: float = 0.02  # [m]
+    heading_deviation: float | None = None  # [rad] of fixes by two antennas; None: there is one
 
 
 @dataclass
@@ -40,6 +47,8 @@ class Plant:
     sensors: Sensors
     seed: int
     look: Callable[[], Floats | None] = lambda: None  # the other karts, if there is news of them
+    # Where the kart stands at first, once that is known; until then it is nowhere.
+    find: Callable[[], Place | None] | None = None
     throttle: float | None = None  # the driver's foot, where a drill holds it down
     scrapes: int = 0
     command: Command = field(default_factory=Command)
@@ -59,23 +68,26 @@ class Plant:
         cls,
         vehicle: Vehicle,
         around: Surroundings,
-        place: tuple[float, float, float],
+        place: Place,
         sensors: Sensors,
         seed: int,
         look: Callable[[], Floats | None] = lambda: None,
     ) -> "Plant":
-        """Return a kart of this kind on a place: x, y, heading."""
+        """Return a kart of this kind on a place."""
         built = as_built(vehicle, random.Random(seed))
         return cls(Body(built, *place), around, sensors, seed, look)
 
     def read(self, now_s: float) -> Readings:
         """Advance the body to `now_s` and return the readings of the sensors."""
+        if self.find is not None:
+            self._begin(self.find())
         acceleration = None
-        if self._now_s > -math.inf:
+        if self._now_s > -math.inf and self.find is None:
             self._move_on(min(now_s - self._now_s, MOST_S))
             acceleration = self._acceleration(now_s - self._now_s)
         self._now_s = now_s
         body, sensors, normal = self.body, self.sensors, self._noise.normal
+        is_due = self._is_due(now_s)
         return Readings(
             time_s=now_s,
             wheel_speed=body.speed + normal(0.0, sensors.wheel_deviation),
@@ -83,8 +95,15 @@ class Plant:
             steering=body.steering,
             acceleration=acceleration,
             fix=self._fix(now_s),
-            echoes=self._scan() if self._is_due(now_s) else None,
+            echoes=self._scan() if is_due else None,
+            ranges=self._ranges() if is_due and sensors.lidar_rays else None,
         )
+
+    def _begin(self, place: Place | None) -> None:
+        """Stand on a place, once it is known."""
+        if place is not None:
+            self.body.x, self.body.y, self.body.heading = place
+            self.find = None
 
     def _move_on(self, seconds: float) -> None:
         """Move the body; a process that was held up does not drive through walls meanwhile."""
@@ -116,14 +135,25 @@ class Plant:
             self.around.others = others
         return scan(self.body, self.around, self._noise)
 
+    def _ranges(self) -> Floats:
+        sensors = self.sensors
+        half = 0.5 * sensors.lidar_field
+        angles = np.linspace(-half, half, sensors.lidar_rays)
+        ranges = scan_all_around(self.body, self.around, angles, sensors.lidar_reach)
+        noisy = ranges + self._noise.normal(0.0, sensors.lidar_deviation, len(ranges))
+        return np.where(ranges > 0.0, np.maximum(noisy, 0.0), 0.0)
+
     def _fix(self, now_s: float) -> Fix | None:
-        if now_s - self._fix_s < self.sensors.fix_s - 1e-6:
+        if self.find is not None or now_s - self._fix_s < self.sensors.fix_s - 1e-6:
             return None
         self._fix_s = now_s
         deviation = self.sensors.fix_deviation
         x, y = self._noise.normal((self.body.x, self.body.y), deviation)
         source = Source.CORRECTED_SATELLITES if deviation < 0.1 else Source.SATELLITES
-        return Fix(float(x), float(y), deviation, source)
+        heading, spread = None, self.sensors.heading_deviation
+        if spread is not None:
+            heading = float(self._noise.normal(self.body.heading, spread))
+        return Fix(float(x), float(y), deviation, source, heading)
 
     def _is_due(self, now_s: float) -> bool:
         if now_s - self._radar_s < self.sensors.radar_s - 1e-6:

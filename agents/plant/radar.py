@@ -33,7 +33,7 @@ class Person:
 class Surroundings:
     """Borders, other karts, people."""
 
-    borders: Floats  # (P, 4)
+    borders: Floats  # (P, 4), and the sides of what stands in a car park
     others: Floats = field(default_factory=lambda: np.zeros((0, 5)))  # x, y, heading, vx, vy
     people: list[Person] = field(default_factory=list)
 
@@ -73,6 +73,30 @@ def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoe
         closing=closing[seen],
         kinds=seen_kinds[seen],
     )
+
+
+def scan_all_around(body: Body, around: Surroundings, angles: Floats, reach: float) -> Floats:
+    """Return what a lidar over the centre of gravity sees: ranges (R,) [m], 0 for nothing.
+
+    angles: (R,) [rad] of its rays, from straight ahead.
+    """
+    walls = around.borders_near(body.x, body.y, reach)
+    karts = [_outline(row, body.vehicle) for row in around.others]
+    segments, ways = np.concatenate([walls, *karts]), angles + body.heading
+    ranges, _ = first_met(segments, body.x, body.y, ways, reach)
+    for person in around.people:
+        ranges = np.minimum(ranges, _range_of_disc(person, body.x, body.y, ways))
+    return np.where(ranges < reach, ranges, 0.0)
+
+
+def _range_of_disc(person: Person, x: float, y: float, angles: Floats) -> Floats:
+    """Return how far [m] it is to a disc along rays from (x, y), (R,), infinity beside it."""
+    dx, dy = person.x - x, person.y - y
+    along = dx * np.cos(angles) + dy * np.sin(angles)
+    square = person.radius**2 - (dx * dx + dy * dy - along * along)
+    is_met = (square >= 0.0) & (along > 0.0)
+    half = np.sqrt(np.maximum(square, 0.0))
+    return np.where(is_met, np.maximum(along - half, 0.0), np.inf)
 
 
 def _outline(row: Floats, vehicle: Vehicle) -> Floats:

@@ -3,26 +3,23 @@
 import json
 import random
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
-from race_agents.onboard.client import take_part
+from race_agents.onboard.client import VALET, take_part
 from race_agents.plant.incident import IncidentLog, PersonIncident, RadioLoss
 from race_agents.plant.kart import Plant, Sensors
-from race_agents.plant.radar import Floats, Surroundings
+from race_agents.plant.radar import Surroundings
+from race_agents.plant.scene import Scene
 from race_server.core.driver import driver_named
-from race_server.core.messages import KartFlag, Status
-from race_server.errors import WireError
+from race_server.errors import DriverError
 from race_server.live.client.seat import ClientSeat
 from race_server.net.auth.keys import ClientKeys
-from race_server.net.transport import ClientLink, Mailbox
-from race_server.net.wire import topics
+from race_server.net.transport import ClientLink
 from race_server.net.wire.lobby import CourseSheet
-from race_server.net.wire.spectate import decode_snapshot
 
-PARKED = 64  # bit of a kart's flags in a snapshot: no sensor sees it
+# [rad] deviation of the heading that two antennas tell.
+HEADING_DEVIATION = 0.01
 
 
 @dataclass(frozen=True)
@@ -30,6 +27,8 @@ class PlantSetting:
     """One plant and what is to happen to it."""
 
     driver: str = "pure_pursuit"
+    valet: str = VALET  # parks the kart where the driver races
+    on_request: bool = False  # a driver that parks waits until the server orders it
     seat: int = -1
     address: str = ""
     session: str = "race"
@@ -42,33 +41,6 @@ class PlantSetting:
     pedestrian_s: float | None = None
     cut_s: float | None = None
     report: Path | None = None
-
-
-class Others:
-    """The other karts, as every client may see them."""
-
-    def __init__(self, link: ClientLink, own: int) -> None:
-        """Begin to listen. own: the seat that is left out."""
-        self._mailbox = Mailbox()
-        self._own = own
-        link.listen(topics.SNAPSHOT, self._mailbox.put)
-
-    def __call__(self) -> Floats | None:
-        """Return them, shape (n, 5): x, y, heading, velocity; None if there is nothing new."""
-        data = self._mailbox.take(0.0)
-        if data is None:
-            return None
-        try:
-            karts = decode_snapshot(data).karts
-        except WireError:
-            return None  # the next one comes in a sixtieth of a second
-        there = (karts["seat"] != self._own) & (karts["status"] == Status.RACING)
-        karts = karts[there & (karts["flags"] & KartFlag.SUSPENDED == 0)]
-        cos, sin = np.cos(karts["heading"]), np.sin(karts["heading"])
-        vx = karts["speed"] * cos - karts["lateral_speed"] * sin
-        vy = karts["speed"] * sin + karts["lateral_speed"] * cos
-        rows = (karts["x"], karts["y"], karts["heading"], vx, vy)
-        return np.stack(rows, axis=1).astype(np.float64)
 
 
 def run_plant(setting: PlantSetting) -> None:
@@ -96,6 +68,8 @@ def run_plant(setting: PlantSetting) -> None:
             timeout_s=setting.patience_s,
             delay_s=setting.delay_s,
             caution=setting.caution,
+            valet=setting.valet,
+            on_request=setting.on_request,
             clock=lambda: time.monotonic() + offset_s,
             each_turn=lambda *turn: logs[0].turn(*turn),
         )
@@ -107,13 +81,28 @@ def run_plant(setting: PlantSetting) -> None:
 def _plant_for(
     setting: PlantSetting, seat: ClientSeat, sheet: CourseSheet, link: ClientLink
 ) -> Plant:
-    """Return the plant on its place on the grid."""
+    """Return the plant: on its place on the grid, or in a car park where its round begins.
+
+    Raises:
+        DriverError: its vehicle draws trailers.
+    """
+    welcome, is_lot = seat.welcome, not len(sheet.line)
+    vehicle, briefing, sensors = welcome.briefing.vehicle, welcome.briefing, setting.sensors
+    if vehicle.trailers:
+        raise DriverError(f"{vehicle.name} draws trailers, which no plant has: choose another one")
+    around = Surroundings(sheet.borders)
+    if is_lot or len(sheet.slots):
+        sensors = replace(
+            sensors,
+            lidar_rays=welcome.lidar_rays,
+            lidar_field=briefing.lidar_field,
+            lidar_reach=briefing.lidar_reach,
+            heading_deviation=HEADING_DEVIATION,
+        )
+    scene = Scene(link, seat.number, around, is_lot=is_lot)
+    if is_lot:
+        plant = Plant.of(vehicle, around, (0.0, 0.0, 0.0), sensors, setting.seed, scene.look)
+        plant.find = scene.find
+        return plant
     x, y, heading = (float(value) for value in sheet.grid[seat.number])
-    return Plant.of(
-        seat.welcome.briefing.vehicle,
-        Surroundings(sheet.borders),
-        (x, y, heading),
-        setting.sensors,
-        setting.seed,
-        Others(link, seat.number),
-    )
+    return Plant.of(vehicle, around, (x, y, heading), sensors, setting.seed, scene.look)

@@ -54,6 +54,9 @@ def park(
     kill: Annotated[
         bool, typer.Option("--kill/--no-kill", help="Kill the server half way.")
     ] = True,
+    real: Annotated[
+        int, typer.Option(min=0, help="Number of vehicles that are real karts (plants).")
+    ] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Have vehicles of a running session parked on command; kill the server half way.
@@ -65,7 +68,8 @@ def park(
 
         known_drivers(driver)
         settings: dict[str, Any] = {"vehicle": vehicle, "driver": driver, "together": together}
-        document = drill_park(lot, seats=seats, seed=seed, kill=kill, tell=tell, **settings)
+        settings |= {"seed": seed, "kill": kill, "real": real}
+        document = drill_park(lot, seats=seats, tell=tell, **settings)
     finish(document, as_json=as_json)
 
 

@@ -112,6 +112,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         keys=held,
         is_guarded=options.guard,
         valet=options.valet,
+        measures=bool(options.lot),
         apart=None if options.one_process else _apart(address, session, held, fillers, options),
     )
 

@@ -60,6 +60,7 @@ class Service:
     keys: ServerKeys | None  # None: closed to other machines
     is_guarded: bool  # by a supervisor
     valet: str = VALET  # driver that parks on request
+    measures: bool = False  # who parks from outside, against the plan of that driver
     apart: DriverCommand | None = None  # how fillers run that are kept apart; None: inside
     suspects: Suspects = field(default_factory=Suspects)  # shared with the supervisor
 
@@ -108,6 +109,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
             suspects=service.suspects,
             processes=stack.enter_context(DriverProcesses(service.apart, log)),
             valet=service.valet,
+            measures=service.measures,
         )
         stack.callback(server.watchdog.rest)
         stopped = _stop_on_signals(server, is_guarded=service.is_guarded)

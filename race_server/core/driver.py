@@ -1,19 +1,23 @@
 """The interface of drivers: the briefing they get, what they observe, what they answer."""
 
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from inspect import getdoc, signature
 from typing import Protocol, cast, runtime_checkable
 
-from race_server.core.messages import Control
+from race_server.core.messages import Control, PlannedWay
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
+from race_server.core.state import Floats
 from race_server.core.traffic import Traffic
 from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError
 
 ENTRY_POINTS = "race_server.drivers"
+# Of a way that is shown.
+MOST_POINTS = 60
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,25 @@ class YieldingDriver(ParkingDriver, Protocol):
 
     def join(self, traffic: Traffic) -> None:
         """Announce ways, and keep to what is cleared; it comes after `reset`, before `park`."""
+
+
+@runtime_checkable
+class PlanningDriver(ParkingDriver, Protocol):
+    """A driver that plans its whole way before it drives it."""
+
+    def way_ahead(self) -> Floats:
+        """Return the way that it is on, (N, 2): x, y [m] of the middle of the body, or none.
+
+        N is at most `MOST_POINTS`.
+        """
+
+    def ask_plan(
+        self, vehicle: Vehicle, start: Floats, order: ParkingOrder
+    ) -> "Future[PlannedWay | None]":
+        """Return how a task is planned, once another process has found that; None for no way.
+
+        start: (3,) x [m], y [m], heading [rad] of the centre of gravity.
+        """
 
 
 def tell_to_park(

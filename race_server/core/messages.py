@@ -228,6 +228,15 @@ class Parking:
 
 
 @dataclass(frozen=True)
+class PlannedWay:
+    """How a task of parking is planned, without anything that moves."""
+
+    time_s: float  # along the path at its speeds, and until the vehicle counts as parked
+    path_m: float
+    direction_changes: int
+
+
+@dataclass(frozen=True)
 class Standing:
     """One row of the live standings or the results."""
 
@@ -245,20 +254,22 @@ class Standing:
     items_used: int
     lap_times_us: tuple[int, ...] = field(default=())
     parking: Parking | None = None  # only in a car park
+    # Of the same task, where a driver outside of the server has parked.
+    planned: PlannedWay | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as plain data; what has a name by its name."""
         words = asdict(self)
         words |= {"status": self.status.name.lower(), "lap_times_us": list(self.lap_times_us)}
-        if self.parking is None:
-            return {name: value for name, value in words.items() if name != "parking"}
-        words["parking"]["ending"] = self.parking.ending.name.lower()
-        return words
+        if self.parking is not None:
+            words["parking"]["ending"] = self.parking.ending.name.lower()
+        missing = {name for name in ("parking", "planned") if words[name] is None}
+        return {name: value for name, value in words.items() if name not in missing}
 
     @staticmethod
     def of_json(words: Mapping[str, Any]) -> "Standing":
         """Return the row that `as_json` took apart."""
-        parking = words.get("parking")
+        parking, planned = words.get("parking"), words.get("planned")
         return Standing(
             **{
                 **words,
@@ -266,5 +277,6 @@ class Standing:
                 "lap_times_us": tuple(words["lap_times_us"]),
                 "parking": parking
                 and Parking(**{**parking, "ending": Ending[parking["ending"].upper()]}),
+                "planned": planned and PlannedWay(**planned),
             }
         )

@@ -4,7 +4,7 @@ import secrets
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from race_server.core.messages import Control
+from race_server.core.messages import Control, PlannedWay
 from race_server.credentials import key_of
 from race_server.errors import SeatError
 from race_server.session.failsafe import AWAY_TICKS, STOP, FailsafeStage
@@ -34,6 +34,7 @@ class Seat:
     silence: FailsafeStage = FailsafeStage.FRESH  # how the driver's silence acts on the kart
     is_led: bool = False  # the parking driver of the server has the wheel
     orders: int = 0  # to park, in this race
+    planned: PlannedWay | None = None  # of the task that the driver was given, once it is known
 
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""
@@ -59,7 +60,7 @@ class Seat:
         """Forget what was received in the last race."""
         self.control, self.control_tick, self.answered_tick = STOP, -1, -1
         self.sequence, self.away_since, self.silence = 0, -1, FailsafeStage.FRESH
-        self.is_led, self.orders = False, 0
+        self.is_led, self.orders, self.planned = False, 0, None
 
     def receive(self, sequence: int, control: Control, tick: int) -> None:
         """Record the newest message of the driver, which arrived before a tick."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from race_server.core import codes
-from race_server.core.messages import Standing, Status
+from race_server.core.messages import Ending, Standing, Status
 from race_server.core.state import World
 from race_server.session.parking import figures_of
 from race_server.session.seats import Seat, Seats
@@ -22,6 +22,8 @@ def table_of(seats: Seats, world: World, laps_us: dict[int, list[int]]) -> list[
 def _standing(seat: Seat, world: World, leader: int, lap_times_us: tuple[int, ...]) -> Standing:
     racer = world.racers[0, seat.number]
     race_us = _race_us(world, seat.number)
+    parking = figures_of(world, seat.number)
+    is_parked = parking is not None and parking.ending is Ending.PARKED
     is_behind = race_us and world.bodies[0, leader].status == codes.FINISHED
     return Standing(
         seat=seat.number,
@@ -37,7 +39,8 @@ def _standing(seat: Seat, world: World, leader: int, lap_times_us: tuple[int, ..
         penalty_us=int(racer.penalty_us),
         items_used=int(world.players[0, seat.number].items_used),
         lap_times_us=lap_times_us,
-        parking=figures_of(world, seat.number),
+        parking=parking,
+        planned=seat.planned if is_parked and not seat.is_led else None,
     )
 
 

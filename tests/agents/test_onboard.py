@@ -8,8 +8,9 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from race_agents.onboard import ekf
-from race_agents.onboard.control_unit import UNSEEN_S, ControlUnit, Fence, Fix, Readings
+from race_agents.onboard.control_unit import UNSEEN_S, ControlUnit, Fix, Readings
 from race_agents.onboard.ekf import KartFilter, antenna_at, antenna_jacobian, drive_on, jacobian_of
+from race_agents.onboard.fence import CourseFence
 from race_agents.onboard.safety import (
     Cause,
     Echoes,
@@ -209,7 +210,7 @@ def test_a_blow_is_what_no_tyre_can_have_caused() -> None:
 def test_a_spin_does_not_lose_the_place() -> None:
     # East at 8 m/s, and from 2 s on the kart turns, faster and faster, and slides straight on.
     line = np.stack([np.arange(80.0), np.zeros(80), np.zeros(80), np.zeros(80)], axis=1)
-    unit = ControlUnit.of(KART_30, Fence(line, np.full((80, 2), 8.0), 0.5))
+    unit = ControlUnit.of(KART_30, CourseFence(line, np.full((80, 2), 8.0), 0.5))
     chance, errors = np.random.default_rng(4), []
     for turn in range(160):
         time_s = turn * 0.02
@@ -390,7 +391,7 @@ def test_the_hard_cap_stands_above_every_boost() -> None:
 
 def test_outside_the_fence_the_kart_crawls() -> None:
     line = np.stack([np.arange(20.0), np.zeros(20), np.zeros(20), np.zeros(20)], axis=1)
-    fence = Fence(line, np.full((20, 2), 4.0), 0.5)
+    fence = CourseFence(line, np.full((20, 2), 4.0), 0.5)
     assert fence.beyond(10.0, 3.0) == pytest.approx(-1.5)
     assert fence.beyond(10.0, -6.0) == pytest.approx(1.5)
     assert watch_fence(0.9, LIMITS) == Verdict()
@@ -420,7 +421,7 @@ class Loop:
         self.around = Surroundings(course.borders)
         place = tuple(float(value) for value in course.grid[0])
         self.plant = Plant.of(vehicle, self.around, place, Sensors(**sensors), seed=5)
-        fence = Fence(course.line, course.half_widths, course.kerb)
+        fence = CourseFence(course.line, course.half_widths, course.kerb)
         self.unit = ControlUnit.of(vehicle, fence)
         self.vehicle, self.sequence, self.pace, self.foot_down = vehicle, 0, 2.0 * size**0.7, False
         self.events: list[Event] = []

@@ -19,6 +19,7 @@ from race_agents.planning.path_follower import (
     make_track,
 )
 from race_agents.planning.path_planner import PathPlanner
+from race_agents.planning.way import Way
 from race_server.core.free_space.footprint import Point, box_at, convert, footprint_of
 from race_server.core.kernels.contacts import box_on_segment
 from race_server.core.kernels.geometry import Pose
@@ -156,3 +157,13 @@ def test_at_the_end_the_brakes_hold() -> None:
 def test_a_path_without_arcs_is_refused() -> None:
     with pytest.raises(PlanError, match="the vehicle is at its goal"):
         make_track(path_of(ORIGIN, np.zeros((0, 2))), CAR, CRUISE)
+
+
+def test_a_way_is_shown_by_the_middle_of_the_body_with_its_cusps() -> None:
+    # 4 m ahead and 2 m back along x: the middle is ahead of the rear axle all the while.
+    way = Way(path_of(ORIGIN, np.array([(0.0, 4.0), (0.0, -2.0)])), KART_13, CRUISE)
+    ahead = KART_13.rear_axle + KART_13.box_offset
+    x, y = way.middles(7).T
+    assert len(x) <= 7
+    assert (x[0], x.max(), x[-1]) == pytest.approx((ahead, 4.0 + ahead, 2.0 + ahead), abs=1e-6)
+    assert y == pytest.approx(0.0, abs=1e-9)

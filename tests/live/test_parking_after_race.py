@@ -12,6 +12,7 @@ from race_server.core import codes
 from race_server.core.messages import Ending, Event, EventKind, Status
 from race_server.core.vehicle_presets import TT02
 from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
+from race_server.live.server.publisher import hud_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire.admin import Decision
 from race_server.scenario.race import Rules, Scenario
@@ -82,3 +83,18 @@ def test_a_car_that_was_asked_during_its_race_finishes_it_and_parks(
     assert rerun.difference is None
     assert rerun.session.digest() == result.digest
     assert int(rerun.session.world.bodies["status"][0, 0]) == codes.FINISHED
+
+
+def test_a_real_kart_is_told_to_stop_at_the_finish_unless_it_goes_to_a_slot() -> None:
+    lot = Lot(np.array([(1.5, -1.5, 0.0, 1.0, 0.8)]), level="goal")
+    course = replace(load_course("oval"), lot=lot)
+    session = Session("lap", Scenario(course, 1, (TT02,), Rules(laps=1)))
+    session.join("real", "track", tracked=True)
+    session.start()
+    body, parker = session.world.bodies[0, 0], session.world.parking.parkers[0, 0]
+    body.status, body.speed_cap = codes.FINISHED, 5.0
+    assert hud_of(session, session.seats[0]).speed_cap == 0.0
+    parker.length = 1.0  # it was given a slot
+    assert hud_of(session, session.seats[0]).speed_cap == 5.0
+    parker.parked_tick = 600
+    assert hud_of(session, session.seats[0]).speed_cap == 0.0

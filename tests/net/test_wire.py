@@ -217,6 +217,21 @@ def test_a_round_in_a_car_park_comes_back_as_it_was_sent() -> None:
     assert (back.epoch, back.tick) == (2, 600)
     assert back.goals.tolist() == LOT.goals.tolist()
     assert back.blocks.tolist() == [(5.0, 2.0, 0.5, 1.5, 1.0, 2, bytes(3))]
+    ((seat, points),) = [(way.seat, way.points.tolist()) for way in back.ways]
+    assert (seat, points) == (3, [[0.0, 1.0], [2.0, 1.5], [4.0, 2.0]])
+
+
+def test_a_round_in_which_no_way_is_planned_is_written_as_before_there_were_any() -> None:
+    data = parking.encode_lot(replace(LOT, ways=()))
+    assert parking.decode_lot(data).ways == ()
+    assert root_of(data, b"RLOT", 1 << 17).field(4, 4) == 0
+
+
+def test_a_way_with_half_a_point_or_too_many_is_refused() -> None:
+    for points in (np.zeros((1, 3)), np.zeros((300, 2))):
+        way = parking.WayFrame(0, points)
+        with pytest.raises(WireError):
+            parking.decode_lot(parking.encode_lot(replace(LOT, ways=(way,))))
 
 
 def same_order(one: parking.OrderFrame, other: parking.OrderFrame) -> bool:

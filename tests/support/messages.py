@@ -14,6 +14,7 @@ from race_server.core.messages import (
     Flag,
     Parking,
     Phase,
+    PlannedWay,
     PoseFault,
     Standing,
     Status,
@@ -48,7 +49,11 @@ EVENTS = [
 
 STANDING = Standing(4, "me", 1, 3, Status.FINISHED, 10, 9, 30, 0, 1, 5_000_000, 2, (11, 10, 9))
 
-PARKED = replace(STANDING, parking=Parking(Ending.PARKED, 7, 40.5, 3.25, 2, 1))
+PARKED = replace(
+    STANDING,
+    parking=Parking(Ending.PARKED, 7, 40.5, 3.25, 2, 1),
+    planned=PlannedWay(20.5, 30.25, 1),
+)
 
 ORDER = parking.OrderFrame(
     *(2, 1),
@@ -63,6 +68,7 @@ LOT = parking.LotFrame(
     *(2, 600),
     np.array([(1.0, 2.0, 0.5, 3.0, 2.0, -1, 0), (4.0, 2.0, 0.5, 3.0, 2.0, 7, 3)], parking.GOAL),
     np.array([(5.0, 2.0, 0.5, 1.5, 1.0, 2, b"")], parking.BLOCK),
+    (parking.WayFrame(3, np.array([(0.0, 1.0), (2.0, 1.5), (4.0, 2.0)])),),
 )
 
 STANDINGS = spectate.StandingsFrame(1, 600, 180, Phase.RUNNING, Flag.GREEN, 3, "oval", (STANDING,))

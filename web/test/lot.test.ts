@@ -5,11 +5,13 @@ import { expect, test } from 'vitest';
 
 import { clearanceOf } from '../src/race/clearance';
 import { Course } from '../src/race/course';
+import { type OwnParking, comparedWithPlan } from '../src/race/ownparking';
 import { Ways } from '../src/race/ways';
 import { decode } from '../src/wire/decode';
 import { Block } from '../src/wire/generated/spectate/block.js';
 import { Goal } from '../src/wire/generated/spectate/goal.js';
 import { Lot } from '../src/wire/generated/spectate/lot.js';
+import { PlannedWay } from '../src/wire/generated/spectate/planned-way.js';
 import { kart, roundCourse, snapshot } from './frames';
 
 const BODY = { length: 2, width: 1, ahead: 0 };
@@ -70,7 +72,7 @@ test('blocks, other vehicles and people count as well, and a touch is 0', () => 
     const at = { y: 0, heading: 0, length: 1, width: 1, kind: 2 };
     const blocks = block === undefined ? [] : [{ ...at, x: block }];
     const frame = snapshot({ karts: [own], ...changes });
-    return clearanceOf(own, frame, BODY, yard(), { kind: 'lot', epoch: 1, goals: [], blocks });
+    return clearanceOf(own, frame, BODY, yard(), { kind: 'lot', epoch: 1, goals: [], blocks, ways: [] });
   };
   expect(clearance({}, 4)).toBeCloseTo(2.5); // 4 - 1 - 0.5
   expect(clearance({ karts: [own, kart({ seat: 1, x: 0, y: 3 })] })).toBeCloseTo(2); // 3 - 0.5 - 0.5
@@ -86,10 +88,14 @@ test('a round comes with its goals and its blocks', () => {
   Lot.startBlocksVector(builder, 1);
   Block.createBlock(builder, 5, 6, 0, 1.5, 1, 4);
   const blocks = builder.endVector();
+  const points = PlannedWay.createPointsVector(builder, [1, 2, 3, 4]);
+  const way = PlannedWay.createPlannedWay(builder, 7, points);
+  const ways = Lot.createWaysVector(builder, [way]);
   Lot.startLot(builder);
   Lot.addEpoch(builder, 3);
   Lot.addGoals(builder, goals);
   Lot.addBlocks(builder, blocks);
+  Lot.addWays(builder, ways);
   builder.finish(Lot.endLot(builder), 'RLOT');
   const data = builder.asUint8Array();
   const frame = decode(data.slice().buffer);
@@ -98,5 +104,17 @@ test('a round comes with its goals and its blocks', () => {
     epoch: 3,
     goals: [{ x: 1, y: 2, heading: 0.5, length: 3, width: 2, slot: -1, seat: 7 }],
     blocks: [{ x: 5, y: 6, heading: 0, length: 1.5, width: 1, kind: 4 }],
+    ways: [{ seat: 7, points: [{ x: 1, y: 2 }, { x: 3, y: 4 }] }],
   });
+});
+
+test('a drive by hand is compared with the plan, whose changes of direction may be none', () => {
+  const own = { seconds: 30, way: 24, moves: 2 } as OwnParking;
+  const planned = { seconds: 20, way: 16, moves: 0 };
+  expect(comparedWithPlan({ ...own, planned: null })).toEqual([]);
+  expect(comparedWithPlan({ ...own, planned })).toEqual([
+    { name: 'time', driven: 30, planned: 20, ratio: 1.5 },
+    { name: 'way', driven: 24, planned: 16, ratio: 1.5 },
+    { name: 'moves', driven: 2, planned: 0, ratio: NaN },
+  ]);
 });

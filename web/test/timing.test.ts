@@ -24,6 +24,7 @@ function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingF
     itemsUsed: 0,
     lapTimesUs: [],
     parking: null,
+    planned: null,
     ...changes,
   };
 }

@@ -38,7 +38,8 @@ def _change_trust(world: World, w: int, k: int, trust: int, doubt: int) -> None:
     if trust == codes.TRUSTED:
         # Where it went unseen: gates there do not count, and it is not fined for them.
         course = world.route.courses[world.rules[w].course]
-        racer.line_index = nearest_sample_anywhere(world.route, course, body.x, body.y)
+        if course.line_count > 0:  # a car park has no line
+            racer.line_index = nearest_sample_anywhere(world.route, course, body.x, body.y)
         if was_yellow:
             racer.cutting = 1
             racer.lap_clean = 0

@@ -112,6 +112,9 @@ def _parking_board(headline: Headline, standings: Sequence[Standing]) -> Table:
     table = _empty_table(headline)
     for name in ("slot", "time", "way", "reversed", "moves"):
         table.add_column(name, justify="right", no_wrap=True)
+    is_measured = any(row.planned for row in standings)
+    if is_measured:
+        table.add_column("× plan", justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
     for row in standings:
         parking = row.parking
@@ -125,9 +128,19 @@ def _parking_board(headline: Headline, standings: Sequence[Standing]) -> Table:
             f"{parking.way:.1f} m",
             f"{parking.reversed:.1f} m",
             str(parking.moves),
+            *([_beside_plan(row)] if is_measured else []),
             Text(_ENDINGS[parking.ending], style=_ENDING_STYLE.get(parking.ending, "red")),
         )
     return table
+
+
+def _beside_plan(row: Standing) -> str:
+    """Return time and way as multiples of the plan's, and how many changes of direction it has."""
+    plan, parking = row.planned, row.parking
+    if plan is None or parking is None:
+        return ""
+    time, way = seconds_of(row.race_time_us) / plan.time_s, parking.way / plan.path_m
+    return f"{time:.2f} {way:.2f} ({plan.direction_changes})"
 
 
 def _gap(row: Standing) -> str:

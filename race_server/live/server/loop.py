@@ -21,6 +21,7 @@ from race_server.live.server.steward import Steward
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import no_garbage_collected
 from race_server.live.server.wheels import VALET, Wheels
+from race_server.live.server.yardstick import Yardstick
 from race_server.live.suspects import Suspects
 from race_server.live.watchdog import Watchdog
 from race_server.logs import Log
@@ -52,6 +53,7 @@ class RaceServer:
     suspects: Suspects = field(default_factory=Suspects)
     processes: DriverProcesses = field(default_factory=DriverProcesses)  # of fillers kept apart
     valet: str = VALET  # driver that parks on request
+    measures: bool = False  # drivers from outside that park, against the plan of that driver
     missed_ticks: int = 0
     events: list[Event] = field(default_factory=list)
 
@@ -61,12 +63,12 @@ class RaceServer:
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
         self._session_log = SessionLog(session, self.counters, self.log, timing)
-        self._local_drivers = LocalDrivers(session, self.suspects)
+        self._local_drivers = inside = LocalDrivers(session, self.suspects)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
-        self._publisher = Publisher(session, self.link, self._persistence, orders_s=timing.orders_s)
-        self._wheels = Wheels(
-            session, self._local_drivers, self.counters, self.suspects, self.valet
-        )
+        self._wheels = Wheels(session, inside, self.counters, self.suspects, self.valet)
+        self._yardstick = Yardstick(session, inside, self.valet if self.measures else "")
+        out = session, self.link, self._persistence
+        self._publisher = Publisher(*out, orders_s=timing.orders_s, ways=self._wheels.ways)
         self._steward = Steward(session, self.token, self._penalise_late, self._wheels.park)
         refused, announced = self.counters.refused, self._persistence.announced
         self._requests = RequestHandler(
@@ -167,6 +169,7 @@ class RaceServer:
         self._result = None
         self._wheels.clear()
         self.session.start(_now_us())
+        self._yardstick.begin()
         self._persistence.open(self.pace, self._local_drivers)
         return self._race_on(list(self.session.event_log.recent))
 
@@ -204,13 +207,14 @@ class RaceServer:
             self._persistence.leave()
             raise
         self.watchdog.rest()
+        self._yardstick.settle()
         self._announce(wait=True)
+        self._publisher.record_standings()
         self._persistence.close()
         self._publish_observations()
-        self._publisher.publish_snapshot()
-        self._publisher.publish_standings()
-        refused, now_us = self.refusals(), _now_us()
-        self._result = RaceResult.of(self.session, self.events, self.missed_ticks, refused, now_us)
+        self._publisher.publish_end()
+        figures = self.missed_ticks, self.refusals(), _now_us()
+        self._result = RaceResult.of(self.session, self.events, *figures)
         self._session_log.close(self._result)
         return self._result
 
@@ -297,6 +301,7 @@ class RaceServer:
         self._announce(wait=self.pace == LOCKSTEP)
         self._publisher.publish_snapshot()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
+            self._yardstick.look()
             self._publisher.publish_standings()
             self.counters.refused.record_dropped(self.link.dropped)
 

@@ -1,13 +1,19 @@
 """What spectators and drivers are sent of a car park."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
 from race_server.core import codes
 from race_server.core.parking_order import own_blocks_of
+from race_server.core.state import Floats
 from race_server.live.local_drivers import order_for
-from race_server.net.wire.parking import BLOCK, GOAL, WALKER, LotFrame, OrderFrame, Rows
+from race_server.net.wire.parking import BLOCK, GOAL, WALKER, LotFrame, OrderFrame, Rows, WayFrame
 from race_server.session import Session
 from race_server.session.seats import Seat
+
+NO_WAYS: Mapping[int, Floats] = MappingProxyType({})
 
 
 def order_frame_of(session: Session, seat: Seat) -> OrderFrame:
@@ -15,8 +21,11 @@ def order_frame_of(session: Session, seat: Seat) -> OrderFrame:
     return OrderFrame(session.epoch, seat.orders, order_for(session, seat.number))
 
 
-def lot_of(session: Session) -> LotFrame:
-    """Return what was drawn for this round; vehicles of the session are in the snapshot."""
+def lot_of(session: Session, ways: Mapping[int, Floats] = NO_WAYS) -> LotFrame:
+    """Return what was drawn for this round; vehicles of the session are in the snapshot.
+
+    ways: planned by drivers of the server, by seat, (N, 2) [m].
+    """
     parking, statuses = session.world.parking, session.world.bodies["status"][0]
     seats = np.flatnonzero((statuses != codes.ABSENT) & (parking.parkers["length"][0] > 0.0))
     goals = np.zeros(len(seats), GOAL)
@@ -30,7 +39,8 @@ def lot_of(session: Session) -> LotFrame:
     for name in ("x", "y", "heading", "kind"):
         blocks[name] = standing[name]
     blocks["length"], blocks["width"] = 2.0 * standing["half_length"], 2.0 * standing["half_width"]
-    return LotFrame(session.epoch, session.tick, goals, blocks)
+    planned = tuple(WayFrame(seat, points) for seat, points in ways.items())
+    return LotFrame(session.epoch, session.tick, goals, blocks, planned)
 
 
 def walkers_of(session: Session) -> Rows:

@@ -1,7 +1,7 @@
 """What the server sends: observations to seats, the state of the race to spectators."""
 
 import time
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
-from race_server.core.state import EFFECTS, field_of
+from race_server.core.state import EFFECTS, Floats, field_of
 from race_server.live.server.lot import lot_of, order_frame_of, walkers_of
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.trailers import trailers_of
@@ -29,7 +29,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.topics import Topic
 from race_server.session import Session
-from race_server.session.parking import has_lot
+from race_server.session.parking import are_driven, has_lot
 from race_server.session.seats import Seat
 
 
@@ -44,16 +44,23 @@ class Publisher:
     """Puts the race into messages and sends them."""
 
     def __init__(
-        self, session: Session, link: ServerLink, recording: Sink, *, orders_s: float
+        self,
+        session: Session,
+        link: ServerLink,
+        recording: Sink,
+        *,
+        orders_s: float,
+        ways: Callable[[], Mapping[int, Floats]] = dict,
     ) -> None:
         """Prepare the writers.
 
-        orders_s: a real kart that receives no newer orders for this long stops by itself.
+        orders_s: a real kart that receives no newer orders for this long stops by itself; ways:
+        returns what drivers of the server have planned, by seat, (N, 2) [m].
         """
         self._session = session
         self._link = link
         self._sinks: tuple[Sink, ...] = (link, recording)
-        self._orders_s = orders_s
+        self._orders_s, self._ways = orders_s, ways
         self._order_stop_us = 0  # due again
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
@@ -115,10 +122,20 @@ class Publisher:
         """Send the standings, and while a race is on the state of its drivers' links."""
         self._publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
         if has_lot(self._session.world):
-            self._publish(topics.LOT, encode_lot(lot_of(self._session)))
+            self._publish(topics.LOT, encode_lot(lot_of(self._session, self._ways())))
             self.publish_orders()
         if self._session.is_on:
             self._publish(topics.LINKS, encode_links(links_of(self._session)))
+
+    def record_standings(self) -> None:
+        """Record how all ended, before the recording does."""
+        *_, recording = self._sinks
+        recording.publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
+
+    def publish_end(self) -> None:
+        """Send the end of a race, whose result is written."""
+        self.publish_snapshot()
+        self.publish_standings()
 
     def publish_orders(self) -> None:
         """Send every seat the order to park that it was given in this race."""
@@ -152,13 +169,15 @@ def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s
     immune = max(int(player.immune_until), int(player.shield_until)) - tick
     race, tracker = session.world.races[0], session.tracked_karts.trackers.get(seat.number)
     is_paused = session.race_control.is_paused
+    is_driven = bool(are_driven(session.world)[seat.number])
     flag = Flag(max(int(race.flag), int(racer.yellow)))
     return HudFrame(
         epoch=session.epoch,
         tick=tick,
-        # A kart that has finished or retired is to stop, from that tick on. Where the clock stands
-        # all stop, under red: a kart that is told to stop under another flag takes itself home.
-        speed_cap=0.0 if is_paused or body.status != codes.RACING else float(body.speed_cap),
+        # A kart that has finished or retired is to stop, from that tick on, unless it goes to a
+        # slot. Where the clock stands all stop, under red: a kart that is told to stop under
+        # another flag takes itself home.
+        speed_cap=0.0 if is_paused or not is_driven else float(body.speed_cap),
         thrust_scale=float(body.thrust_scale),
         grip_scale=float(body.grip_scale),
         item=int(player.held),

@@ -10,8 +10,15 @@ from contextlib import suppress
 import numpy as np
 
 from race_server.core import codes
-from race_server.core.driver import Driver, ParkingDriver, driver_named, tell_to_park
+from race_server.core.driver import (
+    Driver,
+    ParkingDriver,
+    PlanningDriver,
+    driver_named,
+    tell_to_park,
+)
 from race_server.core.observation import Observation
+from race_server.core.state import Floats
 from race_server.errors import DriverError, Reason, SeatError
 from race_server.live.local_drivers import LocalDrivers, briefing_for, order_for
 from race_server.live.server.counters import Counters
@@ -151,6 +158,22 @@ class Wheels:
             self._local_drivers.traffic.withdraw(number)
             self._observations.show(number, "")
             self._session.race_control.hand_wheel(number, to_server=False)
+
+    def ways(self) -> dict[int, Floats]:
+        """Return what the drivers inside have planned, by seat: (N, 2) of the body's middle [m]."""
+        driven = are_driven(self._session.world)
+        ways = {}
+        for seat in self._session.seats.taken():
+            driver: object = self._valets.get(seat.number)
+            driver = driver or self._local_drivers.driver_of(seat.number)
+            if not (isinstance(driver, PlanningDriver) and driven[seat.number]):
+                continue
+            try:
+                if len(points := driver.way_ahead()):
+                    ways[seat.number] = points
+            except Exception:  # of a foreign driver: its way is not shown
+                self._counters.refused.record(Reason.DRIVER, seat.number)
+        return ways
 
     def resume(self) -> None:
         """Take the wheels again that the server before this one had."""

@@ -8,8 +8,9 @@ import flatbuffers
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.driver import MOST_POINTS
 from race_server.core.level import Level
-from race_server.core.messages import Ending, Parking
+from race_server.core.messages import Ending, Parking, PlannedWay
 from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.errors import WireError
 from race_server.net.wire import topics
@@ -17,11 +18,13 @@ from race_server.net.wire.generated.drive import ParkingOrder as OrderTable
 from race_server.net.wire.generated.drive.Level import CreateLevel
 from race_server.net.wire.generated.drive.Slot import CreateSlot
 from race_server.net.wire.generated.spectate import Block, Goal, Lot
+from race_server.net.wire.generated.spectate import PlannedWay as WayTable
 from race_server.net.wire.generated.spectate.Parking import CreateParking
+from race_server.net.wire.generated.spectate.Planned import CreatePlanned
 from race_server.net.wire.rows import build_rows
 from race_server.net.wire.strict import U32, Table, root_of
 
-U8, F32 = struct.Struct("<B"), struct.Struct("<f")
+U8, U16, F32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<f")
 
 GOAL = np.dtype(
     [
@@ -50,6 +53,9 @@ MOST_GOALS, MOST_WALKERS, MOST_TRAILERS, MOST_BLOCKS, MOST_NUMBERS = 64, 64, 192
 BLOCK_NAMES = list(BLOCK.names or ())[:-1]
 _SLOT, _LEVEL = struct.Struct("<5f"), struct.Struct("<7fB3x")
 _PARKING = struct.Struct("<ffIIhBx")
+_PLANNED = struct.Struct("<ffI")
+# Of a way with many changes of direction, which are all shown.
+MOST_WAY_NUMBERS = 8 * MOST_POINTS
 # The numbers of a level in the order of the message; `hold` is `hold_s`, and `fits` follows. What
 # concerns trailers came later, and stands beside it.
 _TOLERANCES = ("within", "along", "across", "turn", "still", "leave", "hold_s")
@@ -122,14 +128,16 @@ def read_order(table: Table) -> OrderFrame:
     return OrderFrame(table.scalar(0, U32), table.scalar(1, U32), order)
 
 
-def _numbers(table: Table, slot: int, columns: int) -> NDArray[np.float64]:
-    """Return a vector of float32 as rows of `columns`.
+def _numbers(
+    table: Table, slot: int, columns: int, most: int = MOST_NUMBERS
+) -> NDArray[np.float64]:
+    """Return a vector of at most `most` float32 as rows of `columns`.
 
     Raises:
         WireError: it is missing, longer, leaves the message, holds a number that is not finite, or
             its last row is not whole.
     """
-    first, count = table.vector(slot, 4, MOST_NUMBERS)
+    first, count = table.vector(slot, 4, most)
     if count % columns:
         raise WireError(f"field {slot} of {count} numbers; rows have {columns}")
     numbers = np.frombuffer(table.data, "<f4", count, first)
@@ -146,6 +154,15 @@ class LotFrame:
     tick: int
     goals: Rows  # GOAL
     blocks: Rows  # BLOCK
+    ways: tuple["WayFrame", ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WayFrame:
+    """The way that a parking driver of the server has planned."""
+
+    seat: int
+    points: NDArray[np.float64]  # (N, 2) x, y [m] of the middle of the body
 
 
 def encode_lot(frame: LotFrame) -> bytes:
@@ -154,13 +171,31 @@ def encode_lot(frame: LotFrame) -> bytes:
     goals = build_rows(builder, Lot.StartGoalsVector, Goal.CreateGoal, frame.goals)
     named = frame.blocks[BLOCK_NAMES]
     blocks = build_rows(builder, Lot.StartBlocksVector, Block.CreateBlock, named)
+    ways = _build_ways(builder, frame.ways) if frame.ways else 0
     Lot.Start(builder)
     Lot.AddEpoch(builder, frame.epoch)
     Lot.AddTick(builder, frame.tick)
     Lot.AddGoals(builder, goals)
     Lot.AddBlocks(builder, blocks)
+    if ways:
+        Lot.AddWays(builder, ways)
     builder.Finish(Lot.End(builder), topics.LOT.identifier)
     return bytes(builder.Output())
+
+
+def _build_ways(builder: Any, ways: tuple[WayFrame, ...]) -> int:
+    """Write planned ways and return the offset of their vector."""
+    offsets = []
+    for way in ways:
+        points = builder.CreateNumpyVector(np.ascontiguousarray(way.points, "<f4").ravel())
+        WayTable.Start(builder)
+        WayTable.AddSeat(builder, way.seat)
+        WayTable.AddPoints(builder, points)
+        offsets.append(WayTable.End(builder))
+    Lot.StartWaysVector(builder, len(offsets))
+    for offset in reversed(offsets):
+        builder.PrependUOffsetTRelative(offset)
+    return int(builder.EndVector())
 
 
 def decode_lot(data: bytes) -> LotFrame:
@@ -177,7 +212,17 @@ def decode_lot(data: bytes) -> LotFrame:
     for rows in (goals, blocks):
         if not all(np.isfinite(rows[name]).all() for name in BLOCK_NAMES[:-1]):
             raise WireError("a car park holds a place that is not finite")
-    return LotFrame(table.scalar(0, U32), table.scalar(1, U32), goals, blocks)
+    return LotFrame(table.scalar(0, U32), table.scalar(1, U32), goals, blocks, _ways_in(table))
+
+
+def _ways_in(table: Table) -> tuple[WayFrame, ...]:
+    """Return the planned ways of a car park; none in a message from before there were any."""
+    if not table.field(4, U32.size):
+        return ()
+    return tuple(
+        WayFrame(one.scalar(0, U16), _numbers(one, 1, 2, MOST_WAY_NUMBERS))
+        for one in table.tables(4, MOST_GOALS)
+    )
 
 
 def walkers_in(table: Table, data: bytes | bytearray) -> Rows:
@@ -215,3 +260,24 @@ def read_parking(table: Table, slot: int) -> Parking | None:
     if ending > max(Ending) or not np.isfinite((way, back)).all():
         raise WireError(f"standings are damaged: a way of {way} m with ending {ending}")
     return Parking(Ending(ending), number, way, back, moves, walked_into)
+
+
+def add_planned(builder: Any, planned: PlannedWay) -> int:
+    """Write the figures of a plan and return their offset."""
+    figures = (planned.time_s, planned.path_m, planned.direction_changes)
+    return int(CreatePlanned(builder, *figures))
+
+
+def read_planned(table: Table, slot: int) -> PlannedWay | None:
+    """Return the figures of a plan; None where there are none.
+
+    Raises:
+        WireError: a figure that is not finite.
+    """
+    place = table.field(slot, _PLANNED.size)
+    if not place:
+        return None
+    time_s, path_m, changes = _PLANNED.unpack_from(table.data, place)
+    if not np.isfinite((time_s, path_m)).all():
+        raise WireError(f"standings are damaged: a plan of {path_m} m in {time_s} s")
+    return PlannedWay(time_s, path_m, changes)

@@ -10,7 +10,7 @@ from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.spectate import Standing as StandingTable
 from race_server.net.wire.generated.spectate import Standings
-from race_server.net.wire.parking import add_parking, read_parking
+from race_server.net.wire.parking import add_parking, add_planned, read_parking, read_planned
 from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
 
 U8, U16, U32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<I")
@@ -69,6 +69,8 @@ def encode_standings(frame: StandingsFrame) -> bytes:
         StandingTable.AddLapTimesUs(builder, laps)
         if row.parking is not None:
             StandingTable.AddParking(builder, add_parking(builder, row.parking))
+        if row.planned is not None:
+            StandingTable.AddPlanned(builder, add_planned(builder, row.planned))
         offsets.append(StandingTable.End(builder))
     Standings.StartRowsVector(builder, len(offsets))
     for offset in reversed(offsets):
@@ -128,5 +130,12 @@ def _standing(row: Table, most_laps: int) -> Standing:
     except ValueError as error:
         raise WireError(f"standings are damaged: {error}") from error
     driver = row.text(0, NAME_BYTES)[:MOST_NAME]
-    parking = read_parking(row, 13)
-    return Standing(**numbers, status=status, driver=driver, lap_times_us=laps, parking=parking)
+    parking, planned = read_parking(row, 13), read_planned(row, 14)
+    return Standing(
+        **numbers,
+        status=status,
+        driver=driver,
+        lap_times_us=laps,
+        parking=parking,
+        planned=planned,
+    )

@@ -11,6 +11,7 @@ from race_server.core.messages import Pose, PoseFault, Trust
 from race_server.core.state import PLACEMENT, Floats, Ints, World
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
+from race_server.session.parking import are_driven
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits
 from race_server.session.tracked.tracker import Tracker
@@ -97,10 +98,10 @@ class TrackedKarts:
 
     def follow(self, world: World, now_us: int) -> Floats:
         """Return where the real karts are now, shape (n, 10), see state.PLACEMENT."""
-        statuses = world.bodies["status"][0]
+        statuses, driven = world.bodies["status"][0], are_driven(world)
         for seat, tracker in self.trackers.items():
             if statuses[seat] != codes.ABSENT:
-                tracker.follow(now_us, is_racing=bool(statuses[seat] == codes.RACING))
+                tracker.follow(now_us, is_racing=bool(driven[seat]))
         self.give_orders(world, now_us)
         rows = [
             row
@@ -115,13 +116,13 @@ class TrackedKarts:
 
         is_paused: the clock of the race stands, and every kart with it.
         """
-        flag = int(world.races[0].flag)
+        flag, driven = int(world.races[0].flag), are_driven(world)
         for seat, tracker in self.trackers.items():
             body, racer = world.bodies[0, seat], world.racers[0, seat]
             if body.status == codes.ABSENT:
                 continue
             caps = float(body.speed_cap), float(body.thrust_scale)
-            stops = is_paused or body.status != codes.RACING
+            stops = is_paused or not driven[seat]
             what = (*caps, flag, int(racer.yellow), tracker.trust, stops)
             tracker.orders.change(what, now_us)
 

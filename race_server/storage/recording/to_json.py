@@ -130,7 +130,9 @@ def _lot(data: bytes) -> Words:
     goals = [dict(zip(GOAL.names or (), row, strict=True)) for row in frame.goals.tolist()]
     rows = frame.blocks[BLOCK_NAMES].tolist()
     blocks = [dict(zip(BLOCK_NAMES, row, strict=True)) for row in rows]
-    return {"tick": frame.tick, "goals": goals, "blocks": blocks}
+    ways = [{"seat": way.seat, "points": way.points.tolist()} for way in frame.ways]
+    words: Words = {"tick": frame.tick, "goals": goals, "blocks": blocks}
+    return words | ({"ways": ways} if ways else {})
 
 
 _READERS: dict[str, Callable[[bytes], Words]] = {

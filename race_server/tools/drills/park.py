@@ -3,9 +3,11 @@
 All drivers stand with the brake on until the steward says `park`; then the server's parking driver
 takes every wheel. All have to be parked in time, no person may be hit, and the recording, driven
 again, has to end with the digest of the session. A driver that knows but what it observes has to
-answer as it does in training.
+answer as it does in training. Some of the vehicles may be real karts, played by plants: they are
+sent the order and park themselves, by where they believe to be.
 """
 
+import json
 import math
 import os
 import signal
@@ -19,7 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from race_server.competition.launch import START_S
+from race_server.competition.launch import START_S, spread
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.driver import YieldingDriver, driver_named
 from race_server.core.messages import Control, EventKind, Phase, Standing, Status
@@ -33,6 +35,7 @@ from race_server.net.transport import ClientLink
 from race_server.scenario.lot.check import check_lot
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.tools.drills.crash import children_of
+from race_server.tools.drills.kart import LONGEST_TURN_S
 from race_server.tools.drills.park_answers import ROUNDING, compare_answers
 from race_server.tools.drills.replay import replay_of
 from race_server.tools.drills.report import SmallDrill, document_of
@@ -43,7 +46,7 @@ from race_server.tools.drills.server_process import (
     wait_until,
 )
 
-SMALL = SmallDrill("--seats 3 --lot zone-30 --together 1", 60, "parked")
+SMALL = SmallDrill("--seats 3 --lot zone-30 --together 1 --real 1", 60, "parked")
 
 # A session of the drill lasts at most this long: by its own clock, and by that of the wall [s].
 LIMIT_S, MOST_S = 180, 600.0
@@ -116,6 +119,7 @@ def drill_park(
     together: int = 64,
     seed: int = 1,
     kill: bool = True,
+    real: int = 0,
     tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Return the figures of a session in which all vehicles park on command.
@@ -123,11 +127,14 @@ def drill_park(
     vehicle: that of the lot where it is empty; driver: that parks; together: number of vehicles
     that are on their way at a time, those nearest to their slots first; kill: end the server once,
     when half of the vehicles are parked or, where one parks, when it has driven half of its way;
-    tell: is told how many are parked.
+    real: how many are real karts; tell: is told how many are parked.
 
     Raises:
         LotError: the car park has no room for them.
+        SeatError: more real karts than seats.
     """
+    if not 0 <= real <= seats:
+        raise SeatError(f"{real} real karts on {seats} seats: choose at most {seats} for --real")
     begun = time.monotonic()
     for issue in check_lot(lot, vehicle, ROUNDS, seats):
         if issue.level == "error":
@@ -141,7 +148,7 @@ def drill_park(
         server_process([*words, "--record", folder], is_guarded=True) as process,
     ):
         try:
-            kills = _run(process, seats, together, tell, kill=kill)
+            kills = _run(process, seats, spread(real, seats), together, tell, kill=kill)
             document = process.stop()
         except RaceError as error:
             return document_of([f"{error}; {process.last_words()}"], lot=lot, seats=seats)
@@ -149,7 +156,10 @@ def drill_park(
         recording = read_recording(path)
         if fault := replay_of(recording, document["digest"]).fault:
             faults.append(f"the recording {fault}")
-        answers = _answers_of(recording, driver, faults, most_apart=seats * kills)
+        # Training has no karts that move themselves.
+        answers = {} if real else _answers_of(recording, driver, faults, most_apart=seats * kills)
+        plants = [_report_of(process, seat) for seat in spread(real, seats)]
+        answers |= {"plants": _judge_plants(plants, document, faults)} if plants else {}
     if kill and not kills:
         faults.append("the session was over before the server could be killed")
     about = {"lot": lot, "driver": driver, "seats": seats, "kills": kills, "seed": seed}
@@ -172,6 +182,38 @@ def _answers_of(
     if answers.apart > most_apart:
         faults.append(f"{answers.apart} answers differ from those in training")
     return {"training": asdict(answers)}
+
+
+def _report_of(process: ServerProcess, seat: int) -> dict[str, Any]:
+    """Return what the program of a real kart tells of itself at its end."""
+    path = process.place / f"{seat}.json"
+    with suppress(RaceError):  # a kart that left no report is told apart
+        wait_until(path.exists, END_S, "the report of a real kart")
+    told: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    return {"seat": seat, **told}
+
+
+def _judge_plants(
+    plants: list[dict[str, Any]], document: dict[str, Any], faults: list[str]
+) -> list[dict[str, Any]]:
+    """Return the figures of the real karts. plants: what each tells of itself."""
+    rows = []
+    for told in plants:
+        seat = told["seat"]
+        (kart,) = (kart for kart in document["karts"] if kart["seat"] == seat)
+        turn_s = told.get("longest_turn_s", math.inf)
+        if turn_s > LONGEST_TURN_S:
+            faults.append(f"the control loop of the kart on seat {seat} stood for {turn_s:.2f} s")
+        rows.append(
+            {
+                "seat": seat,
+                "parked": kart["parking"]["ending"] == "parked",
+                "longest_turn_ms": round(1e3 * turn_s) if turn_s < math.inf else None,
+                "place_error_p99": told.get("pose_error_p99_m"),
+                "scrapes": told.get("scrapes"),
+            }
+        )
+    return rows
 
 
 def _report(document: dict[str, Any], faults: list[str], **about: Any) -> dict[str, Any]:
@@ -199,6 +241,7 @@ def _report(document: dict[str, Any], faults: list[str], **about: Any) -> dict[s
 def _run(
     process: ServerProcess,
     seats: int,
+    real: tuple[int, ...],
     together: int,
     tell: Callable[[int], None],
     *,
@@ -206,16 +249,20 @@ def _run(
 ) -> int:
     """Let all vehicles park; return how many times the server was killed.
 
+    real: seats with real karts.
+
     Raises:
         RaceError: the session does not begin, or does not end.
     """
     process.wait_for(Phase.LOBBY)
     threads = [
         threading.Thread(target=_wait_in_seat, args=(process.address, seat), daemon=True)
-        for seat in range(seats)
+        for seat in set(range(seats)).difference(real)
     ]
     for thread in threads:
         thread.start()
+    for seat in real:
+        _start_plant(process, seat)
     with ClientLink(process.address, SESSION, timeout_s=START_S) as link:
         yard = Yard(process, Spectator(link), link)
         wait_until(lambda: len(yard.driving()) == seats, START_S, "the start")
@@ -256,6 +303,14 @@ def _nearest_first(yard: Yard) -> list[int]:
         return math.hypot(goal["x"] - x, goal["y"] - y)
 
     return [int(goal["seat"]) for goal in sorted(lot.goals, key=distance)]
+
+
+def _start_plant(process: ServerProcess, seat: int) -> None:
+    """Start the program of a real kart that stands until it is ordered to park."""
+    words = ["plant", "--driver", VALET, "--on-request", "--connect", process.address]
+    words += ["--session", SESSION, "--seat", str(seat), "--seed", str(seat + 1)]
+    words += ["--patience", str(START_S), "--report", str(process.place / f"{seat}.json")]
+    process.group.start(words, process.log)
 
 
 def _wait_in_seat(address: str, seat: int) -> None:

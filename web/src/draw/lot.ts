@@ -127,6 +127,27 @@ export function drawWays(
   context.globalAlpha = 1;
 }
 
+/** Draws the ways that are planned: dashed, in the colour of writing, which no vehicle has. */
+export function drawPlans(
+  context: CanvasRenderingContext2D,
+  lot: LotFrame,
+  followed: number,
+  colours: MapColours,
+  pixel: number,
+): void {
+  context.strokeStyle = colours.ink;
+  context.setLineDash([6 * pixel, 4 * pixel]);
+  for (const { seat, points } of lot.ways) {
+    context.globalAlpha = followed < 0 || seat === followed ? 0.9 : 0.3;
+    context.lineWidth = (seat === followed ? 2.2 : 1.4) * pixel;
+    context.beginPath();
+    points.forEach(({ x, y }, index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
+    context.stroke();
+  }
+  context.setLineDash([]);
+  context.globalAlpha = 1;
+}
+
 // Of the vehicle's rear axle, of trailers' axles, and where the prediction ends in a jack-knife.
 const AHEAD = '#ffd43b';
 const BEHIND = '#74c0fc';

@@ -4,7 +4,7 @@ import type { Race } from '../race/race.svelte';
 import type { SnapshotFrame } from '../wire/frames';
 import { Camera } from './camera';
 import { drawKarts, drawTrailers } from './karts';
-import { drawPeople, drawPrediction, drawRound, drawWays } from './lot';
+import { drawPeople, drawPlans, drawPrediction, drawRound, drawWays } from './lot';
 import { drawNames, namesOn } from './names';
 import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
 import { type MapColours, mapColours } from './palette';
@@ -122,6 +122,7 @@ export class TrackMap {
   private drawLot(frame: SnapshotFrame, race: Race, choice: MapChoice, pixel: number): void {
     const { top, colours } = this;
     if (race.lot) drawRound(top, race.lot, choice.followed, colours, pixel);
+    if (choice.trails && race.lot) drawPlans(top, race.lot, choice.followed, colours, pixel);
     if (choice.trails) drawWays(top, race, choice.followed, colours, pixel);
     drawPeople(top, frame.walkers, colours, pixel);
   }

@@ -239,7 +239,9 @@ export const en = {
     reversed: 'In reverse',
     moves: 'Moves',
     movesHelp: 'Changes of direction',
-    clearance: 'Least clearance',
+    clearance: 'Clearance',
+    least: 'Least clearance',
+    plan: 'Plan',
     toSlot: 'To the slot',
     off: 'Off its heading',
     endings: [

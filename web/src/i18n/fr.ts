@@ -232,7 +232,9 @@ export const fr: Words = {
     reversed: 'En marche arrière',
     moves: 'Manœuvres',
     movesHelp: 'Changements de sens',
-    clearance: 'Marge minimale',
+    clearance: 'Marge',
+    least: 'Marge minimale',
+    plan: 'Plan',
     toSlot: 'Jusqu’à la place',
     off: 'Écart de cap',
     endings: [

@@ -5,6 +5,12 @@ import { Status } from '../wire/tables';
 import type { Course, Point } from './course';
 import type { KartBody } from './race.svelte';
 
+/** Distances [m] of a vehicle to what is nearest: now, and the least so far. */
+export interface Clearance {
+  now: number;
+  least: number;
+}
+
 type Side = [Point, Point];
 
 /** Returns the corners of a rectangle, counter-clockwise. */

@@ -1,5 +1,6 @@
 // How one vehicle fares on its way to its slot, for the page's counters.
 
+import type { PlannedFrame } from '../wire/frames';
 import { Ending, Status } from '../wire/tables';
 import { wrap } from './buffer';
 import type { Race } from './race.svelte';
@@ -27,9 +28,33 @@ export interface OwnParking {
   moves: number;
   toSlot: number; // [m] of the middle of the body from that of the slot
   offDegrees: number; // of its heading against that of the slot
-  clearance: number; // least so far [m], NaN if unknown
+  clearance: number; // to what is nearest now [m], NaN if unknown
+  least: number; // the least so far [m]
+  planned: PlannedFrame | null; // of the same task, where a driver from outside has parked
   speed: number; // [m/s]
   hitches: OwnHitch[]; // the nearest one first
+}
+
+/** A figure of a drive, of the plan for the same task, and the former as a multiple of the latter. */
+export interface Compared {
+  name: 'time' | 'way' | 'moves';
+  driven: number;
+  planned: number;
+  ratio: number; // NaN where the plan has none
+}
+
+/** Returns how a drive compares with the plan for the same task; nothing without one. */
+export function comparedWithPlan(own: OwnParking): Compared[] {
+  const { planned } = own;
+  if (!planned) return [];
+  const pairs = [
+    ['time', own.seconds, planned.seconds],
+    ['way', own.way, planned.way],
+    ['moves', own.moves, planned.moves],
+  ] as const;
+  return pairs.map(([name, driven, plan]) => {
+    return { name, driven, planned: plan, ratio: plan > 0 ? driven / plan : NaN };
+  });
 }
 
 /** Returns the figures of the vehicle of a seat, null where it has none. */
@@ -61,7 +86,9 @@ export function ownParking(race: Race, seat: number): OwnParking | null {
         : NaN,
     offDegrees:
       goal && kart ? (Math.abs(wrap(kart.heading - goal.heading)) * 180) / Math.PI : NaN,
-    clearance: race.clearances.get(seat) ?? NaN,
+    clearance: race.clearances.get(seat)?.now ?? NaN,
+    least: race.clearances.get(seat)?.least ?? NaN,
+    planned: row.planned,
     speed: kart?.speed ?? 0,
     hitches: hitchesOf(race, seat),
   };

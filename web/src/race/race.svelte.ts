@@ -24,7 +24,7 @@ import { BINS, Pace } from './pace';
 import { type Rig, rigOf } from './rig';
 import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
-import { clearanceOf } from './clearance';
+import { type Clearance, clearanceOf } from './clearance';
 import { Trails } from './trails';
 import { Ways } from './ways';
 
@@ -70,7 +70,7 @@ export class Race {
   readonly buffer: SnapshotBuffer;
   readonly trails = new Trails();
   readonly ways = new Ways(); // in a car park
-  readonly clearances = new Map<number, number>(); // least so far of each seat [m]
+  readonly clearances = new Map<number, Clearance>(); // of each seat
   readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
@@ -205,7 +205,8 @@ export class Race {
     for (const kart of frame.karts) {
       if (kart.status !== Status.RACING) continue;
       const now = clearanceOf(kart, frame, this.body, this.course!, this.lot);
-      this.clearances.set(kart.seat, Math.min(this.clearances.get(kart.seat) ?? Infinity, now));
+      const least = Math.min(this.clearances.get(kart.seat)?.least ?? Infinity, now);
+      this.clearances.set(kart.seat, { now, least });
     }
   }
 
@@ -226,7 +227,9 @@ export class Race {
   private takeStandings(frame: StandingsFrame): void {
     this.standings = frame;
     if (frame.phase === Phase.LOBBY) this.clearTrack(frame.epoch);
-    if (!this.buffer.newest) {
+    const { newest } = this.buffer;
+    if (newest) this.makeRows(newest, this.readMs); // the last standings follow the last snapshot
+    else {
       const { phase, flag, tick } = frame;
       this.headline = { phase, flag, tick, lights: 0, lap: 0 };
       this.makeRows(null, 0); // a lobby: there is nothing on the track yet

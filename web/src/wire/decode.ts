@@ -142,6 +142,7 @@ function readStandings(buffer: ByteBuffer): Frame {
 function readStanding(table: Standings, index: number): StandingFrame {
   const row = table.rows(index)!;
   const parking = row.parking();
+  const planned = row.planned();
   return {
     driver: row.driver() ?? '',
     seat: row.seat(),
@@ -163,6 +164,7 @@ function readStanding(table: Standings, index: number): StandingFrame {
       reversed: parking.reversed(),
       moves: parking.moves(),
     },
+    planned: planned && { seconds: planned.time(), way: planned.way(), moves: planned.moves() },
   };
 }
 
@@ -232,7 +234,16 @@ function readLot(buffer: ByteBuffer): Frame {
       const block = table.blocks(row)!;
       return { ...rectangleOf(block), kind: block.kind() };
     }),
+    ways: rowsOf(table.waysLength(), (row) => {
+      const way = table.ways(row)!;
+      return { seat: way.seat(), points: pointsIn(way.pointsArray() ?? NOTHING) };
+    }),
   };
+}
+
+/** Returns points from rows of two numbers. */
+function pointsIn(all: ArrayLike<number>): { x: number; y: number }[] {
+  return rowsOf(Math.floor(all.length / 2), (row) => ({ x: all[2 * row]!, y: all[2 * row + 1]! }));
 }
 
 interface Rectangular {

@@ -74,6 +74,13 @@ export interface ParkingFrame {
   moves: number; // changes of direction
 }
 
+/** How the planner would park for the same task. */
+export interface PlannedFrame {
+  seconds: number;
+  way: number; // [m]
+  moves: number; // changes of direction
+}
+
 export interface StandingFrame {
   driver: string;
   seat: number;
@@ -89,6 +96,7 @@ export interface StandingFrame {
   itemsUsed: number;
   lapTimesUs: number[];
   parking: ParkingFrame | null; // only in a car park
+  planned: PlannedFrame | null; // where a driver from outside of the server has parked
 }
 
 export interface StandingsFrame {
@@ -148,12 +156,19 @@ export interface Block extends Rectangle {
   kind: RayHit;
 }
 
+/** The way that a parking driver of the server has planned. */
+export interface PlannedWayFrame {
+  seat: number;
+  points: { x: number; y: number }[]; // of the middle of the body [m]
+}
+
 /** What was drawn for a round in a car park. */
 export interface LotFrame {
   kind: 'lot';
   epoch: number;
   goals: Goal[];
   blocks: Block[];
+  ways: PlannedWayFrame[];
 }
 
 export interface RulesFrame {

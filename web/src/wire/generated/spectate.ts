@@ -12,6 +12,8 @@ export { Link } from './spectate/link.js';
 export { Links } from './spectate/links.js';
 export { Lot } from './spectate/lot.js';
 export { Parking } from './spectate/parking.js';
+export { Planned } from './spectate/planned.js';
+export { PlannedWay } from './spectate/planned-way.js';
 export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';

@@ -86,8 +86,33 @@ class Lot(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(10))
         return o == 0
 
+    # Lot
+    def Ways(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(12))
+        if o != 0:
+            x = self._tab.Vector(o)
+            x += flatbuffers.number_types.UOffsetTFlags.py_type(j) * 4
+            x = self._tab.Indirect(x)
+            from race_server.net.wire.generated.spectate.PlannedWay import PlannedWay
+            obj = PlannedWay()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
+    # Lot
+    def WaysLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(12))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Lot
+    def WaysIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(12))
+        return o == 0
+
 def LotStart(builder):
-    builder.StartObject(4)
+    builder.StartObject(5)
 
 def Start(builder):
     LotStart(builder)
@@ -127,6 +152,18 @@ def LotStartBlocksVector(builder, numElems):
 
 def StartBlocksVector(builder, numElems):
     return LotStartBlocksVector(builder, numElems)
+
+def LotAddWays(builder, ways):
+    builder.PrependUOffsetTRelativeSlot(4, flatbuffers.number_types.UOffsetTFlags.py_type(ways), 0)
+
+def AddWays(builder, ways):
+    LotAddWays(builder, ways)
+
+def LotStartWaysVector(builder, numElems):
+    return builder.StartVector(4, numElems, 4)
+
+def StartWaysVector(builder, numElems):
+    return LotStartWaysVector(builder, numElems)
 
 def LotEnd(builder):
     return builder.EndObject()

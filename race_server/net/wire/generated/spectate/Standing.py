@@ -146,8 +146,19 @@ class Standing(object):
             return obj
         return None
 
+    # Standing
+    def Planned(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(32))
+        if o != 0:
+            x = o + self._tab.Pos
+            from race_server.net.wire.generated.spectate.Planned import Planned
+            obj = Planned()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
 def StandingStart(builder):
-    builder.StartObject(14)
+    builder.StartObject(15)
 
 def Start(builder):
     StandingStart(builder)
@@ -241,6 +252,12 @@ def StandingAddParking(builder, parking):
 
 def AddParking(builder, parking):
     StandingAddParking(builder, parking)
+
+def StandingAddPlanned(builder, planned):
+    builder.PrependStructSlot(14, flatbuffers.number_types.UOffsetTFlags.py_type(planned), 0)
+
+def AddPlanned(builder, planned):
+    StandingAddPlanned(builder, planned)
 
 def StandingEnd(builder):
     return builder.EndObject()

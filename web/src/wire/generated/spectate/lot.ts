@@ -6,6 +6,7 @@ import * as flatbuffers from 'flatbuffers';
 
 import { Block } from '../spectate/block.js';
 import { Goal } from '../spectate/goal.js';
+import { PlannedWay } from '../spectate/planned-way.js';
 
 
 export class Lot {
@@ -56,8 +57,18 @@ blocksLength():number {
   return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
 }
 
+ways(index: number, obj?:PlannedWay):PlannedWay|null {
+  const offset = this.bb!.__offset(this.bb_pos, 12);
+  return offset ? (obj || new PlannedWay()).__init(this.bb!.__indirect(this.bb!.__vector(this.bb_pos + offset) + index * 4), this.bb!) : null;
+}
+
+waysLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 12);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
 static startLot(builder:flatbuffers.Builder) {
-  builder.startObject(4);
+  builder.startObject(5);
 }
 
 static addEpoch(builder:flatbuffers.Builder, epoch:number) {
@@ -84,6 +95,22 @@ static startBlocksVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(24, numElems, 4);
 }
 
+static addWays(builder:flatbuffers.Builder, waysOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(4, waysOffset, 0);
+}
+
+static createWaysVector(builder:flatbuffers.Builder, data:flatbuffers.Offset[]):flatbuffers.Offset {
+  builder.startVector(4, data.length, 4);
+  for (let i = data.length - 1; i >= 0; i--) {
+    builder.addOffset(data[i]!);
+  }
+  return builder.endVector();
+}
+
+static startWaysVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(4, numElems, 4);
+}
+
 static endLot(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 8) // goals
@@ -91,12 +118,13 @@ static endLot(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createLot(builder:flatbuffers.Builder, epoch:number, tick:number, goalsOffset:flatbuffers.Offset, blocksOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createLot(builder:flatbuffers.Builder, epoch:number, tick:number, goalsOffset:flatbuffers.Offset, blocksOffset:flatbuffers.Offset, waysOffset:flatbuffers.Offset):flatbuffers.Offset {
   Lot.startLot(builder);
   Lot.addEpoch(builder, epoch);
   Lot.addTick(builder, tick);
   Lot.addGoals(builder, goalsOffset);
   Lot.addBlocks(builder, blocksOffset);
+  Lot.addWays(builder, waysOffset);
   return Lot.endLot(builder);
 }
 }

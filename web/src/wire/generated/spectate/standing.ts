@@ -6,6 +6,7 @@ import * as flatbuffers from 'flatbuffers';
 
 import { Status } from '../codes/status.js';
 import { Parking } from '../spectate/parking.js';
+import { Planned } from '../spectate/planned.js';
 
 
 export class Standing {
@@ -103,8 +104,13 @@ parking(obj?:Parking):Parking|null {
   return offset ? (obj || new Parking()).__init(this.bb_pos + offset, this.bb!) : null;
 }
 
+planned(obj?:Planned):Planned|null {
+  const offset = this.bb!.__offset(this.bb_pos, 32);
+  return offset ? (obj || new Planned()).__init(this.bb_pos + offset, this.bb!) : null;
+}
+
 static startStanding(builder:flatbuffers.Builder) {
-  builder.startObject(14);
+  builder.startObject(15);
 }
 
 static addDriver(builder:flatbuffers.Builder, driverOffset:flatbuffers.Offset) {
@@ -173,6 +179,10 @@ static startLapTimesUsVector(builder:flatbuffers.Builder, numElems:number) {
 
 static addParking(builder:flatbuffers.Builder, parkingOffset:flatbuffers.Offset) {
   builder.addFieldStruct(13, parkingOffset, 0);
+}
+
+static addPlanned(builder:flatbuffers.Builder, plannedOffset:flatbuffers.Offset) {
+  builder.addFieldStruct(14, plannedOffset, 0);
 }
 
 static endStanding(builder:flatbuffers.Builder):flatbuffers.Offset {

@@ -1,0 +1,47 @@
+"""The drivers of a real kart: one that races, and one that parks once it is told to."""
+
+from dataclasses import dataclass
+
+from race_agents.onboard.control_unit import STOP, ControlUnit
+from race_agents.onboard.parker import Parker
+from race_server.core.driver import Driver
+from race_server.core.messages import Control
+from race_server.core.observation import Observation
+from race_server.net.wire.parking import OrderFrame
+
+
+@dataclass
+class Crew:
+    """The drivers of one kart. Without a racer the kart stands until it is told to park."""
+
+    racer: Driver | None
+    parker: Parker | None = None
+    races_first: bool = True  # as on a course: it parks after the finish
+    _is_home: bool = False
+
+    def act(
+        self,
+        seen: Observation | None,
+        order: OrderFrame | None,
+        unit: ControlUnit,
+        now_s: float,
+    ) -> Control | None:
+        """Return the decision of the driver that has the wheel, None if there is nothing new.
+
+        seen: what the server shows the racer, if there is something new; order: to park, if one
+        has come.
+        """
+        parker = self.parker
+        self._is_home |= seen is not None and seen.scalar("finished") > 0.0
+        if parker is not None:
+            parker.take(order)
+            if parker.has_order and (self._is_home or not self.races_first):
+                return parker.act(unit, now_s)
+        if self.racer is None:
+            return STOP
+        return self.racer.act(seen) if seen is not None else None
+
+    def close(self) -> None:
+        """Ask the parking driver for nothing more."""
+        if self.parker is not None:
+            self.parker.close()
