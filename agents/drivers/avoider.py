@@ -20,9 +20,12 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats
+from race_server.core.vehicle_presets import KARTS, TENTH
+from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
-PACE_SHARE = 0.2  # of the top speed
+# Its pace is what the tyres hold in a bend of this radius [body lengths]: 2 m/s for the 1/10 car.
+BEND_LENGTHS = 1.78
 INNER, OUTER = math.radians(15.0), math.radians(75.0)
 
 
@@ -38,7 +41,8 @@ def avoid(cockpit: Cockpit) -> None:
     right = _room(memory, rays, field, -1.0, 6.0 * length)
     control[0] = min(max(2.5 * (left - right) / (left + right), -1.0), 1.0)
     ahead = nearest(memory, KEPT, rays, field, -INNER, INNER, setup[REACH])
-    pace = PACE_SHARE * vehicle.top_speed * min(max(ahead / (3.0 * length), 0.35), 1.0)
+    steady = min(math.sqrt(vehicle.grip * GRAVITY * BEND_LENGTHS * length), vehicle.top_speed)
+    pace = steady * min(max(ahead / (3.0 * length), 0.35), 1.0)
     press_pedals(observation[offsets[SPEED]], pace, 2.0, control)
     finish_decision(cockpit)
 
@@ -65,5 +69,6 @@ class Avoider(KernelDriver):
     """Steers by the balance of free space on the left and on the right."""
 
     preset = "lidar"
+    vehicles = (*TENTH, *KARTS)
     decide = staticmethod(avoid)
     decide_all = staticmethod(avoid_all)

@@ -14,7 +14,7 @@ from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, reme
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_agents.planning.tracking import rear_limit
+from race_agents.planning.tracking import spare_rear
 from race_server.core.kernel_driver import (
     DECISION,
     FIELD,
@@ -28,6 +28,7 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Record
+from race_server.core.vehicle_presets import KARTS, TENTH
 from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
@@ -95,19 +96,6 @@ def follow(cockpit: Cockpit) -> None:
     spare_rear(vehicle, grip, abs(speed * observation[offsets[YAW_RATE]]) / max(grip, 0.1), control)
     finish_decision(cockpit)
     remember_command(memory, control)
-
-
-@kernel
-def spare_rear(vehicle: Record, grip: float, turning: float, control: Floats) -> None:
-    """Press the pedals no further than the rear tyres hold: a kart that slides there turns round.
-
-    grip: [m/s²]; turning: the share of it in use across.
-    """
-    force = vehicle.mass * max(grip, 0.1)
-    drive = force * rear_limit(vehicle, vehicle.front_drive, turning)
-    brake = force * rear_limit(vehicle, vehicle.front_brake, turning)
-    control[1] = min(control[1], drive / vehicle.motor_force)
-    control[2] = min(control[2], brake / vehicle.brake_force)
 
 
 @kernel
@@ -193,5 +181,6 @@ class FollowGap(KernelDriver):
     """Drives through the gap in the scan on the path of least bending."""
 
     preset = "lidar"
+    vehicles = (*TENTH, *KARTS)
     decide = staticmethod(follow)
     decide_all = staticmethod(follow_all)

@@ -35,6 +35,7 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Record
+from race_server.core.vehicle_presets import TENTH
 from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
@@ -296,5 +297,6 @@ class Tentacles(KernelDriver):
     """Judges 81 arcs by what the lidar sees along them and takes the best."""
 
     preset = "lidar"
+    vehicles = TENTH  # takes the end of a kart's view, four of its lengths, for a wall
     decide = staticmethod(feel)
     decide_all = staticmethod(feel_all)

@@ -119,10 +119,12 @@ class KernelDriver:
     decide: fills `control` of a cockpit. decide_all: the same for many karts in one call, see
     `agents/drivers/avoider.py`; it is written out for each driver, because numba's cache on disk
     misses in every new process where a function closes over another kernel or is handed one.
-    takes_advice: whether it follows what a policy writes into its memory, see ASIDE.
+    takes_advice: whether it follows what a policy writes into its memory, see ASIDE. vehicles: for
+    which it is made, by name.
     """
 
     preset: ClassVar[str]
+    vehicles: ClassVar[tuple[str, ...]] = ()
     takes_advice: ClassVar[bool] = False
     decide: ClassVar[Decide]
     decide_all: ClassVar[Decide]
