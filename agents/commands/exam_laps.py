@@ -124,12 +124,16 @@ def _examine(
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
+
+        def watch(words: str) -> None:
+            bar.update(task, description=words)
+
         total = len(drivers) * len(spec.courses)
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
-            for one in examine(spec, drivers, editions_of(drivers)):
+            for one in examine(spec, drivers, editions_of(drivers), watch):
                 tries.append(one)
-                bar.update(task, advance=1, description=f"{one.driver}, {Path(one.course).name}")
+                bar.update(task, advance=1)
         except KeyboardInterrupt:
             stopped = True
     order = {name: number for number, name in enumerate(spec.courses)}
