@@ -4,7 +4,8 @@ Needs a lidar and nothing else. Where the scan jumps most, a near edge hides whe
 that is the gap, after Sezer and Gokasan (2012) and the disparity extender of Otterness (2019).
 Without an edge it is the middle of the deepest free directions. The walls on both sides of it make
 a corridor, in whose frame a path is planned as far as one can see; its bends and its end, behind
-which nothing is known, say how fast. Nothing is kept from one scan to the next.
+which nothing is known, say how fast. Nothing is kept from one scan to the next but a turn round
+nothing: that leads back, and the car turns again.
 """
 
 import math
@@ -15,6 +16,7 @@ from race_agents.planning.path_smoothing import point_along, smooth_path, speed_
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_agents.planning.tracking import spare_rear
+from race_agents.planning.turn_back import SIDE, has_turned_round
 from race_server.core.kernel_driver import (
     DECISION,
     FIELD,
@@ -51,8 +53,9 @@ MOST_MOVE = 0.5  # body widths that a point of the path moves in a round
 LOOK_LENGTHS, LOOK_S = 0.34, 0.16
 # Of the grip: in the bends of the path; in the bend steered, which is only begun; of the brakes.
 BEND_SHARE, STEER_SHARE, BRAKE_SHARE = 0.85, 1.2, 0.8
-# Of the speed in the tightest bend: at the end of what is seen, and where there is no path.
-END_SHARE, BLIND_SHARE = 1.0, 0.5
+# Of the speed in the tightest bend: at the end of what is seen, where there is no path, and where
+# it turns back.
+END_SHARE, BLIND_SHARE, BACK_SHARE = 1.0, 0.5, 0.8
 GAIN = 3.0  # of the pedals [s/m]
 
 
@@ -79,7 +82,9 @@ def follow(cockpit: Cockpit) -> None:
     look = LOOK_LENGTHS * vehicle.length + LOOK_S * speed
     grip = vehicle.grip * GRAVITY * observation[offsets[GRIP_SCALE]]
     slow = math.sqrt(grip * tightest)
-    if gates < 2:
+    if has_turned_round(cockpit, rays):
+        bend, target = memory[SIDE] / tightest, BACK_SHARE * slow
+    elif gates < 2:
         bend, target = 2.0 * math.sin(gap) / look, BLIND_SHARE * slow
     else:
         drift = math.atan2(observation[offsets[LATERAL_SPEED]], max(speed, 1.0))

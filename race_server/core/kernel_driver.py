@@ -33,8 +33,10 @@ STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE = rang
 # last, see `agents/planning/latency.py`.
 ASIDE, FASTER, URGE, DASH, CLOSE, FETCH, LATELY = range(8, 15)
 URGENT = 0.3
+# What a driver keeps of its turns, see `agents/planning/turn_back.py`.
+TURNED = LATELY + 32
 # Two scans, the points of a scan (x, y), and a row of WORK numbers: see `memory_size`.
-KEPT = LATELY + 32
+KEPT = TURNED + 4
 WORK = 320
 # After a longer time [s] without an observation only this much of it counts.
 LONGEST_S = 1.0
