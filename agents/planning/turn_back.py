@@ -24,7 +24,7 @@ TURN, TURNING, SIDE, HEEDED = range(TURNED, TURNED + 4)
 ROUND, FACING = math.radians(115.0), math.radians(50.0)
 # In turning radii: a wider arc is no turn, on which the angle fades away over the way FADING; what
 # lies nearer beside the car leaves no room to turn there.
-WIDE, FADING, ROOM = 4.0, 4.0, 1.3
+WIDE, FADING, ROOM = 2.0, 4.0, 1.3
 MOST_S = 6.0  # of turning back
 HEED_S = 1.5
 ECHO = 0.98  # of the reach: from there on a range tells of nothing
