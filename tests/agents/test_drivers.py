@@ -8,11 +8,14 @@ import sys
 import numpy as np
 import pytest
 
+from race_agents.drivers.avoider import avoid
 from race_agents.drivers.follow_gap import middle_of_gap
 from race_agents.planning.scan import fill_dropouts, widen_edges
 from race_agents.planning.tracking import spare_rear
-from race_server.core.driver import driver_named, driver_names
+from race_server.core.driver import Briefing, driver_named, driver_names
+from race_server.core.kernel_driver import cockpit_for
 from race_server.core.messages import EventKind, Status
+from race_server.core.observation import layout_of
 from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_record
 from race_server.errors import DriverError
@@ -63,6 +66,17 @@ def test_the_same_race_gives_the_same_digest_again() -> None:
     names = ["follow_gap", "pure_pursuit"]
     scenario = Scenario(SMALL_RING, karts=2, seed=3, rules=Rules(laps=1))
     assert run_race(scenario, names)[0].digest() == run_race(scenario, names)[0].digest()
+
+
+def test_before_a_wall_the_avoider_turns_to_where_it_is_deeper_beside_it() -> None:
+    layout = layout_of("lidar", 201)
+    cockpit = cockpit_for(Briefing(0, TT02, 3, "lidar", 0.05, (), math.radians(200.0), 8.0), layout)
+    # A wall at 1 m all round, but for an opening from 80° to 100° on the right.
+    start = layout.slices["lidar"].start
+    for ray in range(201):
+        cockpit.observation[start + ray] = 3.0 if ray <= 20 else 1.0
+    avoid(cockpit)
+    assert cockpit.control[0] == -1.0
 
 
 def brake_left(vehicle: Vehicle, turning: float) -> float:
