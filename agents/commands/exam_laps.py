@@ -12,7 +12,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers
+from race_server.cli.options import Unfit, drivers_for
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console, TextColumn
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # Courses with laps that were not clean that are told to a person, of each driver.
 MOST_TOLD = 8
 LEARNED = "learned:"
+DRIVERS = ("raceline", "follow_gap")
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,15 @@ class LapOptions:
     """All options of `race exam laps`."""
 
     drivers: Annotated[
-        str, typer.Option("--drivers", "--driver", help="Comma-separated installed drivers.")
-    ] = "raceline,follow_gap"
+        str,
+        typer.Option(
+            "--drivers",
+            "--driver",
+            help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
+            "are made for the vehicle.",
+        ),
+    ] = ""
+    unfit: Unfit = False
     courses: Annotated[
         int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
     ] = 200
@@ -70,12 +78,12 @@ def laps(options: LapOptions) -> None:
     from race_server.competition.lap_exam import LapExamSpec, LapRow, courses_in, drawn_courses
     from race_server.core.vehicle_presets import vehicle_named
 
-    drivers = known_drivers(options.drivers)
+    vehicle = vehicle_named(options.vehicle)
+    drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
     if not drivers:
         raise ScenarioError("--drivers needs a name, or several separated by commas")
     if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
         raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
-    vehicle = vehicle_named(options.vehicle)
     names = (
         courses_in(options.folder)
         if options.folder is not None
@@ -116,12 +124,16 @@ def _examine(
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
+
+        def watch(words: str) -> None:
+            bar.update(task, description=words)
+
         total = len(drivers) * len(spec.courses)
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
-            for one in examine(spec, drivers, editions_of(drivers)):
+            for one in examine(spec, drivers, editions_of(drivers), watch):
                 tries.append(one)
-                bar.update(task, advance=1, description=f"{one.driver}, {Path(one.course).name}")
+                bar.update(task, advance=1)
         except KeyboardInterrupt:
             stopped = True
     order = {name: number for number, name in enumerate(spec.courses)}

@@ -4,7 +4,8 @@ Needs a lidar and nothing else. Where the scan jumps most, a near edge hides whe
 that is the gap, after Sezer and Gokasan (2012) and the disparity extender of Otterness (2019).
 Without an edge it is the middle of the deepest free directions. The walls on both sides of it make
 a corridor, in whose frame a path is planned as far as one can see; its bends and its end, behind
-which nothing is known, say how fast. Nothing is kept from one scan to the next.
+which nothing is known, say how fast. Nothing is kept from one scan to the next but a turn round
+nothing: that leads back, and the car turns again.
 """
 
 import math
@@ -14,7 +15,8 @@ from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, reme
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
-from race_agents.planning.tracking import rear_limit
+from race_agents.planning.tracking import spare_rear
+from race_agents.planning.turn_back import SIDE, has_turned_round
 from race_server.core.kernel_driver import (
     DECISION,
     FIELD,
@@ -28,6 +30,7 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Record
+from race_server.core.vehicle_presets import KARTS, TENTH
 from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
@@ -50,8 +53,9 @@ MOST_MOVE = 0.5  # body widths that a point of the path moves in a round
 LOOK_LENGTHS, LOOK_S = 0.34, 0.16
 # Of the grip: in the bends of the path; in the bend steered, which is only begun; of the brakes.
 BEND_SHARE, STEER_SHARE, BRAKE_SHARE = 0.85, 1.2, 0.8
-# Of the speed in the tightest bend: at the end of what is seen, and where there is no path.
-END_SHARE, BLIND_SHARE = 1.0, 0.5
+# Of the speed in the tightest bend: at the end of what is seen, where there is no path, and where
+# it turns back.
+END_SHARE, BLIND_SHARE, BACK_SHARE = 1.0, 0.5, 0.8
 GAIN = 3.0  # of the pedals [s/m]
 
 
@@ -78,7 +82,9 @@ def follow(cockpit: Cockpit) -> None:
     look = LOOK_LENGTHS * vehicle.length + LOOK_S * speed
     grip = vehicle.grip * GRAVITY * observation[offsets[GRIP_SCALE]]
     slow = math.sqrt(grip * tightest)
-    if gates < 2:
+    if has_turned_round(cockpit, rays):
+        bend, target = memory[SIDE] / tightest, BACK_SHARE * slow
+    elif gates < 2:
         bend, target = 2.0 * math.sin(gap) / look, BLIND_SHARE * slow
     else:
         drift = math.atan2(observation[offsets[LATERAL_SPEED]], max(speed, 1.0))
@@ -95,19 +101,6 @@ def follow(cockpit: Cockpit) -> None:
     spare_rear(vehicle, grip, abs(speed * observation[offsets[YAW_RATE]]) / max(grip, 0.1), control)
     finish_decision(cockpit)
     remember_command(memory, control)
-
-
-@kernel
-def spare_rear(vehicle: Record, grip: float, turning: float, control: Floats) -> None:
-    """Press the pedals no further than the rear tyres hold: a kart that slides there turns round.
-
-    grip: [m/s²]; turning: the share of it in use across.
-    """
-    force = vehicle.mass * max(grip, 0.1)
-    drive = force * rear_limit(vehicle, vehicle.front_drive, turning)
-    brake = force * rear_limit(vehicle, vehicle.front_brake, turning)
-    control[1] = min(control[1], drive / vehicle.motor_force)
-    control[2] = min(control[2], brake / vehicle.brake_force)
 
 
 @kernel
@@ -193,5 +186,6 @@ class FollowGap(KernelDriver):
     """Drives through the gap in the scan on the path of least bending."""
 
     preset = "lidar"
+    vehicles = (*TENTH, *KARTS)
     decide = staticmethod(follow)
     decide_all = staticmethod(follow_all)

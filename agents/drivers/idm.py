@@ -8,6 +8,7 @@ from race_agents.planning.traffic import ABREAST, NOWHERE, lane_past, leader
 from race_agents.planning.tyre_slip import watch_slip
 from race_server.core.kernel_driver import SHIFT, Cockpit, Cockpits, KernelDriver, cockpit_at
 from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.vehicle_presets import KARTS, TENTH
 
 # How many lengths ahead another kart is followed, or passed.
 NEAR_LENGTHS, NEAR_S = 3.0, 1.5
@@ -51,6 +52,7 @@ class FollowAndPass(KernelDriver):
     """Drives the reference line, follows a slower kart at a distance and passes it."""
 
     preset = "line"
+    vehicles = (*TENTH, *KARTS)
     takes_advice = True
     decide = staticmethod(follow)
     decide_all = staticmethod(follow_all)

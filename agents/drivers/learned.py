@@ -67,6 +67,7 @@ class Learned:
         self._base = driver_named(nature.base) if nature.base else None
         seen = PRESETS[self._base.preset] if self._base is not None else ()
         self.preset = preset_for(nature, self.policy.name, seen)
+        self.vehicles = (nature.vehicle,)
         self._kind = action_kind(self.policy.metadata.action)
         self._table = discrete_table()
 

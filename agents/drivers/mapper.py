@@ -22,6 +22,7 @@ from race_server.core.driver import Briefing
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.state import Floats
+from race_server.core.vehicle_presets import TENTH
 from race_server.errors import PlanError
 
 # Size of a piece of wall and of a cell of the map [body widths].
@@ -42,6 +43,7 @@ class Mapper:
     """Learns the course in its first lap and races the fastest line of its map from then on."""
 
     preset = "lidar"
+    vehicles = TENTH  # a kart sees no further than eight metres: too few walls to fit a scan to
 
     def reset(self, briefing: Briefing) -> None:
         """Get ready for a new race, with nothing known of the course."""

@@ -6,10 +6,12 @@ Geometry: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1
 import math
 
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
+from race_agents.planning.tracking import spare_rear
 from race_server.core.kernel_driver import SHIFT, Cockpit, Cockpits, KernelDriver, cockpit_at
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS, THINGS
 from race_server.core.state import Floats
+from race_server.core.vehicle_presets import KARTS, TENTH
 from race_server.core.vehicles import GRAVITY
 
 CURVATURE = PART_NUMBERS["curvature_ahead"]
@@ -18,6 +20,7 @@ PATH_Y = PART_NUMBERS["path_ahead_y"]
 LEFT = PART_NUMBERS["left_ahead"]
 RIGHT = PART_NUMBERS["right_ahead"]
 LOOK_AHEAD = PART_NUMBERS["look_ahead"]
+YAW_RATE = PART_NUMBERS["yaw_rate"]
 OFFSET = PART_NUMBERS["lateral_offset"]
 KARTS_X = PART_NUMBERS["karts_x"]
 KARTS_Y = PART_NUMBERS["karts_y"]
@@ -53,6 +56,8 @@ def pursue(cockpit: Cockpit) -> None:
     control[0] = steering_to(x, y, memory[SHIFT], wheelbase) / vehicle.steering_limit
     control[0] = min(max(control[0], -1.0), 1.0)
     press_pedals(speed, speed_limit(cockpit), 2.0, control)
+    grip = vehicle.grip * GRAVITY * observation[offsets[GRIP_SCALE]]
+    spare_rear(vehicle, grip, abs(speed * observation[offsets[YAW_RATE]]) / max(grip, 0.1), control)
     finish_decision(cockpit)
 
 
@@ -124,5 +129,6 @@ class PurePursuit(KernelDriver):
     """Follows the centre line and drives around slower karts where there is room."""
 
     preset = "track"
+    vehicles = (*TENTH, *KARTS)
     decide = staticmethod(pursue)
     decide_all = staticmethod(pursue_all)

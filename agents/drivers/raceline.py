@@ -8,6 +8,7 @@ from race_agents.planning.traffic import ABREAST, FORESIGHT_S, NOWHERE, SLOWER, 
 from race_agents.planning.tyre_slip import watch_slip
 from race_server.core.kernel_driver import SHIFT, Cockpit, Cockpits, KernelDriver, cockpit_at
 from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.vehicle_presets import KARTS, TENTH
 
 
 @kernel
@@ -46,6 +47,7 @@ class Raceline(KernelDriver):
     """Drives the reference line at its speeds and passes slower karts where there is room."""
 
     preset = "line"
+    vehicles = (*TENTH, *KARTS)
     takes_advice = True
     decide = staticmethod(race)
     decide_all = staticmethod(race_all)

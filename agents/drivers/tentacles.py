@@ -35,6 +35,7 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats, Record
+from race_server.core.vehicle_presets import TENTH
 from race_server.core.vehicles import GRAVITY
 
 LIDAR = PART_NUMBERS["lidar"]
@@ -133,10 +134,14 @@ def direction_after(curvature: float, length: float) -> float:
 def place_points(memory: Floats, rays: int, field: float, ahead: float, turn: float) -> None:
     """Write the scan's points as seen from where the car will be: x ahead, then y to the left.
 
-    It will have driven `ahead` [m] and turned by `turn` [rad].
+    It will have driven `ahead` [m] and turned by `turn` [rad]. Their squared distances [m²] go
+    where the widened scan was: all arcs are searched by them.
     """
     dx, dy = ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn)
     move_scan(memory, rays, field, dx, dy, turn)
+    for ray in range(rays):
+        x, y = memory[KEPT + 2 * rays + ray], memory[KEPT + 3 * rays + ray]
+        memory[KEPT + rays + ray] = x * x + y * y
 
 
 @kernel
@@ -153,16 +158,18 @@ def search_arc(
     bins = out + FIRST_BIN
     for index in range(BINS):
         memory[bins + index] = 0.0
-    free, wall = length, 0.0
+    free, wall, squares = length, 0.0, KEPT + rays
     # With m = κ (x² + y²) / 2 - y a point lies sqrt(1 + 2 κ m) / κ from the circle's centre: so
     # most points are found to be far away without a root.
-    middle = 0.5 * bend * support * support
+    half_bend = 0.5 * bend
+    middle = half_bend * support * support
+    low, high = middle - support, middle + support
     for ray in range(rays):
-        x, y = memory[xs + ray], side * memory[ys + ray]
-        square = x * x + y * y
-        off = 0.5 * bend * square - y
-        if off < middle - support or off > middle + support:
+        square, y = memory[squares + ray], side * memory[ys + ray]
+        off = half_bend * square - y
+        if off < low or off > high:
             continue
+        x = memory[xs + ray]
         along, lateral = x, abs(y)
         if bend > 0.0:
             along = math.atan2(bend * x, 1.0 - bend * y) / bend
@@ -296,5 +303,6 @@ class Tentacles(KernelDriver):
     """Judges 81 arcs by what the lidar sees along them and takes the best."""
 
     preset = "lidar"
+    vehicles = TENTH  # takes the end of a kart's view, four of its lengths, for a wall
     decide = staticmethod(feel)
     decide_all = staticmethod(feel_all)

@@ -39,6 +39,7 @@ from race_server.core.kernel_driver import (
 from race_server.core.kernels.jit import kernel
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.state import Floats
+from race_server.core.vehicle_presets import TENTH
 
 LIDAR = PART_NUMBERS["lidar"]
 LIDAR_BEFORE = PART_NUMBERS["lidar_before"]
@@ -209,5 +210,6 @@ class TentaclesReportB(KernelDriver):
     """Drives along the longest of 81 arcs, as the 1/10 race's report tuned them."""
 
     preset = "lidar"
+    vehicles = TENTH  # its arcs are longer than a kart sees
     decide = staticmethod(choose)
     decide_all = staticmethod(choose_all)

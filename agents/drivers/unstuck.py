@@ -12,6 +12,7 @@ from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control, Flag
 from race_server.core.observation import PRESETS, Observation
 from race_server.core.state import Float32s, Floats
+from race_server.core.suitability import vehicles_of
 from race_server.errors import DriverError
 
 LEAST_SPEED = 0.1  # [m/s] forward, the report's
@@ -33,7 +34,7 @@ class Unstuck:
             DriverError: it is unknown, or what it sees has no lidar.
         """
         self.driver = driver_named(name)
-        self.preset = self.driver.preset
+        self.preset, self.vehicles = self.driver.preset, vehicles_of(self.driver)
         if "lidar" not in PRESETS.get(self.preset, ()):
             seeing = ", ".join(title for title, parts in PRESETS.items() if "lidar" in parts)
             raise DriverError(

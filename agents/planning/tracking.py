@@ -178,6 +178,19 @@ def rear_limit(vehicle: Record, front_force: float, turning: float) -> float:
     return room * rear_load / (1.0 - front_force)
 
 
+@kernel
+def spare_rear(vehicle: Record, grip: float, turning: float, control: Floats) -> None:
+    """Press the pedals no further than the rear tyres hold: a kart that slides there turns round.
+
+    grip: [m/s²]; turning: the share of it in use across.
+    """
+    force = vehicle.mass * max(grip, 0.1)
+    drive = force * rear_limit(vehicle, vehicle.front_drive, turning)
+    brake = force * rear_limit(vehicle, vehicle.front_brake, turning)
+    control[1] = min(control[1], drive / vehicle.motor_force)
+    control[2] = min(control[2], brake / vehicle.brake_force)
+
+
 @large_kernel
 def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     """Return the steering, a share of full, that holds the kart `shift` [m] left of the line.

@@ -12,6 +12,7 @@ from race_server.cli import (
     day,
     drill,
     drive,
+    drivers,
     gateway,
     keys,
     limit,
@@ -41,6 +42,7 @@ app.command()(park.park)
 app.command()(serve.serve)
 app.command()(drive.drive)
 app.command()(drive.watch)
+app.command()(drivers.drivers)
 app.command()(gateway.gateway)
 app.command()(relay.relay)
 app.command()(limit.limit)

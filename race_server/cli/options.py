@@ -1,5 +1,6 @@
 """Options and arguments that several commands share."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +19,12 @@ Course = Annotated[
 VehicleName = Annotated[
     str,
     typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car."),
+]
+Unfit = Annotated[
+    bool,
+    typer.Option(
+        "--unfit", help="Let drivers drive vehicles that they are not made for, see `race drivers`."
+    ),
 ]
 Picture = Annotated[
     Path | None, typer.Option("--to", help="File to write: .png or .svg. Default: NAME.png.")
@@ -57,4 +64,29 @@ def known_drivers(text: str) -> tuple[str, ...]:
             f"driver {', '.join(unknown)} is unknown; "
             f"installed drivers are {', '.join(driver_names())}"
         )
+    return names
+
+
+def drivers_for(
+    text: str, usual: Sequence[str], vehicles: Sequence[str], *, unfit: bool
+) -> tuple[str, ...]:
+    """Return the drivers of a comma-separated list, all of them made for the vehicles.
+
+    usual: where the list is empty those of them that are; unfit: any driver is taken that is named.
+
+    Raises:
+        ScenarioError: one of them is not installed.
+        DriverError: one of them is not made for one of the vehicles.
+    """
+    from race_server.core.suitability import check_suits, suited
+
+    names = known_drivers(text)
+    if not names:
+        names = tuple(usual)
+        for vehicle in vehicles:
+            names = suited(vehicle, names)
+        return names
+    if not unfit:
+        for vehicle in vehicles:
+            check_suits(names, vehicle, ", or let it drive with --unfit")
     return names

@@ -7,7 +7,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import argv_of, expand_options
-from race_server.cli.options import known_drivers
+from race_server.cli.options import Unfit, drivers_for, known_drivers
 from race_server.cli.outcome import show_result
 from race_server.cli.serve_options import VALET, RaceOptions, ServeOptions, check_pace
 from race_server.errors import ScenarioError
@@ -26,10 +26,11 @@ class StartOptions(RaceOptions):
     drivers: Annotated[
         str,
         typer.Option(
-            help=f"Comma-separated drivers, repeated until every seat is filled. Default: "
-            f"{','.join(DRIVERS)}, with --lot {VALET}."
+            help=f"Comma-separated drivers, repeated until every seat is filled. Default: those of "
+            f"{','.join(DRIVERS)} that are made for the vehicle, with --lot {VALET}."
         ),
     ] = ""
+    unfit: Unfit = False
     one_process: Annotated[
         bool,
         typer.Option("--one-process", help="Run the drivers inside the server process."),
@@ -97,10 +98,14 @@ def _drivers(options: StartOptions) -> tuple[str, ...]:
 
     Raises:
         ScenarioError: there are none, one is unknown, or there are more real karts than seats.
+        DriverError: one is not made for the vehicle.
     """
     from race_server.core.driver import driver_names
 
-    names = known_drivers(options.drivers or (VALET if options.lot else ",".join(DRIVERS)))
+    if options.lot:
+        names = known_drivers(options.drivers or VALET)
+    else:
+        names = drivers_for(options.drivers, DRIVERS, (options.car,), unfit=options.unfit)
     if not names:
         raise ScenarioError(f"--drivers names none; choose from {', '.join(driver_names())}")
     mixed = options.mixed

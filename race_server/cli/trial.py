@@ -11,7 +11,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in
+from race_server.cli.options import Unfit, drivers_for, names_in
 from race_server.errors import ResultsError, ScenarioError
 from race_server.terminal import Console, TextColumn
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from race_server.competition.time_trial.save import RunLog
 
 REPORT_B = "report-b"
+DRIVERS = ("raceline", "follow_gap", "tentacles")
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,15 @@ class TrialOptions:
     """All options of `race trial`."""
 
     drivers: Annotated[
-        str, typer.Option("--drivers", "--driver", help="Comma-separated installed drivers.")
-    ] = "raceline,follow_gap,tentacles"
+        str,
+        typer.Option(
+            "--drivers",
+            "--driver",
+            help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
+            "are made for the vehicles.",
+        ),
+    ] = ""
+    unfit: Unfit = False
     tracks: Annotated[
         str,
         typer.Option("--tracks", "--track", help="Comma-separated names from `race track list`."),
@@ -126,7 +134,7 @@ def trial(options: TrialOptions) -> None:
     from race_server.competition.time_trial.save import RunLog
     from race_server.storage.results.schema import path_of
 
-    names, gaps = _drivers(options.drivers), _gaps(options)
+    names, gaps = _drivers(options), _gaps(options)
     specs = _specs(options, names, gaps)
     if options.beside not in {"", REPORT_B}:
         raise ScenarioError(f"--beside {options.beside!r} is unknown; choose {REPORT_B}")
@@ -145,10 +153,13 @@ def trial(options: TrialOptions) -> None:
         sys.exit(1)
 
 
-def _drivers(text: str) -> tuple[str, ...]:
-    names = known_drivers(text)
+def _drivers(options: TrialOptions) -> tuple[str, ...]:
+    vehicles = _names(options.vehicles, "--vehicles")
+    names = drivers_for(options.drivers, DRIVERS, vehicles, unfit=options.unfit)
     if not names:
-        raise ScenarioError("--drivers is empty; name one or more, separated by commas")
+        raise ScenarioError(
+            f"no usual driver is made for all of {', '.join(vehicles)}; name one with --drivers"
+        )
     return names
 
 

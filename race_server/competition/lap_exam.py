@@ -7,7 +7,7 @@ exam that was stopped goes on where it was, and the same question is not driven 
 import contextlib
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -22,7 +22,7 @@ from race_server.competition.time_trial.figures import intervals
 from race_server.competition.time_trial.gaps import DECISION_TICKS
 from race_server.competition.time_trial.lap import X, Y
 from race_server.competition.time_trial.plan import compile_once
-from race_server.competition.time_trial.pool import run_all
+from race_server.competition.time_trial.pool import SOLVING, run_all
 from race_server.competition.time_trial.run import Run, Tell, drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernels.jit import cache_root, source_digest
@@ -147,11 +147,15 @@ class LapRow:
 
 
 def examine(
-    spec: LapExamSpec, drivers: Sequence[str], editions: Mapping[str, str] = MappingProxyType({})
+    spec: LapExamSpec,
+    drivers: Sequence[str],
+    editions: Mapping[str, str] = MappingProxyType({}),
+    watch: Callable[[str], None] = lambda _: None,
 ) -> Iterator[CourseTry]:
     """Yield how each driver did on each course, as they finish; those that are kept first.
 
     editions: of a driver, what else than the code decides how it drives: a digest of its policy.
+    watch: is called with words for what goes on now.
 
     Raises:
         RaceError: a course or the vehicle does not exist.
@@ -166,7 +170,14 @@ def examine(
             waiting.append(run)
     if waiting:
         compile_once(waiting[0])
-    outcomes = run_all(waiting, spec.jobs, drive=drive_with_limit)
+
+    def report(number: int, laps: int) -> None:
+        run = waiting[number]
+        course = Path(run.track).name
+        is_solving = laps == SOLVING
+        watch(f"limit of {course}" if is_solving else f"{run.driver}, {course}, lap {laps + 1}")
+
+    outcomes = run_all(waiting, spec.jobs, report, drive_with_limit)
     with contextlib.closing(outcomes):
         for _, driven in outcomes:
             one = try_of(driven)
@@ -178,7 +189,10 @@ def examine(
 def drive_with_limit(spec: RunSpec, tell: Tell) -> Run:
     """Drive a run once the limit of its course is solved, here, beside those of other courses."""
     with contextlib.suppress(RaceError):  # the run says what it lacks
-        reference_limit(load_course(spec.track), vehicle_named(spec.vehicle))
+        course, vehicle = load_course(spec.track), vehicle_named(spec.vehicle)
+        if known_limit(course, bounds_of(vehicle)) is None:
+            tell(SOLVING)
+            reference_limit(course, vehicle)
     return drive_run(spec, tell)
 
 

@@ -37,7 +37,9 @@ class Briefing:
 class Driver(Protocol):
     """Answers each observation with a control.
 
-    `preset` names the observation that the driver wants, see `race_server.core.observation`.
+    `preset` names the observation that the driver wants, see `race_server.core.observation`. A
+    driver may have an attribute `vehicles` too, the names of those that it is made for; one
+    without it drives any, see `race_server.core.suitability`.
     """
 
     preset: str

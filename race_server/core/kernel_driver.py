@@ -33,8 +33,10 @@ STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE = rang
 # last, see `agents/planning/latency.py`.
 ASIDE, FASTER, URGE, DASH, CLOSE, FETCH, LATELY = range(8, 15)
 URGENT = 0.3
+# What a driver keeps of its turns, see `agents/planning/turn_back.py`.
+TURNED = LATELY + 32
 # Two scans, the points of a scan (x, y), and a row of WORK numbers: see `memory_size`.
-KEPT = LATELY + 32
+KEPT = TURNED + 4
 WORK = 320
 # After a longer time [s] without an observation only this much of it counts.
 LONGEST_S = 1.0
@@ -119,10 +121,12 @@ class KernelDriver:
     decide: fills `control` of a cockpit. decide_all: the same for many karts in one call, see
     `agents/drivers/avoider.py`; it is written out for each driver, because numba's cache on disk
     misses in every new process where a function closes over another kernel or is handed one.
-    takes_advice: whether it follows what a policy writes into its memory, see ASIDE.
+    takes_advice: whether it follows what a policy writes into its memory, see ASIDE. vehicles: for
+    which it is made, by name.
     """
 
     preset: ClassVar[str]
+    vehicles: ClassVar[tuple[str, ...]] = ()
     takes_advice: ClassVar[bool] = False
     decide: ClassVar[Decide]
     decide_all: ClassVar[Decide]

@@ -274,6 +274,11 @@ VEHICLES = {
 }
 
 
+# Those that race, by the scale of their courses.
+TENTH = ("tt02", "tt02-drift", "tt02-facts")
+KARTS = ("kart-13", "kart-30", "kart-60")
+
+
 def vehicle_named(name: str) -> Vehicle:
     """Return the preset called `name`; ``tt02-kinematic`` is ``tt02`` without slip.
 

@@ -8,10 +8,16 @@ import sys
 import numpy as np
 import pytest
 
+from race_agents.drivers.avoider import avoid
 from race_agents.drivers.follow_gap import middle_of_gap
 from race_agents.planning.scan import fill_dropouts, widen_edges
-from race_server.core.driver import driver_named, driver_names
+from race_agents.planning.tracking import spare_rear
+from race_server.core.driver import Briefing, driver_named, driver_names
+from race_server.core.kernel_driver import cockpit_for
 from race_server.core.messages import EventKind, Status
+from race_server.core.observation import layout_of
+from race_server.core.vehicle_presets import KART_60, TT02
+from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_record
 from race_server.errors import DriverError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line
@@ -60,6 +66,33 @@ def test_the_same_race_gives_the_same_digest_again() -> None:
     names = ["follow_gap", "pure_pursuit"]
     scenario = Scenario(SMALL_RING, karts=2, seed=3, rules=Rules(laps=1))
     assert run_race(scenario, names)[0].digest() == run_race(scenario, names)[0].digest()
+
+
+def test_before_a_wall_the_avoider_turns_to_where_it_is_deeper_beside_it() -> None:
+    layout = layout_of("lidar", 201)
+    cockpit = cockpit_for(Briefing(0, TT02, 3, "lidar", 0.05, (), math.radians(200.0), 8.0), layout)
+    # A wall at 1 m all round, but for an opening from 80° to 100° on the right.
+    start = layout.slices["lidar"].start
+    for ray in range(201):
+        cockpit.observation[start + ray] = 3.0 if ray <= 20 else 1.0
+    avoid(cockpit)
+    assert cockpit.control[0] == -1.0
+
+
+def brake_left(vehicle: Vehicle, turning: float) -> float:
+    """Return what is left of the full brake on dry asphalt."""
+    control = np.array([0.0, 0.0, 1.0, 0.0])
+    spare_rear(vehicle_record(vehicle)[0], vehicle.grip * GRAVITY, turning, control)
+    return float(control[2])
+
+
+def test_a_kart_brakes_no_harder_than_its_rear_tyres_hold() -> None:
+    # 60 % of the load and 70 % of the brakes are at the rear, so that 0.95 · 0.6 / 0.7 of the grip
+    # of 0.89 is left of brakes for 0.75; in a bend that takes 0.75 of the grip less.
+    assert brake_left(KART_60, 0.0) == pytest.approx(0.95 * 0.6 / 0.7 * 0.89 / 0.75, rel=0.01)
+    bend = math.sqrt(0.95**2 - 0.75**2) / 0.95
+    assert brake_left(KART_60, 0.75) == pytest.approx(bend * brake_left(KART_60, 0.0))
+    assert brake_left(TT02, 0.75) == 1.0  # brakes all four wheels alike
 
 
 def repaired(ranges: list[float], reach: float) -> list[float]:

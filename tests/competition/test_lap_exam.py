@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +36,12 @@ def one_try(course: str, clean: int, ratio: float) -> CourseTry:
 def in_this_process(driven: list[RunSpec]) -> Any:
     """Return what stands in for the pool of processes, and notes the runs that it drives."""
 
-    def run_all(specs: Sequence[RunSpec], _jobs: int, drive: Any) -> Iterator[tuple[int, Run]]:
+    def run_all(
+        specs: Sequence[RunSpec], _jobs: int, report: Any, drive: Any
+    ) -> Iterator[tuple[int, Run]]:
         for number, spec in enumerate(specs):
             driven.append(spec)
-            yield number, drive(spec, lambda _: None)
+            yield number, drive(spec, partial(report, number))
 
     return run_all
 
@@ -104,6 +107,29 @@ def test_a_driver_whose_policy_has_changed_is_driven_again(
         list(examine(spec, ["learned:full"], {"learned:full": edition}))
     assert len(driven) == 2
     assert drive_with_limit is not lap_exam.drive_with_limit
+
+
+def test_an_exam_tells_whose_limit_is_solved_and_in_which_lap_a_driver_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drive(spec: RunSpec, tell: Any) -> Run:
+        tell(1)
+        return Run(spec)
+
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "compile_once", lambda _: None)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
+    monkeypatch.setattr(lap_exam, "drive_run", drive)
+    monkeypatch.setattr(lap_exam, "reference_limit", lambda *_: None)
+    heard: list[str] = []
+    spec = LapExamSpec(("oval", "generated:circuit:3"), laps=2)
+    list(examine(spec, ["raceline"], watch=heard.append))
+    # That of the oval comes with the package.
+    assert heard == [
+        "raceline, oval, lap 2",
+        "limit of generated:circuit:3",
+        "raceline, generated:circuit:3, lap 2",
+    ]
 
 
 def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:

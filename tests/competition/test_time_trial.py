@@ -27,7 +27,7 @@ from race_server.competition.time_trial.lap import (
 )
 from race_server.competition.time_trial.limits import limits_of
 from race_server.competition.time_trial.plan import TrialPlan, prepare
-from race_server.competition.time_trial.pool import run_all
+from race_server.competition.time_trial.pool import SOLVING, run_all
 from race_server.competition.time_trial.run import Attempt, Run, Tell, drive_run, numbers_of
 from race_server.competition.time_trial.run_spec import (
     STANDING,
@@ -212,6 +212,9 @@ def drive_as_named(spec: RunSpec, tell: Tell) -> Run:
     tell(0)
     if spec.driver == "dies":
         os._exit(3)
+    if spec.driver == "solves":
+        tell(SOLVING)
+        time.sleep(0.7)
     if spec.driver == "is_stuck":
         tell(0)
         time.sleep(60.0)
@@ -222,7 +225,7 @@ def test_a_process_that_dies_or_is_stuck_takes_no_other_run_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("race_server.competition.time_trial.pool.SLACK_S", 0.2)
-    names = ("dies", "ann", "is_stuck", "bob")
+    names = ("dies", "solves", "is_stuck", "bob")
     specs = [RunSpec(name, "oval", decision_limit_s=0.2) for name in names]
     remarks = {number: run.remark for number, run in run_all(specs, 2, drive=drive_as_named)}
     assert remarks[0] == "its process died (exit status 3)"

@@ -20,6 +20,7 @@ from race_server.scenario.raceline.bundled import bundled_name, limits_folder, r
 from race_server.scenario.raceline.export import exports
 from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import driving, grip_left, lap_time, speeds_on
+from race_server.scenario.raceline.program import Program
 from race_server.scenario.raceline.reference import Limit, Raceline, reference_limit, solve
 from race_server.scenario.raceline.result import limit_of
 from race_server.scenario.raceline.tyres import cornering_drag
@@ -348,3 +349,14 @@ def test_the_command_prints_and_draws(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
     table = CliRunner().invoke(app, words)
     assert "minimum time" in table.stdout
+
+
+def test_a_root_that_has_no_value_where_the_search_begins_is_no_warning(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    program = Program(3, 1.0)
+    place = program.unknown(-5.0, 5.0, 0.0)
+    cost = program.casadi.sum1((place - 3.0) ** 2 + program.casadi.sqrt(place - 1.0))
+    with pytest.raises(TrackError, match="no line fits"):
+        program.minimise(cost, "ring")
+    assert capfd.readouterr().err == ""

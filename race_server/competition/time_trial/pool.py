@@ -25,8 +25,11 @@ SLACK_S = 8.0
 # The same before its first message: it may have to compile the simulation [s].
 PREPARATION_S = 600.0
 
+# What a run tells in place of its laps, before it begins: it solves the limit of its course.
+SOLVING = -1
+
 Drive = Callable[[RunSpec, Tell], Run]
-Report = Callable[[int, int], None]  # number of a run, laps driven so far
+Report = Callable[[int, int], None]  # number of a run, laps driven so far or SOLVING
 
 
 @dataclass
@@ -120,8 +123,11 @@ def _receive(worker: _Worker, specs: Sequence[RunSpec], report: Report) -> Run |
         return _lost(worker, spec, f"its process died ({_exit_words(worker.process.exitcode)})")
     if isinstance(message, Run):
         return message
-    # The first decision has the time limit of the start.
-    limit_s = START_LIMIT_S if worker.laps < 0 else spec.decision_limit_s
+    if message == SOLVING:
+        limit_s = PREPARATION_S + START_LIMIT_S
+    else:
+        # The first decision has the time limit of the start.
+        limit_s = START_LIMIT_S if worker.laps < 0 else spec.decision_limit_s
     worker.deadline = time.monotonic() + limit_s + SLACK_S
     worker.laps = int(message)
     report(worker.number, worker.laps)
