@@ -25,7 +25,7 @@ from race_agents.training.settings import PLANNER, Settings, WarmStart
 from race_agents.training.supervised import Memory, SupervisedSteps
 from race_agents.training.tasks import training_task
 from race_agents.training.teacher import Teacher, shown_to_both
-from race_server.envs.actions import CONTINUOUS, CONTROL, PACED, action_kind
+from race_server.envs.actions import CONTINUOUS, CONTROL, CRAWLED, PACED, action_kind
 from race_server.envs.batch import Batch
 from race_server.envs.vector import after_an_episode
 from race_server.errors import ScenarioError
@@ -206,7 +206,7 @@ def _weights(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return weight and quantile of the errors of each number of an action, each (A,)."""
     weights, quantiles = np.ones(width, np.float32), np.full(width, 0.5, np.float32)
-    if action_kind(action) in {CONTINUOUS, PACED}:
+    if action_kind(action) in {CONTINUOUS, PACED, CRAWLED}:
         weights[1], quantiles[0] = wanted.steering_weight, wanted.quantile
     elif action_kind(action) == CONTROL:
         weights[0] = wanted.steering_weight

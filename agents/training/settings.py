@@ -30,6 +30,7 @@ ActionName = Literal[
     "report_a_1",
     "report_a",
     "dock",
+    "crawl",
 ]
 
 

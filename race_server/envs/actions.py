@@ -12,7 +12,7 @@ from race_server.core.vehicles import GRAVITY
 from race_server.errors import ScenarioError
 
 CONTINUOUS, RISING, DISCRETE, CONTROL, RESIDUAL, INCREMENTS, PEDAL, MOTOR, BRAKED = range(9)
-PACED = 9
+PACED, CRAWLED = 9, 10
 ACTIONS = {
     "continuous": CONTINUOUS,
     "report_b": RISING,
@@ -24,6 +24,7 @@ ACTIONS = {
     "report_a_1": MOTOR,
     "report_a": BRAKED,
     "dock": PACED,
+    "crawl": CRAWLED,
 }
 # Numbers of an action, by kind.
 WIDTHS = {
@@ -37,6 +38,7 @@ WIDTHS = {
     MOTOR: 2,
     BRAKED: 3,
     PACED: 2,
+    CRAWLED: 2,
 }
 
 # Report of the 1/10 race: an action of 1 adds 0.5 m/s, or 9° at the wheels, to what is set; the
@@ -135,8 +137,8 @@ def read_action(
     if kind in (PEDAL, MOTOR, BRAKED):
         _drive_in_lot(kind, action, kart, control)
         return
-    if kind == PACED:
-        _keep_pace(action, kart, vehicle, control)
+    if kind in (PACED, CRAWLED):
+        _keep_pace(kind, action, kart, vehicle, control)
         return
     drive, steering, item = 0.0, 0.0, 0.0
     if kind == CONTINUOUS:
@@ -171,19 +173,29 @@ def _drive_in_lot(kind: int, action: Float32s, kart: Driven, control: Floats) ->
 
 
 @kernel
-def _keep_pace(action: Float32s, kart: Driven, vehicle: Record, control: Floats) -> None:
-    """Fill `control`, (4,), from a wanted speed, as a share of the most, and steering: (2,)."""
+def _keep_pace(kind: int, action: Float32s, kart: Driven, vehicle: Record, control: Floats) -> None:
+    """Fill `control`, (4,), from a wanted speed, as a share of the most, and steering: (2,).
+
+    A vehicle that crawls is told the root of that share, and stands where it is told less than the
+    least speed.
+    """
     share = min(max(float(action[0]), -1.0), 1.0)
     way = 1.0 if share >= 0.0 else -1.0
     most = vehicle.top_speed if way > 0.0 else vehicle.reverse_speed
-    wanted = way * max(abs(share) * most, LEAST_SPEED)
+    control[0], control[3] = float(action[1]), 0.0
+    wanted = way * abs(share) * most
+    if kind == CRAWLED:
+        wanted *= abs(share)
+        if abs(wanted) < LEAST_SPEED:
+            control[1], control[2] = 0.0, 1.0
+            return
+    elif abs(wanted) < LEAST_SPEED:
+        wanted = way * LEAST_SPEED
     rate = SPEED_GAIN * (wanted - kart.speed) + way * vehicle.rolling * GRAVITY
     force = vehicle.mass * rate
     brakes = force * kart.speed < 0.0 and abs(kart.speed) > REVERSE_BELOW
-    control[0] = float(action[1])
     control[1] = 0.0 if brakes else min(max(force / vehicle.motor_force, -1.0), 1.0)
     control[2] = min(abs(force) / vehicle.brake_force, 1.0) if brakes else 0.0
-    control[3] = 0.0
 
 
 @kernel

@@ -10,6 +10,7 @@ from race_server.envs.actions import (
     BRAKED,
     CONTINUOUS,
     CONTROL,
+    CRAWLED,
     INCREMENTS,
     MOTOR,
     PACED,
@@ -38,6 +39,7 @@ def action_space(action: str) -> spaces.Space[Any]:
     park: one pedal [-1, 1] (ahead, or back; it brakes first) and steering [-1, 1]. report_a_1:
     motor [-1, 1] and steering [-1, 1]; report_a: a brake [0, 1] besides.
     dock: speed [-1, 1], a share of the most ahead or back, never quite none, and steering [-1, 1].
+    crawl: the same, but the root of that share, and none near zero: the vehicle stands.
     """
     kind = action_kind(action)
     if kind == RESIDUAL:
@@ -47,7 +49,7 @@ def action_space(action: str) -> spaces.Space[Any]:
     if kind in (RISING, INCREMENTS):
         lows = np.array([0 if kind == RISING else -1, -1], np.float32)
         return spaces.Box(lows, np.ones(2, np.float32))
-    if kind in (PEDAL, MOTOR, PACED):
+    if kind in (PEDAL, MOTOR, PACED, CRAWLED):
         return spaces.Box(-np.ones(2, np.float32), np.ones(2, np.float32))
     if kind == BRAKED:
         return spaces.Box(np.array([-1, -1, 0], np.float32), np.ones(3, np.float32))

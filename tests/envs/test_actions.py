@@ -1,5 +1,6 @@
 """What actions do, what is rewarded, and what a reality gap changes."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from race_server.core import codes
 from race_server.core.vehicle_presets import LORRY
 from race_server.core.vehicles import GRAVITY, vehicle_record
-from race_server.envs.actions import MEMORY, PACED, Driven, discrete_table, read_action
+from race_server.envs.actions import CRAWLED, MEMORY, PACED, Driven, discrete_table, read_action
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import time_trial_task
@@ -162,12 +163,12 @@ def test_every_reward_table_weighs_known_terms() -> None:
         assert reward_weights(name).any()
 
 
-def paced(share: float, speed: float) -> list[float]:
+def paced(share: float, speed: float, kind: int = PACED) -> list[float]:
     """Return steering, throttle, brake and buttons of a lorry that is told a share of its speed."""
     control, lorry = np.zeros(4), vehicle_record(LORRY)[0]
     action = np.array([share, 0.25], np.float32)
     told = Driven(speed, 0, 0)
-    read_action(PACED, action, discrete_table(), told, lorry, np.zeros(MEMORY + 1), control)
+    read_action(kind, action, discrete_table(), told, lorry, np.zeros(MEMORY + 1), control)
     return [float(number) for number in control]
 
 
@@ -188,3 +189,17 @@ def test_who_is_told_a_speed_never_comes_to_rest() -> None:
     assert slowly[1] > 0.0
     assert slowly == paced(0.01, 0.0)
     assert paced(-1e-6, 0.0)[1] == pytest.approx(-slowly[1])
+
+
+def test_who_crawls_drives_at_the_square_of_what_it_is_told() -> None:
+    rolling = LORRY.mass * LORRY.rolling * GRAVITY / LORRY.motor_force
+    crawled = paced(0.5, 0.25 * LORRY.top_speed, CRAWLED)
+    assert crawled == pytest.approx([0.25, rolling, 0.0, 0.0])
+    assert paced(-1.0, -LORRY.reverse_speed, CRAWLED) == pytest.approx([0.25, -rolling, 0.0, 0.0])
+
+
+def test_who_crawls_stands_where_it_is_told_less_than_a_tenth_of_a_metre_a_second() -> None:
+    least = math.sqrt(0.1 / LORRY.top_speed)
+    for share in (0.0, 0.99 * least, -0.99 * least):
+        assert paced(share, 0.3, CRAWLED) == [0.25, 0.0, 1.0, 0.0]
+    assert paced(1.01 * least, 0.0, CRAWLED)[1] > 0.0

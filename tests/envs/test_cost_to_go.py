@@ -1,23 +1,25 @@
 """Costs to go to the bays of a dock: what walls, neighbours and changes of direction cost."""
 
 import math
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from race_server.core.free_space.rig import rig_of
+from race_server.core.free_space.rig import rig_of, rig_of_car
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import World
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.parking.heuristics.atlas import Atlas, cost_from, make_atlas, standing_in
-from race_server.envs.parking.heuristics.table import HEURISTICS
+from race_server.envs.parking.heuristics.table import HEURISTICS, check_vehicle
 from race_server.errors import ScenarioError
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 
-LORRY = vehicle_named("lorry-16m5")
+LORRY, CAR = vehicle_named("lorry-16m5"), vehicle_named("car")
 BAY = 8  # one of 18, in the middle
 AT_BAY = Pose(0.0, 0.0, 0.0)
 
@@ -85,5 +87,54 @@ def test_a_lot_without_slots_is_refused_in_a_sentence() -> None:
         make_atlas(world.parking.lots, world.walls, LORRY, ["yard-70"])
 
 
-def test_it_is_one_of_the_heuristics_for_vehicles_with_a_trailer() -> None:
-    assert HEURISTICS["cost-to-go"].has_trailer
+def test_a_car_is_its_rear_axle_drawn_by_its_front_wheels() -> None:
+    rig = rig_of_car(CAR, 0.0, 1.0)
+    curvature = math.sin(rig.sharpest) / (rig.bar * math.cos(rig.sharpest) + rig.hitch)
+    assert 1.0 / curvature == pytest.approx(CAR.turning_radius)
+
+
+# One bay that is reversed into: 5.0 m long, its heading leads out to an aisle of 6 m.
+BAY_OF_A_CAR = """
+area = [0, 20, 0, 11]
+vehicle = "car"
+[[rows]]
+at = [10, 2.5]
+heading = 90
+[[zones]]
+role = "start"
+x = [3, 5]
+y = [8, 8]
+[taken]
+share = 1.0
+"""
+
+
+def test_a_car_reverses_into_its_bay_and_costs_a_way_out_where_it_stands_beside_it(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "bay.toml"
+    file.write_text(BAY_OF_A_CAR)
+    world = make_world(parking_scenario(str(file)), [1])
+    made = make_atlas(world.parking.lots, world.walls, CAR, ["bay"])
+    x0, y0, cell, columns, rows = made.frames[0].tolist()
+    frame = Grid(x0, y0, cell, int(columns), int(rows))
+
+    def cost_of(out: float, aside: float, degrees: float) -> float:
+        pose = Pose(out, aside, math.radians(degrees))
+        return cost_from(made.costs[0], frame, AT_BAY, pose)
+
+    assert cost_of(0.0, 0.0, 0.0) == pytest.approx(0.0, abs=0.4)
+    assert cost_of(3.0, 0.0, 0.0) == pytest.approx(3.0, abs=0.7)
+    # Along the aisle, past the bay: a quarter of a circle back and the rest straight.
+    past = 0.5 * math.pi * CAR.turning_radius + 4.0 - CAR.turning_radius
+    assert cost_of(4.0, -3.2, -90.0) == pytest.approx(past, abs=2.0)
+    # As far before the bay it has to drive past it first.
+    assert cost_of(4.0, 3.2, -90.0) > past + 4.0
+
+
+def test_it_is_for_vehicles_with_one_trailer_or_none() -> None:
+    heuristic = HEURISTICS["cost-to-go"]
+    for vehicle in (CAR, LORRY):
+        check_vehicle(heuristic, vehicle)
+    with pytest.raises(ScenarioError, match=r"with one trailer or none, and 'lorry-16m5' draws 2;"):
+        check_vehicle(heuristic, replace(LORRY, trailers=2 * LORRY.trailers))

@@ -133,13 +133,13 @@ def test_a_summary_has_the_figures_of_a_lot() -> None:
 # Lots drawn by a seed
 
 
-@pytest.mark.parametrize("kind", ["yard", "aisle"])
+@pytest.mark.parametrize("kind", ["yard", "aisle", "kerb"])
 def test_forty_generated_lots_can_be_parked_in(kind: str) -> None:
     courses = [load_lot(f"generated:{kind}:{seed}") for seed in range(40)]
     sizes = {tuple(summary(course)["size_m"]) for course in courses}
     assert len(sizes) == 40
     for course in courses[:5]:
-        vehicle = CAR if kind == "aisle" else KART_13
+        vehicle = KART_13 if kind == "yard" else CAR
         assert cut_off(course, vehicle) == [], course.name
 
 
@@ -147,6 +147,13 @@ def test_generated_aisles_have_all_angles() -> None:
     courses = [load_lot(f"generated:aisle:{seed}") for seed in range(30)]
     turns = {abs(round(math.degrees(lot_of(course).slots[-1, 2]))) for course in courses}
     assert turns == {45, 60, 90, 270}
+
+
+def test_slots_of_generated_kerbs_follow_one_another() -> None:
+    for seed in range(10):
+        x, _, _, lengths, _ = lot_of(load_lot(f"generated:kerb:{seed}")).slots.T
+        assert np.diff(x) == pytest.approx(0.5 * (lengths[1:] + lengths[:-1]), abs=2e-3)
+        assert lengths.min() >= 5.3
 
 
 def test_a_seed_gives_the_same_lot_always() -> None:

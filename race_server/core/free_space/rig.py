@@ -87,6 +87,26 @@ def rig_of(vehicle: Vehicle, margin: float, lock: float) -> Rig:
     )
 
 
+def rig_of_car(vehicle: Vehicle, margin: float, lock: float) -> Rig:
+    """Return a vehicle without trailer as one: its front axle draws the rear axle and the body.
+
+    The angle at that hitch is the one of the wheels, so the path of the rear axle has the curvature
+    tan(angle) / wheelbase.
+    """
+    footprint = footprint_of(vehicle, margin, lock)
+    limit = math.atan(vehicle.wheelbase / footprint.radius)
+    return Rig(
+        hitch=0.0,
+        bar=vehicle.wheelbase,
+        bend=math.inf,
+        bending=math.inf,
+        limit=limit,
+        sharpest=limit,
+        drawing=Footprint(middle=0.0, half_length=0.0, half_width=0.0, radius=0.0),
+        drawn=footprint,
+    )
+
+
 def touching_angle(vehicle: Vehicle) -> float:
     """Return the least angle at the hitch [rad] at which a trailer touches what draws it.
 

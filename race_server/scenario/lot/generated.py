@@ -1,4 +1,4 @@
-"""Random car parks: ``generated:yard:17``, ``generated:aisle:4``.
+"""Random car parks: ``generated:yard:17``, ``generated:aisle:4``, ``generated:kerb:9``.
 
 Kind and seed define the lot: the same name always gives the same file. No lot of a name is among
 them, so that what was learned on those can be tried on these.
@@ -11,14 +11,17 @@ from random import Random
 
 from race_server.errors import LotError
 
-FORMS = ("generated:yard:SEED", "generated:aisle:SEED")
+FORMS = ("generated:yard:SEED", "generated:aisle:SEED", "generated:kerb:SEED")
 
-_NAME = re.compile(r"generated:(yard|aisle):(\d{1,9})")
+_NAME = re.compile(r"generated:(yard|aisle|kerb):(\d{1,9})")
 
 # For the angle of bays to their aisle [degrees]: widths of bays and of the aisle [m], between which
 # is drawn. The least of each are those of NF P91-100 (public car parks).
 BAYS = {90: ((2.5, 2.8), (5.0, 7.0)), 60: ((2.25, 2.6), (4.0, 5.5)), 45: ((2.2, 2.5), (3.5, 5.0))}
 BAY = 5.0  # [m] length of a bay
+# Lengths and widths of slots along a kerb [m], between which is drawn. The least width is that of
+# NF P91-100, the least length 1.13 times the car.
+KERB_LENGTHS, KERB_WIDTHS = (5.3, 7.0), (2.0, 2.4)
 
 
 @cache
@@ -34,7 +37,7 @@ def generated_file(name: str) -> str:
     kind, seed = match[1], int(match[2])
     chance = Random(f"{kind} {seed}")
     words = [f'title = "Generated {kind} {seed}"', 'level = "parked"']
-    words += _yard(chance) if kind == "yard" else _aisle(chance)
+    words += {"yard": _yard, "aisle": _aisle, "kerb": _kerb}[kind](chance)
     return "\n".join([*words, ""])
 
 
@@ -101,6 +104,33 @@ def _aisle(chance: Random) -> list[str]:
         words += _zone("start", (length - 6.0, length - 3.0), (-aside, aside), 180.0, 3.0)
     share = chance.uniform(0.3, 0.9)
     return [*words, "[taken]", f"share = {share:.2f}", "length = 4.7", "width = 1.9"]
+
+
+def _kerb(chance: Random) -> list[str]:
+    """Return the words of slots along a kerb, which a car may overhang, each of another length."""
+    width, behind, street = (
+        chance.uniform(*ends) for ends in (KERB_WIDTHS, (0.3, 0.6), (6.0, 8.0))
+    )
+    words: list[str] = []
+    last = 7.0  # [m] end of the slot before
+    for _ in range(chance.randint(4, 10)):
+        length = round(chance.uniform(*KERB_LENGTHS), 2)
+        words += [
+            "[[rows]]",
+            f"at = [{last + 0.5 * length:.3f}, {0.5 * width:.3f}]",
+            f"length = {length:.2f}",
+            f"width = {width:.3f}",
+        ]
+        last += length
+    share = chance.uniform(0.4, 0.95)
+    return [
+        f"area = [0, {last + 6.0:.2f}, {-behind:.2f}, {width + street:.2f}]",
+        'vehicle = "car"',
+        "limit_s = 90",
+        *words,
+        *_zone("start", (3.0, 8.0), (width + 2.0, width + street - 2.0), spread=10.0),
+        *["[taken]", f"share = {share:.2f}", "length = 4.7", "width = 1.9"],
+    ]
 
 
 def _zone(

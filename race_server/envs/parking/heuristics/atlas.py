@@ -15,7 +15,7 @@ import numpy as np
 from race_server.core.free_space.ground import Ground
 from race_server.core.free_space.obstacles import PASSING, cover_radius
 from race_server.core.free_space.prices import Prices
-from race_server.core.free_space.rig import Rig, rig_of, scale_of
+from race_server.core.free_space.rig import Rig, rig_of, rig_of_car, scale_of
 from race_server.core.free_space.towed_ways import TURNS, TowedWays, find_towed_ways
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import TURN, Pose, seen_from
@@ -28,8 +28,9 @@ from race_server.envs.parking.heuristics.heuristic import Costs
 from race_server.errors import ScenarioError
 from race_server.kept_file import keep
 
-# Distance kept from obstacles [m], and what a change of direction costs [m] for the usual bar.
-MARGIN, CUSP = 0.2, 6.0
+# Distance kept from obstacles [m] with a trailer and without, and what a change of direction costs
+# [m] for the usual bar.
+MARGIN, CAR_MARGIN, CUSP = 0.2, 0.1, 6.0
 # Cells that no way reaches continue those of their neighbours, at this cost of a metre: so
 # it costs less to come back than to go on.
 ASTRAY = 2.0
@@ -38,7 +39,7 @@ ASTRAY = 2.0
 class Atlas(NamedTuple):
     """Costs to go to slots, in the frames of their goals. Axis letter: S slots of all lots."""
 
-    costs: Costs  # (S, TURNS, R, C) [m] of places of the trailer's axle
+    costs: Costs  # (S, TURNS, R, C) [m] of places of the last axle
     frames: Floats  # (S, 5) x0, y0, side of a cell [m], columns, rows
 
 
@@ -49,7 +50,7 @@ NO_ATLAS = Atlas(np.zeros((1, 1, 1, 1), np.float32), np.zeros((1, 5)))
 def make_atlas(lots: Lots, walls: Walls, vehicle: Vehicle, names: list[str]) -> Atlas:
     """Return the costs to go to all slots of lots.
 
-    walls: of the same sites; vehicle: with one trailer; names: of the lots, for errors.
+    walls: of the same sites; vehicle: with one trailer or none; names: of the lots, for errors.
 
     Raises:
         ScenarioError: a lot has no slots, or draws blocks.
@@ -85,7 +86,8 @@ def _write(file: IO[bytes], atlas: Atlas) -> None:
 
 
 def _made(lots: Lots, walls: Walls, vehicle: Vehicle) -> Atlas:
-    rig, ground, every = rig_of(vehicle, MARGIN, 1.0), Ground(), []
+    rig = rig_of(vehicle, MARGIN, 1.0) if vehicle.trailers else rig_of_car(vehicle, CAR_MARGIN, 1.0)
+    ground, every = Ground(), []
     for lot, site in zip(lots.lots, walls.sites, strict=True):
         first = int(site["wall_start"])
         segments = walls.segments[first : first + int(site["wall_count"])]
@@ -110,7 +112,7 @@ def _made(lots: Lots, walls: Walls, vehicle: Vehicle) -> Atlas:
 
 
 def _ways_to(goal: Pose, walls: Floats, boxes: Floats, rig: Rig, ground: Ground) -> TowedWays:
-    """Return the costs to go to a pose of the trailer's axle, over all that lies between walls."""
+    """Return the costs to go to a pose of the last axle, over all that lies between walls."""
     ends = walls.reshape(-1, 2)
     low, high = ends.min(axis=0, initial=math.inf), ends.max(axis=0, initial=-math.inf)
     lowest, highest = Pose(low[0], low[1], 0.0), Pose(high[0], high[1], 0.0)
@@ -123,7 +125,7 @@ def _ways_to(goal: Pose, walls: Floats, boxes: Floats, rig: Rig, ground: Ground)
 
 
 def _goal_of(slot: Record, vehicle: Vehicle) -> Pose:
-    """Return where the axle of a trailer stands, parked straight in the middle of a slot."""
+    """Return where the last axle of a vehicle stands, straight in the middle of a slot."""
     parker, body = np.zeros(1, PARKER).view(np.recarray)[0], np.zeros(1, BODY).view(np.recarray)[0]
     parker.x, parker.y, parker.heading = slot["x"], slot["y"], slot["heading"]
     return Pose(*aim_of(body, vehicle_record(vehicle)[0], parker).goal_last)
@@ -213,7 +215,7 @@ def _smooth(costs: Floats, smooth: Costs) -> None:
 
 @kernel
 def cost_from(costs: Costs, grid: Grid, goal: Pose, pose: Pose) -> float:
-    """Return the cost to go [m] from a pose of the trailer's axle, linear between cells.
+    """Return the cost to go [m] from a pose of the last axle, linear between cells.
 
     costs: (TURNS, R, C), at least as many cells as the grid has, which lies in the frame of the
     goal.

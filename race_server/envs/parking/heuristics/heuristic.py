@@ -24,7 +24,7 @@ class Heuristic:
     knows: str  # that the others may not
     cells: int = NO_CELLS
     has_trailer: bool = False  # only for vehicles with one trailer
-    has_atlas: bool = False  # reads the costs to go of an atlas
+    has_atlas: bool = False  # reads the costs to go of an atlas: for one trailer at most
 
 
 class Chart(NamedTuple):

@@ -81,9 +81,17 @@ def check_vehicle(heuristic: Heuristic, vehicle: Vehicle) -> None:
         ScenarioError: it needs a trailer that the vehicle does not draw, or only one.
     """
     count = len(vehicle.trailers)
-    if heuristic.has_trailer and count != 1:
-        fitting = ", ".join(name for name, one in HEURISTICS.items() if not one.has_trailer)
+    if not _fits(heuristic, count):
+        few = "one trailer" if heuristic.has_trailer else "one trailer or none"
+        fitting = ", ".join(name for name, one in HEURISTICS.items() if _fits(one, count))
         raise ScenarioError(
-            f"heuristic {heuristic.name!r} is for vehicles with one trailer, and "
+            f"heuristic {heuristic.name!r} is for vehicles with {few}, and "
             f"{vehicle.name!r} draws {count}; choose one of {fitting}"
         )
+
+
+def _fits(heuristic: Heuristic, trailers: int) -> bool:
+    """Return whether a heuristic is for vehicles with so many trailers."""
+    if heuristic.has_trailer:
+        return trailers == 1
+    return trailers <= 1 or not heuristic.has_atlas
