@@ -91,7 +91,7 @@ def check_vehicle(heuristic: Heuristic, vehicle: Vehicle) -> None:
 
 
 def _fits(heuristic: Heuristic, trailers: int) -> bool:
-    """Return whether a heuristic is for vehicles with so many trailers."""
+    """Return whether a heuristic is for vehicles with this number of trailers."""
     if heuristic.has_trailer:
         return trailers == 1
     return trailers <= 1 or not heuristic.has_atlas
