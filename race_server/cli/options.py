@@ -76,10 +76,14 @@ def drivers_for(
 
     Raises:
         ScenarioError: one of them is not installed.
+        VehicleError: one of the vehicles does not exist.
         DriverError: one of them is not made for one of the vehicles.
     """
     from race_server.core.suitability import check_suits, suited
+    from race_server.core.vehicle_presets import vehicle_named
 
+    for vehicle in vehicles:
+        vehicle_named(vehicle)
     names = known_drivers(text)
     if not names:
         names = tuple(usual)

@@ -32,7 +32,9 @@ def tiny(algorithm: str = "sac", *changes: str) -> Settings:
             *("parking.lots=['face-to-face']", "parking.limit_s=2.0", "evaluation=none"),
             "evaluation.score=success",
             *(f"algorithm.name={algorithm}", f"algorithm.options={TINY[algorithm]}"),
-            *("network.last_log_std=none", "parking.shaping=hurl", *changes),
+            *("network.last_log_std=none", "parking.shaping=hurl"),
+            *("vehicle=kart-13", "observation=park", "action=park", "lidar=none"),
+            *("parking.decision_ticks=6", "parking.heuristic=euclid", *changes),
         ],
     )
 

@@ -124,13 +124,16 @@ def test_no_control_makes_the_motion_blow_up(
 ) -> None:
     vehicle = VEHICLES[name]
     state = Motion(0.0, 0.0, 0.0, vehicle.top_speed, 0.0, 0.0, 0.0)
+    # Its centre of gravity moves faster than its rear axle where wheels that never slip are turned.
+    share = vehicle.rear_axle / vehicle.wheelbase * math.tan(vehicle.steering_limit)
+    most = 1.05 * vehicle.top_speed * math.hypot(1.0, share if vehicle.kinematic_below > 40 else 0)
     for steering, throttle, brake in inputs:
         state = drive(
             vehicle, 0.25, steering=steering, throttle=throttle, brake=brake, state=state, grip=grip
         )
         speed = math.hypot(state[SPEED], state[LATERAL])
         assert all(math.isfinite(value) for value in state)
-        assert speed <= 1.05 * vehicle.top_speed
+        assert speed <= most
 
 
 def test_without_slip_the_rear_axle_drives_the_circle_of_the_steering_angle() -> None:
@@ -143,6 +146,6 @@ def test_without_slip_the_rear_axle_drives_the_circle_of_the_steering_angle() ->
 
 def test_an_unknown_vehicle_names_those_that_exist() -> None:
     with pytest.raises(
-        VehicleError, match=r"'kart-90' is unknown; choose one of car, car-trailer, kart-13"
+        VehicleError, match=r"'kart-90' is unknown; choose one of car, car-trailer, highway-car"
     ):
         vehicle_named("kart-90")
