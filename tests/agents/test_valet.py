@@ -265,8 +265,8 @@ def test_another_process_plans_the_same_way() -> None:
         path = planner.ask(plan_to_slot, asked).result(timeout=300.0)
         assert path.arcs.tolist() == plan_to_slot(*asked).arcs.tolist()
         walls = np.array([[15.0, -5, 25, -5], [25, -5, 25, 5], [25, 5, 15, 5], [15, 5, 15, -5.0]])
+        walled = (*asked[:3], Chart(walls, NO_BOXES))
         with pytest.raises(PlanError, match="no way leads from"):
-            walled = (*asked[:3], Chart(walls, NO_BOXES))
             planner.ask(plan_to_slot, walled).result(timeout=300.0)
     finally:
         planner.close()
