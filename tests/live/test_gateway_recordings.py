@@ -140,6 +140,19 @@ def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording:
 
 
 @pytest.mark.net
+def test_a_pause_is_confirmed_at_once(served: ServedRace, recording: Path) -> None:
+    with Browser(served.base, {"source": f"recording:{recording.stem}", "rate": 60}) as browser:
+        browser.word("position")
+        browser.send({"type": "play", "speed": 1})
+        browser.frame(b"RSNP")
+        browser.send({"type": "pause"})
+        while browser.word("position")["playing"]:
+            pass
+        browser.send({"type": "play", "speed": 0.5})
+        assert browser.word("position")["playing"]
+
+
+@pytest.mark.net
 def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) -> None:
     with Browser(served.base, {"role": "spectate"}) as browser:
         browser.send({"type": "seek", "tick": 1})

@@ -281,7 +281,9 @@ def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: St
     # Playwright marks the handler, which a builtin method does not allow.
     page.on("websocket", lambda opened: sockets.append(opened))
     page.get_by_test_id("recordings").get_by_role("button").first.click()
-    page.get_by_test_id("play").click()  # it plays at once: stand still
+    play = page.get_by_test_id("play")
+    play.get_by_text("Pause").click()  # it plays at once: stand still
+    play.get_by_text("Play").wait_for()
     page.get_by_test_id("scrubber").focus()
     for _ in range(150):
         page.keyboard.press("ArrowRight")

@@ -64,7 +64,7 @@ class Player:
         kind = request["type"]
         if kind == "play":
             self._speed = request["speed"]
-            if self._tick >= self._recording.last_tick:
+            if self._sought is None and self._tick >= self._recording.last_tick:
                 self._sought = 0
             self._is_playing = True
         elif kind == "pause":
@@ -75,6 +75,8 @@ class Player:
             self._is_playing = False
             self._sought = (self._tick if self._sought is None else self._sought) + request["ticks"]
         self._anchor = (float(self._tick), time.monotonic())
+        if self._sought is None:
+            self._send_position()  # a pause has no other answer
         self._changed.set()
 
     async def run(self) -> None:
