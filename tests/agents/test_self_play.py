@@ -273,7 +273,7 @@ def test_the_shipped_policy_comes_before_the_driver_that_it_advises() -> None:
         base="raceline",
         random_grid=True,
     )
-    batch = Batch(task, worlds=24, seed=7, after=STAY)
+    batch = Batch(task, worlds=48, seed=7, after=STAY)
     for _ in range(900):
         batch.step(policy.decide(batch.observations[:, 0]))
     places = batch.world.racers["rank"].mean(axis=0)
