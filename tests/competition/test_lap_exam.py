@@ -28,6 +28,8 @@ from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import TrackError
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.track.load import load_course
 
 
 def one_try(course: str, clean: int, ratio: float) -> CourseTry:
@@ -138,6 +140,10 @@ def test_an_exam_tells_whose_limit_is_solved_and_in_which_lap_a_driver_is(
     monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
     monkeypatch.setattr(lap_exam, "drive_run", drive)
     monkeypatch.setattr(lap_exam, "reference_limit", lambda *_: None)
+    bundled = lap_exam.known_limit(load_course("oval"), bounds_of(TT02))
+    monkeypatch.setattr(
+        lap_exam, "known_limit", lambda course, _: bundled if course.name == "oval" else None
+    )
     heard: list[str] = []
     spec = LapExamSpec(("oval", "generated:circuit:3"), laps=2)
     list(examine(spec, ["raceline"], watch=heard.append))
