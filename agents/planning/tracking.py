@@ -238,10 +238,9 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     slipping = slip_share(cockpit.memory)
     turn_s = slipping * turning_time(vehicle, speed)
     delay = DELAY_S * (0.5 + 0.5 * slipping) + DELAY_SHARE * turn_s
-    lead_s, frequency = turn_s, FREQUENCY
-    if is_stiff(vehicle):
-        lead_s, frequency = STIFF_LEAD_S + turn_s, STIFF_FREQUENCY
-    lead = speed * lead_s / step
+    soft = 0.0 if is_stiff(vehicle) else slipping
+    frequency = STIFF_FREQUENCY + soft * (FREQUENCY - STIFF_FREQUENCY)
+    lead = speed * (STIFF_LEAD_S * (1.0 - soft) + turn_s) / step
     bend = at_distance(observation, offsets[CURVATURE], lead)
     bend /= max(1.0 - shift * bend, 0.3)
 
