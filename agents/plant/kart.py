@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from race_agents.onboard.control_unit import STOP, Fix, Readings
-from race_agents.onboard.safety import Command, Echoes
 from race_agents.plant.body import Body, as_built
 from race_agents.plant.radar import Floats, Surroundings, scan, scan_all_around
+from race_agents.unit.control_unit import STOP, Fix, Readings
+from race_agents.unit.safety import Command, Echoes
 from race_server.core.messages import Control, Source
 from race_server.core.vehicles import Vehicle
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.onboard.safety import Echoes
 from race_agents.plant.body import Body
+from race_agents.unit.safety import Echoes
 from race_server.core import codes
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.polyline import corners_of_box, segments_of

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
-from race_agents.onboard import ekf
-from race_agents.onboard.control_unit import UNSEEN_S, ControlUnit, Fix, Readings
-from race_agents.onboard.ekf import KartFilter, antenna_at, antenna_jacobian, drive_on, jacobian_of
-from race_agents.onboard.fence import CourseFence
-from race_agents.onboard.safety import (
+from race_agents.plant.kart import Plant, Sensors
+from race_agents.plant.radar import Person, Surroundings, gap_to
+from race_agents.unit import ekf
+from race_agents.unit.control_unit import UNSEEN_S, ControlUnit, Fix, Readings
+from race_agents.unit.ekf import KartFilter, antenna_at, antenna_jacobian, drive_on, jacobian_of
+from race_agents.unit.fence import CourseFence
+from race_agents.unit.safety import (
     Cause,
     Echoes,
     Limits,
@@ -27,8 +29,6 @@ from race_agents.onboard.safety import (
     watch_speed,
     way_along,
 )
-from race_agents.plant.kart import Plant, Sensors
-from race_agents.plant.radar import Person, Surroundings, gap_to
 from race_server.core import codes
 from race_server.core.messages import Control, Event, EventKind, Status, Trust
 from race_server.core.observation import Observation

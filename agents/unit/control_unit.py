@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.onboard.ekf import HEADING, SLIDE, SPEED, YAW_RATE, KartFilter, X, Y
-from race_agents.onboard.fence import Fence
-from race_agents.onboard.safety import (
+from race_agents.unit.ekf import HEADING, SLIDE, SPEED, YAW_RATE, KartFilter, X, Y
+from race_agents.unit.fence import Fence
+from race_agents.unit.orders import Orders
+from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     Command,
     Echoes,
@@ -31,7 +32,6 @@ from race_agents.onboard.safety import (
 )
 from race_server.core.messages import Button, Control, Pose, Source
 from race_server.core.vehicles import GRAVITY, Vehicle
-from race_server.net.wire.drive import HudFrame
 
 MICROSECONDS = 1_000_000
 # Standard deviations of the readings, where a sensor does not give its own.
@@ -83,7 +83,7 @@ class ControlUnit:
     fence: Fence
     limits: Limits
     fusion: KartFilter | None = None  # from the first position fix on
-    hud: HudFrame | None = None
+    hud: Orders | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
     echoes: Echoes = field(default_factory=Echoes.nothing)
@@ -103,7 +103,7 @@ class ControlUnit:
         """Return the unit of a kart of this kind."""
         return cls(vehicle, fence, Limits.of(vehicle))
 
-    def hear(self, hud: HudFrame, now_s: float) -> None:
+    def hear(self, hud: Orders, now_s: float) -> None:
         """Take what the game wants of this kart."""
         self.hud, self._hud_s = hud, now_s
 
