@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from race_server.competition.time_limit import TimeLimitExceeded, time_limit
-from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
+from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of, note_of
 from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, RunSpec, task_of
 from race_server.core import codes
 from race_server.core.clock import TICK_S
@@ -186,9 +186,7 @@ class Attempt:
     def _note(self) -> None:
         body, racer, race = self._body, self._racer, self.batch.world.races[0]
         seconds = (int(race.tick) - int(race.start_tick)) * TICK_S
-        self.notes.append(
-            (seconds, racer.progress, body.x, body.y, body.speed, body.steering, racer.off_track)
-        )
+        self.notes.append(note_of(seconds, body, racer))
 
     def _reason(self) -> str:
         """Return a text that says why a run ended before its last lap."""
