@@ -86,6 +86,7 @@ class Batch:
         self.threads = min(threads, worlds)
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._restarts: list[Callable[[], None]] = []
+        self._restarts_of: dict[int, Callable[[], None]] = {}  # of single worlds, made when asked
         self._decisions: list[list[Callable[[], None]]] = []
         for part in self._cut(self.threads):
             self._bind(*part)
@@ -227,6 +228,18 @@ class Batch:
         for begin in self._restarts:
             begin()
         return self.buffers.observations
+
+    def restart(self, w: int) -> None:
+        """Begin a new round in one world; the observations of its learners are those of its start.
+
+        So an interface with ends of its own decides when a round is over.
+        """
+        if w not in self._restarts_of:
+            world, buffers = part_of(self.world, w, w + 1), part_of_buffers(self.buffers, w, w + 1)
+            self._restarts_of[w] = bind(
+                self.task.discipline.restart, world, buffers, self._templates
+            )
+        self._restarts_of[w]()
 
     def seed_next(self, w: int, seed: int) -> None:
         """Let the next round of a world be the first one of another seed.
