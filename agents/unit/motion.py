@@ -32,7 +32,7 @@ class Agility:
     bias_drift: float = 1e-3  # [rad/s in √s] of the gyro
     scale_drift: float = 1e-4  # [1/√s] of the wheels' circumference
     compliance_drift: float = 1e-4  # [s²/m in √s] of the tyres
-    delay_drift: float = 5e-4  # [s in √s]
+    delay_drift: float = 1e-4  # [s in √s]
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> "Agility":

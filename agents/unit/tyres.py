@@ -19,7 +19,7 @@ MOST_LOAD = 0.9
 FELT, GUESSED = 0.45, 1.5
 # Slip angles [rad] that are not explained, at no load and at the limit, which last for some tenths
 # of a second and so count more than noise of this size; and a slide at a crawl [m/s].
-SLIP, LOADED_SLIP, CRAWL = 0.004, 0.05, 0.02
+SLIP, LOADED_SLIP, CRAWL = 0.003, 0.035, 0.02
 
 
 @dataclass(frozen=True)
