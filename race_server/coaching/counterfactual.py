@@ -61,7 +61,7 @@ class Motion:
         return most[::-1]
 
     def going_on(self, index: int, speed: float) -> float:
-        """Return the acceleration [m/s²] at a point for a driver who has another speed there.
+        """Return the acceleration [m/s²] at a point for a driver with another speed there.
 
         On the throttle he keeps it where it was, and what the vehicle has left at this speed makes
         the difference; elsewhere he lacks speed, and takes what the vehicle has.

@@ -1,4 +1,4 @@
-"""What corners cost: against whole laps that are solved anew, and in sum."""
+"""What corners cost: against whole laps that are solved again, and in sum."""
 
 from dataclasses import replace
 from functools import cache
