@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.ekf import HEADING, SLIDE, SPEED, YAW_RATE, KartFilter, X, Y
+from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
+from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
 from race_agents.unit.orders import Orders
+from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     Command,
@@ -31,48 +33,16 @@ from race_agents.unit.safety import (
     watch_speed,
 )
 from race_server.core.messages import Button, Control, Pose, Source
-from race_server.core.vehicles import GRAVITY, Vehicle
+from race_server.core.vehicles import Vehicle
 
 MICROSECONDS = 1_000_000
-# Standard deviations of the readings, where a sensor does not give its own.
-WHEEL_DEVIATION, WHEEL_SHARE, GYRO_DEVIATION = 0.05, 0.02, 0.02  # [m/s], of the speed, [rad/s]
 # Without a position fix for longer than this [s] the place is dead reckoning.
 FIX_S = 0.5
-# [rad] by which rear tyres that hold run aside, and [m/s] at a crawl, as standard deviations.
-SLIP, CRAWL_SLIP = 0.1, 0.05
-# An acceleration, as a share of what the tyres hold, that only a wall or another kart can cause.
-BLOW = 1.3
-
 
 STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
 # A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
-
-
-@dataclass(frozen=True)
-class Fix:
-    """One reading of the position."""
-
-    x: float
-    y: float
-    deviation: float  # [m]
-    source: Source = Source.CORRECTED_SATELLITES
-    heading: float | None = None  # [rad] of a receiver with two antennas
-
-
-@dataclass(frozen=True)
-class Readings:
-    """What the sensors give at one moment; None where one has nothing new."""
-
-    time_s: float  # by the kart's own clock
-    wheel_speed: float  # [m/s]
-    yaw_rate: float  # [rad/s] of the gyro, with its bias
-    steering: float  # [rad] at the road wheels
-    acceleration: tuple[float, float] | None = None  # [m/s²] ahead and to the left
-    fix: Fix | None = None
-    echoes: Echoes | None = None
-    ranges: NDArray[np.float64] | None = None  # [m] of a lidar's rays, right to left, 0 for nothing
 
 
 @dataclass
@@ -82,7 +52,7 @@ class ControlUnit:
     vehicle: Vehicle
     fence: Fence
     limits: Limits
-    fusion: KartFilter | None = None  # from the first position fix on
+    fusion: Estimator | None = None  # from the first position fix on
     hud: Orders | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
@@ -92,7 +62,6 @@ class ControlUnit:
     _driver: Control = STOP
     _driver_s: float = -math.inf
     _time_s: float = 0.0
-    _rate: float = 0.0  # [rad/s] that the gyro gave last
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
@@ -113,7 +82,7 @@ class ControlUnit:
 
     def sense(self, readings: Readings) -> None:
         """Take the newest readings."""
-        dt, self._time_s = readings.time_s - self._time_s, readings.time_s
+        self._time_s = readings.time_s
         self.steering = readings.steering
         if readings.echoes is not None:
             self.echoes = readings.echoes
@@ -122,50 +91,23 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        felt = readings.acceleration
-        self.fusion.predict(dt, push=self._push(felt, readings.yaw_rate, dt), blow=self._blow(felt))
-        self.fusion.see_grip(CRAWL_SLIP + SLIP * abs(float(self.fusion.state[SPEED])))
-        speed = readings.wheel_speed
-        self.fusion.see_speed(speed, WHEEL_DEVIATION + WHEEL_SHARE * abs(speed))
-        self.fusion.see_yaw_rate(readings.yaw_rate, GYRO_DEVIATION)
-        if (fix := readings.fix) is not None:
-            if self.fusion.see_position(fix.x, fix.y, fix.deviation):
-                self._fix_s, self._source = readings.time_s, fix.source
-
-    def _push(
-        self, felt: tuple[float, float] | None, rate: float, dt: float
-    ) -> tuple[float, float]:
-        """Return how the speeds of the rear axle change [m/s²], ahead and to the left.
-
-        felt: by the accelerometer, which sits in the centre of gravity; rate: what the gyro says.
-        """
-        assert self.fusion is not None
-        turned, self._rate = rate - self._rate, rate
-        if felt is None or dt <= 0.0:
-            return 0.0, 0.0
-        speed, turn, slide = self.fusion.state[[SPEED, YAW_RATE, SLIDE]]
-        lever = self.vehicle.rear_axle
-        ahead = felt[0] + turn * (slide + lever * turn)
-        return float(ahead), float(felt[1] - turn * speed - lever * turned / dt)
-
-    def _blow(self, felt: tuple[float, float] | None) -> float:
-        """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""
-        if felt is None:
-            return 0.0
-        blow = math.hypot(*felt)
-        return blow if blow > BLOW * self.vehicle.grip * GRAVITY else 0.0
+        if self.fusion.sense(readings):
+            assert readings.fix is not None
+            self._fix_s, self._source = readings.time_s, readings.fix.source
+        elif readings.beacons and self._time_s - self._fix_s > FIX_S:
+            self._source = Source.BEACONS
 
     def _begin(self, fix: Fix | None) -> None:
-        """Begin at the first fix, facing along the course, as every kart does on a grid.
+        """Begin at the first fix: facing as two antennas say or, with one, along the course.
 
-        In a car park the fix has to tell the heading: until one does, the kart does not move.
+        So every kart does on a grid. In a car park the fix has to tell the heading: until one does,
+        the kart does not move.
         """
         if fix is None:
             return
-        heading = self.fence.heading_at(fix.x, fix.y)
-        if (heading := fix.heading if heading is None else heading) is not None:
-            lever = self.vehicle.rear_axle
-            self.fusion = KartFilter(fix.x, fix.y, heading, lever=lever)
+        heading = self.fence.heading_at(fix.x, fix.y) if fix.heading is None else fix.heading
+        if heading is not None:
+            self.fusion = Estimator(self.vehicle, fix, heading, self._time_s)
             self._fix_s, self._source = self._time_s, fix.source
 
     def decide(self, now_s: float) -> Command:

@@ -94,10 +94,8 @@ def lap_on(course: Course, name: str, time_us: int, samples: Mapping[str, Floats
 
 def reference_lap(course: Course, line: ReferenceLine, bounds: Bounds) -> Lap:
     """Return the lap along a reference line at its speeds, with the pedals that they take."""
-    sides = segments_of(course.line[:, :2])
     count = len(line.x)
-    _, nearest = nearest_on(sides, np.column_stack([line.x, line.y]))
-    progress = _progress_of(course, nearest, line)
+    progress = progress_on(course, line)
     # From line to line: the sample before the timing line and the one behind it are a lap apart.
     progress = np.concatenate(
         [progress[-1:] - course.length, progress, progress[:1] + course.length]
@@ -141,9 +139,11 @@ def offset_from(course: Course, places: Floats, x: Floats, y: Floats) -> Floats:
     return np.asarray((y - centre_y) * np.cos(way) - (x - centre_x) * np.sin(way))
 
 
-def _progress_of(course: Course, nearest: Floats, line: ReferenceLine) -> Floats:
-    """Return the progress (N,) [m] of points on the centre line, that go round it in order."""
+def progress_on(course: Course, line: ReferenceLine) -> Floats:
+    """Return the progress (N,) [m] of a line's samples, in order from about zero."""
     count = len(line.x)
+    sides = segments_of(course.line[:, :2])
+    _, nearest = nearest_on(sides, np.column_stack([line.x, line.y]))
     # `beside` says which sample of the line is abreast of each of the centre line, to the nearest;
     # the point itself says where between.
     order = np.argsort(line.beside, kind="stable")

@@ -86,8 +86,8 @@ class _Seat:
 def recorded_laps(recording: Recording) -> RecordedLaps:
     """Return the laps of a recording.
 
-    The race is driven again from its journal, without scans. Where the world of this version differs
-    from the recorded one, the laps end, and a remark says so.
+    The race is driven again from its journal, without scans. Where the world of this version
+    differs from the recorded one, the laps end, and a remark says so.
 
     Raises:
         RecordingError: it does not fit this version, or was made in a car park.

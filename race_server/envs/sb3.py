@@ -50,6 +50,7 @@ class KartVecEnv(VecEnv):
         super().__init__(
             worlds * learners, observation_space(self.batch.layout), action_space(task.action)
         )
+        self.seed(seed)  # the first reset begins with it, as after a call of `seed`
         self.curriculum = curriculum
         self._decisions = 0
         self._begun = time.monotonic()
@@ -77,6 +78,7 @@ class KartVecEnv(VecEnv):
         )
         if self.batch.buffers.odds.shape == before.buffers.odds.shape:
             self.batch.buffers.odds[:] = before.buffers.odds
+        self.seed(seed)
         before.close()
 
     @property
@@ -103,6 +105,15 @@ class KartVecEnv(VecEnv):
         if len(ended):
             self._ask([infos[number]["episode"] for number in ended])
         return self._seen(), batch.rewards.ravel().copy(), dones, infos
+
+    def save_state(self) -> bytes:
+        """Return the state of all races, see `Batch.save_state`."""
+        return self.batch.save_state()
+
+    def load_state(self, state: bytes) -> Array:
+        """Put all races into a saved state, of as many or of one; return the observations."""
+        self.batch.load_state(state)
+        return self._seen()
 
     def _ask(self, episodes: Sequence[dict[str, Any]]) -> None:
         """Ask the curriculum how often each scenario is drawn from now on."""

@@ -3,6 +3,7 @@
 import type { Course } from '../race/course';
 import type { Visit } from '../race/visit.svelte';
 import type { KartFrame } from '../wire/frames';
+import type { SceneView } from '../scene/view';
 import type { Meter, Share } from './meter';
 
 export interface Stats {
@@ -15,6 +16,7 @@ export interface Stats {
   readonly karts: readonly KartFrame[];
   /** The points of the centre line. */
   way(): [number, number][];
+  scene?: SceneView; // where the race is shown in three dimensions
 }
 
 declare global {

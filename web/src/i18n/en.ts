@@ -169,6 +169,15 @@ export const en = {
     raysHelp: 'Lidar and radar of the followed kart',
     line: 'Ideal line',
   },
+  space: {
+    name: '3-D',
+    label: 'The race in three dimensions',
+    loading: 'Loading the 3-D view',
+    failed: 'This browser draws no 3-D pictures (WebGL 2).',
+    flat: 'Flat view',
+    camera: 'Camera',
+    eyes: { driver: 'Driver', chase: 'Chase', trackside: 'Trackside', above: 'Above' },
+  },
 
   countdown: {
     lobby: 'Waiting in the lobby',

@@ -167,6 +167,15 @@ export const fr: Words = {
     raysHelp: 'Lidar et radar du kart suivi',
     line: 'Ligne idéale',
   },
+  space: {
+    name: '3D',
+    label: 'La course en trois dimensions',
+    loading: 'Chargement de la vue 3D',
+    failed: 'Ce navigateur ne dessine pas en 3D (WebGL 2).',
+    flat: 'Vue simple',
+    camera: 'Caméra',
+    eyes: { driver: 'Pilote', chase: 'Poursuite', trackside: 'Bord de piste', above: 'Vue du ciel' },
+  },
 
   countdown: {
     lobby: 'En attente',
