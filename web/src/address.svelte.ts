@@ -4,7 +4,7 @@ import { SvelteMap } from 'svelte/reactivity';
 
 import type { Hello, Role } from './wire/protocol';
 
-export type View = 'watch' | 'drive' | 'steward' | 'replay';
+export type View = 'watch' | 'timing' | 'drive' | 'steward' | 'replay';
 
 export interface Place {
   view: View;
@@ -15,6 +15,7 @@ export interface Place {
 const ROLE_VIEWS: Record<Role, View> = { spectate: 'watch', drive: 'drive', steward: 'steward' };
 const VIEW_ROLES: Record<View, Role> = {
   watch: 'spectate',
+  timing: 'spectate',
   drive: 'drive',
   steward: 'steward',
   replay: 'spectate',
@@ -85,7 +86,7 @@ export function parse(hash: string): Asked {
   const wanted = parts.get('role');
   const role: Role | null =
     wanted === 'drive' || wanted === 'steward' || wanted === 'spectate' ? wanted : null;
-  const named = (['watch', 'drive', 'steward'] as const).find((view) => parts.has(view));
+  const named = (['watch', 'timing', 'drive', 'steward'] as const).find((view) => parts.has(view));
   const view = parts.has('replay') ? 'replay' : (named ?? (role ? ROLE_VIEWS[role] : 'watch'));
   return {
     place: {

@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass
+from typing import Any
 
 import flatbuffers
 
@@ -31,6 +32,13 @@ class StandingsFrame:
     laps: int
     course: str
     rows: tuple[Standing, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data; what has a name by its name."""
+        named = {"phase": self.phase.name.lower(), "flag": self.flag.name.lower()}
+        rows = [row.as_json() for row in self.rows]
+        numbers = {name: getattr(self, name) for name in ("epoch", "tick", "start_tick", "laps")}
+        return {"course": self.course, **numbers, **named, "rows": rows}
 
 
 # Slot and layout of each number of a row.

@@ -143,6 +143,7 @@ function readStanding(table: Standings, index: number): StandingFrame {
   const row = table.rows(index)!;
   const parking = row.parking();
   const planned = row.planned();
+  const timing = row.timing();
   return {
     driver: row.driver() ?? '',
     seat: row.seat(),
@@ -165,6 +166,13 @@ function readStanding(table: Standings, index: number): StandingFrame {
       moves: parking.moves(),
     },
     planned: planned && { seconds: planned.time(), way: planned.way(), moves: planned.moves() },
+    timing: timing && {
+      intervalUs: Number(timing.intervalUs()),
+      theoreticalUs: Number(timing.theoreticalUs()),
+      lapsDown: timing.lapsDown(),
+      gained: timing.gained(),
+      miniMerits: rowsOf(timing.miniMeritsLength(), (mini) => timing.miniMerits(mini)!),
+    },
   };
 }
 
