@@ -104,7 +104,7 @@ class Lap(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(**options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Move on by one decision; who has made a lap is done."""
+        """Move on by one decision; a lap ends the episode."""
         seen, reward, is_over, is_cut, info = self.env.step(action)
         self._decisions += 1
         is_success = not is_over and self._decisions >= decisions_of_a_lap()

@@ -232,7 +232,7 @@ class Batch:
     def restart(self, w: int) -> None:
         """Begin a new round in one world; the observations of its learners are those of its start.
 
-        So an interface with ends of its own decides when a round is over.
+        So an interface can decide itself when a round is over.
         """
         if w not in self._restarts_of:
             world, buffers = part_of(self.world, w, w + 1), part_of_buffers(self.buffers, w, w + 1)

@@ -136,7 +136,7 @@ class ParkCars:
         return Moved(rewards, over, time_is_up(self._steps, self.config), infos)
 
     def infos(self, actions: Array) -> Infos:
-        """Return speeds [m/s], and who has crashed or made it."""
+        """Return speeds [m/s], crashes and successes."""
         goals, bodies = self.observe(), self.batch.world.bodies
         self._near = self.reward(goals["achieved_goal"], goals["desired_goal"])
         return {
