@@ -12,7 +12,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.compatible.config import Config
 
 Array = NDArray[Any]
-Infos = dict[str, Any]  # of arrays (W, ...), some in dictionaries of their own
+Infos = dict[str, Any]  # arrays (W, ...), and dictionaries of such
 
 
 class Moved(NamedTuple):

@@ -136,7 +136,7 @@ class ParkCars:
         return Moved(rewards, over, time_is_up(self._steps, self.config), infos)
 
     def infos(self, actions: Array) -> Infos:
-        """Return speeds [m/s], and who has crashed or made it."""
+        """Return speeds [m/s], crashes and successes."""
         goals, bodies = self.observe(), self.batch.world.bodies
         self._near = self.reward(goals["achieved_goal"], goals["desired_goal"])
         return {
@@ -161,11 +161,20 @@ class ParkCompatible(CompatibleEnv):
         return self.cars.reward(achieved_goal, desired_goal)
 
 
+class ParkCompatibleVector(CompatibleVector):
+    """Many cars that drive to their slots, each in its own car park."""
+
+    def compute_reward(self, achieved_goal: Array, desired_goal: Array, info: Any) -> Array:
+        """Return the reward for goals (n, 6) or (6,). info: not used."""
+        assert isinstance(self.cars, ParkCars)
+        return self.cars.reward(achieved_goal, desired_goal)
+
+
 def park_compatible_vector(
     num_envs: int = 1, config: Mapping[str, Any] | None = None
-) -> CompatibleVector:
+) -> ParkCompatibleVector:
     """Return `num_envs` cars, each in its own car park. config: as of `ParkCompatible`."""
-    return CompatibleVector(ParkCars(config or {}, num_envs))
+    return ParkCompatibleVector(ParkCars(config or {}, num_envs))
 
 
 def _open(course: Course) -> Course:

@@ -183,7 +183,7 @@ class RacetrackCars:
         return Moved(rewards, over, time_is_up(self._steps, config), infos)
 
     def infos(self, actions: Array) -> Infos:
-        """Return speeds [m/s], who has crashed, and what the reward is made of."""
+        """Return speeds [m/s], crashes, and what the reward is made of."""
         world = self.batch.world
         offsets = world.racers["lateral_offset"][:, 0]
         lateral = np.abs(np.abs(offsets) - 0.5 * LANE)
