@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from race_agents.commands.exam_coaching import coaching
 from race_agents.commands.exam_laps import laps
 from race_agents.commands.exam_result import Result
 from race_server.cli.document import AsJson, print_document
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 app.command()(laps)
+app.command()(coaching)
 
 # Seeds of failures that are told to a person, of each kind.
 MOST_TOLD = 8
