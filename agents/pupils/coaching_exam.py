@@ -113,8 +113,10 @@ def examine(
         for kind, corner in product(SIZES, school.corners):
             for size in SIZES[kind]:
                 line = line_with(road, Habit(kind, corner, size))
-                lap = line and drive_lap(school.course, school.vehicle, line, seed)
-                if lap:
+                if line is None:
+                    continue
+                lap = drive_lap(school.course, school.vehicle, line, seed)
+                if lap is not None:
                     yield _attempt(school, lap, clean, (kind.name.lower(), size), corner, seed)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from race_server.coaching.corners import Corner
 from race_server.coaching.faults import FaultKind
 from race_server.coaching.lap import Lap, progress_on
-from race_server.core.state import Floats
+from race_server.core.state import Floats, Ints
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.raceline.detour import shifted
 from race_server.scenario.raceline.profile import driving
@@ -154,7 +154,7 @@ def _late_throttle(road: Road, corner: Corner, size: float) -> Floats:
     return speed
 
 
-def _stretch(road: Road, start: float, end: float) -> Floats:
+def _stretch(road: Road, start: float, end: float) -> Ints:
     """Return the samples from one progress to another, in order."""
     first, last = road.sample(start), road.sample(end)
     count = len(road.line.speed)
