@@ -170,6 +170,9 @@ def summary_of(tried: Sequence[Attempted], corners: int) -> dict[str, Any]:
         "clean_corners_with_a_fault": sum(
             word != unknown for one in clean for word in one.elsewhere
         ),
+        "clean_corners_called_unknown": sum(
+            word == unknown for one in clean for word in one.elsewhere
+        ),
         "weak_corners_with_a_word": len(spoken),
         "weak_corners_called_unknown": sum(word == unknown for word in spoken),
         "kinds": rows,

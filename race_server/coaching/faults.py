@@ -60,9 +60,11 @@ LEAST_US, UNEXPLAINED_US = 20_000, 80_000
 _PACE, _LATE_PER_SLOW = 0.2, 2.5
 # A throttle is late that is less open by this share at least: a weak motor gains speed late too.
 _SHUT = 0.04
-# One that is less open by this share in the bend already, and late by this share of the stretch
-# without acceleration, is late and not lifted.
-_SHUT_EARLY, _LATE_SHARE = 0.08, 0.7
+# Least stretch [m] of a lift.
+_LIFTED = 2.4
+# What begins before this share of the way from the slowest place to the exit is a late throttle,
+# and what begins behind it a lift.
+_LIFT_FROM = 0.37
 # A kart coasts with its throttle closed by this share at least.
 _ROLLED = 0.3
 
@@ -77,12 +79,11 @@ def _late_turn(seen: Features) -> float:
 
 def _late_throttle(seen: Features) -> float:
     late = seen.late - _LATE_PER_SLOW * max(seen.slow - _PACE, 0.0)
-    return late if seen.shut > _SHUT else 0.0
+    return late if seen.shut > _SHUT and _lift(seen) < _LIFTED else 0.0
 
 
 def _lift(seen: Features) -> float:
-    is_late = seen.shut > _SHUT_EARLY and seen.late > _LATE_SHARE * seen.lifted
-    return 0.0 if is_late else seen.lifted
+    return seen.lifted if seen.lifted_from > _LIFT_FROM else 0.0
 
 
 # A kart off the line is slow because of that: these come first.
@@ -96,7 +97,7 @@ _SPEED = (
     _Sign(FaultKind.COASTING, "m", 2.7, _coasting),
     _Sign(FaultKind.SLOW_BEND, "m/s", 0.38, lambda seen: seen.slow),
     _Sign(FaultKind.LATE_THROTTLE, "m", 1.8, _late_throttle),
-    _Sign(FaultKind.LIFT, "m", 2.4, _lift),
+    _Sign(FaultKind.LIFT, "m", _LIFTED, _lift),
 )
 
 

@@ -28,10 +28,11 @@ class Features:
 
     early: float  # [m] by which it slows down sooner
     eased: float  # [m] more from its highest speed to real braking
-    rolled: float  # share by which its throttle is closed on that way
+    rolled: float  # share by which its throttle is closed on these metres
     slow: float  # [m/s] that it is slower around the apex
     late: float  # [m] by which it gains speed later
     lifted: float  # [m] without acceleration on the way out, where the other lap accelerates
+    lifted_from: float  # where that begins: share of the way from the slowest place to the exit
     shut: float  # share by which its throttle is less open in the second half of the bend
     entry_wide: float  # [m] further outside at the turn-in, at most
     apex_wide: float  # [m] further outside around the apex
@@ -45,13 +46,15 @@ def features_of(lap: Lap, other: Lap, corner: Corner) -> Features:
     turning = corner.apex - corner.entry
     leaving = corner.exit - corner.apex
     hold, rising = 0.2 * min(turning, leaving), 0.25 * leaving
+    more, (lifted, lifted_from) = own.easing() - wanted.easing(), own.slack(wanted)
     return Features(
         early=wanted.braked(BRAKING, own) - own.braked(BRAKING, wanted),
-        eased=own.easing() - wanted.easing(),
-        rolled=1.0 - own.pressed(own.easing()),
+        eased=more,
+        rolled=1.0 - own.pressed(more),
         slow=own.mean(wanted.speed - own.speed, corner.apex - hold, corner.apex + hold),
         late=own.gained(RISING, wanted) - wanted.gained(RISING, own),
-        lifted=own.slack(wanted),
+        lifted=lifted,
+        lifted_from=lifted_from,
         shut=own.mean(
             wanted.throttle - own.throttle, corner.apex, 0.5 * (corner.apex + corner.exit)
         ),
@@ -122,21 +125,27 @@ class _Pass:
         start = float(self.at[self.high])
         return self.mean(self.throttle, start, start + max(easing, self.step))
 
-    def slack(self, other: "_Pass") -> float:
-        """Return the longest stretch [m] on the way out where only the other pass accelerates."""
+    def slack(self, other: "_Pass") -> tuple[float, float]:
+        """Return the longest stretch on the way out where only the other pass accelerates.
+
+        That is its length [m], and where it begins, as a share of the way from the other pass's
+        slowest place to the exit.
+        """
         start = max(self.low, other.low)
         least = SLACK * other.pull[start:]
         slack = (self.pull[start:] < least) & (other.pull[start:] > 0.3 * other.pull.max())
         # A weak motor is no lift.
         slack &= self.throttle[start:] <= (1.0 - LIFTED) * other.throttle[start:]
-        # Not the slow start of a late throttle: it must have accelerated before.
-        begun = np.maximum.accumulate(self.pull[start:] > 0.6 * other.pull[start:].clip(0.3))
-        slack &= begun
-        longest = run = 0
-        for now in slack.tolist():
+        longest, end, run = 0, 0, 0
+        for index, now in enumerate(slack.tolist()):
             run = run + 1 if now else 0
-            longest = max(longest, run)
-        return longest * self.step
+            if run > longest:
+                longest, end = run, index
+        if not longest:
+            return 0.0, 0.0
+        low = float(other.at[other.low])
+        begun = float(self.at[start + end + 1 - longest]) - low
+        return longest * self.step, begun / max(self.corner.exit - low, self.step)
 
     def mean(self, values: Floats, start: float, end: float) -> float:
         """Return the mean of values between two places [m]."""
