@@ -63,6 +63,8 @@ def _show(row: dict[str, Any]) -> None:
         f"named {row['named']} of {row['faults']} ({100.0 * low:.1f}-{100.0 * high:.1f} %), "
         f"{row['harmless']} cost less than 40 ms; cost within 15 % or 20 ms in "
         f"{100.0 * (row['cost_near_share'] or 0.0):.1f} %\n"
+        f"{row['cues']} cues: {100.0 * (row['cues_in_time_share'] or 0.0):.1f} % end 1.0 s before "
+        "the place or sooner\n"
         f"clean laps: a fault in {row['clean_corners_with_a_fault']} of {row['clean_corners']} "
         f"corners; weak motors: {row['weak_corners_called_unknown']} of "
         f"{row['weak_corners_with_a_word']} called unknown",

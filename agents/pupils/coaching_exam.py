@@ -1,14 +1,18 @@
 """The exam of the coach: pupils with one known fault each, and how often it is named."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
+
+import numpy as np
 
 from race_agents.pupils.habit import Habit, Road, line_with, road_of, unsteady
 from race_agents.pupils.laps import drive_lap
 from race_server.coaching.corners import Corner, corners_of
+from race_server.coaching.cues import LATEST_S, SPOKEN_S, Moment, cues_for, due
 from race_server.coaching.faults import Fault, FaultKind, faults_of
 from race_server.coaching.lap import Lap, reference_lap
 from race_server.coaching.losses import lap_loss
@@ -33,6 +37,8 @@ SIZES: dict[FaultKind, tuple[float, float, float]] = {
 }
 # Shares of motor force and top speed of karts that are slow without any fault of their drivers.
 WEAK = (0.92, 0.88, 0.84)
+# Cues are asked for as often as a driver decides [s].
+ASKED_S = 0.05
 # A habit that costs less than this [µs] is not a fault, and is counted apart.
 COSTS_US = 40_000
 # A cost is right within this share of the true one or within this time [µs].
@@ -60,14 +66,16 @@ class Attempted:
     cost_us: int  # of that corner against that pupil, as the coach finds it
     named: str  # what it named there; empty: nothing
     elsewhere: tuple[str, ...]  # what it named in other corners
+    cue_ends_s: tuple[float, ...] = ()  # before the place to act, of each cue in such a lap
 
 
-class _School:
+class School:
     """A course with its corners, and the lap that all are compared with."""
 
-    def __init__(self, spec: CoachingExamSpec) -> None:
-        self.course, vehicle = load_course(spec.track), vehicle_named(spec.vehicle)
-        self.vehicle, self.bounds = spec.vehicle, bounds_of(vehicle)
+    def __init__(self, track: str, vehicle_name: str) -> None:
+        """Find the corners, and let the reference line be driven."""
+        self.course, vehicle = load_course(track), vehicle_named(vehicle_name)
+        self.vehicle, self.bounds = vehicle_name, bounds_of(vehicle)
         line = reference_line(self.course, vehicle)
         self.limit = reference_lap(self.course, line, self.bounds)
         self.corners = corners_of(self.limit)
@@ -97,7 +105,7 @@ def examine(
     spec: CoachingExamSpec, watch: Callable[[str], None] = lambda _: None
 ) -> Iterator[Attempted]:
     """Yield what the coach says of each lap: clean ones, weak motors, and each fault."""
-    school = _School(spec)
+    school = School(spec.track, spec.vehicle)
     for seed in spec.seeds:
         watch(f"{spec.track}, seed {seed}")
         road = school.pupil(seed)
@@ -121,7 +129,7 @@ def examine(
 
 
 def _attempt(
-    school: _School,
+    school: School,
     lap: Lap,
     clean: Lap,
     habit: tuple[str, float],
@@ -129,6 +137,7 @@ def _attempt(
     seed: int,
 ) -> Attempted:
     faults = school.judge(lap)
+    ends = tuple(cue_ends(lap, school.best, tuple(faults.values())))
     name = corner.name if corner else ""
     own = faults.pop(name, None)
     return Attempted(
@@ -139,7 +148,28 @@ def _attempt(
         school.costs(lap, clean).get(name, 0),
         own.kind.name.lower() if own else "",
         tuple(fault.kind.name.lower() for fault in faults.values()),
+        ends,
     )
+
+
+def cue_ends(lap: Lap, best: Lap, faults: Sequence[Fault]) -> Iterator[float]:
+    """Yield how long [s] before the place to act each cue ends, for a driver alone on the course.
+
+    faults: of the lap before; the lap is driven with them once more. The best lap tells times, as
+    the driver has no better one yet.
+    """
+    cues, said = cues_for(faults), set[str]()
+    free = Moment(0.0, 0.0, math.inf, math.inf, is_cautioned=False, is_driving=True)
+    for now in np.arange(0.0, float(lap.time[-1]), ASKED_S):
+        progress, speed = (
+            float(np.interp(now, lap.time, values)) for values in (lap.progress, lap.speed)
+        )
+        cue = due(cues, replace(free, progress=progress, speed=speed), best, said)
+        if cue is not None:
+            said.add(cue.corner)
+            # The next lap, where the place is behind the line, takes as long.
+            there = lap.at(lap.time, cue.place)
+            yield (there - now) % float(lap.time[-1]) - SPOKEN_S
 
 
 def summary_of(tried: Sequence[Attempted], corners: int) -> dict[str, Any]:
@@ -166,6 +196,7 @@ def summary_of(tried: Sequence[Attempted], corners: int) -> dict[str, Any]:
         "named_share": _share(len(named), len(costly)),
         "named_interval": wilson_interval(len(named), len(costly)),
         "cost_near_share": _share(len(near), len(costly)),
+        **_cue_figures([end for one in tried for end in one.cue_ends_s]),
         "clean_corners": corners * len(clean),
         "clean_corners_with_a_fault": sum(
             word != unknown for one in clean for word in one.elsewhere
@@ -176,6 +207,17 @@ def summary_of(tried: Sequence[Attempted], corners: int) -> dict[str, Any]:
         "weak_corners_with_a_word": len(spoken),
         "weak_corners_called_unknown": sum(word == unknown for word in spoken),
         "kinds": rows,
+    }
+
+
+def _cue_figures(ends: Sequence[float]) -> dict[str, Any]:
+    in_time = sum(end >= LATEST_S for end in ends)
+    return {
+        "cues": len(ends),
+        "cues_in_time_share": _share(in_time, len(ends)),
+        "cue_ends_s": [round(float(end), 3) for end in np.quantile(ends, (0.01, 0.5, 0.99))]
+        if ends
+        else None,
     }
 
 
