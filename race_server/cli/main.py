@@ -9,6 +9,7 @@ import typer
 from race_server.cli import (
     admin,
     bench,
+    coach,
     day,
     drill,
     drive,
@@ -48,6 +49,7 @@ app.command()(relay.relay)
 app.command()(limit.limit)
 app.command()(day.day)
 app.command()(trial.trial)
+app.command()(coach.coach)
 app.command()(recording.replay)
 app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")

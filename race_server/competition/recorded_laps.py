@@ -55,7 +55,8 @@ class _Seat:
         """Keep where the kart is. gap_s: to the kart ahead [s]."""
         world = session.world
         body, racer = world.bodies[0, self.number], world.racers[0, self.number]
-        self.notes.append(note_of(session.tick * TICK_S, body, racer))
+        since_lights = (session.tick - int(world.races[0].start_tick)) * TICK_S
+        self.notes.append(note_of(since_lights, body, racer))
         spent, now = DECISION_TICKS * TICK_S, self._now
         cautioned = racer.yellow or world.races[0].flag in (Flag.YELLOW, Flag.RED)
         self._now = replace(

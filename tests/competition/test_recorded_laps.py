@@ -8,7 +8,7 @@ import pytest
 from race_server.coaching.circumstances import Circumstances
 from race_server.competition.launch import free_address
 from race_server.competition.recorded_laps import gaps_ahead, recorded_laps
-from race_server.competition.time_trial.lap import BRAKE, PROGRESS, THROTTLE, TIME
+from race_server.competition.time_trial.lap import BRAKE, PROGRESS, SPEED, THROTTLE, TIME
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
@@ -47,6 +47,9 @@ def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
         assert trace[PROGRESS, [0, -1]] == pytest.approx([0.0, SMALL_RING.length])
         assert trace[TIME, -1] == pytest.approx(one.lap.time_s)
         assert trace[[THROTTLE, BRAKE]].max() > 0.0
+        # The first sample behind the line is as far from it as the kart came since.
+        driven = trace[SPEED, 1] * trace[TIME, 1]
+        assert one.lap.number == 1 or trace[PROGRESS, 1] == pytest.approx(driven, abs=0.03)
 
 
 def test_a_gap_is_the_time_to_where_the_next_kart_ahead_is() -> None:
