@@ -147,8 +147,13 @@ test('a camera beside the track is kept until another is clearly nearer', () => 
   expect([4, 5.1, 5.6, 7, 4.9, 3].map(seenFrom)).toEqual([0, 0, 0, 10, 10, 0]);
 });
 
+const rectangle = new Float64Array([
+  ...[-20, -9, 20, -9, 20, -9, 20, 9],
+  ...[20, 9, -20, 9, -20, 9, -20, -9],
+]);
+
 test('from above the whole course is in the picture', () => {
-  const course = new Course({ ...roundCourse(), borders: new Float64Array([-20, -9, 20, 9]) });
+  const course = new Course({ ...roundCourse(), borders: rectangle });
   const [above, look] = [new Above(), newLook()];
   above.look(look, course, null, 16 / 9);
   const away = Math.hypot(look.x, look.y, look.z);

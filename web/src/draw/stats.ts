@@ -4,6 +4,7 @@ import type { Course } from '../race/course';
 import type { Visit } from '../race/visit.svelte';
 import type { KartFrame } from '../wire/frames';
 import type { SceneView } from '../scene/view';
+import type { Headset } from '../xr/session';
 import type { Meter, Share } from './meter';
 
 export interface Stats {
@@ -17,6 +18,7 @@ export interface Stats {
   /** The points of the centre line. */
   way(): [number, number][];
   scene?: SceneView; // where the race is shown in three dimensions
+  headset?: Headset; // once one was put on
 }
 
 declare global {

@@ -185,6 +185,24 @@ export const en = {
     eyes: { driver: 'Driver', chase: 'Chase', trackside: 'Trackside', above: 'Above' },
   },
 
+  headset: {
+    name: 'Headset',
+    views: { table: 'On a table', trackside: 'Beside the track', driver: "In the driver's seat" },
+    modes: { 'immersive-ar': 'In my room', 'immersive-vr': 'Virtual' },
+    leave: 'Take the headset off',
+    failed: (why: string) => `The headset did not begin: ${why}`,
+    unit: 'km/h',
+    touch: ['Touch the left end of the timing line', 'Touch its right end'] as [string, string],
+    refused: 'These points do not fit. Touch the left end again',
+    doubts: {
+      none: '',
+      pose: 'Position in doubt',
+      link: 'Bad link',
+      red: 'Red flag: stop',
+      brake: 'The kart brakes',
+    },
+  },
+
   countdown: {
     lobby: 'Waiting in the lobby',
     go: 'Go',

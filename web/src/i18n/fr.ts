@@ -183,6 +183,24 @@ export const fr: Words = {
     eyes: { driver: 'Pilote', chase: 'Poursuite', trackside: 'Bord de piste', above: 'Vue du ciel' },
   },
 
+  headset: {
+    name: 'Casque',
+    views: { table: 'Sur une table', trackside: 'Au bord de la piste', driver: 'Au volant' },
+    modes: { 'immersive-ar': 'Dans ma pièce', 'immersive-vr': 'Virtuel' },
+    leave: 'Enlever le casque',
+    failed: (why) => `Le casque n’a pas démarré : ${why}`,
+    unit: 'km/h',
+    touch: ['Touchez le bout gauche de la ligne', 'Touchez son bout droit'],
+    refused: 'Ces points ne vont pas. Touchez encore le bout gauche',
+    doubts: {
+      none: '',
+      pose: 'Position incertaine',
+      link: 'Mauvaise liaison',
+      red: 'Drapeau rouge : arrêtez',
+      brake: 'Le kart freine',
+    },
+  },
+
   countdown: {
     lobby: 'En attente',
     go: 'Partez',

@@ -138,6 +138,7 @@ function middleOf(cell: number): [number, number] {
 
 function badgeMaterial(texture: CanvasTexture, size: number): ShaderMaterial {
   return new ShaderMaterial({
+    clipping: true,
     uniforms: { map: { value: texture }, size: { value: size }, tangent: { value: 0.5 } },
     transparent: true,
     depthWrite: false,
@@ -146,8 +147,11 @@ function badgeMaterial(texture: CanvasTexture, size: number): ShaderMaterial {
       uniform float size;
       uniform float tangent;
       varying vec2 vUv;
+      #include <clipping_planes_pars_vertex>
       void main() {
         vec4 at = modelViewMatrix * vec4(place.xyz, 1.0);
+        vec4 mvPosition = at;
+        #include <clipping_planes_vertex>
         float scale = length(modelViewMatrix[0].xyz);
         float seen = 2.0 * tangent * max(-at.z, 1e-4);
         float high = clamp(size * scale, ${LEAST} * seen, ${MOST_SHARE} * seen);
@@ -160,7 +164,9 @@ function badgeMaterial(texture: CanvasTexture, size: number): ShaderMaterial {
     fragmentShader: `
       uniform sampler2D map;
       varying vec2 vUv;
+      #include <clipping_planes_pars_fragment>
       void main() {
+        #include <clipping_planes_fragment>
         vec4 colour = texture2D(map, vUv);
         if (colour.a < 0.02) discard;
         gl_FragColor = colour;

@@ -205,13 +205,17 @@ function glowing(color: string, opacity: number): MeshBasicMaterial {
 /** A skin that is seen at its edge, hardly in its middle. */
 function shieldMaterial(): ShaderMaterial {
   return new ShaderMaterial({
+    clipping: true,
     transparent: true,
     depthWrite: false,
     vertexShader: `
       varying vec3 vNormal;
       varying vec3 vToEye;
+      #include <clipping_planes_pars_vertex>
       void main() {
         vec4 place = modelViewMatrix * instanceMatrix * vec4(position, 1.0);
+        vec4 mvPosition = place;
+        #include <clipping_planes_vertex>
         vNormal = normalize(normalMatrix * mat3(instanceMatrix) * normal);
         vToEye = normalize(-place.xyz);
         gl_Position = projectionMatrix * place;
@@ -219,7 +223,9 @@ function shieldMaterial(): ShaderMaterial {
     fragmentShader: `
       varying vec3 vNormal;
       varying vec3 vToEye;
+      #include <clipping_planes_pars_fragment>
       void main() {
+        #include <clipping_planes_fragment>
         float edge = 1.0 - abs(dot(normalize(vNormal), normalize(vToEye)));
         gl_FragColor = vec4(mix(vec3(0.35, 0.75, 1.0), vec3(0.85, 0.97, 1.0), edge), 0.1 + 0.62 * edge * edge);
         #include <colorspace_fragment>

@@ -87,7 +87,7 @@ const POST_HEIGHT = 1.6;
 // A picture from a post shows this many lengths of the track, within bounds [rad].
 const POST_SHOWN = 8;
 const [POST_LEAST, POST_MOST] = [0.16, 0.9];
-// A post is left only for one that is nearer by this share, or the picture would jump to and fro.
+// A post is left only for one that is nearer by this share, or the picture would jump back and forth.
 const POST_KEEP = 0.75;
 
 export interface Post extends Point {
@@ -154,6 +154,7 @@ const ABOVE_ANGLE = 0.7;
 const [TILT_LEAST, TILT_MOST] = [0.25, 1.5]; // above the ground [rad]
 const MARGIN = 1.12;
 const ZOOM_MOST = 40;
+const TURNS = 24;
 
 /** Turns around a place on the ground: the middle of the course, or a kart. */
 export class Above {
@@ -163,6 +164,8 @@ export class Above {
   private x = 0;
   private y = 0;
   private isSet = false;
+  private distance = 1;
+  private readonly measured = [NaN, NaN, NaN]; // turn, tilt and aspect that it is for
 
   /** Turns the view by a drag [rad]. */
   drag(right: number, up: number): void {
@@ -182,20 +185,9 @@ export class Above {
     const { left, right, bottom, top } = course.box;
     this.x = kart ? kart.x : 0.5 * (left + right);
     this.y = kart ? kart.y : 0.5 * (bottom + top);
-    const [wide, deep] = [right - left, top - bottom];
-    if (!this.isSet) {
-      // Long courses are seen from their long side.
-      if (deep > wide) this.turn = -0.15;
-      this.isSet = true;
-    }
-    const tangent = Math.tan(0.5 * ABOVE_ANGLE);
-    // The extent of the course in the picture, from side to side and from near to far.
-    const [cos, sin] = [Math.abs(Math.cos(this.turn)), Math.abs(Math.sin(this.turn))];
-    const across = wide * sin + deep * cos;
-    const along = (wide * cos + deep * sin) * Math.sin(this.tilt);
-    const away = (0.5 * MARGIN * Math.max(across / aspect, along)) / tangent;
-    const nearSide = 0.35 * (wide * cos + deep * sin) * Math.cos(this.tilt);
-    const distance = (away + nearSide) / this.zoomed;
+    if (!this.isSet) this.turnToFit(course, aspect);
+    this.keepDistance(course, aspect);
+    const distance = this.distance / this.zoomed;
     const flat = distance * Math.cos(this.tilt);
     look.x = this.x + flat * Math.cos(this.turn);
     look.y = this.y + flat * Math.sin(this.turn);
@@ -203,5 +195,41 @@ export class Above {
     [look.atX, look.atY, look.atZ] = [this.x, this.y, 0];
     look.angle = ABOVE_ANGLE;
     look.near = 0.02 * distance;
+  }
+
+  private keepDistance(course: Course, aspect: number): void {
+    const [turn, tilt, wide] = this.measured;
+    if (turn === this.turn && tilt === this.tilt && wide === aspect) return;
+    [this.measured[0], this.measured[1], this.measured[2]] = [this.turn, this.tilt, aspect];
+    this.distance = this.distanceFor(this.turn, course, aspect);
+  }
+
+  /** Turns to where the course fills the picture best, the sun at the back if that is as good. */
+  private turnToFit(course: Course, aspect: number): void {
+    this.isSet = true;
+    let least = Infinity;
+    for (let step = 0; step < TURNS; step++) {
+      const turn = -1.05 + (2 * Math.PI * step) / TURNS;
+      const distance = this.distanceFor(turn, course, aspect);
+      if (distance < 0.99 * least) [least, this.turn] = [distance, turn];
+    }
+  }
+
+  /** Returns from how far away the whole course is in the picture [m]. */
+  private distanceFor(turn: number, { loops, box }: Course, aspect: number): number {
+    const [x, y] = [0.5 * (box.left + box.right), 0.5 * (box.bottom + box.top)];
+    const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
+    const [flat, up] = [Math.cos(this.tilt), Math.sin(this.tilt)];
+    const tangent = Math.tan(0.5 * ABOVE_ANGLE) / MARGIN;
+    let distance = 0;
+    for (const loop of loops) {
+      for (const place of loop) {
+        const [east, north] = [place.x - x, place.y - y];
+        const [near, across] = [east * cos + north * sin, north * cos - east * sin];
+        const needed = Math.max(Math.abs(across) / aspect, Math.abs(near) * up) / tangent;
+        distance = Math.max(distance, near * flat + needed);
+      }
+    }
+    return distance;
   }
 }

@@ -27,9 +27,13 @@ const CONCRETE = [0.42, 0.43, 0.43] as const;
 // Bends sharper than this have striped kerbs [1/lengths].
 const BEND = 0.035;
 
-/** Makes a material one of the layers of the ground: the later ones lie above. */
+/**
+ * Makes a material one of the layers of the ground: the later ones lie above. No layer hides what
+ * stands on it; those that are drawn last, as they let others shine through, are hidden by it.
+ */
 export function layered<M extends Material>(material: M): M {
-  material.depthTest = material.depthWrite = false;
+  material.depthTest = material.transparent;
+  material.depthWrite = false;
   return material;
 }
 
@@ -47,6 +51,7 @@ export const LAYERS = {
 
 export class Ground {
   readonly group = new Group();
+  readonly around = new Group(); // what lies beyond the borders
   private readonly textures: Texture[] = [];
   private readonly meshes: Mesh<BufferGeometry, MeshLambertMaterial>[] = [];
 
@@ -55,6 +60,7 @@ export class Ground {
     const isOutdoor = settingOf(course) === 'outdoor';
     const surface: Grain = isOutdoor ? 'grass' : 'floor';
     this.lay(aroundOf(course, length), colours.around, surface, LAYERS.around, TILE * length * 2);
+    this.around.add(...this.group.children);
     const within = areaWithin(course.loops);
     if (!hasVerge(course)) {
       this.lay(

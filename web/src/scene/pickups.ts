@@ -50,6 +50,7 @@ export class Pickups {
       new MeshStandardMaterial({ color: '#07060a', roughness: 0.12, metalness: 0.6 }),
     );
     oil.transparent = true;
+    oil.depthTest = true;
     this.puddles = this.part(puddleShape(), oil, MOST_PUDDLES);
     this.shades.renderOrder = LAYERS.flat;
     this.rims.renderOrder = LAYERS.flat + 1;

@@ -55,7 +55,7 @@ export class Sky {
     this.dome.rotation.x = 0.5 * Math.PI;
     this.dome.renderOrder = -100;
     this.dome.frustumCulled = false;
-    const light = new HemisphereLight('#cfe4ff', '#6d6f5c', 1.5);
+    const light = new HemisphereLight('#cfe4ff', '#868873', 1.7);
     light.position.set(0, 0, 1);
     this.group.add(this.dome, light, this.sun, this.sun.target);
     this.sun.shadow.mapSize.set(SHADOW_PIXELS, SHADOW_PIXELS);

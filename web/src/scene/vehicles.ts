@@ -36,7 +36,8 @@ export interface Model {
   rider: BufferGeometry; // takes the colour of the seat; not drawn for whom it is the own head
   wheels: readonly Wheel[];
   plates: readonly NumberPlate[];
-  eye: Spot; // of the driver
+  eye: Spot; // of the camera that shows what the driver sees
+  head: Spot; // of the driver
 }
 
 // Relative width from which a vehicle is a kart: cars and their models are slimmer.
@@ -68,7 +69,8 @@ function kartModel(): Model {
       { at: [0.02, -0.645, 0.19], turn: -UPRIGHT, lean: 0.1, size: 0.19 },
       { at: [-0.985, 0, 0.27], turn: Math.PI, lean: 0.05, size: 0.24 },
     ],
-    eye: [-0.02, 0, 1.0],
+    eye: [-0.62, 0, 0.92],
+    head: [-0.2, 0, 0.98],
   };
 }
 
@@ -200,7 +202,8 @@ function carModel(): Model {
       { at: [-0.2, -0.945, 0.56], turn: -UPRIGHT, lean: 0, size: 0.54 },
       { at: [-2.215, 0, 0.72], turn: Math.PI, lean: 0.05, size: 0.42 },
     ],
-    eye: [0.15, 0, 1.28],
+    eye: [-0.1, 0, 1.72],
+    head: [0.1, 0.38, 1.15],
   };
 }
 

@@ -35,7 +35,7 @@ export interface SceneChoice {
 export class SceneView {
   readonly quality = new QualityKeeper();
   readonly above = new Above();
-  private readonly renderer: WebGLRenderer;
+  readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera();
   private readonly eye = new Vector3();
@@ -48,6 +48,7 @@ export class SceneView {
   private height = 1;
   private lastMs = NaN;
   private clock = 0;
+  private isLent = false;
 
   /** Throws where the canvas gives no WebGL. isQuick: a graphics card draws. */
   constructor(canvas: HTMLCanvasElement, isQuick: boolean) {
@@ -68,7 +69,7 @@ export class SceneView {
   resize(width: number, height: number): void {
     this.width = width;
     this.height = height;
-    this.renderer.setSize(width, height, false);
+    if (!this.isLent) this.renderer.setSize(width, height, false);
   }
 
   /** Holds a level of quality, 0 for the best, in place of one that follows the machine. */
@@ -78,8 +79,8 @@ export class SceneView {
   }
 
   draw(frame: SnapshotFrame | null, race: Race, choice: SceneChoice): void {
-    const seconds = this.passTime();
-    if (!frame || !race.course) return;
+    const seconds = this.goOn();
+    if (!frame || !race.course || this.isLent) return;
     const world = this.worldOf(race);
     const kart = followedIn(frame, choice.followed);
     const eye = kart || choice.eye === 'above' ? choice.eye : 'above';
@@ -89,6 +90,26 @@ export class SceneView {
     if (world.guide && kart && eye === 'driver') world.guide.showAhead(kart.x, kart.y);
     else world.guide?.showAll();
     this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Lends what draws to a headset: until it is given back, nothing is drawn on the canvas. */
+  lend(): void {
+    this.isLent = true;
+    this.renderer.shadowMap.enabled = false;
+  }
+
+  giveBack(): void {
+    this.isLent = false;
+    if (this.world) this.scene.add(this.world.group);
+    if (this.sky) this.scene.add(this.sky.group);
+    this.applyQuality();
+  }
+
+  /** Returns the world and the sky of a race, made if need be; null while its course is unknown. */
+  prepare(race: Race): { world: World; sky: Sky } | null {
+    if (!race.course) return null;
+    const world = this.worldOf(race);
+    return { world, sky: this.sky! };
   }
 
   /** What drawing the last picture took. */
@@ -106,7 +127,7 @@ export class SceneView {
     this.renderer.dispose();
   }
 
-  private passTime(): number {
+  private goOn(): number {
     const nowMs = performance.now();
     const sinceMs = nowMs - this.lastMs;
     this.lastMs = nowMs;
@@ -202,6 +223,7 @@ export class SceneView {
   }
 
   private applyQuality(): void {
+    if (this.isLent) return;
     const { ratio, shadows } = this.quality.now;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio || 1, ratio));
     this.renderer.setSize(this.width, this.height, false);

@@ -38,6 +38,7 @@ interface Disposable {
 export class World {
   readonly group = new Group();
   readonly still = new Group(); // what exists: ground, borders, what stands around
+  readonly around = new Group(); // of what exists, what lies beyond the borders
   readonly fleet: Fleet;
   readonly badges: Badges;
   readonly guide: Guide | null;
@@ -55,13 +56,15 @@ export class World {
   ) {
     const { length, width } = body;
     this.group.add(this.still);
-    this.onGround(new Ground(course, length));
+    this.still.add(this.around);
+    const ground = this.onGround(new Ground(course, length));
+    this.around.add(ground.around);
     this.onGround(new Marks(course, line, places, length, width));
     const barriers = this.keep(new Barriers(course, length));
     this.still.add(barriers.mesh);
     if (settingOf(course) === 'outdoor' && length > TREES_FROM) {
       const scenery = this.keep(new Scenery(course));
-      this.still.add(scenery.mesh);
+      this.around.add(scenery.mesh);
     }
     this.gantry = course.isLot ? null : this.onGround(new Gantry(course, length));
     this.guide = line && this.keep(new Guide(line, length));
