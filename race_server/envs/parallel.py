@@ -16,9 +16,10 @@ from race_server.envs.action_shapes import action_as
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
+from race_server.envs.global_state import global_states, state_space
 from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.presets import parking_task, race_task
-from race_server.envs.spaces import observation_space
+from race_server.envs.spaces import masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
@@ -53,6 +54,8 @@ class KartRace(KartAgents):
         self.observation_spaces: dict[str, spaces.Space[Any]] = {
             agent: observation_space(self.batch.layout) for agent in self.possible_agents
         }
+        self.state_space = state_space(self.batch.world)
+        self._is_discrete = isinstance(self.action_space("kart_0"), spaces.Discrete)
         self._steps = 0
         self._draws: list[Any] = []  # (G,) of each kart
         self._camera = Camera(self.batch, render_mode)
@@ -80,10 +83,11 @@ class KartRace(KartAgents):
         numbers = [self._numbers[agent] for agent in self.agents]
         seen = self.batch.observations[0].copy()
         nothing = np.zeros(len(self.batch.terms))
-        infos = {
+        infos: dict[str, dict[str, Any]] = {
             agent: {"reward_terms": nothing.copy(), "reality_gap": self._draws[k]}
             for agent, k in zip(self.agents, numbers, strict=True)
         }
+        self._mask(infos)
         return dict(zip(self.agents, seen[numbers], strict=True)), infos
 
     def step(
@@ -119,6 +123,7 @@ class KartRace(KartAgents):
             agent: {"reward_terms": terms[k], "reality_gap": draws[k]}
             for agent, k in zip(agents, numbers, strict=True)
         }
+        self._mask(infos)
         terminations, truncations = dict.fromkeys(agents, False), dict.fromkeys(agents, late)
         if late or 1 in ended or 1 in cut:
             for agent, k in zip(agents, numbers, strict=True):
@@ -141,6 +146,13 @@ class KartRace(KartAgents):
             for agent, k in zip(self.agents, numbers, strict=True):
                 if agent in actions:
                     given[k] = action_as(actions[agent], width, agent)
+
+    def _mask(self, infos: dict[str, dict[str, Any]]) -> None:
+        """Add which discrete actions of each agent count, (15,) int8, as PettingZoo has it."""
+        if self._is_discrete:
+            masks = masks_for(self.action_space("kart_0"), self.batch.buffers.idle[0])
+            for agent, info in infos.items():
+                info["action_mask"] = masks[self._numbers[agent]].astype(np.int8)
 
     def episode_of(self, agent: str) -> dict[str, Any]:
         """Return figures of the episode of an agent that ended last, see `Batch.episode_of`."""
@@ -171,8 +183,8 @@ class KartRace(KartAgents):
         self.batch.close()
 
     def state(self) -> Vector:
-        """Return the observations of all learning karts, one behind the other, (L · size,)."""
-        return self.batch.observations[0].ravel().copy()
+        """Return the state of the whole race, (S,): all karts, also those that no agent drives."""
+        return global_states(self.batch.world)[0]
 
 
 def parallel_env(

@@ -52,6 +52,9 @@ class StateMemory:
         states of one task from those of another.
         """
         self.block, self.rows, self.beside, self.mark = block, rows, beside, mark
+        self._widths = [row.shape[1] for row in rows]
+        self._width_beside = sum(row.shape[1] for row in beside)
+        self._all_length = self._length(self.worlds)
 
     @property
     def worlds(self) -> int:
@@ -60,7 +63,7 @@ class StateMemory:
 
     def save(self, worlds: Sequence[int] | None, own: bytes) -> bytes:
         """Return the state of some worlds, or of all. own: what an interface adds."""
-        count = self.worlds if worlds is None else len(worlds)
+        count = self._count(worlds)
         header = HEADER.pack(MAGIC, VERSION, len(own), count, self.mark)
         return b"".join((header, own, *self._body(worlds)))
 
@@ -72,7 +75,7 @@ class StateMemory:
                 of worlds.
         """
         saved = self._read(state)
-        count = self.worlds if worlds is None else len(worlds)
+        count = self._count(worlds)
         if saved.worlds not in (1, count):
             raise ScenarioError(
                 f"a saved state of {saved.worlds} worlds for {count}: save one of them, or name "
@@ -81,24 +84,32 @@ class StateMemory:
         self._fill(saved, worlds)
         return saved.own
 
+    def _count(self, worlds: Sequence[int] | None) -> int:
+        if worlds is None:
+            return self.worlds
+        for w in worlds:
+            if not 0 <= w < self.worlds:
+                raise ScenarioError(f"world {w} of {self.worlds}: choose 0 to {self.worlds - 1}")
+        return len(worlds)
+
     def _body(self, worlds: Sequence[int] | None) -> Iterable[bytes | memoryview]:
         """Return the bytes of some worlds, or of all, in parts to be joined."""
         if worlds is None:
             return (self.block.data, *(rows.tobytes() for rows in self.beside))
-        chosen = list(worlds)
-        parts = np.zeros(self._length(len(chosen)), np.uint8)
-        for there, rows in zip(self._cut(parts, len(chosen)), self._all, strict=True):
+        chosen = _places(worlds)
+        parts = np.zeros(self._length(len(worlds)), np.uint8)
+        for there, rows in zip(self._cut(parts, len(worlds)), self._all, strict=True):
             there[...] = rows[chosen]
         return (parts.data,)
 
     def _fill(self, saved: SavedState, worlds: Sequence[int] | None) -> None:
         if worlds is None and saved.worlds == self.worlds:
             self.block[:] = saved.body[: len(self.block)]
-            there = self._cut_beside(saved.body, saved.worlds)
+            there = self._cut_beside(saved.body, len(self.block), saved.worlds)
             for part, rows in zip(there, self.beside, strict=True):
                 rows[...] = part
             return
-        chosen: Any = slice(None) if worlds is None else list(worlds)
+        chosen = slice(None) if worlds is None else _places(worlds)
         for part, rows in zip(self._cut(saved.body, saved.worlds), self._all, strict=True):
             rows[chosen] = part
 
@@ -117,7 +128,8 @@ class StateMemory:
                 "a saved state of another task: load it where courses, karts, rules, drivers and "
                 "observation are the same"
             )
-        first, length = HEADER.size + own, self._length(worlds)
+        length = self._all_length if worlds == self.worlds else self._length(worlds)
+        first = HEADER.size + own
         if len(state) != first + length:
             raise ScenarioError(
                 f"a saved state of {len(state)} bytes: {worlds} worlds take {first + length}; it "
@@ -128,7 +140,8 @@ class StateMemory:
 
     def _length(self, worlds: int) -> int:
         """Return how many bytes the state of a number of worlds takes, without header."""
-        return _block_length(self.rows, worlds) + worlds * sum(row.shape[1] for row in self.beside)
+        block = sum(_aligned(worlds * width) for width in self._widths)
+        return block + worlds * self._width_beside
 
     @property
     def _all(self) -> list[Bytes]:
@@ -137,13 +150,13 @@ class StateMemory:
     def _cut(self, body: Bytes, worlds: int) -> list[Bytes]:
         """Return the parts of a body, each (worlds, bytes of one world)."""
         parts, start = [], 0
-        for row in self.rows:
-            parts.append(_part(body, start, worlds, row.shape[1]))
-            start = _aligned(start + worlds * row.shape[1])
-        return parts + self._cut_beside(body, worlds)
+        for width in self._widths:
+            parts.append(_part(body, start, worlds, width))
+            start = _aligned(start + worlds * width)
+        return parts + self._cut_beside(body, start, worlds)
 
-    def _cut_beside(self, body: Bytes, worlds: int) -> list[Bytes]:
-        parts, start = [], _block_length(self.rows, worlds)
+    def _cut_beside(self, body: Bytes, start: int, worlds: int) -> list[Bytes]:
+        parts = []
         for row in self.beside:
             parts.append(_part(body, start, worlds, row.shape[1]))
             start += worlds * row.shape[1]
@@ -213,8 +226,9 @@ def _aligned(size: int) -> int:
     return -(-size // ALIGNED) * ALIGNED
 
 
-def _block_length(rows: Sequence[Bytes], worlds: int) -> int:
-    return sum(_aligned(worlds * row.shape[1]) for row in rows)
+def _places(worlds: Sequence[int]) -> Any:
+    """Return what picks some worlds of an array; one of them without a copy."""
+    return slice(worlds[0], worlds[0] + 1) if len(worlds) == 1 else list(worlds)
 
 
 def _part(body: Bytes, start: int, worlds: int, width: int) -> Bytes:

@@ -11,7 +11,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
 from race_server.envs.presets import mixed_task, time_trial_task
-from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
@@ -78,6 +78,10 @@ class OneKart(gymnasium.Env[Any, Any]):
             is_cut,
             info,
         )
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Return which discrete actions count, shape (15,), as sb3-contrib asks for it."""
+        return masks_for(self.action_space, self.batch.buffers.idle.ravel())[0]
 
     def save_state(self) -> bytes:
         """Return the state of the race, see `Batch.save_state`."""

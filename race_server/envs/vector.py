@@ -12,7 +12,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD, STAY
 from race_server.envs.camera import Camera
 from race_server.envs.presets import mixed_task, time_trial_task
-from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
@@ -162,6 +162,10 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _seen(self, observations: Array) -> Array:
         return observations.reshape(self.num_envs, -1).copy()
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Return which discrete actions of each kart count, shape (n, 15)."""
+        return masks_for(self.single_action_space, self.batch.buffers.idle.ravel())
 
     def save_state(self) -> bytes:
         """Return the state of all races, see `Batch.save_state`."""

@@ -19,7 +19,8 @@ from pettingzoo.test import (
     render_test,
 )
 
-from race_server.envs.parallel import env, parallel_env
+from race_server.envs.global_state import names_of
+from race_server.envs.parallel import KartRace, env, parallel_env
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.single import OneKart
 from race_server.envs.vector import KartVectorEnv
@@ -206,3 +207,28 @@ def test_a_vector_refuses_modes_that_it_has_not(options: dict[str, Any], words: 
     learners = options.pop("learners", 1)
     with pytest.raises(ScenarioError, match=words):
         KartVectorEnv(ring_task(learners), **options)
+
+
+def test_the_state_of_a_race_shows_karts_that_no_agent_drives() -> None:
+    race = KartRace(ring_task(3, opponents=("pure_pursuit",), learners=1))
+    race.reset(seed=1)
+    names, state = names_of(race.batch.world), race.state()
+    assert race.state_space.contains(state)
+    assert len(names) == len(state)
+    assert state[names.index("kart_2.x")] == np.float32(race.batch.world.bodies["x"][0, 2])
+    assert state[names.index("kart_2.rank")] == 3.0
+
+
+def test_discrete_actions_have_masks_in_every_form() -> None:
+    task = ring_task(2, action="discrete")
+    race = KartRace(task)
+    _, infos = race.reset(seed=1)
+    assert infos["kart_1"]["action_mask"].tolist() == [1] * 15
+    karts = KartVecEnv(task)
+    karts.batch.buffers.idle[0, 1] = 1  # as one that is done waits for the other
+    masks = karts.env_method("action_masks")
+    assert masks[0].all()
+    assert np.flatnonzero(masks[1]).tolist() == [7]
+    assert np.array_equal(KartVectorEnv(task).action_masks(), np.ones((2, 15)))
+    with pytest.raises(ScenarioError, match="have no masks"):
+        OneKart(ring_task(1)).action_masks()

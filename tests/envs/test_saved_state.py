@@ -164,7 +164,7 @@ def test_a_reset_takes_a_course_a_grid_and_a_gap() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"corse": "ring"}, "'corse' is unknown; choose of course, grid, gap, state"),
+        ({"racetrack": "ring"}, "'racetrack' is unknown; choose of course, grid, gap, state"),
         ({"course": "moon"}, "'moon' is not one of the task"),
         ({"grid": (0, 0)}, "give 2 karts one of the places"),
         ({"gap": {"weight": 1.0}}, "gap 'weight' is unknown"),
