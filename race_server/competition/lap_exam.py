@@ -19,7 +19,7 @@ import numpy as np
 
 from race_server.competition.proportion import wilson_interval
 from race_server.competition.time_trial.figures import intervals
-from race_server.competition.time_trial.gaps import DECISION_TICKS
+from race_server.competition.time_trial.gaps import DECISION_TICKS, NONE, Gap
 from race_server.competition.time_trial.lap import X, Y
 from race_server.competition.time_trial.plan import compile_once
 from race_server.competition.time_trial.pool import SOLVING, run_all
@@ -68,6 +68,7 @@ class LapExamSpec:
     jobs: int = 0  # processes; 0: one for each core
     simulator: str = ""  # that moves the vehicle, see `race_server.second`; empty: ours
     decision_ticks: int = DECISION_TICKS
+    gap: Gap = NONE
 
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
         """Return a run for each driver on each course."""
@@ -76,6 +77,7 @@ class LapExamSpec:
             laps=self.laps,
             simulator=self.simulator,
             decision_ticks=self.decision_ticks,
+            gap=self.gap,
         )
         return [
             replace(like, driver=driver, track=course)
