@@ -4,12 +4,13 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
-from race_server.terminal import Console, Text
+from race_server.terminal import Console
 
-PARTS = ("place",)
+PARTS = ("place", "danger")
 
 
 def drill_onboard(
@@ -23,7 +24,10 @@ def drill_onboard(
     ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Measure a real kart's estimation against its bars, before and after what was built for it."""
+    """Measure a real kart's estimation and its brakes for what is ahead, against what is asked.
+
+    Meetings with people and karts have the shapes of Euro NCAP's: they are no rating.
+    """
     import os
 
     os.environ["RACE_SERVER_INTERPRET"] = "1"  # one course needs no compiler
@@ -32,7 +36,7 @@ def drill_onboard(
 
     if part and part not in PARTS:
         raise typer.BadParameter(f"part {part!r} is unknown; choose one of {', '.join(PARTS)}")
-    with progress("driving", seeds * 8) as tell:
+    with progress("driving", seeds * 8 + 134) as tell:
         document = measure(track, vehicle_named(vehicle), seeds, part or None, tell)
     if as_json:
         print_document(document)

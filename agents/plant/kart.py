@@ -122,7 +122,7 @@ class Plant:
         others = self.look()
         if others is not None:
             self.around.others = others
-        return scan(self.body, self.around, self._noise)
+        return scan(self.body, self.around, self._noise, self.sensors.radar)
 
     def _ranges(self) -> Floats:
         sensors = self.sensors

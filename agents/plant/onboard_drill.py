@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from race_agents.plant.matrices import rows as danger_rows
 from race_agents.plant.row import Row
 from race_agents.plant.trip import Course
 from race_agents.plant.whereabouts import Setting
@@ -10,7 +11,7 @@ from race_agents.plant.whereabouts import rows as place_rows
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.load import load_course
 
-PARTS: dict[str, Callable[[Setting], list[Row]]] = {"place": place_rows}
+PARTS: dict[str, Callable[[Setting], list[Row]]] = {"place": place_rows, "danger": danger_rows}
 
 
 def measure(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from race_agents.plant.body import Body
+from race_agents.plant.radar import PERFECT, RadarErrors
 from race_agents.unit.readings import Fix, Range
 from race_server.core.messages import Source
 from race_server.core.vehicles import GRAVITY
@@ -37,6 +38,7 @@ class Sensors:
     fix_fades: float = 0.0  # [1/s] how often corrections are lost for a while
     velocity_deviation: float | None = None  # [m/s] of speed and course; None: not told
     radar_s: float = 0.05
+    radar: RadarErrors = PERFECT
     wheel_deviation: float = 0.03  # [m/s]
     wheel_scale: float = 0.0  # [-] by which the wheels' speed is too large
     wheels_lock: float = math.inf  # [0, 1] of the brakes, above which the wheels lock
@@ -134,6 +136,8 @@ class Odometer:
             locks = body.brake > sensors.wheels_lock or abs(rolls - self._turns) > step
             self._turns += max(-step, min(target - self._turns, step)) if locks else 0.0
             self._turns = self._turns if locks else rolls
+        else:
+            self._turns = rolls
         self._was = body.speed
         noise = self.chance.normal(0.0, sensors.wheel_deviation)
         return float((1.0 + sensors.wheel_scale) * self._turns + noise)

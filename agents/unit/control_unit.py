@@ -11,9 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from race_agents.unit.danger import NO_DANGER, Danger, Stage, assess, watch_danger
+from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
 from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
+from race_agents.unit.objects import Objects
 from race_agents.unit.orders import Orders
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import (
@@ -32,6 +35,7 @@ from race_agents.unit.safety import (
     watch_restart,
     watch_speed,
 )
+from race_server.core import codes
 from race_server.core.messages import Button, Control, Pose, Source
 from race_server.core.vehicles import Vehicle
 
@@ -43,6 +47,8 @@ STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
 # A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
+# What may be people: not every radar tells one from a thing.
+PEOPLE = (codes.OBSTACLE, codes.PERSON)
 
 
 @dataclass
@@ -56,7 +62,10 @@ class ControlUnit:
     hud: Orders | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
-    echoes: Echoes = field(default_factory=Echoes.nothing)
+    objects: Objects = field(default_factory=Objects)
+    echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
+    danger: Danger = NO_DANGER
+    _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
     _driver: Control = STOP
@@ -82,10 +91,8 @@ class ControlUnit:
 
     def sense(self, readings: Readings) -> None:
         """Take the newest readings."""
-        self._time_s = readings.time_s
+        dt, self._time_s = readings.time_s - self._time_s, readings.time_s
         self.steering = readings.steering
-        if readings.echoes is not None:
-            self.echoes = readings.echoes
         if readings.ranges is not None:
             self.ranges = readings.ranges
         if self.fusion is None:
@@ -94,8 +101,21 @@ class ControlUnit:
         if self.fusion.sense(readings):
             assert readings.fix is not None
             self._fix_s, self._source = readings.time_s, readings.fix.source
-        elif readings.beacons and self._time_s - self._fix_s > FIX_S:
-            self._source = Source.BEACONS
+        elif readings.beacons and self.fusion.is_ranged:
+            self._fix_s, self._source = readings.time_s, Source.BEACONS
+        self._look(readings.echoes, dt)
+
+    def _look(self, echoes: Echoes | None, dt: float) -> None:
+        """Take what the radar sees, if there is something new."""
+        assert self.fusion is not None
+        speed, turn, slide = (float(self.fusion.state[at]) for at in (SPEED, YAW_RATE, SLIDE))
+        self._ego.advance(speed, slide, turn, dt)
+        if echoes is None:
+            return
+        seconds = self._ego.seconds
+        aside = slide + self.vehicle.rear_axle * turn
+        self.objects.look(echoes, self._ego.take(speed, aside), seconds)
+        self.echoes = self.objects.seen
 
     def _begin(self, fix: Fix | None) -> None:
         """Begin at the first fix: facing as two antennas say or, with one, along the course.
@@ -132,8 +152,10 @@ class ControlUnit:
         wanted = self._driver.steering * self.vehicle.steering_limit
         now, will = (math.tan(angle) / self.vehicle.wheelbase for angle in (self.steering, wanted))
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
+        self.danger = assess(self.objects.tracks, speed, now, will, self.limits)
         return [
             self._watch_ahead(now, will, speed),
+            watch_danger(self.danger),
             watch_driver(now_s - self._driver_s, self.limits),
             watch_link(now_s - self._hud_s, self.hud.valid_s, self.limits),
             watch_speed(speed, self.limits),
@@ -152,13 +174,14 @@ class ControlUnit:
             return Verdict()
         verdict = watch_obstacles(self.echoes, speed, now, will, self.limits)
         still = self.echoes.without_karts()
-        if verdict.brake > 0.0:
-            alone = watch_obstacles(still, speed, now, will, self.limits)
-            self._is_braking = self._is_braking or alone.brake > 0.0
+        danger = self.danger if self.danger.stage is Stage.FULL else NO_DANGER
+        if verdict.brake > 0.0 or danger is not NO_DANGER:
+            alone = watch_obstacles(still, speed, now, will, self.limits).brake > 0.0
+            self._is_braking |= alone or danger.kind in PEOPLE
             people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
-            if people.brake > 0.0:
+            if people.brake > 0.0 or danger.kind in PEOPLE:
                 self._met_s = self._time_s
-            return verdict
+            return STOP_FOR_OBSTACLE
         if self._is_braking and speed > STANDS:
             return STOP_FOR_OBSTACLE
         if self._driver.throttle <= 0.0:

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from race_agents.unit.ekf import KartFilter
+from race_agents.unit.ekf import FARTHEST, KartFilter
 from race_agents.unit.inertial import Inertial
 from race_agents.unit.motion import SCALE, SPEED, Agility, Floats
 from race_agents.unit.readings import Fix, Readings
@@ -108,6 +108,11 @@ class Estimator:
             return 0.0
         blow = math.hypot(*felt)
         return blow if blow > BLOW * self._vehicle.grip * GRAVITY else 0.0
+
+    @property
+    def is_ranged(self) -> bool:
+        """Whether the last range to a beacon was believed."""
+        return self.filter.squares.get("range", math.inf) <= FARTHEST**2
 
     @property
     def state(self) -> Floats:

@@ -20,7 +20,7 @@ AGREE, AGREE_SHARE, AGREE_S = 0.3, 0.04, 0.1
 MOST_S = 4.0
 # Deviation at a stand [m/s], as a share of the speed, and that share under a pull of 1 g. Slip
 # lasts as long as the pull: it counts more than noise of this size.
-DEVIATION, SHARE, PULL_SHARE = 0.03, 0.01, 0.6
+DEVIATION, SHARE, PULL_SHARE = 0.03, 0.01, 1.0
 
 
 @dataclass
