@@ -26,6 +26,8 @@ CALM = 5
 class Features:
     """Differences of a lap from another one in a corner; zero where both are driven alike."""
 
+    pace: float  # [m/s] mean speed of the other lap from here to the next corner
+    drop: float  # share of its speed that the other lap loses here
     early: float  # [m] by which it slows down sooner
     eased: float  # [m] more from its highest speed to real braking
     rolled: float  # share by which its throttle is closed on these metres
@@ -47,7 +49,10 @@ def features_of(lap: Lap, other: Lap, corner: Corner) -> Features:
     leaving = corner.exit - corner.apex
     hold, rising = 0.2 * min(turning, leaving), 0.25 * leaving
     more, (lifted, lifted_from) = own.easing() - wanted.easing(), own.slack(wanted)
+    top = float(wanted.speed[wanted.high])
     return Features(
+        pace=float(wanted.speed.mean()),
+        drop=1.0 - wanted.slowest / top,
         early=wanted.braked(BRAKING, own) - own.braked(BRAKING, wanted),
         eased=more,
         rolled=1.0 - own.pressed(more),
