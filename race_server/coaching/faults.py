@@ -59,7 +59,7 @@ LEAST_US, UNEXPLAINED_US = 20_000, 80_000
 # too, by this much [m] for each m/s.
 _PACE, _LATE_PER_SLOW = 0.2, 2.5
 # A throttle is late that is less open by this share at least: a weak motor gains speed late too.
-_SHUT = 0.04
+_SHUT = 0.1
 # Least stretch [m] of a lift.
 _LIFTED = 2.4
 # What begins before this share of the way from the slowest place to the exit is a late throttle,
@@ -106,8 +106,8 @@ _LINE = (
 _SPEED = (
     _Sign(FaultKind.EARLY_BRAKES, "m", 2.4, _early_brakes),
     _Sign(FaultKind.COASTING, "m", 2.7, _coasting),
-    _Sign(FaultKind.SLOW_BEND, "m/s", 0.38, lambda seen: seen.slow),
-    _Sign(FaultKind.LATE_THROTTLE, "m", 1.8, _late_throttle),
+    _Sign(FaultKind.SLOW_BEND, "m/s", 0.34, lambda seen: seen.slow),
+    _Sign(FaultKind.LATE_THROTTLE, "m", 1.3, _late_throttle),
     _Sign(FaultKind.LIFT, "m", _LIFTED, _lift),
 )
 

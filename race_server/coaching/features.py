@@ -35,7 +35,7 @@ class Features:
     late: float  # [m] by which it gains speed later
     lifted: float  # [m] without acceleration on the way out, where the other lap accelerates
     lifted_from: float  # where that begins: share of the way from the slowest place to the exit
-    shut: float  # share by which its throttle is less open in the second half of the bend
+    shut: float  # share by which its throttle is less open on the way to the exit
     entry_wide: float  # [m] further outside at the turn-in, at most
     apex_wide: float  # [m] further outside around the apex
     exit_tight: float  # [m] further inside on the way out, at most
@@ -60,9 +60,7 @@ def features_of(lap: Lap, other: Lap, corner: Corner) -> Features:
         late=own.gained(RISING, wanted) - wanted.gained(RISING, own),
         lifted=lifted,
         lifted_from=lifted_from,
-        shut=own.mean(
-            wanted.throttle - own.throttle, corner.apex, 0.5 * (corner.apex + corner.exit)
-        ),
+        shut=own.mean(wanted.throttle - own.throttle, float(wanted.at[wanted.low]), corner.exit),
         entry_wide=own.most(outside, corner.entry - 0.25 * turning, corner.entry + 0.5 * turning),
         apex_wide=own.mean(outside, corner.apex - rising, corner.apex + rising),
         exit_tight=own.most(-outside, corner.exit - 2.0 * rising, corner.exit + rising),
