@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from race_agents.pupils.coaching_exam import SIZES, School
-from race_agents.pupils.habit import Habit, line_with
+from race_agents.pupils.habit import Habit, Road, line_with
 from race_agents.pupils.laps import drive_lap
 from race_agents.pupils.learner import Nature, Skill, after, made, nature_of
 from race_server.coaching.corners import Corner
@@ -43,13 +43,14 @@ class Schooling:
     way: str
     laps_s: tuple[float, ...]  # the first without help, then those with the coach, those alone
     helped: tuple[int, ...]  # corners with help, in each of those laps
-    flawless_s: float  # the same pupil without its habits
+    flawless_s: tuple[float, ...]  # the first and the last without habits, with the same errors
 
     @property
     def gain(self) -> float:
         """Share of the time that can be removed which is gone when the pupil is alone."""
-        alone = float(np.mean(self.laps_s[-ALONE:]))
-        return (self.laps_s[0] - alone) / (self.laps_s[0] - self.flawless_s)
+        first = self.laps_s[0] - self.flawless_s[0]
+        alone = float(np.mean(self.laps_s[-ALONE:]) - np.mean(self.flawless_s[-ALONE:]))
+        return 1.0 - alone / first
 
 
 @dataclass(frozen=True)
@@ -68,13 +69,12 @@ def school_all(
     """Yield every pupil under each way of helping."""
     school = School(spec.track, spec.vehicle)
     for seed in spec.seeds:
-        pupil, road = _pupil(school, seed), school.pupil(seed)
-        flawless = drive_lap(school.course, school.vehicle, road.line, seed)
-        assert flawless is not None, f"pupil {seed} does not come round"
+        pupil, alone = _pupil(school, seed), range(1 + COACHED, 1 + COACHED + ALONE)
+        flawless = tuple(_time(school, _road(school, seed, lap), seed) for lap in (0, *alone))
         for way in WAYS:
             watch(f"pupil {seed}, help {way}")
             laps_s, helped = _taught(school, pupil, seed, way)
-            yield Schooling(seed, way, laps_s, helped, flawless.time_us / MICROSECONDS)
+            yield Schooling(seed, way, laps_s, helped, flawless)
 
 
 def _pupil(school: School, seed: int) -> _Fixed:
@@ -105,8 +105,7 @@ def _taught(
             and told.get(corner.name) is kind
             for corner, kind in zip(pupil.corners, pupil.kinds, strict=True)
         ]
-        # The same errors in every lap of a number, whatever the help.
-        road = school.pupil(1000 * seed + lap)
+        road = _road(school, seed, lap)
         for kind, corner, skill, given in zip(
             pupil.kinds, pupil.corners, skills, helped, strict=True
         ):
@@ -127,6 +126,17 @@ def _taught(
             for skill, given in zip(skills, helped, strict=True)
         ]
     return tuple(times), tuple(counts)
+
+
+def _road(school: School, seed: int, lap: int) -> Road:
+    """Return the line of a pupil's lap: with the same random errors whatever the help."""
+    return school.pupil(1000 * seed + lap)
+
+
+def _time(school: School, road: Road, seed: int) -> float:
+    driven = drive_lap(school.course, school.vehicle, road.line, seed)
+    assert driven is not None, f"pupil {seed} does not come round"
+    return driven.time_us / MICROSECONDS
 
 
 def _next(way: str, now: Attention, *, is_inside: bool) -> Attention:

@@ -101,15 +101,13 @@ def _show(lesson: "Lesson") -> None:
     for head in ("corner", "", "apex [m]", "best lap - limit [s]", "laps - best lap [s]"):
         table.add_column(head, justify="left" if head in {"corner", ""} else "right", no_wrap=True)
     table.add_column("fault of the best lap")
+    words = {fault.corner.name: fault.words for fault in best.faults} if best else {}
     for row in document["corners"]:
-        words = row["fault"].replace("_", " ")
-        if row["fault"] not in {"", "unknown"}:
-            words += f", {row['size']:.1f} {row['unit']}"
         costs = (row["best_against_limit_s"], row["laps_against_best_s"])
         table.add_row(
             *(row["corner"], row["side"], f"{row['apex']:.0f}"),
             *("-" if cost is None else f"{cost:+.3f}" for cost in costs),
-            words,
+            words.get(row["corner"], ""),
         )
     if best and best.against_limit:
         rest, total = best.against_limit.line_us, best.against_limit.total_us

@@ -59,7 +59,7 @@ LEAST_US, UNEXPLAINED_US = 20_000, 80_000
 # too, by this much [m] for each m/s.
 _PACE, _LATE_PER_SLOW = 0.2, 2.5
 # A throttle is late that is less open by this share at least: a weak motor gains speed late too.
-_SHUT = 0.04
+_SHUT = 0.1
 # Least stretch [m] of a lift.
 _LIFTED = 2.4
 # What begins before this share of the way from the slowest place to the exit is a late throttle,
@@ -69,8 +69,18 @@ _LIFT_FROM = 0.37
 _ROLLED = 0.3
 
 
+# Where less of the speed than this share is lost, places on the way down and up say little.
+_SHALLOW = 0.12
+# Sizes are for karts; what drives more slowly than this [m/s] has signs that are as much smaller.
+_KART_PACE = 9.0
+
+
+def _early_brakes(seen: Features) -> float:
+    return seen.early if seen.drop > _SHALLOW else 0.0
+
+
 def _coasting(seen: Features) -> float:
-    return seen.eased if seen.rolled > _ROLLED else 0.0
+    return seen.eased if seen.rolled > _ROLLED and seen.drop > _SHALLOW else 0.0
 
 
 def _late_turn(seen: Features) -> float:
@@ -78,8 +88,9 @@ def _late_turn(seen: Features) -> float:
 
 
 def _late_throttle(seen: Features) -> float:
-    late = seen.late - _LATE_PER_SLOW * max(seen.slow - _PACE, 0.0)
-    return late if seen.shut > _SHUT and _lift(seen) < _LIFTED else 0.0
+    late = seen.late - _LATE_PER_SLOW * max(seen.slow - _PACE * _scale(seen), 0.0)
+    is_late = seen.shut > _SHUT and seen.drop > _SHALLOW
+    return late if is_late and _lift(seen) < _LIFTED * _scale(seen) else 0.0
 
 
 def _lift(seen: Features) -> float:
@@ -93,10 +104,10 @@ _LINE = (
     _Sign(FaultKind.SHORT_EXIT, "m", 0.5, lambda seen: seen.exit_tight),
 )
 _SPEED = (
-    _Sign(FaultKind.EARLY_BRAKES, "m", 2.4, lambda seen: seen.early),
+    _Sign(FaultKind.EARLY_BRAKES, "m", 2.4, _early_brakes),
     _Sign(FaultKind.COASTING, "m", 2.7, _coasting),
-    _Sign(FaultKind.SLOW_BEND, "m/s", 0.38, lambda seen: seen.slow),
-    _Sign(FaultKind.LATE_THROTTLE, "m", 1.8, _late_throttle),
+    _Sign(FaultKind.SLOW_BEND, "m/s", 0.34, lambda seen: seen.slow),
+    _Sign(FaultKind.LATE_THROTTLE, "m", 1.3, _late_throttle),
     _Sign(FaultKind.LIFT, "m", _LIFTED, _lift),
 )
 
@@ -111,11 +122,15 @@ def fault_in(corner: Corner, seen: Features, cost_us: int) -> Fault | None:
         return None
     for signs in (_LINE, _SPEED):
         clear, sign = max(((sign.size(seen) / sign.least, sign) for sign in signs), key=_clearness)
-        if clear >= 1.0:
+        if clear >= _scale(seen):
             return Fault(corner, sign.kind, sign.size(seen), sign.unit, cost_us)
     if cost_us < UNEXPLAINED_US:
         return None
     return Fault(corner, FaultKind.UNKNOWN, cost_us / 1e3, "ms", cost_us)
+
+
+def _scale(seen: Features) -> float:
+    return min(seen.pace / _KART_PACE, 1.0)
 
 
 def _clearness(pair: tuple[float, _Sign]) -> float:

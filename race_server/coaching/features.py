@@ -26,6 +26,8 @@ CALM = 5
 class Features:
     """Differences of a lap from another one in a corner; zero where both are driven alike."""
 
+    pace: float  # [m/s] mean speed of the other lap from here to the next corner
+    drop: float  # share of its speed that the other lap loses here
     early: float  # [m] by which it slows down sooner
     eased: float  # [m] more from its highest speed to real braking
     rolled: float  # share by which its throttle is closed on these metres
@@ -33,7 +35,7 @@ class Features:
     late: float  # [m] by which it gains speed later
     lifted: float  # [m] without acceleration on the way out, where the other lap accelerates
     lifted_from: float  # where that begins: share of the way from the slowest place to the exit
-    shut: float  # share by which its throttle is less open in the second half of the bend
+    shut: float  # share by which its throttle is less open on the way to the exit
     entry_wide: float  # [m] further outside at the turn-in, at most
     apex_wide: float  # [m] further outside around the apex
     exit_tight: float  # [m] further inside on the way out, at most
@@ -47,7 +49,10 @@ def features_of(lap: Lap, other: Lap, corner: Corner) -> Features:
     leaving = corner.exit - corner.apex
     hold, rising = 0.2 * min(turning, leaving), 0.25 * leaving
     more, (lifted, lifted_from) = own.easing() - wanted.easing(), own.slack(wanted)
+    top = float(wanted.speed[wanted.high])
     return Features(
+        pace=float(wanted.speed.mean()),
+        drop=1.0 - wanted.slowest / top,
         early=wanted.braked(BRAKING, own) - own.braked(BRAKING, wanted),
         eased=more,
         rolled=1.0 - own.pressed(more),
@@ -55,9 +60,7 @@ def features_of(lap: Lap, other: Lap, corner: Corner) -> Features:
         late=own.gained(RISING, wanted) - wanted.gained(RISING, own),
         lifted=lifted,
         lifted_from=lifted_from,
-        shut=own.mean(
-            wanted.throttle - own.throttle, corner.apex, 0.5 * (corner.apex + corner.exit)
-        ),
+        shut=own.mean(wanted.throttle - own.throttle, float(wanted.at[wanted.low]), corner.exit),
         entry_wide=own.most(outside, corner.entry - 0.25 * turning, corner.entry + 0.5 * turning),
         apex_wide=own.mean(outside, corner.apex - rising, corner.apex + rising),
         exit_tight=own.most(-outside, corner.exit - 2.0 * rising, corner.exit + rising),
