@@ -258,6 +258,7 @@ export const en = {
     copied: 'Copied',
     keys: 'Arrows or WASD drive · Space brakes · E uses the item · R asks for rescue',
   },
+  beside: { title: 'Beside a driver', leave: 'Leave' },
   parking: {
     title: 'Vehicles',
     slot: 'Slot',

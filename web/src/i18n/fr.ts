@@ -251,6 +251,7 @@ export const fr: Words = {
     copied: 'Copié',
     keys: 'Flèches ou ZQSD pour piloter · Espace freine · E utilise l’objet · R demande de l’aide',
   },
+  beside: { title: 'À côté d’un pilote', leave: 'Quitter' },
   parking: {
     title: 'Véhicules',
     slot: 'Place',
