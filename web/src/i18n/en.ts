@@ -215,6 +215,7 @@ export const en = {
     notReady: 'Not ready yet',
     leave: 'Leave the seat',
     full: 'Full screen',
+    sound: 'Sound',
     help: (level: string) => `Help: ${level}`,
     helpHelp: 'None, the ideal line, a kart that brakes by itself, or that also accelerates',
     levels: { none: 'none', line: 'line', brakes: 'brakes', pedals: 'pedals' },

@@ -212,6 +212,7 @@ export const fr: Words = {
     ready: 'Je suis prêt',
     notReady: 'Pas encore prêt',
     leave: 'Quitter le siège',
+    sound: 'Son',
     full: 'Plein écran',
     help: (level) => `Aide : ${level}`,
     helpHelp: 'Aucune, la trajectoire idéale, un kart qui freine seul, ou qui accélère aussi',
