@@ -1,6 +1,7 @@
 // What tests read at window.__race, if the address has #stats=1.
 
 import type { Course } from '../race/course';
+import type { Race } from '../race/race.svelte';
 import type { Visit } from '../race/visit.svelte';
 import type { KartFrame } from '../wire/frames';
 import type { SceneView } from '../scene/view';
@@ -15,6 +16,7 @@ export interface Stats {
   readonly tick: number;
   readonly phase: number;
   readonly karts: readonly KartFrame[];
+  readonly race: Race;
   /** The points of the centre line. */
   way(): [number, number][];
   scene?: SceneView; // where the race is shown in three dimensions
@@ -31,6 +33,7 @@ declare global {
 export function publishStats(visit: Visit, meter: Meter): void {
   const { race } = visit;
   window.__race = {
+    race,
     get frame_ms() {
       return meter.frameMs;
     },

@@ -221,6 +221,7 @@ export const en = {
     notReady: 'Not ready yet',
     leave: 'Leave the seat',
     full: 'Full screen',
+    sound: 'Sound',
     help: (level: string) => `Help: ${level}`,
     helpHelp: 'None, the ideal line, a kart that brakes by itself, or that also accelerates',
     levels: { none: 'none', line: 'line', brakes: 'brakes', pedals: 'pedals' },
@@ -264,6 +265,7 @@ export const en = {
     copied: 'Copied',
     keys: 'Arrows or WASD drive · Space brakes · E uses the item · R asks for rescue',
   },
+  beside: { title: 'Beside a driver', leave: 'Leave' },
   parking: {
     title: 'Vehicles',
     slot: 'Slot',

@@ -218,6 +218,7 @@ export const fr: Words = {
     ready: 'Je suis prêt',
     notReady: 'Pas encore prêt',
     leave: 'Quitter le siège',
+    sound: 'Son',
     full: 'Plein écran',
     help: (level) => `Aide : ${level}`,
     helpHelp: 'Aucune, la trajectoire idéale, un kart qui freine seul, ou qui accélère aussi',
@@ -257,6 +258,7 @@ export const fr: Words = {
     copied: 'Copié',
     keys: 'Flèches ou ZQSD pour piloter · Espace freine · E utilise l’objet · R demande de l’aide',
   },
+  beside: { title: 'À côté d’un pilote', leave: 'Quitter' },
   parking: {
     title: 'Véhicules',
     slot: 'Place',

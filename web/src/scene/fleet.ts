@@ -37,7 +37,6 @@ export class Fleet {
   private readonly helms: InstancedMesh | null;
   private readonly plates: Plates;
   private readonly presences: Float32Array[] = [];
-  private readonly rolls = new Float64Array(MOST_KARTS); // of the wheels [rad]
   private readonly seats = new Int16Array(MOST_KARTS).fill(-1);
   private readonly colour = new Color();
   private readonly along: number; // scale from the model to the vehicle
@@ -62,10 +61,10 @@ export class Fleet {
     this.group.add(this.plates.mesh);
   }
 
-  /** Places all karts. within: seat whose driver is not drawn, -1 for none; seconds: since before. */
-  update(frame: SnapshotFrame, within: number, seconds: number): void {
+  /** Places all karts. within: seat whose driver is not drawn, -1 for none. */
+  update(frame: SnapshotFrame, within: number): void {
     const count = Math.min(frame.karts.length, MOST_KARTS);
-    for (let row = 0; row < count; row++) this.place(row, frame.karts[row]!, within, seconds);
+    for (let row = 0; row < count; row++) this.place(row, frame.karts[row]!, within);
     for (const mesh of [this.paint, this.trim, this.rider, this.plates.mesh]) mesh.count = count;
     if (this.helms) this.helms.count = count;
     this.wheels.count = WHEELS * count;
@@ -88,7 +87,7 @@ export class Fleet {
     }
   }
 
-  private place(row: number, kart: KartFrame, within: number, seconds: number): void {
+  private place(row: number, kart: KartFrame, within: number): void {
     if (kart.status === Status.ABSENT) return this.remove(row);
     this.dress(row, kart);
     const { along, across, body } = this;
@@ -98,7 +97,6 @@ export class Fleet {
     writeUpright(places, row, x, y, 0, cos, sin, along, across, along);
     if (kart.seat === within) hide(places16(this.rider), row);
     else writeUpright(places16(this.rider), row, x, y, 0, cos, sin, along, across, along);
-    this.rolls[row] = (this.rolls[row]! + (kart.speed * seconds) / (along * 0.14)) % (2 * Math.PI);
     this.placeWheels(row, kart, x, y, cos, sin);
     if (this.helms) this.placeHelm(row, kart, x, y, cos, sin);
   }
@@ -113,6 +111,8 @@ export class Fleet {
   ): void {
     const { along, across } = this;
     const { wheels } = this.model;
+    // By the way that was driven, not by time: the same moment always gives the same picture.
+    const way = kart.progress / along;
     for (let each = 0; each < WHEELS; each++) {
       const wheel = wheels[each]!;
       const [ahead, left] = [wheel.x * along, wheel.y * across];
@@ -123,7 +123,7 @@ export class Fleet {
         y + ahead * sin + left * cos,
         wheel.radius * along,
         kart.heading + (wheel.steers ? kart.steering : 0),
-        this.rolls[row]!,
+        (way / wheel.radius) % (2 * Math.PI),
         wheel.width * across,
       );
     }

@@ -17,6 +17,7 @@ import {
 } from 'three';
 
 import { chance } from './chance';
+import type { Setting } from './surroundings';
 
 const [WIDTH, HEIGHT] = [2048, 512]; // [pixels]; the height from the horizon to the zenith
 const HORIZON = '#cfdde6';
@@ -32,19 +33,28 @@ const HILLS: readonly [height: number, colour: string, seed: number][] = [
   [19, '#86a1a8', 5],
   [9, '#6c8a7c', 8],
 ];
+// A hall, from the top: roof, wall, and its foot in the colour of what is far away.
+const ROOF: readonly [number, string][] = [
+  [0, '#f3f5f7'],
+  [0.72, '#e3e8ec'],
+  [0.8, '#c3cbd2'],
+  [0.801, '#8fa0ae'],
+  [1, HORIZON],
+];
+const BAYS = 40;
 /** From the ground to the sun. */
 export const SUN = new Vector3(-0.55, -0.5, 0.68).normalize();
 const SHADOW_PIXELS = 2048;
 
 export class Sky {
   readonly group = new Group();
-  readonly sun = new DirectionalLight('#fff1d8', 2.5);
+  readonly sun = new DirectionalLight('#fff1d8', 2.3);
   private readonly fog = new Fog(HORIZON);
   private readonly background = new Color(HORIZON);
   private readonly dome: Mesh<SphereGeometry, MeshBasicMaterial>;
 
-  constructor(hasHills: boolean) {
-    const texture = new CanvasTexture(paintSky(hasHills));
+  constructor(setting: Setting) {
+    const texture = new CanvasTexture(setting === 'outdoor' ? paintSky() : paintHall());
     texture.colorSpace = SRGBColorSpace;
     const material = new MeshBasicMaterial({ map: texture, side: BackSide, fog: false });
     material.depthTest = material.depthWrite = false;
@@ -55,7 +65,7 @@ export class Sky {
     this.dome.rotation.x = 0.5 * Math.PI;
     this.dome.renderOrder = -100;
     this.dome.frustumCulled = false;
-    const light = new HemisphereLight('#cfe4ff', '#868873', 1.7);
+    const light = new HemisphereLight('#cfe4ff', '#90917e', 2.0);
     light.position.set(0, 0, 1);
     this.group.add(this.dome, light, this.sun, this.sun.target);
     this.sun.shadow.mapSize.set(SHADOW_PIXELS, SHADOW_PIXELS);
@@ -110,7 +120,7 @@ export class Sky {
   }
 }
 
-function paintSky(hasHills: boolean): HTMLCanvasElement {
+function paintSky(): HTMLCanvasElement {
   const canvas = document.createElement('canvas');
   canvas.width = WIDTH;
   // The dome reaches a little below the horizon.
@@ -123,8 +133,33 @@ function paintSky(hasHills: boolean): HTMLCanvasElement {
   context.fillRect(0, 0, WIDTH, HEIGHT);
   paintGlow(context, horizon);
   paintClouds(context, horizon);
-  if (hasHills)
-    for (const [height, colour, seed] of HILLS) paintHills(context, horizon, height, colour, seed);
+  for (const [height, colour, seed] of HILLS) paintHills(context, horizon, height, colour, seed);
+  return canvas;
+}
+
+/** The inside of a hall: a wall with windows between its pillars, and lamps under the roof. */
+function paintHall(): HTMLCanvasElement {
+  const canvas = document.createElement('canvas');
+  canvas.width = WIDTH;
+  canvas.height = HEIGHT;
+  const context = canvas.getContext('2d')!;
+  const horizon = HEIGHT / 1.04;
+  const fill = context.createLinearGradient(0, 0, 0, horizon);
+  for (const [at, colour] of ROOF) fill.addColorStop(at, colour);
+  context.fillStyle = fill;
+  context.fillRect(0, 0, WIDTH, HEIGHT);
+  const bay = WIDTH / BAYS;
+  for (let each = 0; each < BAYS; each++) {
+    const x = each * bay;
+    context.fillStyle = 'rgb(214 233 246 / 75%)';
+    context.fillRect(x + 0.2 * bay, 0.825 * horizon, 0.6 * bay, 0.06 * horizon);
+    context.fillStyle = 'rgb(84 99 112 / 45%)';
+    context.fillRect(x - 0.05 * bay, 0.74 * horizon, 0.1 * bay, 0.25 * horizon);
+    context.fillStyle = each % 2 ? 'rgb(255 255 255 / 90%)' : 'rgb(255 255 255 / 0%)';
+    context.fillRect(x + 0.1 * bay, 0.52 * horizon, 0.5 * bay, 0.02 * horizon);
+  }
+  context.fillStyle = 'rgb(200 60 52 / 55%)';
+  context.fillRect(0, 0.925 * horizon, WIDTH, 0.012 * horizon);
   return canvas;
 }
 

@@ -202,7 +202,7 @@ function carModel(): Model {
       { at: [-0.2, -0.945, 0.56], turn: -UPRIGHT, lean: 0, size: 0.54 },
       { at: [-2.215, 0, 0.72], turn: Math.PI, lean: 0.05, size: 0.42 },
     ],
-    eye: [-0.1, 0, 1.72],
+    eye: [-1.5, 0, 1.75],
     head: [0.1, 0.38, 1.15],
   };
 }

@@ -17,7 +17,7 @@ import { Above, Chase, lookFromSeat, newLook, postsAlong, Trackside } from './ey
 import { QUALITIES, QualityKeeper } from './quality';
 import { Sky } from './sky';
 import { settingOf } from './surroundings';
-import { World } from './world';
+import { type Shown, World } from './world';
 
 // In lengths of a kart.
 const FAR = 620;
@@ -47,7 +47,7 @@ export class SceneView {
   private width = 1;
   private height = 1;
   private lastMs = NaN;
-  private clock = 0;
+  private readonly shown: Shown = { line: false, names: false, within: -1 };
   private isLent = false;
 
   /** Throws where the canvas gives no WebGL. isQuick: a graphics card draws. */
@@ -85,7 +85,10 @@ export class SceneView {
     const kart = followedIn(frame, choice.followed);
     const eye = kart || choice.eye === 'above' ? choice.eye : 'above';
     const within = eye === 'driver' && kart ? kart.seat : -1;
-    world.update(frame, race, { ...choice, within }, seconds, this.clock);
+    this.shown.line = choice.line;
+    this.shown.names = choice.names;
+    this.shown.within = within;
+    world.update(frame, race, this.shown);
     this.aim(eye, kart, choice.followed, world, seconds);
     if (world.guide && kart && eye === 'driver') world.guide.showAhead(kart.x, kart.y);
     else world.guide?.showAll();
@@ -133,9 +136,7 @@ export class SceneView {
     this.lastMs = nowMs;
     if (Number.isNaN(sinceMs)) return 0;
     if (this.quality.note(sinceMs)) this.applyQuality();
-    const seconds = Math.min(sinceMs / 1000, LONGEST_S);
-    this.clock += seconds;
-    return seconds;
+    return Math.min(sinceMs / 1000, LONGEST_S);
   }
 
   private worldOf(race: Race): World {
@@ -160,7 +161,7 @@ export class SceneView {
       this.scene.remove(this.sky.group);
       this.sky.dispose();
     }
-    this.sky = new Sky(settingOf(course) === 'outdoor');
+    this.sky = new Sky(settingOf(course));
     this.scene.add(this.sky.group);
     this.chase = new Chase();
     this.trackside = new Trackside(course.isLot ? [] : postsAlong(course, race.body.length));

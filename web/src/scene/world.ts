@@ -92,9 +92,10 @@ export class World {
     );
   }
 
-  /** seconds: since the picture before; clock: of the pictures, for what moves by itself [s]. */
-  update(frame: SnapshotFrame, race: Race, shown: Shown, seconds: number, clock: number): void {
-    this.fleet.update(frame, shown.within, seconds);
+  update(frame: SnapshotFrame, race: Race, shown: Shown): void {
+    // What moves by itself follows the time of the race: the same moment, the same picture.
+    const clock = frame.tick / TICKS_PER_SECOND;
+    this.fleet.update(frame, shown.within);
     this.pickups.update(frame, clock);
     this.crowd.update(frame, race.lot);
     const pulse = race.items.indexOf('pulse') + 1;

@@ -81,6 +81,7 @@ function readKart(table: Snapshot, row: number): KartFrame {
     y: kart.y(),
     heading: kart.heading(),
     speed: kart.speed(),
+    lateralSpeed: kart.lateralSpeed(),
     yawRate: kart.yawRate(),
     steering: kart.steering(),
     progress: kart.progress(),

@@ -8,6 +8,7 @@ export interface KartFrame {
   y: number; // [m] north
   heading: number;
   speed: number; // [m/s]
+  lateralSpeed: number; // [m/s] to the left
   yawRate: number; // [rad/s]
   steering: number; // at the road wheels
   progress: number; // [m] along the centre line from the timing line

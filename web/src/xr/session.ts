@@ -37,7 +37,6 @@ export interface HeadsetChoice {
 const TABLE = { size: 1.6, height: 0.8, away: 1.1 };
 const FAR_TRUE = 900; // [m]
 const USUAL_RATE = 72; // pictures a second, where the headset does not say
-const LONGEST_S = 0.1;
 const SKY_RADIUS = 800; // [m]
 // Without a room to align with, a spectator stands this far beside the timing line [m].
 const BESIDE = 3;
@@ -56,7 +55,6 @@ export class Headset {
   private plinth: Plinth | null = null;
   private world: World | null = null;
   private lastMs = NaN;
-  private clock = 0;
 
   private constructor(
     private readonly session: XRSession,
@@ -109,12 +107,13 @@ export class Headset {
 
   private async begin(floor: XRReferenceSpaceType, ended: () => void): Promise<void> {
     const { renderer } = this.stage;
-    this.session.addEventListener('end', () => this.finish(ended), { once: true });
     this.session.addEventListener('select', (event) => this.touch(event));
     this.stage.lend();
     renderer.xr.enabled = true;
     renderer.xr.setReferenceSpaceType(floor);
     await renderer.xr.setSession(this.session);
+    // After the renderer's own listener: it must have left the session.
+    this.session.addEventListener('end', () => this.finish(ended), { once: true });
     renderer.setAnimationLoop((ms, frame) => {
       if (frame) this.draw(ms, frame);
     });
@@ -134,24 +133,20 @@ export class Headset {
   }
 
   private draw(ms: number, xr: XRFrame): void {
-    const seconds = this.passTime(ms);
+    const seconds = this.goOn(ms);
     const { visit, choice } = this;
     const { race } = visit;
     const seenMs = displayMs(ms, xr.predictedDisplayTime, this.session.frameRate ?? USUAL_RATE);
-    const isNear = choice.view !== 'table';
-    const frame = isNear ? raceAt(race.buffer, visit.clock, seenMs) : race.buffer.sample(seenMs);
+    // On a table a tenth of a second does not matter, and what comes in between is smooth.
+    const isNow = choice.view !== 'table' && !visit.isRecording;
+    const frame = isNow ? raceAt(race.buffer, visit.clock, seenMs) : race.buffer.sample(seenMs);
     const prepared = this.stage.prepare(race);
     if (!frame || !prepared) return;
     const { world, sky } = prepared;
     this.take(world, sky);
     const own = choice.view === 'driver' ? kartOf(frame, choice.seat) : null;
-    world.update(
-      frame,
-      race,
-      { line: choice.line, names: false, within: own?.seat ?? -1 },
-      seconds,
-      this.clock,
-    );
+    const within = own?.seat ?? -1;
+    world.update(frame, race, { line: choice.line, names: false, within });
     this.obey(world, frame, own);
     const place = this.placeOf(world, own);
     if (place) this.root.matrix.fromArray(place as number[]);
@@ -161,10 +156,9 @@ export class Headset {
     this.pictures++;
   }
 
-  private passTime(ms: number): number {
-    const seconds = Math.min((ms - this.lastMs) / 1000 || 0, LONGEST_S);
+  private goOn(ms: number): number {
+    const seconds = (ms - this.lastMs) / 1000 || 0;
     this.lastMs = ms;
-    this.clock += seconds;
     return seconds;
   }
 
@@ -225,7 +219,7 @@ export class Headset {
   ): void {
     const { texts, view } = this.choice;
     const { race } = this.visit;
-    this.doubt = view === 'driver' ? this.doubtIn(frame, own) : 'none';
+    this.doubt = view === 'driver' ? this.findDoubt(frame, own) : 'none';
     const share = this.fade.update(isPlaced && this.doubt === 'none', seconds);
     this.curtain.share = view === 'driver' ? share : 1;
     this.root.visible = isPlaced && (view !== 'driver' || share > 0);
@@ -241,19 +235,23 @@ export class Headset {
     });
   }
 
-  private doubtIn(frame: SnapshotFrame, own: KartFrame | null): Doubt {
-    const { race, clock } = this.visit;
-    const nowMs = performance.now();
-    const newest = race.buffer.newest;
-    const ageMs = !newest
-      ? NaN
-      : clock.isKnown
-        ? clock.serverMs(nowMs) - newest.serverMs
-        : nowMs - race.buffer.newestAtMs;
+  private findDoubt(frame: SnapshotFrame, own: KartFrame | null): Doubt {
     return doubtOf({
       kartFlags: own ? own.flags : KartFlag.DOUBTFUL,
-      ...{ deviation: 0, quality: 1, ageMs, flag: race.flagIn(frame), brakesItself: false },
+      ...{ deviation: 0, quality: 1, brakesItself: false },
+      ageMs: this.ageMs(),
+      flag: this.visit.race.flagIn(frame),
     });
+  }
+
+  /** How old the newest snapshot is [ms], NaN without one. */
+  private ageMs(): number {
+    const { race, clock, isRecording } = this.visit;
+    const { newest, newestAtMs } = race.buffer;
+    if (isRecording) return 0;
+    if (!newest) return NaN;
+    const nowMs = performance.now();
+    return clock.isKnown ? clock.serverMs(nowMs) - newest.serverMs : nowMs - newestAtMs;
   }
 
   private look(world: World, sky: Sky, own: KartFrame | null): void {
