@@ -69,6 +69,7 @@ class LapExamSpec:
     simulator: str = ""  # that moves the vehicle, see `race_server.second`; empty: ours
     decision_ticks: int = DECISION_TICKS
     gap: Gap = NONE
+    traffic: int = 0
 
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
         """Return a run for each driver on each course."""
@@ -78,6 +79,7 @@ class LapExamSpec:
             simulator=self.simulator,
             decision_ticks=self.decision_ticks,
             gap=self.gap,
+            traffic=self.traffic,
         )
         return [
             replace(like, driver=driver, track=course)
@@ -99,6 +101,8 @@ class CourseTry:
     rescues: int
     remark: str = ""  # why the run ended early, or has no limit
     off_centre_m: float | None = None  # mean distance from the centre line; None: no lap
+    touches: int = 0  # contacts with other karts
+    overtakes: int = 0  # less those of others; each lap ahead is one more
 
     @property
     def ratios(self) -> list[float]:
@@ -214,6 +218,8 @@ def try_of(run: Run) -> CourseTry:
         rescues=run.rescues,
         remark=remark,
         off_centre_m=_off_centre(course, run),
+        touches=run.touches,
+        overtakes=run.overtakes,
     )
 
 

@@ -6,6 +6,8 @@ from typing import Protocol
 from race_server.core.state import Floats, World
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
+from race_server.second import highway_itself
+from race_server.second.highway_itself import HighwayItself, ItselfOptions
 from race_server.second.highway_motion import HighwayMotion
 from race_server.second.highway_options import NAME, HighwayOptions
 
@@ -27,6 +29,10 @@ def simulator_named(name: str, scenarios: Sequence[Scenario]) -> Simulator:
             vehicles.
     """
     kind, _, options = name.partition(":")
+    if kind == highway_itself.NAME:
+        return HighwayItself(scenarios, ItselfOptions.of(options))
     if kind != NAME:
-        raise ScenarioError(f"simulator {kind!r} is unknown; choose {NAME}")
+        raise ScenarioError(
+            f"simulator {kind!r} is unknown; choose {NAME} or {highway_itself.NAME}"
+        )
     return HighwayMotion(scenarios, HighwayOptions.of(options))
