@@ -52,7 +52,7 @@ BESIDE = (
 )
 RUNGS = (*LADDER, *BESIDE)
 # The run in which a change is the only one from here, and that in which it alone is undone there.
-# Without its tyres there are no steps of its own either.
+# Without its tyres its steps are not there either.
 ALONE: Mapping[str, str] = MappingProxyType(
     {
         "tyres": "tyres",

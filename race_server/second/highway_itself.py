@@ -64,7 +64,7 @@ class HighwayItself:
         """Make the environment.
 
         Raises:
-            ScenarioError: highway-env is not installed, or the course is none of its own.
+            ScenarioError: highway-env is not installed, or it has no such course.
         """
         scenario = scenarios[0]
         self.similar = Similarity.of(scenario.vehicles)
