@@ -67,12 +67,14 @@ def transfer(options: TransferOptions) -> None:
     from race_server.competition.transfer_traffic import is_target
     from race_server.core.vehicle_presets import vehicle_named
     from race_server.second.highway_options import NAME
+    from race_server.second.simulator import check_simulator
 
     drivers = known_drivers(options.drivers)
     if not drivers:
         raise ScenarioError("no driver; name one or more, separated by commas")
     if not is_target(options.to):
         raise ScenarioError(f"--to {options.to!r}: choose {NAME} or {NAME}-itself")
+    check_simulator(options.to)
     if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
         raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
     tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle).length)
