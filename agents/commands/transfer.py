@@ -206,12 +206,15 @@ def _show(rows: "list[TransferRow]") -> None:
     for rung in RUNGS:
         console.print(f"{rung.name}: {rung.meaning}", style="dim", highlight=False)
     for row in rows:
-        for one in row.ladder:
+        only = ({**one, "change": f"only {one['change']}"} for one in row.alone[1:])
+        for one in (*row.ladder, *only):
             if one["remark"]:
                 words = f"{row.driver}, {row.track}, {one['change']}: {one['remark']}"
                 console.print(words, style="yellow", highlight=False)
 
 
 def _in_words(one: Mapping[str, Any]) -> str:
+    if one["failed"]:
+        return "refused" if not one["laps"] else "failed"
     ratio = "-" if one["ratio"] is None else f"{one['ratio']:.3f}"
     return f"{100.0 * one['clean_lap_rate']:.0f} % {ratio}"

@@ -101,6 +101,7 @@ class CourseTry:
     rescues: int
     remark: str = ""  # why the run ended early, or has no limit
     off_centre_m: float | None = None  # mean distance from the centre line; None: no lap
+    failed: bool = False  # the driver refused, raised or stalled
     touches: int = 0  # contacts with other karts
     overtakes: int = 0  # less those of others; each lap ahead is one more
 
@@ -218,6 +219,7 @@ def try_of(run: Run) -> CourseTry:
         rescues=run.rescues,
         remark=remark,
         off_centre_m=_off_centre(course, run),
+        failed=run.failed,
         touches=run.touches,
         overtakes=run.overtakes,
     )

@@ -6,14 +6,10 @@ from typing import Any
 
 from race_server.competition.lap_exam import CourseTry, LapExamSpec, LapRow, examine
 from race_server.competition.transfer import HERE
-from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import ScenarioError
 from race_server.scenario.track.highway_roads import PREFIX
 from race_server.second import highway_itself
-from race_server.second.highway_itself import DECISION_S
-from race_server.second.highway_motion import ticks_in
 from race_server.second.highway_options import NAME
-from race_server.second.similarity import Similarity
 
 THERE = "there"
 
@@ -44,8 +40,6 @@ def drive_in_traffic(
     if to.startswith(highway_itself.NAME):
         if strange := [name for name in spec.courses if not name.startswith(PREFIX)]:
             raise ScenarioError(f"tracks {strange}: {to} has {PREFIX}racetrack-v0 and the like")
-        similar = Similarity.of([vehicle_named(spec.vehicle)])
-        there = replace(there, decision_ticks=ticks_in(DECISION_S, similar))
     for name, this in ((HERE, spec), (THERE, there)):
         for one in examine(this, drivers, editions):
             yield name, one

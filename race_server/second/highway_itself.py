@@ -83,39 +83,49 @@ class HighwayItself:
         self.env = make_highway(parts_of(course.name)[0], **config).unwrapped
         self.step_ticks = ticks_in(DECISION_S, self.similar)
         self._is_over = False
+        self._targets: list[Floats] = []  # of the karts, at the end of its decision
+        self._left = 0  # ticks until then
 
     def __call__(self, world: World, controls: Floats, ticks: int) -> None:
-        """Move the world on by one decision under the same controls, (1, K, 4).
+        """Move the world on by `ticks` ticks under the same controls, (1, K, 4).
+
+        It decides in its own time, five times a second there, by what is asked for then.
 
         Raises:
-            ScenarioError: there are several worlds, or a decision does not take 0.2 s there.
+            ScenarioError: there are several worlds.
         """
-        if len(world.bodies) != 1 or ticks != self.step_ticks:
-            raise ScenarioError(
-                f"{NAME} has one world, and decides each {self.step_ticks} ticks, not {ticks}"
-            )
+        if len(world.bodies) != 1:
+            raise ScenarioError(f"{len(world.bodies)} worlds: {NAME} has one; give one")
         if int(world.races[0].tick) == 0:
             self._begin(world)
         take_controls(world.bodies[0], controls[0])
+        for _ in range(ticks):
+            if self._left == 0:
+                self._decide(world)
+            for k, target in enumerate(self._targets):
+                shift(world.bodies[0, k], _way(world.bodies[0, k], target) / self._left)
+            advance_world(world, 0, controls[0], 1)
+            self._left -= 1
+            if self._left > 0:
+                continue
+            for k, target in enumerate(self._targets):
+                shift(world.bodies[0, k], _way(world.bodies[0, k], target))
+            if self._is_over:
+                crashed = self.env.vehicle.crashed or not self.env.vehicle.on_road
+                retire(world, 0, 0, Retirement.CRASH if crashed else Retirement.TIME_OUT)
+
+    def _decide(self, world: World) -> None:
+        """Let it take one decision: where it ends is made for in the ticks that follow."""
         if not self._is_over:
             body, vehicle = world.bodies[0, 0], world.vehicles[0, 0]
-            *_, over, cut, _ = self.env.step(self._action(body, vehicle, ticks))
+            *_, over, cut, _ = self.env.step(self._action(body, vehicle))
             self._is_over = bool(over or cut)
-        targets = self._places(world)
-        for left in range(ticks, 0, -1):
-            for k, target in enumerate(targets):
-                shift(world.bodies[0, k], _way(world.bodies[0, k], target) / left)
-            advance_world(world, 0, controls[0], 1)
-        for k, target in enumerate(targets):
-            shift(world.bodies[0, k], _way(world.bodies[0, k], target))
-        if self._is_over:
-            crashed = self.env.vehicle.crashed or not self.env.vehicle.on_road
-            retire(world, 0, 0, Retirement.CRASH if crashed else Retirement.TIME_OUT)
+        self._targets, self._left = self._places(world), self.step_ticks
 
     def _begin(self, world: World) -> None:
         """Begin an episode there, and put every kart where its vehicle stands."""
         self.env.reset(seed=int(world.races[0].seed) % 2**31)
-        self._is_over = False
+        self._is_over, self._left = False, 0
         line, spacing = self._course.line, self._course.spacing
         for k, target in enumerate(self._places(world)):
             body, racer = world.bodies[0, k], world.racers[0, k]
@@ -140,7 +150,7 @@ class HighwayItself:
             places.append(take_from(body, vehicle, vehicles[k], self.similar))
         return places
 
-    def _action(self, body: Record, vehicle: Record, ticks: int) -> Floats:
+    def _action(self, body: Record, vehicle: Record) -> Floats:
         """Return its action: a steering angle of equal curvature, and with pedals acceleration."""
         target = float(body.steering_command * vehicle.steering_limit)
         wheelbase = self.similar.length * float(vehicle.front_axle + vehicle.rear_axle)
@@ -149,7 +159,7 @@ class HighwayItself:
         steering = angle / STEERING
         if self.options.action != PEDALS:
             return np.array([steering])
-        gain = pedal_gain(body, vehicle, ticks * TICK_S)
+        gain = pedal_gain(body, vehicle, self.step_ticks * TICK_S)
         return np.array([gain / ACCELERATION, steering])
 
 

@@ -101,9 +101,15 @@ def test_what_it_does_not_have_is_named(name: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_it_decides_in_its_own_time() -> None:
-    with pytest.raises(ScenarioError, match="decides each 4 ticks, not 3"):
-        steer(road(ticks=3), 0.0)
+def test_it_decides_in_its_own_time_and_a_driver_in_another() -> None:
+    batch = road(ticks=3)
+    bodies, env = batch.world.bodies[0], None
+    for _ in range(4):
+        steer(batch, 0.0)
+    env = there(batch)
+    # 12 ticks are four decisions of the driver, and three of 0.2 s there.
+    assert env.time == pytest.approx(0.6)
+    assert [bodies["x"][0], bodies["y"][0]] == pytest.approx(env.vehicle.position / 10.0)
 
 
 def test_the_driver_of_a_run_in_traffic_starts_behind_the_others() -> None:
