@@ -19,8 +19,14 @@ MAKERS = {
     PARK_GOAL: ("parking.single:park_goal", None),
     PARK_TRAILER: ("parking.single:park_trailer", "parking.single:park_trailer_vector"),
     PARK_TRAILER_GOAL: ("parking.single:park_trailer_goal", None),
-    PARK_COMPATIBLE: ("compatible.parking:ParkCompatible", None),
-    RACETRACK_COMPATIBLE: ("compatible.racetrack:RacetrackCompatible", None),
+    PARK_COMPATIBLE: (
+        "compatible.parking:ParkCompatible",
+        "compatible.parking:park_compatible_vector",
+    ),
+    RACETRACK_COMPATIBLE: (
+        "compatible.racetrack:RacetrackCompatible",
+        "compatible.racetrack:racetrack_compatible_vector",
+    ),
 }
 
 
