@@ -27,6 +27,10 @@ class CalledOpponent:
     preset: str = "radar"
     name: str = "called"
 
+    def __str__(self) -> str:
+        """Return its name, as that of a driver."""
+        return self.name
+
     def driving(self, cockpits: Cockpits, layout: Layout) -> Callable[[], None]:
         """Return a call that fills the controls of all its karts. layout: of `preset`."""
         worlds, karts = cockpits.seats[:, 0], cockpits.seats[:, 1]

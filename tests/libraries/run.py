@@ -1,10 +1,9 @@
 """Run the script of each library in its own environment, and write a table.
 
-`make test-libraries` runs all, `python tests/libraries/run.py tianshou_ppo` one; the table shows the
-last outcome of each. Every script says
-in its head which versions it needs; its environment stands in the user's cache, above this one, so
-that only what differs is installed. The first line of a script's docstring says what it tries, the
-last line that it prints what was done.
+`make test-libraries` runs all, `python tests/libraries/run.py tianshou_ppo` one; the table shows
+the last outcome of each. Every script says in its head which versions it needs; its environment
+stands in the user's cache, above this one, so that only what differs is installed. The first line
+of a script's docstring says what it tries, the last line that it prints what was done.
 """
 
 import ast
