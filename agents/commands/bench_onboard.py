@@ -25,7 +25,7 @@ def bench_onboard(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure sense and decide, turn by turn, in CPU time of one core.
+    """Measure sense and decide, turn by turn: of each turn the least time of five passes.
 
     The drive has every sensor and faults of each; fixes come 100 ms late, so that five turns in
     fifty drive the filter's past again.

@@ -9,6 +9,7 @@ that is carried along by the kart's own speed and turning, which never jumps as 
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -173,8 +174,8 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
     is_thing = echoes.kinds != codes.BORDER
     votes = np.zeros((2, len(echoes.x)), np.int64)  # for a border, for a thing
     times = np.zeros(len(echoes.x), np.int64)
-    for scan in earlier:
-        near = _is_near(echoes, scan)
+    nears = [_is_near(echoes, scan) for scan in earlier]
+    for near, scan in zip(nears, earlier, strict=True):
         thing = scan.kinds != codes.BORDER
         times += near.any(axis=1)
         votes[1] += (near & thing).any(axis=1)
@@ -182,22 +183,30 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
     around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
     kept = (times >= 1) | (around.sum(axis=0) >= BESIDE)
     doubtful = is_thing & (votes[0] + around[0] > 2 * (votes[1] + around[1]) + 1)
-    kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, earlier, beside)).astype(np.uint8)
+    kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, earlier, nears, beside)).astype(
+        np.uint8
+    )
     return Echoes(echoes.x, echoes.y, echoes.closing, kinds).kept(kept)
 
 
 def _outvoted(
-    echoes: Echoes, earlier: deque[Echoes], beside: NDArray[np.bool_]
+    echoes: Echoes,
+    earlier: deque[Echoes],
+    nears: Sequence[NDArray[np.bool_]],
+    beside: NDArray[np.bool_],
 ) -> NDArray[np.uint8]:
     """Return kinds (n,): a kart among people, or a person among karts, is one of the others.
 
     Who was taken for a person before, too, is one: a child who comes from behind a kart.
+
+    nears: which echoes (n,) lie near which of each earlier scan; beside: … of this one.
     """
+    if not (echoes.kinds != codes.BORDER).any():
+        return echoes.kinds
     kart, other = echoes.kinds == codes.KART_HIT, echoes.may_be_people
     karts = (beside & kart).sum(axis=1)
     others, before = (beside & other).sum(axis=1), np.zeros(len(kart), np.int64)
-    for scan in earlier:
-        near = _is_near(echoes, scan)
+    for near, scan in zip(nears, earlier, strict=True):
         karts = karts + (near & (scan.kinds == codes.KART_HIT)).sum(axis=1)
         before = before + (near & scan.may_be_people).sum(axis=1)
     others = others + before

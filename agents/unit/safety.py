@@ -203,6 +203,8 @@ def watch_obstacles(
     border of a bend lies on the way of every kart that is about to turn: it counts where no way
     leads past it.
     """
+    if not len(echoes.x):
+        return Verdict()
     is_border, is_kart = echoes.kinds == codes.BORDER, echoes.kinds == codes.KART_HIT
     drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
     is_free = ~is_border & ~is_kart
@@ -238,6 +240,8 @@ def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
 
     Steering around what is that near takes it out of the radar's sight and under a front wheel.
     """
+    if not len(echoes.x):
+        return Verdict()
     for curvature in ways_out(0.0, limits):
         held = watch_creeping(echoes, curvature, limits.restart, limits)
         if held.brake > 0.0:
