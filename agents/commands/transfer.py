@@ -1,9 +1,10 @@
 """`race transfer`: the same drivers on the same tracks, here and in a second simulator."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -49,8 +50,8 @@ class TransferOptions:
 def transfer(options: TransferOptions) -> None:
     """Drive here and in a second simulator, and say which difference costs most.
 
-    Between the two stands a ladder of changes, one at a time. Finished runs are kept: a transfer
-    that was stopped goes on with the next one.
+    Between the two stands a ladder of changes; beside it each acts alone. Finished runs are kept:
+    a transfer that was stopped goes on with the next one.
     """
     from race_server.competition.lap_exam import LapExamSpec
     from race_server.competition.transfer import rows_of
@@ -97,7 +98,7 @@ def _drive(
     """Return what was driven, and whether it was stopped."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-    from race_server.competition.transfer import LADDER, drive_ladder
+    from race_server.competition.transfer import RUNGS, drive_ladder
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     hidden = quiet or not console.is_terminal
@@ -105,7 +106,7 @@ def _drive(
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
-        total = len(drivers) * len(spec.courses) * len(LADDER)
+        total = len(drivers) * len(spec.courses) * len(RUNGS)
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
             for name, one in drive_ladder(spec, drivers, editions_of(drivers)):
@@ -119,29 +120,36 @@ def _drive(
 def _show(rows: "list[TransferRow]") -> None:
     from rich.table import Table
 
-    from race_server.competition.transfer import LADDER
+    from race_server.competition.transfer import RUNGS
 
+    if not rows:
+        return
     table = Table()
     table.add_column("driver, track", no_wrap=True)
-    for rung in LADDER:
-        table.add_column(rung.name, justify="right", no_wrap=True)
-    table.add_column("costs most")
+    ladder = [one["change"] for one in rows[0].ladder]
+    alone = [one["change"] for one in rows[0].alone if one["change"] != "tyres"]
+    for name in (*ladder, *(f"only {name}" for name in alone)):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("costs most", no_wrap=True)
+    table.add_column("wins back most", no_wrap=True)
     for row in rows:
-        cells = [
-            f"{100.0 * one['clean_lap_rate']:.0f} % "
-            + ("-" if one["ratio"] is None else f"{one['ratio']:.3f}")
-            for one in row.ladder
-        ]
-        table.add_row(f"{row.driver}, {row.track}", *cells, row.factor or "-")
+        single = [one for one in row.alone if one["change"] in alone]
+        cells = [_in_words(one) for one in (*row.ladder, *single)]
+        table.add_row(f"{row.driver}, {row.track}", *cells, row.factor or "-", row.mends or "-")
     console = Console()
     # Wider than the terminal if necessary, so that no figure is cut off.
     console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
     console.print(table)
     console.print("clean laps, and the median lap over the limit of its track", highlight=False)
-    for rung in LADDER:
+    for rung in RUNGS:
         console.print(f"{rung.name}: {rung.meaning}", style="dim", highlight=False)
     for row in rows:
         for one in row.ladder:
             if one["remark"]:
                 words = f"{row.driver}, {row.track}, {one['change']}: {one['remark']}"
                 console.print(words, style="yellow", highlight=False)
+
+
+def _in_words(one: Mapping[str, Any]) -> str:
+    ratio = "-" if one["ratio"] is None else f"{one['ratio']:.3f}"
+    return f"{100.0 * one['clean_lap_rate']:.0f} % {ratio}"

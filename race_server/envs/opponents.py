@@ -40,6 +40,11 @@ class Opponents:
         pairs = [(w, k) for w in range(worlds) for k in self.karts]
         return np.array(pairs, np.int64).reshape(-1, 2)
 
+    @property
+    def keeps_all_in_memory(self) -> bool:
+        """Whether all that the driver remembers is in the memory of the batch."""
+        return hasattr(self.driver, "driving") or hasattr(type(self.driver), "decide_all")
+
     def driving(
         self, world: World, views: Floats, memory: Floats, controls: Floats
     ) -> Callable[[], None]:

@@ -58,6 +58,9 @@ class Discipline(Protocol):
     def begin(self, scenarios: Sequence[Scenario], worlds: int) -> tuple[World, Templates]:
         """Return `worlds` worlds, not yet reset, and a template of each scenario's start."""
 
+    def beside(self, templates: Templates) -> Sequence[Any]:
+        """Return the arrays (W, …) of its templates that change, so that a saved state has them."""
+
     def report(self, episode: Any) -> dict[str, Any]:
         """Return the discipline's own figures of an episode, a record of `buffers.ended`."""
 

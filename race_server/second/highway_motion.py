@@ -17,7 +17,7 @@ from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.motion import Allowance, Command, longitudinal_forces
 from race_server.core.rules.effects import surface_roll
 from race_server.core.stages.controls import take_controls
-from race_server.core.state import Floats, Record, World
+from race_server.core.state import Floats, Record, Records, World
 from race_server.core.step import advance_world
 from race_server.errors import ScenarioError
 from race_server.scenario.highway import make_highway
@@ -29,6 +29,7 @@ from race_server.second.similarity import Similarity
 STEP_S = 1.0 / 15.0  # of its physics
 ACCELERATION = 5.0  # [m/s²] most of its `ContinuousAction`, both ways
 STEERING = math.radians(45.0)  # the same of its wheels
+AT_ONCE = 1e3  # [rad/s] at which wheels turn from lock to lock within a substep
 
 
 class HighwayMotion:
@@ -58,6 +59,11 @@ class HighwayMotion:
         """Move every world on by `ticks` ticks under the same controls, (W, K, 4)."""
         for w in range(len(world.bodies)):
             take_controls(world.bodies[w], controls[w])
+            if self.options.tyres == "ours":
+                if self.options.actuators == "theirs":
+                    _act_at_once(world.vehicles[w])
+                advance_world(world, w, controls[w], ticks)
+                continue
             left = ticks
             while left > 0:
                 chunk = min(self.step_ticks, left)
@@ -138,6 +144,18 @@ class HighwayMotion:
 def ticks_in(seconds: float, similar: Similarity) -> int:
     """Return how many ticks here are about as long as some seconds there: one or more."""
     return max(round(seconds / similar.time / TICK_S), 1)
+
+
+def _act_at_once(vehicles: Records) -> None:
+    """Let vehicles of ours do at once what is asked for, up to what its action can. vehicles: (K,).
+
+    A reset brings their own figures back.
+    """
+    vehicles["steering_rate"] = AT_ONCE
+    vehicles["steering_limit"] = np.minimum(vehicles["steering_limit"], STEERING)
+    vehicles["drag"] = 0.0
+    for name in ("motor_force", "brake_force"):
+        vehicles[name] = np.minimum(vehicles[name], ACCELERATION * vehicles["mass"])
 
 
 def _shift(body: Record, move: Floats) -> None:

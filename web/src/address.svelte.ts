@@ -4,7 +4,7 @@ import { SvelteMap } from 'svelte/reactivity';
 
 import type { Hello, Role } from './wire/protocol';
 
-export type View = 'watch' | 'drive' | 'beside' | 'steward' | 'replay';
+export type View = 'watch' | 'timing' | 'drive' | 'beside' | 'steward' | 'replay';
 
 export interface Place {
   view: View;
@@ -20,6 +20,7 @@ const ROLE_VIEWS: Record<Role, View> = {
 };
 const VIEW_ROLES: Record<View, Role> = {
   watch: 'spectate',
+  timing: 'spectate',
   drive: 'drive',
   beside: 'companion',
   steward: 'steward',
@@ -90,7 +91,8 @@ export function parse(hash: string): Asked {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const wanted = parts.get('role');
   const role = isRole(wanted) ? wanted : null;
-  const named = (['watch', 'drive', 'beside', 'steward'] as const).find((view) => parts.has(view));
+  const views = ['watch', 'timing', 'drive', 'beside', 'steward'] as const;
+  const named = views.find((view) => parts.has(view));
   const view = parts.has('replay') ? 'replay' : (named ?? (role ? ROLE_VIEWS[role] : 'watch'));
   return {
     place: {

@@ -46,7 +46,7 @@ class Limits:
     reaction_s: float  # until the brakes bite
     half_width: float  # [m] of the corridor that the body needs
     berth: float  # [m] beside it that people get: an echo is one point of a wider person
-    swerve: float  # [m/s²] across by which a driver may turn towards a person at any time
+    near: float  # [m] within which somebody who comes into view has come from behind something
     nose: float  # [m] from the rear axle to the front bumper
     stand_off: float  # [m] that must be left
     restart: float  # [m] that must be free before a kart that braked for something drives on
@@ -68,7 +68,7 @@ class Limits:
             reaction_s=0.2,
             half_width=0.55 * vehicle.width,
             berth=0.35 * vehicle.width,
-            swerve=0.3 * 0.7 * vehicle.grip * GRAVITY,
+            near=15.0 * vehicle.length,
             nose=vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length,
             stand_off=0.25 * vehicle.length,
             restart=1.5 * vehicle.length,
@@ -111,18 +111,23 @@ class Echoes:
 
     def without_karts(self) -> "Echoes":
         """Return what is left where other karts are not looked at."""
-        return self._kept(self.kinds != codes.KART_HIT)
+        return self.kept(self.kinds != codes.KART_HIT)
+
+    def without_borders(self) -> "Echoes":
+        """Return what does not belong to the course."""
+        return self.kept(self.kinds != codes.BORDER)
 
     def of_people(self) -> "Echoes":
         """Return what is neither a kart nor a border."""
-        return self._kept(self.may_be_people)
+        return self.kept(self.may_be_people)
 
     @property
     def may_be_people(self) -> NDArray[np.bool_]:
         """Which echoes may be of a person, shape (n,): not every radar tells one from a thing."""
         return (self.kinds == codes.OBSTACLE) | (self.kinds == codes.PERSON)
 
-    def _kept(self, kept: NDArray[np.bool_]) -> "Echoes":
+    def kept(self, kept: NDArray[np.bool_]) -> "Echoes":
+        """Return the echoes of a mask (n,)."""
         return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
 
 
@@ -166,13 +171,12 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
     """Return which echoes will be hit along an arc unless the kart brakes fully now.
 
     A kart need not keep a distance from borders: drivers use all of the track. From people it keeps
-    a lateral distance, which grows with the braking time: a bend opens, a driver turns.
+    a berth. Who walks towards the way is foreseen by `race_agents.unit.danger`.
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
     gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
     time_s = braking_time(echoes.closing, limits)
-    berth = limits.berth + 0.5 * limits.swerve * time_s**2
-    beside = np.where(echoes.may_be_people, berth, 0.0)
+    beside = np.where(echoes.may_be_people, limits.berth, 0.0)
     ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
     return ahead & (gap < echoes.closing * time_s)
 
