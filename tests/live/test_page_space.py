@@ -27,7 +27,11 @@ IWER = ROOT / "web/node_modules/iwer/build/iwer.min.js"
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
 )
-DRAWS_IN_SOFTWARE = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader"]
+# WebGL in software; all else of the page without it, which is many times faster.
+DRAWS_IN_SOFTWARE = [
+    *("--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader"),
+    *("--disable-gpu-rasterization", "--disable-gpu-compositing"),
+]
 
 pytestmark = [
     pytest.mark.net,
@@ -40,17 +44,9 @@ pytestmark = [
 # A headset before the page is loaded; a secure page has a native one, hence `forceInstall`.
 HEADSET = """
 if (location.hostname) {
-  window.__device = new IWER.XRDevice(IWER.metaQuest3, { fovy: 1.5 });
+  window.__device = new IWER.XRDevice(IWER.metaQuest3, { fovy: 1.5, stereoEnabled: true });
   window.__device.installRuntime({ forceInstall: true });
 }
-"""
-# Any graphics card is good enough for the pages of these tests.
-TAKES_SOFTWARE = """
-const get = HTMLCanvasElement.prototype.getContext;
-HTMLCanvasElement.prototype.getContext = function (kind, options) {
-  if (options) delete options.failIfMajorPerformanceCaveat;
-  return get.call(this, kind, options);
-};
 """
 
 
@@ -94,7 +90,11 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     with (
         pytest.MonkeyPatch.context() as patch,
         sync_playwright() as play,
-        play.chromium.launch(executable_path=CHROMIUM, args=DRAWS_IN_SOFTWARE) as browser,
+        play.chromium.launch(
+            executable_path=CHROMIUM,
+            args=DRAWS_IN_SOFTWARE,
+            ignore_default_args=["--enable-gpu-rasterization"],
+        ) as browser,
     ):
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
         recording = record_race(folder).stem
