@@ -98,10 +98,11 @@ def sensor_log_of(shown: "Demonstrations") -> "tuple[SensorLog, Vehicle]":
 
     about = shown.about
     slices = layout_of(about.parts, about.lidar_rays).slices
+    seen = shown.observations.astype("f8")
     log = SensorLog(
-        ranges=shown.observations[:, slices["lidar"]],
-        speed=shown.observations[:, slices["speed"].start],
-        yaw_rate=shown.observations[:, slices["yaw_rate"].start],
+        ranges=seen[:, slices["lidar"]],
+        speed=seen[:, slices["speed"].start],
+        yaw_rate=seen[:, slices["yaw_rate"].start],
         step_s=about.decision_s,
         field=about.lidar_field,
         reach=about.lidar_reach,
