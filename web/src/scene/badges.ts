@@ -29,7 +29,7 @@ const MOST = MOST_KARTS + MOST_SIGNS;
 // Height of a badge [m per length of a kart], and its bounds as shares of the picture's height.
 const SIZE = 0.3;
 const [LEAST, MOST_SHARE] = [0.026, 0.05];
-const ABOVE = 0.78; // lengths above the ground
+const ABOVE = 0.7; // lengths above the ground
 
 export class Badges {
   readonly mesh: Mesh<InstancedBufferGeometry, ShaderMaterial>;

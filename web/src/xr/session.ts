@@ -15,6 +15,7 @@ import { fromSeat, type Matrix, onTable } from './frames';
 import { Panel } from './panel';
 import { Plinth } from './plinth';
 import { displayMs, raceAt } from './predict';
+import { Room } from './room';
 import { type Doubt, doubtOf, drawnFrom, Fade } from './trust';
 
 /** Texts of the panel in the language of the page. */
@@ -53,6 +54,7 @@ export class Headset {
   private readonly panel = new Panel();
   private readonly plane = new Plane(new Vector3(0, 0, -1), 0);
   private plinth: Plinth | null = null;
+  private readonly room: Room | null;
   private world: World | null = null;
   private lastMs = NaN;
 
@@ -64,6 +66,8 @@ export class Headset {
   ) {
     this.curtain = new Curtain(this.isRoomReal);
     this.root.matrixAutoUpdate = false;
+    const needsRoom = !this.isRoomReal && choice.view === 'table';
+    this.room = needsRoom ? new Room(this.scene) : null;
     this.scene.add(this.root, this.curtain.mesh, this.panel.mesh);
   }
 
@@ -128,6 +132,7 @@ export class Headset {
     this.curtain.dispose();
     this.panel.dispose();
     this.plinth?.dispose();
+    this.room?.dispose();
     this.stage.giveBack();
     ended();
   }
