@@ -150,7 +150,7 @@ class GaussianMlp:
         """Fill the gradients of PPO's loss. log_spread: (A,) of the actions' deviations."""
         told, share = Told(), np.float32(lesson.share)
         seen = torch.from_numpy(lesson.seen)
-        spread = np.exp(log_spread)
+        spread: Any = np.exp(log_spread)
         off: Rows = (lesson.acted - self.actor.answer(seen)) / spread
         squares = off * off
         chances = -0.5 * squares.sum(axis=1) - np.float32((log_spread + HALF_LOG_TAU).sum())

@@ -19,7 +19,7 @@ from site import getsitepackages
 
 from race_server.core.kernels.jit import cache_root
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).resolve().parent
 PAGE = FOLDER.parents[1] / "docs" / "libraries.md"
 MOST_S = 1200.0
 BEGIN, END = "<!-- table: make test-libraries -->", "<!-- end of table -->"
@@ -72,7 +72,12 @@ def outcome_of(script: Path) -> Outcome:
         python = environment_for(requirements)
         begun = time.monotonic()
         ran = subprocess.run(
-            [python, script], capture_output=True, text=True, timeout=MOST_S, check=False
+            [python, script],
+            cwd=python.parents[1],  # some write logs where they are
+            capture_output=True,
+            text=True,
+            timeout=MOST_S,
+            check=False,
         )
         done = ran.stdout.strip().splitlines()[-1] if ran.returncode == 0 else ""
         why = ran.stderr.strip()[-2000:]

@@ -1,7 +1,7 @@
 # /// script
 # dependencies = ["torchrl==0.14.1"]
 # ///
-"""TorchRL: PettingZooWrapper on a race, GymEnv on a time trial, and a collector."""
+"""TorchRL: PettingZooWrapper on a race, and GymEnv on a time trial."""
 
 from torchrl.envs import GymEnv, PettingZooWrapper
 from torchrl.envs.utils import check_env_specs

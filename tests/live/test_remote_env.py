@@ -179,8 +179,9 @@ def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
             assert over == over_there
             assert gained_there == pytest.approx(gained, abs=1e-3)
             for agent, info in infos_there.items():
+                own = dict(zip(local.batch.terms, infos[agent]["reward_terms"], strict=True))
                 for name, value in info["reward_terms"].items():
-                    assert value == pytest.approx(infos[agent]["reward_terms"][name], abs=1e-3)
+                    assert value == pytest.approx(own[name], abs=1e-3)
                     met[name] += abs(value)
     local.close()
     if action == "continuous":

@@ -16,7 +16,14 @@ from race_server.scenario.highway import has_highway
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
 from race_server.tools.bench.core import profile
-from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate, vector_rate
+from race_server.tools.bench.rates import (
+    batch_rate,
+    is_over,
+    ratio,
+    replay_rate,
+    state_times,
+    vector_rate,
+)
 
 TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")
@@ -56,6 +63,11 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
         "cores": cores,
         "clock": "CPU time" if cores == 1 else "wall time of the batches, CPU time of the others",
         **{name: value and round(value, 1) for name, value in figures.items()},
+        "state": {
+            f"{worlds}_worlds_{name}": round(spent, 2)
+            for worlds in (1, WORLDS)
+            for name, spent in state_times(race_batch(worlds=worlds)).items()
+        },
         "ratios": {f"{a}_over_{b}": ratio(figures[a], figures[b]) for a, b in pairs},
         "profile": _profile(),
         "notes": {
