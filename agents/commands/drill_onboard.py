@@ -1,5 +1,6 @@
 """`race drill onboard`: what a real kart's program knows and does, against what is asked."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -10,7 +11,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
 from race_server.terminal import Console
 
-PARTS = ("place", "danger")
+PARTS = ("place", "danger", "races")
 
 
 def drill_onboard(
@@ -22,6 +23,13 @@ def drill_onboard(
     part: Annotated[
         str, typer.Option(help=f"Only one part: {', '.join(PARTS)}. Default: all.")
     ] = "",
+    races: Annotated[
+        Path | None,
+        typer.Option(help="Folder of recordings: ask the reflex what it would have done in them."),
+    ] = None,
+    most_km: Annotated[
+        float, typer.Option("--most-km", help="Of those races, so many kilometres of all karts.")
+    ] = 5.0,
     as_json: AsJson = False,
 ) -> None:
     """Measure a real kart's estimation and its brakes for what is ahead, against what is asked.
@@ -37,7 +45,9 @@ def drill_onboard(
     if part and part not in PARTS:
         raise typer.BadParameter(f"part {part!r} is unknown; choose one of {', '.join(PARTS)}")
     with progress("driving", seeds * 8 + 134) as tell:
-        document = measure(track, vehicle_named(vehicle), seeds, part or None, tell)
+        document = measure(
+            track, vehicle_named(vehicle), seeds, part or None, tell, races=races, most_km=most_km
+        )
     if as_json:
         print_document(document)
     else:

@@ -178,6 +178,9 @@ def _changes(options: TrainOptions) -> list[str]:
     if steps is not None:
         changes += ["minutes=none", f"steps={steps}"]
     if options.simulator:
+        from race_server.second.simulator import check_simulator
+
+        check_simulator(options.simulator)
         changes += [f"simulator={options.simulator}"]
     if options.algorithm:
         changes += [f"algorithm.name={options.algorithm}"]

@@ -1,10 +1,14 @@
 """The drill of a real kart's program: every part of its table, on one course."""
 
+import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from race_agents.plant.matrices import rows as danger_rows
 from race_agents.plant.row import Row
+from race_agents.plant.shadow import rows as shadow_rows
+from race_agents.plant.shadow import shadow
 from race_agents.plant.trip import Course
 from race_agents.plant.whereabouts import Setting
 from race_agents.plant.whereabouts import rows as place_rows
@@ -15,14 +19,23 @@ PARTS: dict[str, Callable[[Setting], list[Row]]] = {"place": place_rows, "danger
 
 
 def measure(
-    track: str, vehicle: Vehicle, seeds: int, part: str | None, tell: Callable[[int], None]
+    track: str,
+    vehicle: Vehicle,
+    seeds: int,
+    part: str | None,
+    tell: Callable[[int], None],
+    *,
+    races: Path | None = None,
+    most_km: float = math.inf,
 ) -> dict[str, Any]:
     """Return the document of the drill.
 
-    part: only this one of `PARTS`; tell: called with the number of trips done.
+    part: only this one of `PARTS`, or `races`; tell: called with the number of trips done; races:
+    a folder of recordings, of which so many kilometres are looked at.
 
     Raises:
         TrackError: no such course.
+        RecordingError: a file of the folder is no recording of a race.
     """
     loaded, done = load_course(track), 0
 
@@ -33,6 +46,8 @@ def measure(
 
     setting = Setting(Course(loaded.line, loaded.borders), vehicle, seeds, tell=count)
     found = [row for name, of in PARTS.items() if part in (None, name) for row in of(setting)]
+    if races is not None and part in (None, "races"):
+        found += shadow_rows(shadow(sorted(races.glob("*.mcap")), most_km=most_km))
     failed = [
         f"{row.measured}: {row.figure:.3g} {row.unit}, asked {row.bar}"
         for row in found

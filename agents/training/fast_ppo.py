@@ -87,8 +87,8 @@ class FastPpo(PPO):
             rollout_buffer.add(
                 seen, actions, rewards, starts, *map(torch.from_numpy, (values, log_chances))
             )
-            self._last_obs, self._last_episode_starts = after, dones
-            seen = after
+            self._last_episode_starts = dones
+            self._last_obs = seen = after  # type: ignore[assignment]  # one box, hence one array
         last = networks[0].critic.answer(torch.from_numpy(seen)).copy()
         rollout_buffer.compute_returns_and_advantage(torch.from_numpy(last), dones)
         callback.update_locals(locals())
@@ -125,7 +125,8 @@ class FastPpo(PPO):
             return
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
-        clip = float(self.clip_range(self._current_progress_remaining))
+        limit: Any = self.clip_range
+        clip = float(limit(self._current_progress_remaining))
         weights = Weights(clip, self.vf_coef)
         told: list[Told] = []
         for _ in range(self.n_epochs):

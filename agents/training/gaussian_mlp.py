@@ -151,7 +151,7 @@ class GaussianMlp:
         told, share = Told(), np.float32(lesson.share)
         seen = torch.from_numpy(lesson.seen)
         spread = np.exp(log_spread)
-        off = (lesson.acted - self.actor.answer(seen)) / spread
+        off: Rows = (lesson.acted - self.actor.answer(seen)) / spread
         squares = off * off
         chances = -0.5 * squares.sum(axis=1) - np.float32((log_spread + HALF_LOG_TAU).sum())
         ratio_log = chances - lesson.log_chances
@@ -163,7 +163,8 @@ class GaussianMlp:
         slope = np.where(is_outside & (gain >= clipped), np.float32(0.0), -gain * share)
         np.multiply(off, slope[:, None], out=off)
         self.spread_gradient[:] = (slope[:, None] * (squares - 1.0)).sum(axis=0)
-        self.actor.learn(off / spread)
+        np.divide(off, spread, out=off)
+        self.actor.learn(off)
         told.policy_loss = -float(np.minimum(gain, clipped).sum()) * lesson.share
         told.change = float((ratio - 1.0 - ratio_log).sum()) * lesson.share
         told.clipped = float(is_outside.sum()) * lesson.share

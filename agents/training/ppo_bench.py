@@ -68,7 +68,7 @@ def _learner(kind: type[PPO], threads: int, layers: Sequence[int]) -> Any:
     """Return a learner, compiled and warm after one rollout."""
     task = race_task(karts=KARTS, observation="radar", random_start=True)
     env = KartVecEnv(task, worlds=WORLDS, threads=threads)
-    own = {"threads": threads} if kind is FastPpo else {}
+    own: dict[str, Any] = {"threads": threads} if kind is FastPpo else {}
     network = {"net_arch": list(layers)}
     learner = kind("MlpPolicy", env, policy_kwargs=network, device="cpu", seed=0, **OPTIONS, **own)
     return learner.learn(OPTIONS["n_steps"] * env.num_envs)

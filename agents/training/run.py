@@ -259,7 +259,7 @@ def _filmed(settings: Settings, place: Path, marks: list[Marks]) -> Path | None:
             seed,
             settings.decision_ticks,
             settings.race.learners,
-            task.opponents,
+            tuple(map(str, task.opponents)),
         )
     lapped = [one for one in marks[:-1] if isinstance(one, RaceMarks) and one.best_lap_s]
     if not lapped:

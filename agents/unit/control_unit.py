@@ -45,6 +45,8 @@ FIX_S = 0.5
 
 STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
+# Faster than this [m/s] the gyro tells the bend that is driven.
+ROLLS = 2.0
 # A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
 # What may be people: not every radar tells one from a thing.
@@ -64,6 +66,7 @@ class ControlUnit:
     steering: float = 0.0
     objects: Objects = field(default_factory=Objects)
     echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
+    loose: Echoes = field(default_factory=Echoes.nothing)  # … but those of karts that are known
     danger: Danger = NO_DANGER
     _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
@@ -115,7 +118,7 @@ class ControlUnit:
         seconds = self._ego.seconds
         aside = slide + self.vehicle.rear_axle * turn
         self.objects.look(echoes, self._ego.take(speed, aside), seconds)
-        self.echoes = self.objects.seen
+        self.echoes, self.loose = self.objects.seen, self.objects.loose
 
     def _begin(self, fix: Fix | None) -> None:
         """Begin at the first fix: facing as two antennas say or, with one, along the course.
@@ -151,6 +154,8 @@ class ControlUnit:
         assert self.hud is not None
         wanted = self._driver.steering * self.vehicle.steering_limit
         now, will = (math.tan(angle) / self.vehicle.wheelbase for angle in (self.steering, wanted))
+        if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
+            now = float(self.fusion.state[YAW_RATE]) / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
         self.danger = assess(self.objects.tracks, speed, now, will, self.limits)
         return [
@@ -172,7 +177,7 @@ class ControlUnit:
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
-        verdict = watch_obstacles(self.echoes, speed, now, will, self.limits)
+        verdict = watch_obstacles(self.loose, speed, now, will, self.limits)
         still = self.echoes.without_karts()
         danger = self.danger if self.danger.stage is Stage.FULL else NO_DANGER
         if verdict.brake > 0.0 or danger is not NO_DANGER:

@@ -60,8 +60,9 @@ NO_DANGER = Danger()
 WARN_S, EASE_S = 2.6, 1.7
 # A warning comes this long [s] before full brakes at the latest (UN R152: 0.8 s).
 AHEAD_S = 0.95
-# Share of the certain braking from which on the motor is off behind another kart.
-EASE_SHARE = 0.75
+# Shares of the usual braking from which on the motor is off behind another kart that drives, and
+# from which on its driver is warned.
+EASE_SHARE, WARN_SHARE = 0.75, 0.5
 # The motor goes off, and a little braking shows the driver that it is meant.
 EASING = Verdict(brake=0.3, motor=0.0, cause=Cause.OBSTACLE)
 # The future is looked at in these steps, this far [s].
@@ -71,8 +72,10 @@ TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
 MOST_UNSURE = 0.35
 # Somebody is known after this many scans; until then he may walk [m/s], but no farther than [m].
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
-# Closing more slowly than this [m/s] is no danger; a kart slower than that stands.
-CREEP, STANDS = 0.5, 1.0
+# Closing more slowly than this [m/s] is no danger.
+CREEP = 0.5
+# A kart whose nearest point lies less than this [m] ahead of the bumper is being passed.
+PASSED = 0.8
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
 SLOWS = 2.0
 # People count from this scan on, karts once it is known how they move.
@@ -90,13 +93,18 @@ def assess(
     """
     worst = NO_DANGER
     for track in tracks:
-        if track.scans < (SEEN if track.kind != codes.KART_HIT else BORN):
+        is_kart = track.kind == codes.KART_HIT
+        if track.scans < (BORN if is_kart else SEEN):
             continue
-        for curvature in (now, wanted):
-            danger = danger_of(track, speed, curvature, limits)
-            if (danger.stage, danger.needed) > (worst.stage, worst.needed):
-                worst = danger
+        both = [danger_of(track, speed, curvature, limits) for curvature in (now, wanted)]
+        # Who steers past a kart passes it; a person on either way is in danger.
+        danger = (min if is_kart else max)(both, key=_severity)
+        worst = max(worst, danger, key=_severity)
     return worst
+
+
+def _severity(danger: Danger) -> tuple[int, float]:
+    return int(danger.stage), danger.needed
 
 
 def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> Danger:
@@ -110,7 +118,9 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
     gap = along - limits.nose - speed * TIMES  # from the bumper, if the kart drives on
     length = limits.nose + 0.5  # behind the bumper until nothing can be touched
     meets = near & (gap <= 0.0) & (gap > -length)
-    if not meets.any():
+    # What is beside the body already can only be touched from the side: brakes do not help.
+    beside = limits.nose + (PASSED if track.kind == codes.KART_HIT else 0.0)
+    if not meets.any() or float(along[0]) < beside:
         return NO_DANGER
     first = int(np.argmax(meets))
     time_s = float(TIMES[first])
@@ -151,7 +161,7 @@ def _approach(track: Track, speed: float, meeting: float, limits: Limits) -> tup
     """
     x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
     leaves = max((x * vx + y * vy) / max(math.hypot(x, y), 1e-6), 0.0)
-    if leaves < STANDS or track.kind != codes.KART_HIT:
+    if track.stands or track.kind != codes.KART_HIT:
         # It stands, comes, or crosses: the kart stops before the place where they would meet.
         return speed, meeting - limits.nose - limits.stand_off
     gap = math.hypot(x, y) - limits.nose - 0.1
@@ -169,12 +179,15 @@ def _needed(pace: float, room: float, after_s: float) -> float:
 
 def _stage(track: Track, time_s: float, needed: float, *, soon: bool, limits: Limits) -> Stage:
     """Return how far a danger has come. soon: full brakes are due within `AHEAD_S`."""
+    if track.kind == codes.KART_HIT and not track.stands:
+        # Racing is close: only braking counts, not time, and what is usual of it.
+        if needed >= limits.promised:
+            return Stage.FULL
+        if needed >= EASE_SHARE * limits.promised:
+            return Stage.EASE
+        return Stage.WARN if needed >= WARN_SHARE * limits.promised else Stage.INFORM
     if needed >= limits.braking:
         return Stage.FULL
-    if track.kind == codes.KART_HIT:  # racing is close: only braking counts, not time
-        if needed >= EASE_SHARE * limits.braking:
-            return Stage.EASE
-        return Stage.WARN if soon else Stage.INFORM
     if time_s < EASE_S and needed >= 0.5 * limits.braking:
         return Stage.EASE
     return Stage.WARN if soon or time_s < WARN_S else Stage.INFORM

@@ -265,9 +265,10 @@ class KartFilter:
         """Correct state and covariance by one number."""
         shared = self.covariance @ row
         gain = shared / (float(row @ shared) + variance)
-        self.state = self.state + gain * residual
-        self.state[HEADING] = wrap(float(self.state[HEADING]))
-        self.covariance = self.covariance - np.outer(gain, shared)
+        state = self.state + gain * residual
+        state[HEADING] = wrap(float(state[HEADING]))
+        self.state = state
+        self.covariance = self.covariance - gain[:, None] * shared
 
     def _update(self, sensor: str, residual: Floats, slope: Floats, noise: Floats) -> bool:
         """Take two numbers at once; False if they were not believed."""

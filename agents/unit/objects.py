@@ -9,6 +9,7 @@ that is carried along by the kart's own speed and turning, which never jumps as 
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,6 +37,8 @@ OUTLINE = 0.5  # [m] by which the middle of the echoes of a kart moves about
 RESTLESS, DRIVEN = 0.7, 2.0
 FIRST_SPEED = 3.0  # [m/s] deviation of what a thing may do when it is first seen
 MOST_TRACKS = 24
+# What moves away more slowly than this [m/s] stands.
+STANDS = 1.0
 # A speed across the ray below this many deviations is none; of karts, whose outline comes into view
 # side by side, so many.
 NOISE, PLAIN = 1.2, 3.0
@@ -70,6 +73,13 @@ class Track:
         return float(east), float(north)
 
     @property
+    def stands(self) -> bool:
+        """Whether it does not move away."""
+        x, y = float(self.state[0]), float(self.state[1])
+        leaves = (x * self.state[2] + y * self.state[3]) / max(math.hypot(x, y), 1e-6)
+        return bool(leaves < STANDS)
+
+    @property
     def unsure(self) -> float:
         """Deviation of the velocity [m/s], in its worse direction at most."""
         return math.sqrt(max(float(self.covariance[2, 2] + self.covariance[3, 3]), 0.0))
@@ -81,6 +91,7 @@ class Objects:
 
     tracks: list[Track] = field(default_factory=list)
     seen: Echoes = field(default_factory=Echoes.nothing)  # the confirmed echoes of the last scan
+    loose: Echoes = field(default_factory=Echoes.nothing)  # those that are of no known kart
     _earlier: deque[Echoes] = field(default_factory=lambda: deque(maxlen=SCANS))
     _born: int = 0
 
@@ -95,6 +106,16 @@ class Objects:
         for group in groups_of(things):
             self._take(things.kept(group), ego, dt)
         self.tracks = [track for track in self.tracks if track.missed <= GONE][-MOST_TRACKS:]
+        self.loose = self.seen.kept(~self._is_known())
+
+    def _is_known(self) -> NDArray[np.bool_]:
+        """Return which confirmed echoes are of a kart whose way is known, shape (n,)."""
+        known = np.zeros(len(self.seen.x), np.bool_)
+        for track in self.tracks:
+            if track.kind == codes.KART_HIT and track.scans >= BORN:
+                near = np.hypot(self.seen.x - track.state[0], self.seen.y - track.state[1]) < GATE
+                known |= near & (self.seen.kinds == codes.KART_HIT)
+        return known
 
     def _take(self, echoes: Echoes, ego: Ego, dt: float) -> None:
         """Let the nearest track of this kind take echoes of one thing, or begin one."""
@@ -153,8 +174,8 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
     is_thing = echoes.kinds != codes.BORDER
     votes = np.zeros((2, len(echoes.x)), np.int64)  # for a border, for a thing
     times = np.zeros(len(echoes.x), np.int64)
-    for scan in earlier:
-        near = _is_near(echoes, scan)
+    nears = [_is_near(echoes, scan) for scan in earlier]
+    for near, scan in zip(nears, earlier, strict=True):
         thing = scan.kinds != codes.BORDER
         times += near.any(axis=1)
         votes[1] += (near & thing).any(axis=1)
@@ -162,8 +183,36 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
     around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
     kept = (times >= 1) | (around.sum(axis=0) >= BESIDE)
     doubtful = is_thing & (votes[0] + around[0] > 2 * (votes[1] + around[1]) + 1)
-    kinds = np.where(doubtful, codes.BORDER, echoes.kinds).astype(np.uint8)
+    kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, earlier, nears, beside)).astype(
+        np.uint8
+    )
     return Echoes(echoes.x, echoes.y, echoes.closing, kinds).kept(kept)
+
+
+def _outvoted(
+    echoes: Echoes,
+    earlier: deque[Echoes],
+    nears: Sequence[NDArray[np.bool_]],
+    beside: NDArray[np.bool_],
+) -> NDArray[np.uint8]:
+    """Return kinds (n,): a kart among people, or a person among karts, is one of the others.
+
+    Who was taken for a person before, too, is one: a child who comes from behind a kart.
+
+    nears: which echoes (n,) lie near which of each earlier scan; beside: … of this one.
+    """
+    if not (echoes.kinds != codes.BORDER).any():
+        return echoes.kinds
+    kart, other = echoes.kinds == codes.KART_HIT, echoes.may_be_people
+    karts = (beside & kart).sum(axis=1)
+    others, before = (beside & other).sum(axis=1), np.zeros(len(kart), np.int64)
+    for near, scan in zip(nears, earlier, strict=True):
+        karts = karts + (near & (scan.kinds == codes.KART_HIT)).sum(axis=1)
+        before = before + (near & scan.may_be_people).sum(axis=1)
+    others = others + before
+    is_alone = other & (karts > others + 1) & (before == 0)
+    kinds = np.where(is_alone, codes.KART_HIT, echoes.kinds)
+    return np.where(kart & (others > karts + 1), codes.OBSTACLE, kinds).astype(np.uint8)
 
 
 def _is_near(one: Echoes, other: Echoes) -> NDArray[np.bool_]:

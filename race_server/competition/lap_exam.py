@@ -70,6 +70,7 @@ class LapExamSpec:
     decision_ticks: int = DECISION_TICKS
     gaps: tuple[Gap, ...] = (NONE,)
     warm_up: int = 1  # laps that come before those that count, 1 or more
+    traffic: int = 0
 
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
         """Return a run for each driver with each gap on each course."""
@@ -78,6 +79,7 @@ class LapExamSpec:
             laps=self.laps + self.warm_up - 1,
             simulator=self.simulator,
             decision_ticks=self.decision_ticks,
+            traffic=self.traffic,
         )
         return [
             replace(like, driver=driver, gap=gap, track=course)
@@ -100,6 +102,9 @@ class CourseTry:
     remark: str = ""  # why the run ended early, or has no limit
     off_centre_m: float | None = None  # mean distance from the centre line; None: no lap
     gap: str = NONE.name
+    failed: bool = False  # the driver refused, raised or stalled
+    touches: int = 0  # contacts with other karts
+    overtakes: int = 0  # less those of others; each lap ahead is one more
 
     @property
     def ratios(self) -> list[float]:
@@ -227,6 +232,9 @@ def try_of(run: Run, warm_up: int = 1) -> CourseTry:
         remark=remark,
         off_centre_m=_off_centre(course, laps),
         gap=run.spec.gap.name,
+        failed=run.failed,
+        touches=run.touches,
+        overtakes=run.overtakes,
     )
 
 

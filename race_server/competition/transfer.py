@@ -52,7 +52,7 @@ BESIDE = (
 )
 RUNGS = (*LADDER, *BESIDE)
 # The run in which a change is the only one from here, and that in which it alone is undone there.
-# Without its tyres there are no steps of its own either.
+# Without its tyres its steps are not there either.
 ALONE: Mapping[str, str] = MappingProxyType(
     {
         "tyres": "tyres",
@@ -110,12 +110,18 @@ def _figures(one: CourseTry) -> dict[str, Any]:
         "contacts": row.contacts,
         "rescues": row.rescues,
         "off_centre_m": one.off_centre_m,
+        "failed": one.failed,
         "remark": one.remark,
     }
 
 
 def _cost(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the share of clean laps that is lost, and of lap time that is added."""
+    """Return the share of clean laps that is lost, and of lap time that is added.
+
+    A driver that refused to drive has shown no cost: a policy does at a pace that it did not learn.
+    """
+    if before["failed"] or after["failed"]:
+        return 0.0, 0.0
     lost = before["clean_lap_rate"] - after["clean_lap_rate"]
     times = before["ratio"], after["ratio"]
     slower = times[1] / times[0] - 1.0 if None not in times else 0.0

@@ -1,5 +1,6 @@
 """What an environment takes as actions: numbers, and as many as the learning karts need."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,8 @@ def finite(actions: Float32s, agent: str = "") -> Float32s:
         ScenarioError: one of them is not a finite number.
     """
     flat = actions.ravel()
-    # A product with zeros is a number unless one of them is none: half the time of `isfinite`.
-    if np.dot(flat, np.zeros_like(flat)) != 0.0:
+    # The sum of squares is finite, or one of them is not (or very large): faster than `isfinite`.
+    if not math.isfinite(flat.dot(flat)) and not np.isfinite(flat).all():
         where = [int(place) for place in np.argwhere(~np.isfinite(actions))[0]]
         value = float(actions[tuple(where)])
         whose = f" of {agent}" if agent else ""

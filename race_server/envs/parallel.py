@@ -58,6 +58,8 @@ class KartRace(KartAgents):
         self._is_discrete = isinstance(self.action_space("kart_0"), spaces.Discrete)
         self._steps = 0
         self._draws: list[Any] = []  # (G,) of each kart
+        self._seated: list[str] = []  # agents whose karts are `_seats`
+        self._seats: list[int] = []
         self._camera = Camera(self.batch, render_mode)
 
     def reset(
@@ -108,7 +110,7 @@ class KartRace(KartAgents):
             ScenarioError: an action has another shape, or is no number.
         """
         batch, agents = self.batch, self.agents
-        numbers = [self._numbers[agent] for agent in agents]
+        numbers = self._seats_of(agents)
         self._take(actions, numbers)
         batch.step()
         self._steps += 1
@@ -117,13 +119,17 @@ class KartRace(KartAgents):
         seen, terms = list(buffers.observations[0].copy()), list(buffers.terms[0].copy())
         rewards, draws = buffers.rewards[0].tolist(), self._draws
         ended, cut = buffers.terminated[0].tolist(), buffers.truncated[0].tolist()
-        observations = {agent: seen[k] for agent, k in zip(agents, numbers, strict=True)}
-        gained = {agent: rewards[k] for agent, k in zip(agents, numbers, strict=True)}
+        if len(numbers) < len(seen):
+            seen, terms, rewards, draws = (
+                [rows[k] for k in numbers] for rows in (seen, terms, rewards, draws)
+            )
+        observations, gained = dict(zip(agents, seen, strict=True)), dict(zip(agents, rewards))  # noqa: B905
         infos: dict[str, dict[str, Any]] = {
-            agent: {"reward_terms": terms[k], "reality_gap": draws[k]}
-            for agent, k in zip(agents, numbers, strict=True)
+            agent: {"reward_terms": row, "reality_gap": drawn}
+            for agent, row, drawn in zip(agents, terms, draws)  # noqa: B905
         }
-        self._mask(infos)
+        if self._is_discrete:
+            self._mask(infos)
         terminations, truncations = dict.fromkeys(agents, False), dict.fromkeys(agents, late)
         if late or 1 in ended or 1 in cut:
             for agent, k in zip(agents, numbers, strict=True):
@@ -132,14 +138,25 @@ class KartRace(KartAgents):
             self.agents = [a for a in agents if not (terminations[a] or truncations[a])]
         return observations, gained, terminations, truncations, infos
 
+    def _seats_of(self, agents: list[str]) -> list[int]:
+        """Return the numbers of the karts of agents."""
+        if agents is not self._seated:
+            self._seated = agents
+            self._seats = [self._numbers[agent] for agent in agents]
+        return self._seats
+
     def _take(self, actions: dict[str, Any], numbers: list[int]) -> None:
         """Put the actions of agents into those of the batch. numbers: of the agents' karts."""
         given = self.batch.buffers.actions[0]
         width = given.shape[1]
         try:
-            rows = np.array([actions[agent] for agent in self.agents], np.float32)
+            rows = [actions[agent] for agent in self.agents]
+            if len(rows) == len(given) and {*map(len, rows)} == {width}:
+                np.concatenate(rows, out=given.reshape(-1), casting="unsafe")
+                return
+            block = np.array(rows, np.float32).reshape(len(numbers), width)
             given[:] = 0.0
-            given[numbers] = rows.reshape(len(numbers), width)
+            given[numbers] = block
         except (KeyError, ValueError, TypeError):
             # One is missing, or it is not what it should be: which one?
             given[:] = 0.0
@@ -147,16 +164,16 @@ class KartRace(KartAgents):
                 if agent in actions:
                     given[k] = action_as(actions[agent], width, agent)
 
+    def episode_of(self, agent: str) -> dict[str, Any]:
+        """Return figures of the episode of an agent that ended last, see `Batch.episode_of`."""
+        return self.batch.episode_of(0, self._numbers[agent])
+
     def _mask(self, infos: dict[str, dict[str, Any]]) -> None:
         """Add which discrete actions of each agent count, (15,) int8, as PettingZoo has it."""
         if self._is_discrete:
             masks = masks_for(self.action_space("kart_0"), self.batch.buffers.idle[0])
             for agent, info in infos.items():
                 info["action_mask"] = masks[self._numbers[agent]].astype(np.int8)
-
-    def episode_of(self, agent: str) -> dict[str, Any]:
-        """Return figures of the episode of an agent that ended last, see `Batch.episode_of`."""
-        return self.batch.episode_of(0, self._numbers[agent])
 
     def save_state(self) -> bytes:
         """Return the state of the race, see `Batch.save_state`."""

@@ -70,7 +70,7 @@ class HighwayMotion:
                 moves = [self._move(world, w, k, chunk) for k in range(world.bodies.shape[1])]
                 for _ in range(chunk):
                     for k, move in enumerate(moves):
-                        _shift(world.bodies[w, k], move / chunk)
+                        shift(world.bodies[w, k], move / chunk)
                     advance_world(world, w, controls[w], 1)
                 left -= chunk
 
@@ -94,14 +94,9 @@ class HighwayMotion:
         mover.crashed = False
         mover.action = {"steering": angle, "acceleration": gain}
         mover.step(dt * similar.time)
-        after = np.array([math.cos(mover.heading), math.sin(mover.heading)])
-        x, y = mover.position / similar.length + ahead * after
-        speed = mover.speed / similar.pace
-        body.yaw_rate = 2.0 * speed * math.sin(slip) / (vehicle.front_axle + vehicle.rear_axle)
-        body.speed = speed * math.cos(slip)
-        body.lateral_speed = speed * math.sin(slip) + ahead * body.yaw_rate
+        x, y, turned = take_from(body, vehicle, mover, similar)
         body.steering = angle
-        return np.array([x - body.x, y - body.y, mover.heading - heading])
+        return np.array([x - body.x, y - body.y, turned - heading])
 
     def _actuate(self, body: Record, vehicle: Record, dt: float) -> tuple[float, float]:
         """Return steering angle [rad] and acceleration [m/s²] during the next `dt` [s]."""
@@ -119,15 +114,8 @@ class HighwayMotion:
             axles = longitudinal_forces(vehicle, body.speed, command, allowed, 1.0 / dt)
             air = float(vehicle.drag) * speed * abs(speed)
             return angle, (axles.front + axles.rear - air) / float(vehicle.mass)
-        push = float(throttle * vehicle.motor_force * body.thrust_scale / vehicle.mass)
-        hold = float(brake * vehicle.brake_force / vehicle.mass)
-        wanted = speed + dt * push
-        wanted = min(wanted, max(cap, speed - ACCELERATION * dt)) if push >= 0.0 else wanted
-        wanted = max(wanted, -min(float(vehicle.reverse_speed), cap)) if push < 0.0 else wanted
-        # Brakes do no more than stop it.
-        wanted = math.copysign(max(abs(wanted) - dt * hold, 0.0), wanted)
-        gain = min(max((wanted - speed) / dt, -ACCELERATION), ACCELERATION)
-        return min(max(target, -STEERING), STEERING), gain
+        body.throttle, body.brake = throttle, brake
+        return min(max(target, -STEERING), STEERING), pedal_gain(body, vehicle, dt)
 
     def _mover(self, network: Any, wheelbase: float) -> Any:
         """Return the vehicle of a network that moves as one of this wheelbase [m]."""
@@ -146,6 +134,33 @@ def ticks_in(seconds: float, similar: Similarity) -> int:
     return max(round(seconds / similar.time / TICK_S), 1)
 
 
+def take_from(body: Record, vehicle: Record, mover: Any, similar: Similarity) -> Floats:
+    """Set a body's speeds to those of a vehicle there; return its x, y [m] and heading, (3,)."""
+    # Its point is the middle between the axles, which moves at this angle to the body.
+    ahead = 0.5 * float(vehicle.rear_axle - vehicle.front_axle)
+    slip = math.atan(0.5 * math.tan(float(mover.action["steering"])))
+    towards = np.array([math.cos(mover.heading), math.sin(mover.heading)])
+    x, y = mover.position / similar.length + ahead * towards
+    speed = mover.speed / similar.pace
+    body.yaw_rate = 2.0 * mover.speed * math.sin(slip) / mover.LENGTH * similar.time
+    body.speed = speed * math.cos(slip)
+    body.lateral_speed = speed * math.sin(slip) + ahead * body.yaw_rate
+    return np.array([x, y, mover.heading])
+
+
+def pedal_gain(body: Record, vehicle: Record, dt: float) -> float:
+    """Return the acceleration [m/s²] that a body's pedals ask for during the next `dt` [s]."""
+    cap, speed = float(body.speed_cap), float(body.speed)
+    push = float(body.throttle * vehicle.motor_force * body.thrust_scale / vehicle.mass)
+    hold = float(body.brake * vehicle.brake_force / vehicle.mass)
+    wanted = speed + dt * push
+    wanted = min(wanted, max(cap, speed - ACCELERATION * dt)) if push >= 0.0 else wanted
+    wanted = max(wanted, -min(float(vehicle.reverse_speed), cap)) if push < 0.0 else wanted
+    # Brakes do no more than stop it.
+    wanted = math.copysign(max(abs(wanted) - dt * hold, 0.0), wanted)
+    return min(max((wanted - speed) / dt, -ACCELERATION), ACCELERATION)
+
+
 def _act_at_once(vehicles: Records) -> None:
     """Let vehicles of ours do at once what is asked for, up to what its action can. vehicles: (K,).
 
@@ -158,7 +173,7 @@ def _act_at_once(vehicles: Records) -> None:
         vehicles[name] = np.minimum(vehicles[name], ACCELERATION * vehicles["mass"])
 
 
-def _shift(body: Record, move: Floats) -> None:
+def shift(body: Record, move: Floats) -> None:
     """Move a body by x, y [m] and heading [rad]."""
     body.x += move[0]
     body.y += move[1]

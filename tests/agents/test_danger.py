@@ -106,7 +106,7 @@ def test_who_will_have_left_the_way_is_no_danger_and_who_walks_into_it_is_one() 
 
 
 def test_a_kart_ahead_that_brakes_hard_is_braked_for_before_it_is_close() -> None:
-    ahead = track_at(6.0, 0.0, vx=10.0, kind=codes.KART_HIT)
+    ahead = track_at(3.0, 0.0, vx=10.0, kind=codes.KART_HIT)
     assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is Stage.NONE
     ahead.state[2], ahead.slowing = 8.0, 6.0
     assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is Stage.FULL

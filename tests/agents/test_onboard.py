@@ -44,8 +44,10 @@ from support.courses import ring
 
 LIMITS = Limits(
     braking=5.0,
+    promised=7.0,
     reaction_s=0.2,
     half_width=0.7,
+    spare=0.0,
     berth=0.3,
     near=30.0,
     nose=1.5,
@@ -342,7 +344,8 @@ def test_the_border_of_a_bend_is_no_danger_while_a_way_leads_past_it() -> None:
     # At 10 m/s and 6 m/s² across the sharpest way has a radius of 16.7 m: 3 m aside after 10 m.
     post = wall_of([(9.0, 0.0)])
     assert watch_obstacles(post, 10.0, 0.0, 0.0, LIMITS) == Verdict()
-    wall = wall_of([(9.0, 0.5 * side) for side in range(-12, 13)])
+    # Braking by all that is promised takes 8.1 m, and no way is longer than 7.4 m.
+    wall = wall_of([(6.5, 0.5 * side) for side in range(-12, 13)])
     assert watch_obstacles(wall, 10.0, 0.0, 0.0, LIMITS).brake == 1.0
     person = wall_ahead(9.0, 10.0, codes.OBSTACLE)
     assert watch_obstacles(person, 10.0, 0.0, 0.2, LIMITS).brake == 1.0
@@ -376,9 +379,9 @@ def test_a_kart_that_stood_for_a_person_waits_who_then_stands_where_no_beam_reac
         np.array([2.0]),
         np.array([codes.OBSTACLE], "u1"),
     )
-    unit.echoes = person
+    unit.echoes = unit.loose = person
     assert unit._watch_ahead(0.0, 0.0, 2.0).brake == 1.0
-    unit.echoes = Echoes.nothing()
+    unit.echoes = unit.loose = Echoes.nothing()
     for later_s, brake in ((0.1, 1.0), (UNSEEN_S - 0.2, 1.0), (0.2, 0.0)):
         unit._time_s += later_s
         assert unit._watch_ahead(0.0, 0.0, 0.0).brake == brake

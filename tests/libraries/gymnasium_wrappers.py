@@ -16,7 +16,7 @@ if __name__ == "__main__":
         vector = gymnasium.make_vec(
             "race_server:Kart/TimeTrial-v0", 3, autoreset_mode=mode, most_steps=20
         )
-        vector = wrappers.RecordEpisodeStatistics(vector)
+        vector = counted = wrappers.RecordEpisodeStatistics(vector)
         vector = wrappers.RescaleAction(vector, -1.0, 1.0)
         if mode is AutoresetMode.NEXT_STEP:
             vector = wrappers.NormalizeObservation(vector)
@@ -26,7 +26,7 @@ if __name__ == "__main__":
             *_, ended, cut, infos = vector.step(vector.action_space.sample())
             if mode is AutoresetMode.DISABLED and (ended | cut).any():
                 vector.reset(options={"reset_mask": ended | cut})
-        assert vector.env.episode_count > 0
+        assert counted.episode_count > 0
         vector.close()
     with tempfile.TemporaryDirectory() as folder:
         vector = gymnasium.make_vec(

@@ -32,6 +32,12 @@ def test_the_change_that_loses_most_clean_laps_alone_is_the_factor() -> None:
     assert {one["change"]: one["clean_lap_rate"] for one in row.alone}["sensors"] == 0.7
 
 
+def test_a_driver_that_refused_to_drive_has_shown_no_cost() -> None:
+    refused = replace(HELD, times_s=(), clean=0, failed=True)
+    row = row_with(decisions_alone=refused, sensors=held(9))
+    assert row.factor == "sensors"
+
+
 def test_where_all_laps_are_clean_time_decides() -> None:
     slower = replace(HELD, times_s=(6.0,) * 10)
     assert row_with(tyres=slower, steps=slower, actuators=slower).factor == "tyres"
