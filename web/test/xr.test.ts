@@ -31,6 +31,12 @@ test('what lies ahead of a kart lies before the eyes, and its left is left', () 
   expectSpot(apply(track, [97, 50.2, 0]), [-3, -1, 0]);
 });
 
+test('a model car is as large as a car for a driver in it', () => {
+  const track = fromSeat({ x: 1, y: 2, heading: 0 }, [0, 0, 0.1], 10);
+  expectSpot(apply(track, [1, 2, 0.1]), [0, 0, 0]);
+  expectSpot(apply(track, [2, 2, 0]), [0, -1, -10]);
+});
+
 test('on the table the middle of the course is where the table is, at its height', () => {
   const table = { size: 2, height: 0.8, away: 1 };
   const wide = onTable({ left: 0, right: 100, bottom: 0, top: 50 }, table);

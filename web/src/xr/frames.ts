@@ -84,14 +84,15 @@ export function byTwoPoints(track: [Point, Point], touched: [Spot, Spot]): Matri
 
 /**
  * Returns where the track lies for a driver: the room is the kart, its origin the driver's eye as
- * the headset was when the session began. eye: ahead, left and up of the kart's place [m].
+ * the headset was when the session began. eye: ahead, left and up of the kart's place [m]; scale:
+ * metres of the room in one of the track, 1 where the track is really there.
  */
-export function fromSeat({ x, y, heading }: Pose, eye: Spot): Matrix {
+export function fromSeat({ x, y, heading }: Pose, eye: Spot, scale = 1): Matrix {
   const [cos, sin] = [Math.cos(heading), Math.sin(heading)];
   // Ahead of the kart is -z, its left is -x.
   const turn = 0.5 * Math.PI - heading;
   const [ahead, left, up] = eye;
   const origin = [x + ahead * cos - left * sin, y + ahead * sin + left * cos, up] as const;
-  const moved = apply(upright(turn, 1, [0, 0, 0]), origin);
-  return upright(turn, 1, [-moved[0], -moved[1], -moved[2]]);
+  const moved = apply(upright(turn, scale, [0, 0, 0]), origin);
+  return upright(turn, scale, [-moved[0], -moved[1], -moved[2]]);
 }

@@ -18,6 +18,8 @@ export class Plinth {
     const high = THICK * longer;
     const shape = new BoxGeometry(right - left + rim, top - bottom + rim, high);
     this.mesh = new Mesh(shape, new MeshLambertMaterial({ color: coloursOf(course).around }));
+    // What lies flat on it is as high: it must not be hidden by it in places.
+    this.mesh.material.depthWrite = false;
     this.mesh.position.set(0.5 * (left + right), 0.5 * (bottom + top), -0.5 * high);
     // Below all layers of the ground, which do not look at depth.
     this.mesh.renderOrder = -70;

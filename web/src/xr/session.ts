@@ -208,11 +208,16 @@ export class Headset {
       const scale = body.length / fleet.model.length;
       const [ahead, left, up] = fleet.model.head;
       const eye = [body.ahead + ahead * scale, left * scale, up * scale] as const;
-      return own && fromSeat(own, eye);
+      return own && fromSeat(own, eye, this.scaleOf(world));
     }
     if (this.alignment.matrix || this.isRoomReal) return this.alignment.matrix;
     const heading = course.heading(0) - 0.5 * Math.PI;
     return fromSeat({ ...course.edge(0, 'left', BESIDE), heading }, [0, 0, 0]);
+  }
+
+  /** In a virtual room the vehicle has the size of what it is a model of. */
+  private scaleOf({ fleet, body }: World): number {
+    return this.isRoomReal ? 1 : fleet.model.length / body.length;
   }
 
   /** Decides how much is seen, and what the panel says. */
@@ -269,7 +274,7 @@ export class Headset {
     if (up > 0) world.badges.tangent = 1 / up;
     if (own) {
       this.plane.constant = -drawnFrom(own.speed);
-      sky.surround(this.camera.position.set(own.x, own.y, 0), SKY_RADIUS);
+      sky.surround(this.camera.position.set(own.x, own.y, 0), SKY_RADIUS / this.scaleOf(world));
       world.guide?.showAhead(own.x, own.y);
     } else world.guide?.showAll();
     this.camera.position.set(0, 0, 0);
