@@ -70,7 +70,7 @@ STEP_S, FORESEEN_S = 0.1, 4.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35
-# Somebody is known after this many scans; until then he may walk [m/s], but no farther than [m].
+# A person is known after this many scans, and until then may walk [m/s], but no farther than [m].
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
 # Closing more slowly than this [m/s] is no danger.
 CREEP = 0.5
@@ -143,7 +143,7 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
 def _margin(track: Track, limits: Limits) -> Floats:
     """Return how far beside the way an object still counts, at each of `TIMES` [m].
 
-    People get a berth. Somebody who has just come into view nearby may walk towards the way for
+    People get a berth. A person that has just come into view nearby may walk towards the way for
     as long as nothing is known of it.
     """
     if track.kind == codes.KART_HIT:
