@@ -74,6 +74,8 @@ MOST_UNSURE = 0.35
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
 # Closing more slowly than this [m/s] is no danger.
 CREEP = 0.5
+# That much room [m] is left to a kart ahead when the kart is as slow as it.
+KEPT = 0.6
 # A kart whose nearest point lies less than this [m] ahead of the bumper is being passed.
 PASSED = 0.8
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
@@ -164,7 +166,7 @@ def _approach(track: Track, speed: float, meeting: float, limits: Limits) -> tup
     if track.stands or track.kind != codes.KART_HIT:
         # It stands, comes, or crosses: the kart stops before the place where they would meet.
         return speed, meeting - limits.nose - limits.stand_off
-    gap = math.hypot(x, y) - limits.nose - 0.1
+    gap = math.hypot(x, y) - limits.nose - KEPT
     if track.slowing > SLOWS:  # it will stand somewhere ahead
         return speed, gap + leaves * leaves / (2.0 * track.slowing)
     return max(speed - leaves, 0.0), gap
