@@ -16,7 +16,7 @@ PARTS = ("place", "danger", "races")
 
 def drill_onboard(
     seeds: Annotated[
-        int, typer.Option(min=2, help="Number of karts as built, each with noise of its own.")
+        int, typer.Option(min=1, help="Number of karts as built, each with other noise.")
     ] = 10,
     track: Annotated[str, typer.Option(help="Course that is driven.")] = "hangar-400",
     vehicle: Annotated[str, typer.Option(help="Vehicle that is driven.")] = "kart-60",
@@ -28,7 +28,10 @@ def drill_onboard(
         typer.Option(help="Folder of recordings: ask the reflex what it would have done in them."),
     ] = None,
     most_km: Annotated[
-        float, typer.Option("--most-km", help="Of those races, so many kilometres of all karts.")
+        float,
+        typer.Option(
+            "--most-km", help="Kilometres of all karts together to look at in those races."
+        ),
     ] = 5.0,
     as_json: AsJson = False,
 ) -> None:

@@ -1,5 +1,6 @@
 """`race plant`: a simulated stand-in for a real kart."""
 
+import math
 import os
 from pathlib import Path
 from typing import Annotated
@@ -31,6 +32,21 @@ def plant(
     deviation: Annotated[
         float, typer.Option(help="Standard deviation of the position fixes [m], ten a second.")
     ] = 0.02,
+    fix_delay_ms: Annotated[
+        float, typer.Option(min=0.0, max=600.0, help="Delay of the position fixes [ms].")
+    ] = 100.0,
+    unstamped: Annotated[
+        bool, typer.Option("--unstamped", help="Fixes do not say when they were taken.")
+    ] = False,
+    wheels_lock: Annotated[
+        float, typer.Option(min=0.0, help="Share of the brakes above which wheels lock.")
+    ] = math.inf,
+    radar_errs: Annotated[
+        bool,
+        typer.Option(
+            "--radar-errs", help="A radar with stray, missing, mirrored and confused echoes."
+        ),
+    ] = False,
     delay_ms: Annotated[float, typer.Option(help="Delay of every message, each way [ms].")] = 0.0,
     pedestrian: Annotated[
         float | None,
@@ -49,6 +65,7 @@ def plant(
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
     # Set before any kernel is imported: one kart needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
+    from race_agents.plant.radar import ERRS, PERFECT
     from race_agents.plant.run import PlantSetting, run_plant
     from race_agents.plant.sensors import Sensors
 
@@ -63,7 +80,13 @@ def plant(
         keys=given.keys,
         patience_s=patience,
         delay_s=delay_ms / 1000.0,
-        sensors=Sensors(fix_deviation=deviation),
+        sensors=Sensors(
+            fix_deviation=deviation,
+            fix_delay_s=fix_delay_ms / 1000.0,
+            fix_stamped=not unstamped,
+            wheels_lock=wheels_lock,
+            radar=ERRS if radar_errs else PERFECT,
+        ),
         seed=seed,
         pedestrian_s=pedestrian,
         cut_s=cut_link,

@@ -1,4 +1,4 @@
-"""A kart meets somebody: a straight way, one object that stands, walks or drives, full throttle.
+"""A kart meets a person or a kart, on a straight way, its driver on the throttle.
 
 The shapes are those of the Euro NCAP protocols for pedestrians and cars ahead (AEB VRU, AEB C2C):
 CPLA walks ahead, CPNA and CPFA cross from the near and the far side, CPNCO is a child from behind
@@ -22,8 +22,8 @@ from race_server.core.vehicles import Vehicle
 
 KMH = 1.0 / 3.6
 PERIOD_S = 0.02
-RUN_IN_S = 2.5  # the kart drives at its speed before it meets anybody
-BEGIN_S = 4.0  # so long before they meet it begins to count
+RUN_IN_S = 2.5  # the kart drives at its speed before the meeting
+BEGIN_S = 4.0  # time before the meeting from which on it counts
 AFTER_S = 3.0
 WALKS, HASTES, DRIVES = 5.0 * KMH, 8.0 * KMH, 20.0 * KMH
 ADULT, CHILD = 0.25, 0.2  # [m] radius
@@ -68,7 +68,7 @@ class FreeRun:
 class Case:
     """One meeting. `place` gives the object's x, y, vx, vy [m, m/s] by the time to the meeting.
 
-    The meeting is where front bumper and object would touch if nobody braked: at x = 0.
+    The meeting is where front bumper and object would touch if the kart did not brake: at x = 0.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Outcome:
 
 
 def meet(case: Case, vehicle: Vehicle, sensors: Sensors, seed: int) -> Outcome:
-    """Let a plant as built from a seed meet somebody, its driver's foot down."""
+    """Let a plant as built from a seed have a meeting, its driver's foot down."""
     nose = vehicle.box_offset + 0.5 * vehicle.length
     start = -nose - case.speed * (RUN_IN_S + BEGIN_S)
     around = Surroundings(np.zeros((0, 4)))
@@ -121,7 +121,7 @@ def meet(case: Case, vehicle: Vehicle, sensors: Sensors, seed: int) -> Outcome:
 
 
 def _arrange(case: Case, around: Surroundings, until_s: float) -> None:
-    """Put everybody where they are so long before the meeting."""
+    """Put all where they are this time before the meeting."""
     x, y, vx, vy = case.place(until_s)
     rows = [(px, py, 0.0, 0.0, 0.0) for px, py in case.hidden_by]
     if case.radius is None:

@@ -8,8 +8,7 @@ import numpy as np
 
 from race_agents.plant.chauffeur import Chauffeur
 from race_agents.plant.kart import Plant
-from race_agents.plant.matrices import ERRS
-from race_agents.plant.radar import Floats, Person, Surroundings
+from race_agents.plant.radar import ERRS, Floats, Person, Surroundings
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.fence import CourseFence
@@ -19,7 +18,7 @@ from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 
 PERIOD_S = 0.02
-# Somebody stands this far along the line from the start [m], so that the reflex has work.
+# A person stands this far along the line from the start [m], so that the reflex has work.
 PERSON_M = 60.0
 SENSORS = Sensors(
     radar=ERRS, velocity_deviation=0.1, heading_deviation=0.01, fix_wild=0.02, fix_loss=0.05

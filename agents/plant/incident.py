@@ -14,7 +14,9 @@ from race_agents.plant.body import Body
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, gap_to
 from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.danger import Stage
 from race_agents.unit.safety import Cause
+from race_server.core.messages import RayHit
 
 STANDS = 0.03  # [m/s] slower than this is standing
 # The person steps out where this share of the way that the kart needs to stop is left.
@@ -27,6 +29,7 @@ BRAKES_AT = 2.0
 MOST_BEND, MOST_STRAY = 0.3, 0.12
 # A turn that takes longer [s] shows that the machine had no time for the kart's program.
 PAUSE_S = 0.3
+MOST_ALERTS = 200
 VIEW_WIDTHS = 2.0  # kart widths beside the way in which no other kart may be
 RETRY_S = 3.0  # after a kart drove past a person beside its way
 # It happens to a kart that is fast: this share of its top speed or, where no course allows that, of
@@ -184,6 +187,8 @@ class IncidentLog:
     person: PersonIncident | None = None
     radio_loss: RadioLoss | None = None
     figures: dict[str, Any] = field(default_factory=dict)
+    alerts: list[dict[str, Any]] = field(default_factory=list)  # what the kart warned of, and did
+    _stage: Stage = Stage.NONE
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
     _cap: float = math.inf
@@ -205,6 +210,7 @@ class IncidentLog:
             self._green_s = now_s
         raced_s = now_s - self._green_s
         self._note_place(unit)
+        self._note_danger(unit, raced_s)
         self._note_orders(unit, now_s)
         if self.person is not None and raced_s > 0.0:
             self.person.turn(self.plant, unit, raced_s)
@@ -218,6 +224,25 @@ class IncidentLog:
         if (pose := unit.pose()) is not None:
             body = self.plant.body
             self._errors.append(math.hypot(pose.x - body.x, pose.y - body.y))
+
+    def _note_danger(self, unit: ControlUnit, raced_s: float) -> None:
+        """Note what the kart saw, each time that a danger comes a stage further."""
+        danger, before = unit.danger, self._stage
+        self._stage = danger.stage
+        if danger.stage < Stage.WARN or danger.stage <= before or len(self.alerts) >= MOST_ALERTS:
+            return
+        self.alerts.append(
+            {
+                "at_s": round(raced_s, 2),
+                "stage": danger.stage.name.lower(),
+                "kind": RayHit(danger.kind).name.lower(),
+                "bearing_deg": round(math.degrees(danger.bearing), 1),
+                "distance_m": round(danger.distance, 2),
+                "time_s": round(danger.time_s, 2),
+                "needed": round(danger.needed, 2),
+                "action": danger.action.name.lower(),
+            }
+        )
 
     def _note_orders(self, unit: ControlUnit, now_s: float) -> None:
         """Note each time the game slows this kart, and whether the kart obeys in time."""
@@ -246,6 +271,7 @@ class IncidentLog:
             "scrapes": self.plant.scrapes,
             "pauses": self._pauses,
             "longest_turn_s": self._longest_turn_s,
+            "alerts": self.alerts,
             "pedestrian": self.person.figures if self.person else None,
             "cut": self.radio_loss.figures if self.radio_loss else None,
             **self.figures,

@@ -20,7 +20,7 @@ from race_agents.plant.encounter import (
     Outcome,
     meet,
 )
-from race_agents.plant.radar import RadarErrors
+from race_agents.plant.radar import ERRS
 from race_agents.plant.row import Row
 from race_agents.plant.sensors import Sensors
 from race_agents.plant.whereabouts import Setting
@@ -28,15 +28,6 @@ from race_server.core.vehicles import Vehicle
 
 SPEEDS = tuple(speed * KMH for speed in (10, 20, 30, 40, 50, 60))
 SHARES = (0.10, 0.25, 0.50, 0.75, 0.90)  # of the width, where who crosses would be hit
-# A radar that errs: a stray echo in ten scans, a tenth of all echoes missing.
-ERRS = RadarErrors(
-    clutter=0.1,
-    misses=0.1,
-    confusion=0.01,
-    ghosts=0.02,
-    closing_deviation=0.1,
-    bearing_deviation=0.01,
-)
 ASIDE = (1.0, 1.5, 2.0)  # [m] beside the body's way
 TO_50 = tuple(speed * KMH for speed in (20, 30, 40, 50))
 # Full braking of a kart as its figures promise, and the time until it bites.
@@ -94,7 +85,7 @@ def karts(vehicle: Vehicle) -> Iterator[Case]:
 
 
 def bystanders(vehicle: Vehicle) -> Iterator[Case]:
-    """Yield those for whom no kart may brake fully: who stands beside, and who has left."""
+    """Yield meetings without danger: people beside the way, and those that have left it."""
     for speed in TO_50:
         for aside in ASIDE:
             y = 0.5 * vehicle.width + aside + ADULT
@@ -143,7 +134,7 @@ def rows(setting: Setting) -> list[Row]:
     )
     braked = sum(math.isfinite(outcome.braked_s) for _, outcome in aside)
     result.append(
-        Row("full brakes for who stands 1 m beside, or has left", "of all", braked, most=0.0)
+        Row("full brakes for people 1 m beside, or that left", "of all", braked, most=0.0)
     )
     return result
 

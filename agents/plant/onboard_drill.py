@@ -31,7 +31,7 @@ def measure(
     """Return the document of the drill.
 
     part: only this one of `PARTS`, or `races`; tell: called with the number of trips done; races:
-    a folder of recordings, of which so many kilometres are looked at.
+    a folder of recordings; most_km: kilometres to look at in them.
 
     Raises:
         TrackError: no such course.

@@ -44,6 +44,15 @@ class RadarErrors:
 
 
 PERFECT = RadarErrors()
+# A stray echo in ten scans, and a tenth of all echoes missing.
+ERRS = RadarErrors(
+    clutter=0.1,
+    misses=0.1,
+    confusion=0.01,
+    ghosts=0.02,
+    closing_deviation=0.1,
+    bearing_deviation=0.01,
+)
 # What stray echoes are taken for, and how fast they seem to come [m/s].
 STRAY_KINDS = np.array([codes.BORDER, codes.OBSTACLE, codes.KART_HIT], np.uint8)
 STRAY_SPEED = 5.0

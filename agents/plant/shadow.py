@@ -1,9 +1,9 @@
 """Shadow mode: what a kart's reflex would have done in races that were recorded.
 
 Each kart of a recording is followed as if it were a real one: a radar that errs looks at the others
-and at the borders from where it was, and the reflex is asked. It has no effect, so what came of
+and at the borders from where it was, and the reflex is asked. It has no effect, so the end of
 each moment is known: full brakes are *false* where the kart then touched nothing and was not about
-to, though nobody braked for it.
+to, though no brake helped.
 """
 
 import math
@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from race_agents.plant.body import Body
-from race_agents.plant.matrices import ERRS
-from race_agents.plant.radar import Floats, RadarErrors, Surroundings, scan
+from race_agents.plant.radar import ERRS, Floats, RadarErrors, Surroundings, scan
 from race_agents.plant.row import Row
 from race_agents.unit.danger import Danger, Stage, assess
 from race_agents.unit.ego import EgoMotion
@@ -55,7 +54,7 @@ class Act:
 
 @dataclass
 class Shadow:
-    """What came of some recordings."""
+    """What was found in some recordings."""
 
     metres: float = 0.0
     acts: list[Act] = field(default_factory=list)
@@ -114,7 +113,7 @@ def shadow(
 ) -> Shadow:
     """Return what the reflex would have done in recorded races.
 
-    most_km: stop after so many kilometres of all karts together.
+    most_km: stop after these kilometres of all karts together.
 
     Raises:
         RecordingError: not a recording, or of no race on a course.

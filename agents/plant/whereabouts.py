@@ -134,7 +134,7 @@ def stamped_rows(setting: Setting) -> list[Row]:
 
 
 def unstamped_rows(setting: Setting) -> list[Row]:
-    """Return accuracy where nobody knows how late the fixes are."""
+    """Return accuracy where it is not known how late the fixes are."""
     offs, was, wrong = [], [], 0.0
     for delay in DELAYS:
         for trip in setting.trips(Sensors(fix_stamped=False, fix_delay_s=delay)):

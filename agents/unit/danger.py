@@ -70,10 +70,12 @@ STEP_S, FORESEEN_S = 0.1, 4.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35
-# Somebody is known after this many scans; until then he may walk [m/s], but no farther than [m].
+# A person is known after this many scans, and until then may walk [m/s], but no farther than [m].
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
 # Closing more slowly than this [m/s] is no danger.
 CREEP = 0.5
+# That much room [m] is left to a kart ahead when the kart is as slow as it.
+KEPT = 0.6
 # A kart whose nearest point lies less than this [m] ahead of the bumper is being passed.
 PASSED = 0.8
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
@@ -143,7 +145,7 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
 def _margin(track: Track, limits: Limits) -> Floats:
     """Return how far beside the way an object still counts, at each of `TIMES` [m].
 
-    People get a berth. Somebody who has just come into view nearby may walk towards the way for
+    People get a berth. A person that has just come into view nearby may walk towards the way for
     as long as nothing is known of it.
     """
     if track.kind == codes.KART_HIT:
@@ -164,7 +166,7 @@ def _approach(track: Track, speed: float, meeting: float, limits: Limits) -> tup
     if track.stands or track.kind != codes.KART_HIT:
         # It stands, comes, or crosses: the kart stops before the place where they would meet.
         return speed, meeting - limits.nose - limits.stand_off
-    gap = math.hypot(x, y) - limits.nose - 0.1
+    gap = math.hypot(x, y) - limits.nose - KEPT
     if track.slowing > SLOWS:  # it will stand somewhere ahead
         return speed, gap + leaves * leaves / (2.0 * track.slowing)
     return max(speed - leaves, 0.0), gap

@@ -28,7 +28,7 @@ NEAR, ALIKE, SCANS = 0.7, 2.0, 3
 BESIDE = 2
 # Echoes of one thing lie within this of one another [m]; a track takes what lies this near.
 SPREAD, GATE = 1.2, 1.5
-# A track moves after this many scans, and is gone after so many without an echo.
+# A track moves after this many scans, and is gone after that many without an echo.
 BORN, GONE = 3, 5
 # Deviations: of a thing's middle [m], of Doppler speeds [m/s], of a bearing [rad].
 PLACE, DOPPLER, BEARING = 0.15, 0.2, 0.012
@@ -40,7 +40,7 @@ MOST_TRACKS = 24
 # What moves away more slowly than this [m/s] stands.
 STANDS = 1.0
 # A speed across the ray below this many deviations is none; of karts, whose outline comes into view
-# side by side, so many.
+# side by side, below the second.
 NOISE, PLAIN = 1.2, 3.0
 
 
@@ -197,7 +197,7 @@ def _outvoted(
 ) -> NDArray[np.uint8]:
     """Return kinds (n,): a kart among people, or a person among karts, is one of the others.
 
-    Who was taken for a person before, too, is one: a child who comes from behind a kart.
+    What was taken for a person before, too, is one: a child who comes from behind a kart.
 
     nears: which echoes (n,) lie near which of each earlier scan; beside: … of this one.
     """

@@ -50,7 +50,7 @@ class Limits:
     half_width: float  # [m] of the corridor that the body needs, with some to spare
     spare: float  # [m] of it that is no body
     berth: float  # [m] beside it that people get: an echo is one point of a wider person
-    near: float  # [m] within which somebody who comes into view has come from behind something
+    near: float  # [m] within which a person that comes into view has come from behind something
     nose: float  # [m] from the rear axle to the front bumper
     stand_off: float  # [m] that must be left
     restart: float  # [m] that must be free before a kart that braked for something drives on

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from race_agents.plant.encounter import ADULT, KMH, Case, meet
-from race_agents.plant.matrices import ERRS, WALKS, _ahead, _crosses
+from race_agents.plant.matrices import WALKS, _ahead, _crosses
+from race_agents.plant.radar import ERRS
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.danger import Action, Danger, Stage, danger_of, watch_danger
 from race_agents.unit.ego import Ego, EgoMotion

@@ -315,7 +315,7 @@ def test_no_message_of_the_game_makes_a_kart_faster() -> None:
     [
         (0.8, codes.KART_HIT, False),
         (0.8, codes.OBSTACLE, True),  # a person 0.1 m beside the kart is wider than that
-        (1.1, codes.OBSTACLE, False),  # who stands there may, for as long as he stands
+        (1.1, codes.OBSTACLE, False),  # people beside the way may stand there
     ],
 )
 def test_what_stands_beside_the_way_is_no_danger_but_people_get_a_berth(
