@@ -69,7 +69,7 @@ class TrainOptions:
         ),
     ] = ""
     algorithm: Annotated[
-        str, typer.Option(help="ppo, poca, sac, td3 or dqn. Default: the preset's.")
+        str, typer.Option(help="ppo, ppo-sb3, poca, sac, td3 or dqn. Default: the preset's.")
     ] = ""
     worlds: Annotated[
         int | None, typer.Option(help="Races that run in parallel. Default: the preset's.")
@@ -178,6 +178,9 @@ def _changes(options: TrainOptions) -> list[str]:
     if steps is not None:
         changes += ["minutes=none", f"steps={steps}"]
     if options.simulator:
+        from race_server.second.simulator import check_simulator
+
+        check_simulator(options.simulator)
         changes += [f"simulator={options.simulator}"]
     if options.algorithm:
         changes += [f"algorithm.name={options.algorithm}"]

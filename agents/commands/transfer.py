@@ -1,9 +1,10 @@
 """`race transfer`: the same drivers on the same tracks, here and in a second simulator."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,7 +27,13 @@ class TransferOptions:
     drivers: Annotated[str, typer.Argument(help="Comma-separated installed drivers.")] = (
         "raceline,idm,follow_gap,learned:time-trial"
     )
-    to: Annotated[str, typer.Option(help="The other simulator: highway-env.")] = "highway-env"
+    to: Annotated[
+        str,
+        typer.Option(
+            help="The other simulator: highway-env, or its environments as they are: "
+            "highway-env-itself, highway-env-itself:pedals."
+        ),
+    ] = "highway-env"
     tracks: Annotated[
         str,
         typer.Option(
@@ -38,6 +45,9 @@ class TransferOptions:
     laps: Annotated[
         int, typer.Option(min=1, help="Counted laps of each run; one that is not comes first.")
     ] = 5
+    traffic: Annotated[
+        int, typer.Option(min=0, help="Vehicles of highway-env to overtake, here and there.")
+    ] = 0
     plot: Annotated[
         Path | None, typer.Option(help="Draw clean laps and times into this .png or .svg file.")
     ] = None
@@ -49,24 +59,32 @@ class TransferOptions:
 def transfer(options: TransferOptions) -> None:
     """Drive here and in a second simulator, and say which difference costs most.
 
-    Between the two stands a ladder of changes, one at a time. Finished runs are kept: a transfer
-    that was stopped goes on with the next one.
+    Between the two stands a ladder of changes; beside it each acts alone. Finished runs are kept:
+    a transfer that was stopped goes on with the next one.
     """
     from race_server.competition.lap_exam import LapExamSpec
     from race_server.competition.transfer import rows_of
+    from race_server.competition.transfer_traffic import is_target
     from race_server.core.vehicle_presets import vehicle_named
     from race_server.second.highway_options import NAME
+    from race_server.second.simulator import check_simulator
 
     drivers = known_drivers(options.drivers)
     if not drivers:
         raise ScenarioError("no driver; name one or more, separated by commas")
-    if options.to != NAME:
-        raise ScenarioError(f"--to {options.to!r}: choose {NAME}")
+    if not is_target(options.to):
+        raise ScenarioError(f"--to {options.to!r}: choose {NAME} or {NAME}-itself")
+    check_simulator(options.to)
     if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
         raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
     tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle).length)
-    spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs)
+    spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs, traffic=options.traffic)
     console = Console(stderr=True)
+    if options.traffic or options.to != NAME:
+        if options.plot is not None:
+            raise ScenarioError(f"--plot {options.plot}: only the ladder is drawn; leave it out")
+        _drive_in_traffic(spec, drivers, options, console)
+        return
     found, stopped = _drive(spec, drivers, console, quiet=options.as_json)
     rows = sorted(rows_of(found), key=lambda row: tracks.index(row.track))
     rows.sort(key=lambda row: drivers.index(row.driver))
@@ -91,13 +109,58 @@ def own_tracks(length: float) -> tuple[str, ...]:
     return tuple(PREFIX + track + ":tenth" * (length < SHORT_M) for track in TRACKS)
 
 
+def _drive_in_traffic(
+    spec: "LapExamSpec", drivers: tuple[str, ...], options: TransferOptions, console: Console
+) -> None:
+    """Drive among others here and there, and show both."""
+    from rich.table import Table
+
+    from race_server.competition.transfer_traffic import drive_in_traffic, traffic_rows
+
+    found, stopped = [], False
+    try:
+        for name, one in drive_in_traffic(spec, drivers, editions_of(drivers), options.to):
+            found.append((name, one))
+            if not options.as_json:
+                console.print(f"{one.driver}, {one.course}, {name}", highlight=False)
+    except KeyboardInterrupt:
+        stopped = True
+    rows = traffic_rows(found, options.traffic)
+    if options.as_json:
+        print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
+    else:
+        table = Table(title=f"{options.traffic} vehicles of highway-env, here | {options.to}")
+        table.add_column("driver, track", no_wrap=True)
+        heads = ("clean laps", "× limit", "touched walls", "karts", "overtakes")
+        for head in heads:
+            table.add_column(head, justify="right", no_wrap=True)
+        table.add_column("remark")
+        for row in rows:
+            pairs = zip(_traffic_cells(row.here), _traffic_cells(row.there), strict=True)
+            cells = [f"{here} | {there}" for here, there in pairs]
+            remark = row.there["remark"] or row.here["remark"]
+            table.add_row(f"{row.driver}, {row.track}", *cells, remark)
+        wide = Console()
+        wide.width = max(wide.width, table.__rich_measure__(wide, wide.options).maximum)
+        wide.print(table)
+    if stopped:
+        console.print("stopped: these are the runs that were finished", style="yellow")
+        sys.exit(130)
+
+
+def _traffic_cells(one: Mapping[str, Any]) -> tuple[str, ...]:
+    ratio = "-" if one["ratio"] is None else f"{one['ratio']:.3f}"
+    counts = (one["wall_contacts"], one["kart_contacts"], one["overtakes"])
+    return (f"{one['clean_laps']} of {one['laps_wanted']}", ratio, *map(str, counts))
+
+
 def _drive(
     spec: "LapExamSpec", drivers: tuple[str, ...], console: Console, *, quiet: bool
 ) -> "tuple[list[tuple[str, CourseTry]], bool]":
     """Return what was driven, and whether it was stopped."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-    from race_server.competition.transfer import LADDER, drive_ladder
+    from race_server.competition.transfer import RUNGS, drive_ladder
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     hidden = quiet or not console.is_terminal
@@ -105,7 +168,7 @@ def _drive(
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
-        total = len(drivers) * len(spec.courses) * len(LADDER)
+        total = len(drivers) * len(spec.courses) * len(RUNGS)
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
             for name, one in drive_ladder(spec, drivers, editions_of(drivers)):
@@ -119,29 +182,39 @@ def _drive(
 def _show(rows: "list[TransferRow]") -> None:
     from rich.table import Table
 
-    from race_server.competition.transfer import LADDER
+    from race_server.competition.transfer import RUNGS
 
+    if not rows:
+        return
     table = Table()
     table.add_column("driver, track", no_wrap=True)
-    for rung in LADDER:
-        table.add_column(rung.name, justify="right", no_wrap=True)
-    table.add_column("costs most")
+    ladder = [one["change"] for one in rows[0].ladder]
+    alone = [one["change"] for one in rows[0].alone if one["change"] != "tyres"]
+    for name in (*ladder, *(f"only {name}" for name in alone)):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("costs most", no_wrap=True)
+    table.add_column("wins back most", no_wrap=True)
     for row in rows:
-        cells = [
-            f"{100.0 * one['clean_lap_rate']:.0f} % "
-            + ("-" if one["ratio"] is None else f"{one['ratio']:.3f}")
-            for one in row.ladder
-        ]
-        table.add_row(f"{row.driver}, {row.track}", *cells, row.factor or "-")
+        single = [one for one in row.alone if one["change"] in alone]
+        cells = [_in_words(one) for one in (*row.ladder, *single)]
+        table.add_row(f"{row.driver}, {row.track}", *cells, row.factor or "-", row.mends or "-")
     console = Console()
     # Wider than the terminal if necessary, so that no figure is cut off.
     console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
     console.print(table)
     console.print("clean laps, and the median lap over the limit of its track", highlight=False)
-    for rung in LADDER:
+    for rung in RUNGS:
         console.print(f"{rung.name}: {rung.meaning}", style="dim", highlight=False)
     for row in rows:
-        for one in row.ladder:
+        only = ({**one, "change": f"only {one['change']}"} for one in row.alone[1:])
+        for one in (*row.ladder, *only):
             if one["remark"]:
                 words = f"{row.driver}, {row.track}, {one['change']}: {one['remark']}"
                 console.print(words, style="yellow", highlight=False)
+
+
+def _in_words(one: Mapping[str, Any]) -> str:
+    if one["failed"]:
+        return "refused" if not one["laps"] else "failed"
+    ratio = "-" if one["ratio"] is None else f"{one['ratio']:.3f}"
+    return f"{100.0 * one['clean_lap_rate']:.0f} % {ratio}"

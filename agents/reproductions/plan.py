@@ -27,7 +27,7 @@ class Learned:
     figures: dict[str, Any]
     curve: list[tuple[int, float]]
     # Further curves by name, see `race_agents.reproductions.watch`.
-    curves: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+    curves: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
 
 
 class Lesson(Protocol):

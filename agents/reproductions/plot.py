@@ -8,6 +8,7 @@ import numpy as np
 
 from race_agents.reproductions.plan import Reproduction
 from race_agents.reproductions.summary import VariantSummary
+from race_agents.reproductions.watch import OVER_TIME
 from race_server.pictures import save
 
 OURS, THEIRS = "tab:blue", "tab:orange"
@@ -52,6 +53,9 @@ def _bands(plot: Any, name: str, lines: Sequence[VariantSummary]) -> None:
             plot.plot(at, mean, **style)
             plot.fill_between(at, least, greatest, color=style["color"], alpha=0.2, linewidth=0)
     _frame(plot, name)
+    if name.endswith(OVER_TIME):
+        plot.set_xscale("log")
+        plot.set_xlabel("processor time of learning, s")
 
 
 def _frame(plot: Any, head: str) -> None:

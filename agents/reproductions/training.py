@@ -78,7 +78,7 @@ def _training(plan: Reproduction, scale: TrainingScale, row: Variant, seed: int)
     steps = max(round(scale.steps * row.steps_share), 1)
     quick = row.quick_changes if scale is plan.quick else ()
     changes = (*plan.changes, *row.changes, *scale.changes, *quick)
-    words = [*changes, "minutes=none", f"steps={steps}", f"seed={seed}", f"title={row.name!r}"]
+    words = ["minutes=none", f"steps={steps}", *changes, f"seed={seed}", f"title={row.name!r}"]
     settings = read_settings(plan.preset, words)
     _check_plain(settings, plan.preset)
     if row.twist.choices:

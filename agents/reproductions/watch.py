@@ -16,6 +16,7 @@ CURVES = {
     "return of an episode": "r",
     "length of an episode, decisions": "l",
 }
+OVER_TIME = " over processor time"  # in the name of a curve: its points are at seconds
 SETTLED = 0.9  # share of the final figure at which something counts as learned
 
 
@@ -56,7 +57,7 @@ class Watch(BaseCallback):
         super().__init__()
         self.budget = budget
         self.curve: list[tuple[int, float]] = []
-        self.curves: dict[str, list[tuple[int, float]]] = (
+        self.curves: dict[str, list[tuple[float, float]]] = (
             {name: [] for name in CURVES} if settings.parks else {}
         )
         self.cpu_times: list[float] = []  # [s] at each point of the curve

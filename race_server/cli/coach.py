@@ -65,6 +65,7 @@ def _lessons(
     source: str, track: str, vehicle: str, laps: int, seed: int, only: str, console: Console
 ) -> "Sequence[Lesson]":
     from race_server.competition.lessons import lesson_of_driver, lessons_of_recording
+    from race_server.competition.time_trial.plan import compile_once
     from race_server.competition.time_trial.run_spec import RunSpec
 
     with console.status("driving", spinner="dots"):
@@ -75,7 +76,9 @@ def _lessons(
 
             return lessons_of_recording(Path(source), only, warn)
         (name,) = drivers_for(source, (), (vehicle,), unfit=True) or ("",)
-        return [lesson_of_driver(RunSpec(name, track, vehicle, seed=seed, laps=laps))]
+        spec = RunSpec(name, track, vehicle, seed=seed, laps=laps)
+        compile_once(spec)
+        return [lesson_of_driver(spec)]
 
 
 def _draw(lessons: "Sequence[Lesson]", picture: Path, console: Console) -> None:

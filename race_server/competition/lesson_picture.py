@@ -18,6 +18,8 @@ _OWN, _LIMIT, _AGAINST_BEST = "#1565c0", "#20242a", "#90a4ae"
 _WIDTH, _HEIGHT = 12.0, 11.0  # [in]
 # Loss per metre is averaged over this share of the lap.
 _CALM_SHARE = 0.012
+# From an apex to the name of its corner, on the outer side.
+_NAME_POINTS = 16.0
 # The colours tell apart what is lost in this share of the lap.
 _MOST_SHARE = 0.98
 
@@ -88,10 +90,12 @@ def _draw_map(figure: Any, axes: Any, lesson: Lesson, best: Studied) -> None:
             np.arange(len(course.line)) * course.spacing,
             np.unwrap(course.line[:, 2]),
         )
-        aside = -corner.side * 2.0 * float(course.half_widths.max())
+        aside = -corner.side * _NAME_POINTS
         axes.annotate(
             corner.name,
-            (x - aside * np.sin(bend), y + aside * np.cos(bend)),
+            (x, y),
+            (-aside * np.sin(bend), aside * np.cos(bend)),
+            textcoords="offset points",
             ha="center",
             va="center",
             fontsize=10,

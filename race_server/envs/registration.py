@@ -19,8 +19,14 @@ MAKERS = {
     PARK_GOAL: ("parking.single:park_goal", None),
     PARK_TRAILER: ("parking.single:park_trailer", "parking.single:park_trailer_vector"),
     PARK_TRAILER_GOAL: ("parking.single:park_trailer_goal", None),
-    PARK_COMPATIBLE: ("compatible.parking:ParkCompatible", None),
-    RACETRACK_COMPATIBLE: ("compatible.racetrack:RacetrackCompatible", None),
+    PARK_COMPATIBLE: (
+        "compatible.parking:ParkCompatible",
+        "compatible.parking:park_compatible_vector",
+    ),
+    RACETRACK_COMPATIBLE: (
+        "compatible.racetrack:RacetrackCompatible",
+        "compatible.racetrack:racetrack_compatible_vector",
+    ),
 }
 
 
@@ -37,7 +43,10 @@ def register_gymnasium() -> None:
 
 def register_pettingzoo() -> None:
     """Make races and car parks known to PettingZoo, parallel and turn by turn."""
-    from pettingzoo.env_registry.registration import register
+    try:
+        from pettingzoo.env_registry.registration import register
+    except ModuleNotFoundError:
+        return  # before 1.27, to which some libraries pin it, there is no registry
 
     register("parallel", RACE, entry_point="race_server.envs.parallel:parallel_env")
     register("aec", RACE, entry_point="race_server.envs.parallel:env")

@@ -17,7 +17,7 @@ from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.motion import Allowance, Command, longitudinal_forces
 from race_server.core.rules.effects import surface_roll
 from race_server.core.stages.controls import take_controls
-from race_server.core.state import Floats, Record, World
+from race_server.core.state import Floats, Record, Records, World
 from race_server.core.step import advance_world
 from race_server.errors import ScenarioError
 from race_server.scenario.highway import make_highway
@@ -29,6 +29,7 @@ from race_server.second.similarity import Similarity
 STEP_S = 1.0 / 15.0  # of its physics
 ACCELERATION = 5.0  # [m/s²] most of its `ContinuousAction`, both ways
 STEERING = math.radians(45.0)  # the same of its wheels
+AT_ONCE = 1e3  # [rad/s] at which wheels turn from lock to lock within a substep
 
 
 class HighwayMotion:
@@ -58,13 +59,18 @@ class HighwayMotion:
         """Move every world on by `ticks` ticks under the same controls, (W, K, 4)."""
         for w in range(len(world.bodies)):
             take_controls(world.bodies[w], controls[w])
+            if self.options.tyres == "ours":
+                if self.options.actuators == "theirs":
+                    _act_at_once(world.vehicles[w])
+                advance_world(world, w, controls[w], ticks)
+                continue
             left = ticks
             while left > 0:
                 chunk = min(self.step_ticks, left)
                 moves = [self._move(world, w, k, chunk) for k in range(world.bodies.shape[1])]
                 for _ in range(chunk):
                     for k, move in enumerate(moves):
-                        _shift(world.bodies[w, k], move / chunk)
+                        shift(world.bodies[w, k], move / chunk)
                     advance_world(world, w, controls[w], 1)
                 left -= chunk
 
@@ -88,14 +94,9 @@ class HighwayMotion:
         mover.crashed = False
         mover.action = {"steering": angle, "acceleration": gain}
         mover.step(dt * similar.time)
-        after = np.array([math.cos(mover.heading), math.sin(mover.heading)])
-        x, y = mover.position / similar.length + ahead * after
-        speed = mover.speed / similar.pace
-        body.yaw_rate = 2.0 * speed * math.sin(slip) / (vehicle.front_axle + vehicle.rear_axle)
-        body.speed = speed * math.cos(slip)
-        body.lateral_speed = speed * math.sin(slip) + ahead * body.yaw_rate
+        x, y, turned = take_from(body, vehicle, mover, similar)
         body.steering = angle
-        return np.array([x - body.x, y - body.y, mover.heading - heading])
+        return np.array([x - body.x, y - body.y, turned - heading])
 
     def _actuate(self, body: Record, vehicle: Record, dt: float) -> tuple[float, float]:
         """Return steering angle [rad] and acceleration [m/s²] during the next `dt` [s]."""
@@ -113,15 +114,8 @@ class HighwayMotion:
             axles = longitudinal_forces(vehicle, body.speed, command, allowed, 1.0 / dt)
             air = float(vehicle.drag) * speed * abs(speed)
             return angle, (axles.front + axles.rear - air) / float(vehicle.mass)
-        push = float(throttle * vehicle.motor_force * body.thrust_scale / vehicle.mass)
-        hold = float(brake * vehicle.brake_force / vehicle.mass)
-        wanted = speed + dt * push
-        wanted = min(wanted, max(cap, speed - ACCELERATION * dt)) if push >= 0.0 else wanted
-        wanted = max(wanted, -min(float(vehicle.reverse_speed), cap)) if push < 0.0 else wanted
-        # Brakes do no more than stop it.
-        wanted = math.copysign(max(abs(wanted) - dt * hold, 0.0), wanted)
-        gain = min(max((wanted - speed) / dt, -ACCELERATION), ACCELERATION)
-        return min(max(target, -STEERING), STEERING), gain
+        body.throttle, body.brake = throttle, brake
+        return min(max(target, -STEERING), STEERING), pedal_gain(body, vehicle, dt)
 
     def _mover(self, network: Any, wheelbase: float) -> Any:
         """Return the vehicle of a network that moves as one of this wheelbase [m]."""
@@ -140,7 +134,46 @@ def ticks_in(seconds: float, similar: Similarity) -> int:
     return max(round(seconds / similar.time / TICK_S), 1)
 
 
-def _shift(body: Record, move: Floats) -> None:
+def take_from(body: Record, vehicle: Record, mover: Any, similar: Similarity) -> Floats:
+    """Set a body's speeds to those of a vehicle there; return its x, y [m] and heading, (3,)."""
+    # Its point is the middle between the axles, which moves at this angle to the body.
+    ahead = 0.5 * float(vehicle.rear_axle - vehicle.front_axle)
+    slip = math.atan(0.5 * math.tan(float(mover.action["steering"])))
+    towards = np.array([math.cos(mover.heading), math.sin(mover.heading)])
+    x, y = mover.position / similar.length + ahead * towards
+    speed = mover.speed / similar.pace
+    body.yaw_rate = 2.0 * mover.speed * math.sin(slip) / mover.LENGTH * similar.time
+    body.speed = speed * math.cos(slip)
+    body.lateral_speed = speed * math.sin(slip) + ahead * body.yaw_rate
+    return np.array([x, y, mover.heading])
+
+
+def pedal_gain(body: Record, vehicle: Record, dt: float) -> float:
+    """Return the acceleration [m/s²] that a body's pedals ask for during the next `dt` [s]."""
+    cap, speed = float(body.speed_cap), float(body.speed)
+    push = float(body.throttle * vehicle.motor_force * body.thrust_scale / vehicle.mass)
+    hold = float(body.brake * vehicle.brake_force / vehicle.mass)
+    wanted = speed + dt * push
+    wanted = min(wanted, max(cap, speed - ACCELERATION * dt)) if push >= 0.0 else wanted
+    wanted = max(wanted, -min(float(vehicle.reverse_speed), cap)) if push < 0.0 else wanted
+    # Brakes do no more than stop it.
+    wanted = math.copysign(max(abs(wanted) - dt * hold, 0.0), wanted)
+    return min(max((wanted - speed) / dt, -ACCELERATION), ACCELERATION)
+
+
+def _act_at_once(vehicles: Records) -> None:
+    """Let vehicles of ours do at once what is asked for, up to what its action can. vehicles: (K,).
+
+    A reset brings their own figures back.
+    """
+    vehicles["steering_rate"] = AT_ONCE
+    vehicles["steering_limit"] = np.minimum(vehicles["steering_limit"], STEERING)
+    vehicles["drag"] = 0.0
+    for name in ("motor_force", "brake_force"):
+        vehicles[name] = np.minimum(vehicles[name], ACCELERATION * vehicles["mass"])
+
+
+def shift(body: Record, move: Floats) -> None:
     """Move a body by x, y [m] and heading [rad]."""
     body.x += move[0]
     body.y += move[1]

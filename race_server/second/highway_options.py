@@ -12,6 +12,8 @@ NAME = "highway-env"
 class HighwayOptions:
     """Factors by which motion there differs from ours. As it comes, all are `theirs`."""
 
+    # theirs: wheels that never slip; ours: our own motion, in our own steps.
+    tyres: Literal["theirs", "ours"] = "theirs"
     # theirs: a step in 1/15 s; ours: one in a tick.
     steps: Literal["theirs", "ours"] = "theirs"
     # theirs: what is asked for acts at once, up to 5 m/s² and 45°; ours: motor, brakes, drag and
@@ -35,4 +37,9 @@ class HighwayOptions:
                 )
                 raise ScenarioError(f"{NAME} knows no option {word!r}; choose from {known}")
             values[name] = value
-        return cls(**values)
+        options = cls(**values)
+        if options.tyres == "ours" and options.steps == "theirs":
+            raise ScenarioError(
+                f"{NAME}: tyres=ours is our own motion, which has its own steps; add steps=ours"
+            )
+        return options

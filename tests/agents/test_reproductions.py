@@ -63,6 +63,7 @@ def outcome(row: str, seed: int, **figures: float | None) -> dict[str, Any]:
 
 def test_every_report_has_its_reproductions() -> None:
     assert {
+        "highway-env",
         "park-gate",
         "report-b-algorithms",
         "report-b-observations",
@@ -94,7 +95,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     with pytest.raises(
-        ScenarioError, match="'report-d' is unknown; choose one of park-gate, report-a-curriculum"
+        ScenarioError, match="'report-d' is unknown; choose one of highway-env, park-gate"
     ):
         reproduction_named("report-d")
 

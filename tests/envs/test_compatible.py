@@ -9,6 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import race_server.envs  # noqa: F401  # registers the ids
+from race_server.errors import ScenarioError
 from race_server.scenario.highway import has_highway, make_highway
 
 needs_highway = pytest.mark.skipif(not has_highway(), reason="highway-env is not installed")
@@ -33,11 +34,21 @@ def test_gymnasium_finds_no_fault(name: str) -> None:
     check_env(gymnasium.make(name, disable_env_checker=True).unwrapped, skip_render_check=True)
 
 
-def park(x: float, y: float, degrees: float, speed: float = 0.0) -> Any:
+@needs_highway
+@pytest.mark.parametrize("name", PAIRS)
+def test_a_configuration_has_what_that_of_highway_env_has(name: str) -> None:
+    ours, theirs = gymnasium.make(name, disable_env_checker=True), make_highway(PAIRS[name])
+    ours_config, their_config = ours.unwrapped.config, theirs.unwrapped.config  # type: ignore[attr-defined]
+    task = ("policy_frequency", "duration", "collision_reward", "observation", "action")
+    assert {key: ours_config[key] for key in task} == {key: their_config[key] for key in task}
+
+
+def park(x: float, y: float, degrees: float, speed: float = 0.0, **config: Any) -> Any:
     """Return the car park with its car at a place; its slot is drawn by seed 1."""
-    env: Any = gymnasium.make("Kart/ParkCompatible-v0", disable_env_checker=True).unwrapped
+    name = "Kart/ParkCompatible-v0"
+    env: Any = gymnasium.make(name, disable_env_checker=True, config=config).unwrapped
     env.reset(seed=1)
-    body = env._car.batch.world.bodies[0, 0]
+    body = env.cars.batch.world.bodies[0, 0]
     body.x, body.y, body.heading, body.speed = x, y, math.radians(degrees), speed
     return env
 
@@ -89,3 +100,84 @@ def test_a_car_that_is_not_steered_leaves_the_road_at_the_first_bend() -> None:
     assert reward == 0.0
     assert info["speed"] == pytest.approx(10.0, abs=0.5)  # slower off the road
     assert seen[0, 6, 6] == 1.0  # its own cell
+
+
+def test_a_duration_of_2_seconds_at_ten_decisions_a_second_is_20_decisions() -> None:
+    env = park(0.0, 0.0, 0.0, duration=2, policy_frequency=10)
+    assert [env.step([0.0, 0.0])[3] for _ in range(20)] == [False] * 19 + [True]
+
+
+def test_without_walls_a_car_drives_on_where_they_would_stand() -> None:
+    env = park(30.0, 0.0, 0.0, speed=20.0, add_walls=False)
+    for _ in range(5):
+        *_, is_over, _, info = env.step([0.0, 0.0])
+    assert (is_over, info["crashed"]) == (False, False)
+    assert env.cars.batch.world.bodies[0, 0].x == pytest.approx(50.0, abs=0.5)
+
+
+def test_a_configuration_can_change_with_a_reset() -> None:
+    env = park(0.0, 0.0, 0.0)
+    env.reset(seed=1, options={"config": {"collision_reward": -7}})
+    assert (env.config["collision_reward"], env.config["duration"]) == (-7, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"walls": False}, "config 'walls' is unknown; choose from add_walls"),
+        ({"vehicles_count": 3}, "config 'vehicles_count' is 3; here it stays 0"),
+        ({"duration": 0}, "config 'duration' is 0; give seconds above 0"),
+        ({"policy_frequency": 7}, "60 ticks a second are a multiple of"),
+        ({"reward_weights": [1, 2]}, "give one like [1, 0.3, 0, 0, 0.02, 0.02]"),
+        ({"add_walls": 1}, "config 'add_walls' is 1; give one like True"),
+    ],
+)
+def test_what_is_not_a_configuration_is_named(config: dict[str, Any], message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        park(0.0, 0.0, 0.0, **config)
+    assert message in str(caught.value)
+
+
+def test_a_vector_of_cars_does_what_each_does_alone() -> None:
+    name, actions = "Kart/ParkCompatible-v0", [[1.0, 0.3], [-1.0, 0.5], [0.5, -1.0]]
+    many = gymnasium.make_vec(name, num_envs=3)
+    many.reset(seed=5)
+    alone = [gymnasium.make(name, disable_env_checker=True) for _ in range(3)]
+    for number, env in enumerate(alone):
+        env.reset(seed=5 + number)
+    for _ in range(4):
+        seen, rewards, over, _, infos = many.step(np.array(actions))
+        for number, env in enumerate(alone):
+            one, reward, is_over, _, info = env.step(actions[number])
+            assert one["observation"].tolist() == seen["observation"][number].tolist()
+            assert one["desired_goal"].tolist() == seen["desired_goal"][number].tolist()
+            assert reward == pytest.approx(rewards[number])
+            assert is_over == over[number]
+            assert info["speed"] == infos["speed"][number]
+
+
+def test_a_car_of_a_vector_begins_again_alone() -> None:
+    many: Any = gymnasium.make_vec("Kart/ParkCompatible-v0", num_envs=2)
+    many.reset(seed=1)
+    body = many.cars.batch.world.bodies[0, 0]
+    body.x, body.heading, body.speed = 30.0, 0.0, 20.0
+    seen, _, over, _, infos = many.step(np.zeros((2, 2)))
+    assert over.tolist() == infos["_final_obs"].tolist() == [True, False]
+    assert infos["final_info"]["crashed"].tolist() == [True, False]
+    # It ends at the wall, 34.5 m from the middle, and begins in the middle.
+    assert 0.28 < infos["final_obs"]["observation"][0, 0] < 0.345
+    assert seen["observation"][0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+@needs_highway
+def test_other_vehicles_of_a_road_are_as_many_as_asked_for() -> None:
+    def seen_with(others: int) -> Any:
+        config = {"other_vehicles": others}
+        many: Any = gymnasium.make_vec("Kart/RacetrackCompatible-v0", num_envs=2, config=config)
+        many.reset(seed=1)
+        return many.cars.batch.world.bodies
+
+    assert seen_with(0).shape == (2, 1)
+    assert seen_with(1).shape == (2, 2)
+    with pytest.raises(ScenarioError, match="'other_vehicles' is 9; give 0 to 8"):
+        seen_with(9)

@@ -81,6 +81,15 @@ def test_actuators_of_ours_turn_the_wheels_at_their_rate() -> None:
     assert drive(batch, 1.0, 0.0, 0.0, 1).steering == pytest.approx(3.2 * 0.05)
 
 
+def test_tyres_of_ours_slip_under_actuators_of_theirs() -> None:
+    batch = world_of(simulator="highway-env:tyres=ours,steps=ours")
+    body = drive(batch, 0.0, 1.0, 0.0, 14)
+    body = drive(batch, 1.0, 0.0, 0.0, 1)
+    assert body.steering == pytest.approx(0.314, abs=0.02)  # the whole way within a decision
+    # Wheels that never slip would turn it at once: 0.9 m/s on a circle of 0.8 m are 1.1 rad/s.
+    assert 0.1 < body.yaw_rate < 2.0
+
+
 def test_a_wall_holds_a_car_that_was_moved_there_as_one_of_ours() -> None:
     batch = world_of(radius=4.0)
     body = drive(batch, 0.0, 1.0, 0.0, 80)
@@ -134,7 +143,8 @@ def test_the_vehicle_of_highway_env_drives_in_our_race() -> None:
     [
         ("carla", "simulator 'carla' is unknown; choose highway-env"),
         ("highway-env:steps=mine", "steps=theirs|ours"),
-        ("highway-env:tyres=ours", "no option 'tyres=ours'"),
+        ("highway-env:tyres=ours", "has its own steps; add steps=ours"),
+        ("highway-env:roads=ours", "no option 'roads=ours'"),
     ],
 )
 def test_what_is_not_known_of_a_simulator_is_named(simulator: str, message: str) -> None:
@@ -160,5 +170,5 @@ def test_a_trailer_is_refused() -> None:
 
 
 def test_options_are_read_from_words() -> None:
-    assert HighwayOptions.of("") == HighwayOptions("theirs", "theirs")
+    assert HighwayOptions.of("") == HighwayOptions("theirs", "theirs", "theirs")
     assert HighwayOptions.of("steps=ours") == HighwayOptions(steps="ours")

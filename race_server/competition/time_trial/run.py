@@ -16,7 +16,7 @@ from race_server.core.driver import Briefing, Driver, driver_named
 from race_server.core.messages import Control, Event, EventKind, Retirement, Standing, Status
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
-from race_server.core.state import Float32s, Record
+from race_server.core.state import Float32s, Floats, Record
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
@@ -44,6 +44,8 @@ class Run:
     laps: tuple[TrialLap, ...] = ()
     crashes: int = 0  # wall contacts, those of laps that do not count included
     rescues: int = 0
+    touches: int = 0  # contacts with other karts
+    overtakes: int = 0  # less those of others; laps ahead count once more
     draws: dict[str, float] = field(default_factory=dict)  # what the reality gap drew
     remark: str = ""  # why it ended early
     failed: bool = False  # the driver raised or stalled
@@ -109,7 +111,8 @@ class Attempt:
         self.notes: list[tuple[float, ...]] = []
         self.marks: list[Mark] = []
         self._laps = LapLog()
-        self.crashes = self.rescues = 0
+        self.crashes = self.rescues = self.touches = 0
+        self._ahead_at_first: Floats | None = None
         self._begin_lap()
         lidar = spec.gap.lidar()
         driver.reset(
@@ -166,8 +169,14 @@ class Attempt:
         self.batch.buffers.actions[0, 0] = numbers
         self.batch.step()
         self._note()
+        if self._ahead_at_first is None:
+            self._ahead_at_first = self._ahead(self.batch.world.racers[0]["progress"])
+            self._driven_at_first = self.batch.world.racers[0]["distance"].copy()
         count = int(self.batch.world.event_counts[0])
         for row in self.batch.world.events[0][:count]:
+            if int(row.kart) not in {0, -1}:
+                self.touches += int(row.kind) == EventKind.CONTACT_KART and int(row.other) == 0
+                continue
             other, value, detail = int(row.other), int(row.value), int(row.detail)
             kind = EventKind(int(row.kind))
             self._count(Event(int(row.sequence), int(row.tick), kind, 0, other, value, detail))
@@ -177,6 +186,8 @@ class Attempt:
         if event.kind is EventKind.CONTACT_WALL:
             self.crashes += 1
             self._contacts += 1
+        elif event.kind is EventKind.CONTACT_KART:
+            self.touches += 1
         elif event.kind is EventKind.RESCUED:
             self.rescues += 1
             self._rescues += 1
@@ -184,6 +195,22 @@ class Attempt:
             end_us, counts = int(self._racer.lap_start_us), (self._contacts, self._rescues)
             self.marks.append(Mark(end_us, lap.time_us, lap.sectors, lap.is_clean, *counts))
             self._begin_lap()
+
+    def _ahead(self, along: Floats) -> Floats:
+        """Return how far ahead of each other kart this one is [m], at most half a lap: (K - 1,)."""
+        length = self.course.length
+        return (along[0] - along[1:] + 0.5 * length) % length - 0.5 * length
+
+    def overtakes(self) -> int:
+        """Return how many karts were overtaken, less those that did; each lap ahead is one more."""
+        if self._ahead_at_first is None:
+            return 0
+        racers, length = self.batch.world.racers[0], self.course.length
+        driven = racers["distance"] - self._driven_at_first
+        ahead = self._ahead_at_first + driven[0] - driven[1:]
+        there = self.batch.world.bodies[0, 1:]["status"] != codes.ABSENT
+        places = np.floor(ahead / length) - np.floor(self._ahead_at_first / length)
+        return int(places[there].sum())
 
     def _begin_lap(self) -> None:
         self._contacts = self._rescues = 0
@@ -218,6 +245,8 @@ class Attempt:
             laps=laps,
             crashes=self.crashes,
             rescues=self.rescues,
+            touches=self.touches,
+            overtakes=self.overtakes(),
             draws=self.batch.draws(0, 0),
             remark=remark,
             failed=failed,

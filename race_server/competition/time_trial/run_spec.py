@@ -16,6 +16,7 @@ from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.line import ReferenceLine
+from race_server.second.highway_itself import NAME as ITSELF
 
 FLYING, STANDING = "flying", "standing"
 STARTS = (FLYING, STANDING)
@@ -43,6 +44,7 @@ class RunSpec:
     decision_limit_s: float = 2.0  # a driver that takes longer has stalled
     simulator: str = ""  # that moves the kart, see `race_server.second`; empty: ours
     decision_ticks: int = DECISION_TICKS
+    traffic: int = 0  # vehicles of highway-env ahead at the start
 
     @property
     def laps_driven(self) -> int:
@@ -95,11 +97,22 @@ def scenario_of(spec: RunSpec, course: Course, line: ReferenceLine | None = None
     line: to follow in place of the course's own.
     """
     vehicle = vehicle_named(spec.vehicle)
+    grid = on_the_mark(course, vehicle, spec.seed)
+    if spec.traffic >= len(grid):
+        raise ScenarioError(
+            f"traffic {spec.traffic}: the grid of {course.name} has {len(grid)} places, and the "
+            "driver needs one"
+        )
+    # The driver of the run is kart 0, and starts behind the others.
+    rules = rules_of(spec, course, vehicle)
+    if spec.traffic:
+        grid = np.roll(grid[: 1 + spec.traffic], 1, axis=0)
+        rules = replace(rules, finish_limit_s=rules.limit_s)
     return Scenario(
-        course=replace(course, grid=on_the_mark(course, vehicle, spec.seed)),
-        karts=1,
+        course=replace(course, grid=grid),
+        karts=1 + spec.traffic,
         vehicles=(vehicle,),
-        rules=rules_of(spec, course, vehicle),
+        rules=rules,
         lidar=spec.gap.lidar(),
         seed=spec.seed,
         line=line,
@@ -111,12 +124,18 @@ def task_of(spec: RunSpec, course: Course, preset: str, line: ReferenceLine | No
     return task_on(
         (scenario_of(spec, course, line),),
         learners=1,
+        opponents=(_rival(spec),) if spec.traffic else (),
         observation=preset,
         action="control",
         gap=spec.gap.reality,
         simulator=spec.simulator,
         decision_ticks=spec.decision_ticks,
     )
+
+
+def _rival(spec: RunSpec) -> str:
+    """Return the driver of the others; highway-env itself drives its own, so it is not asked."""
+    return "pure_pursuit" if spec.simulator.startswith(ITSELF) else "highway_idm"
 
 
 def on_the_mark(course: Course, vehicle: Vehicle, seed: int) -> Floats:

@@ -4,113 +4,187 @@ Its car, slots and walls, five decisions a second for at most 100 s, its goals, 
 rule of success.
 """
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
-from numpy.typing import NDArray
+from gymnasium import Space, spaces
 
+from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.level import Level
+from race_server.envs.batch import Batch
+from race_server.envs.buffers import STAY
+from race_server.envs.compatible.cars import Array, Infos, Moved, begin_round, time_is_up
+from race_server.envs.compatible.config import config_of
+from race_server.envs.compatible.single import CompatibleEnv
+from race_server.envs.compatible.vector import CompatibleVector
 from race_server.envs.presets import parking_task
-from race_server.envs.single import OneKart
+from race_server.envs.task import Task
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.polyline import segments_of
 
-Array = NDArray[Any]
-
-DECISION_TICKS = TICKS_PER_SECOND // 5
-LIMIT_S = 100.0
+NAME = "parking-v0"
 # A goal is x, y [m], speeds [m/s], cosine and sine of the heading, each divided by its scale.
-SCALES = np.array([100.0, 100.0, 5.0, 5.0, 1.0, 1.0])
-# The reward is minus the root of the weighted differences of two goals, and -5 for a crash.
-WEIGHTS = np.array([1.0, 0.3, 0.0, 0.0, 0.02, 0.02])
-CRASH = -5.0
-SUCCESS = -0.12  # a reward above it, a crash aside
+FEATURES, SCALES = ["x", "y", "vx", "vy", "cos_h", "sin_h"], [100.0, 100.0, 5.0, 5.0, 1.0, 1.0]
+FIXED = ("observation", "action", "controlled_vehicles", "vehicles_count", "steering_range")
+OPEN = 150.0  # [m] from the middle to where the ground ends, without walls; it stops a car there
+# Ends are theirs alone: nothing is parked by our rules.
+NEVER = Level(within=1e-9, hold_s=1e4)
 PARTS = (
     *("position_x", "position_y", "heading_cos", "heading_sin", "speed"),
     *("slot_x", "slot_y", "slot_heading"),
 )
 
 
-class ParkCompatible(gymnasium.Env[Any, Array]):
-    """One car that drives to its slot, by the names and numbers of `parking-v0`."""
+class ParkCars:
+    """One car in each of many car parks that drives to its slot."""
 
-    metadata = OneKart.metadata
+    defaults: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {
+            "observation": {
+                "type": "KinematicsGoal",
+                "features": FEATURES,
+                "scales": [100, 100, 5, 5, 1, 1],
+                "normalize": False,
+            },
+            "action": {"type": "ContinuousAction"},
+            "controlled_vehicles": 1,
+            "vehicles_count": 0,
+            "steering_range": np.deg2rad(45),
+            # The reward is minus the root of the weighted differences of two goals.
+            "reward_weights": [1, 0.3, 0, 0, 0.02, 0.02],
+            "success_goal_reward": 0.12,
+            "collision_reward": -5.0,
+            "policy_frequency": 5,
+            "duration": 100.0,
+            "add_walls": True,
+        }
+    )
 
-    def __init__(self, render_mode: str | None = None) -> None:
-        """Build the car park."""
-        self.render_mode = render_mode
+    def __init__(self, changes: Mapping[str, Any], worlds: int) -> None:
+        """Build the car parks. changes: of the configuration.
+
+        Raises:
+            ScenarioError: the configuration is not valid.
+        """
+        self.config = config_of(NAME, self.defaults, changes, FIXED)
+        self._weights = np.asarray(self.config["reward_weights"], np.float64)
+        self._scales = np.array(SCALES)
+        self.batch = Batch(self._task(), worlds=worlds, after=STAY)
+        slices = self.batch.layout.slices
+        self._places = np.array([slices[name].start for name in PARTS])
+        self._steps = np.zeros(worlds, np.int64)
+        self._controls = np.zeros((worlds, 4))
+        self._near = np.zeros(worlds)  # rewards without crashes
+        self._goals: dict[str, Array] | None = None  # as last seen, until something moves
+        box = spaces.Box(-np.inf, np.inf, (len(SCALES),), np.float64)
+        self.observation_space: Space[Any] = spaces.Dict(
+            {"observation": box, "achieved_goal": box, "desired_goal": box}
+        )
+        self.action_space: Space[Any] = spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def _task(self) -> Task:
         task = parking_task(
-            "parking-v0",
-            limit_s=LIMIT_S + 1.0,  # time is up here, and not in the lot
+            NAME,
+            limit_s=self.config["duration"] + 1.0,  # time is up here, and not in the lot
             observation=PARTS,
             action="control",
             reward={"parked": 1.0},
-            decision_ticks=DECISION_TICKS,
+            decision_ticks=TICKS_PER_SECOND // self.config["policy_frequency"],
         )
-        self._car = OneKart(task, render_mode=render_mode)
-        slices = self._car.batch.layout.slices
-        self._places = np.array([slices[name].start for name in PARTS])
-        self._steps = 0
-        box = spaces.Box(-np.inf, np.inf, (6,), np.float64)
-        self.observation_space = spaces.Dict(
-            {"observation": box, "achieved_goal": box, "desired_goal": box}
-        )
-        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        (scenario,) = task.scenarios
+        scenario = replace(scenario, level=NEVER)
+        if not self.config["add_walls"]:
+            rules = replace(scenario.rules, wall_contact="bump")
+            scenario = replace(scenario, course=_open(scenario.course), rules=rules)
+        return replace(task, scenarios=(scenario,))
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Array], dict[str, Any]]:
-        """Begin a new way; with a seed the same one again. Options are not used."""
-        super().reset(seed=seed)
-        seen, _ = self._car.reset(seed=seed)
-        self._steps = 0
-        goals = self._goals(seen)
-        action = self.action_space.sample()
-        return goals, self._info(self._near(goals), seen, action, crashed=False)
+    def begin(self, w: int, seed: int | None, chance: np.random.Generator) -> None:
+        """Put one car into the middle, and draw its slot. chance: not used."""
+        begin_round(self.batch, w, seed)
+        self._steps[w] = 0
+        self._goals = None
 
-    def step(self, action: Any) -> tuple[dict[str, Array], float, bool, bool, dict[str, Any]]:
-        """Move on by 0.2 s. action: (2,) acceleration and steering, shares of 5 m/s² and 45°."""
-        push, steering = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
-        seen, _, _, _, told = self._car.step(np.array([steering, push, 0.0, 0.0], np.float32))
+    def observe(self) -> dict[str, Array]:
+        """Return where the cars are, and where they are wanted: each (W, 6)."""
+        if self._goals is None:
+            self._goals = self._look()
+        return self._goals
+
+    def _look(self) -> dict[str, Array]:
+        seen = self.batch.observations[:, 0, self._places].astype(np.float64)
+        x, y, cos, sin, speed, slot_x, slot_y, slot_heading = seen.T
+        achieved, desired = np.empty((2, len(seen), len(SCALES)))
+        achieved.T[:] = x, y, speed * cos, speed * sin, cos, sin
+        desired.T[:] = slot_x, slot_y, 0.0 * x, 0.0 * x, np.cos(slot_heading), np.sin(slot_heading)
+        achieved /= self._scales
+        desired /= self._scales
+        return {"observation": achieved, "achieved_goal": achieved, "desired_goal": desired}
+
+    def move(self, actions: Array) -> Moved:
+        """Move on. actions: (W, 2) acceleration and steering, shares of 5 m/s² and 45°."""
+        np.clip(actions[:, ::-1], -1.0, 1.0, out=self._controls[:, :2])
+        self.batch.step(self._controls)
+        self._goals = None
         self._steps += 1
-        goals = self._goals(seen)
-        crashed = bool(told["reward_terms"]["crash"])
-        reward = self._near(goals)
-        info = self._info(reward, seen, action, crashed=crashed)
-        is_cut = self._steps * DECISION_TICKS >= LIMIT_S * TICKS_PER_SECOND
-        is_over = crashed or info["is_success"]
-        return goals, reward + CRASH * crashed, is_over, is_cut, info
+        infos = self.infos(actions)
+        rewards = self._near + self.config["collision_reward"] * infos["crashed"]
+        over = infos["crashed"] | infos["is_success"]
+        return Moved(rewards, over, time_is_up(self._steps, self.config), infos)
+
+    def infos(self, actions: Array) -> Infos:
+        """Return speeds [m/s], crashes and successes."""
+        goals, bodies = self.observe(), self.batch.world.bodies
+        self._near = self.reward(goals["achieved_goal"], goals["desired_goal"])
+        return {
+            "speed": bodies["speed"][:, 0].copy(),
+            "crashed": bodies["status"][:, 0] == codes.RETIRED,
+            "is_success": self._near > -self.config["success_goal_reward"],
+        }
+
+    def reward(self, achieved: Array, desired: Array) -> Array:
+        """Return the reward for goals (n, 6) or (6,)."""
+        return -np.sqrt(np.abs(np.asarray(achieved) - desired) @ self._weights)
+
+
+class ParkCompatible(CompatibleEnv):
+    """One car that drives to its slot, by the names and numbers of `parking-v0`."""
+
+    cars_of = ParkCars
 
     def compute_reward(self, achieved_goal: Array, desired_goal: Array, info: Any) -> Array:
         """Return the reward for goals (n, 6) or (6,). info: not used."""
-        return -np.sqrt(np.abs(np.asarray(achieved_goal) - desired_goal) @ WEIGHTS)
+        assert isinstance(self.cars, ParkCars)
+        return self.cars.reward(achieved_goal, desired_goal)
 
-    def _goals(self, seen: Array) -> dict[str, Array]:
-        x, y, cos, sin, speed, slot_x, slot_y, slot_heading = seen[self._places].astype(np.float64)
-        achieved = np.array([x, y, speed * cos, speed * sin, cos, sin]) / SCALES
-        turned = np.cos(slot_heading), np.sin(slot_heading)
-        desired = np.array([slot_x, slot_y, 0.0, 0.0, *turned]) / SCALES
-        return {
-            "observation": achieved,
-            "achieved_goal": achieved.copy(),
-            "desired_goal": desired,
-        }
 
-    def _info(self, reward: float, seen: Array, action: Any, *, crashed: bool) -> dict[str, Any]:
-        return {
-            "speed": float(seen[self._places[PARTS.index("speed")]]),
-            "crashed": crashed,
-            "action": action,
-            "is_success": reward > SUCCESS,
-        }
+class ParkCompatibleVector(CompatibleVector):
+    """Many cars that drive to their slots, each in its own car park."""
 
-    def _near(self, goals: dict[str, Array]) -> float:
-        return float(self.compute_reward(goals["achieved_goal"], goals["desired_goal"], {}))
+    def compute_reward(self, achieved_goal: Array, desired_goal: Array, info: Any) -> Array:
+        """Return the reward for goals (n, 6) or (6,). info: not used."""
+        assert isinstance(self.cars, ParkCars)
+        return self.cars.reward(achieved_goal, desired_goal)
 
-    def render(self) -> Any:
-        """Return the lot as a picture (`rgb_array`), or show it in a window (`human`)."""
-        return self._car.render()
 
-    def close(self) -> None:
-        """Close the window."""
-        self._car.close()
+def park_compatible_vector(
+    num_envs: int = 1, config: Mapping[str, Any] | None = None
+) -> ParkCompatibleVector:
+    """Return `num_envs` cars, each in its own car park. config: as of `ParkCompatible`."""
+    return ParkCompatibleVector(ParkCars(config or {}, num_envs))
+
+
+def _open(course: Course) -> Course:
+    """Return the car park without the walls around it: the ground ends far away."""
+    corners = OPEN * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    return replace(
+        course,
+        borders=segments_of(corners),
+        width_max=2.0 * OPEN,
+        width_min=2.0 * OPEN,
+        width_mean=2.0 * OPEN,
+        digest=f"{course.digest}-open",
+    )

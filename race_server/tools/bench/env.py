@@ -8,6 +8,7 @@ from race_server.core.clock import SUBSTEPS
 from race_server.core.state import Floats
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER
+from race_server.envs.compatible.racetrack import RacetrackCompatible, racetrack_compatible_vector
 from race_server.envs.parallel import KartRace
 from race_server.envs.presets import race_task, scenario_on, task_on
 from race_server.envs.single import time_trial
@@ -15,7 +16,7 @@ from race_server.scenario.highway import has_highway
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.load import load_course
 from race_server.tools.bench.core import profile
-from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
+from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate, vector_rate
 
 TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")
@@ -40,6 +41,7 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
         "batch_lidar": batch_rate(race_batch(LIDAR, cores=cores), driving, seconds),
         "pettingzoo_radar": _pettingzoo(seconds),
         "gym_lidar": _gymnasium(seconds),
+        **_on_their_road(seconds),
     }
     yardstick, notes = _highway(seconds)
     figures = ours | yardstick
@@ -47,6 +49,8 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
         ("gym_lidar", "highway_lidar"),
         ("batch_lidar", "highway_lidar"),
         ("batch_radar", "highway_kinematics"),
+        ("vector_grid", "highway_grid"),
+        ("gym_grid", "highway_grid"),
     )
     return {
         "cores": cores,
@@ -61,6 +65,7 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
             "decision_hz": DECISION_HZ,
             "sensor_hz": DECISION_HZ,
             "lidar_rays": 201,
+            "vector_grid": f"racetrack-v0 imported, {WORLDS} cars at once, its occupancy grid",
             **notes,
         },
     }
@@ -122,20 +127,34 @@ def _gymnasium(seconds: float) -> float:
     return replay_rate(env, act, is_over, seconds)
 
 
+def _on_their_road(seconds: float) -> dict[str, float | None]:
+    """Measure highway-env's race track in our batch, with its occupancy grid; None without it."""
+    if not has_highway():
+        return {"vector_grid": None, "gym_grid": None}
+    many, one = racetrack_compatible_vector(WORLDS), RacetrackCompatible()
+    return {
+        "vector_grid": vector_rate(many, lambda: driving(many.cars.batch)[:, 0, 1:2], seconds),
+        "gym_grid": replay_rate(one, lambda: driving(one.cars.batch)[0, 0, 1:2], is_over, seconds),
+    }
+
+
 def _highway(seconds: float) -> tuple[dict[str, float | None], dict[str, Any]]:
     """Return the figures of highway-env, None if it is not installed, and notes on them."""
-    figures: dict[str, float | None] = {"highway_lidar": None, "highway_kinematics": None}
+    kinds = {
+        "highway_lidar": "LidarObservation",
+        "highway_kinematics": "Kinematics",
+        "highway_grid": "",
+    }
+    figures: dict[str, float | None] = dict.fromkeys(kinds)
     if not has_highway():
         return figures, {}
     import gymnasium
 
     name = "racetrack-v1" if "racetrack-v1" in gymnasium.registry else "racetrack-v0"
     settings: dict[str, Any] = {}
-    for figure, kind in (
-        ("highway_lidar", "LidarObservation"),
-        ("highway_kinematics", "Kinematics"),
-    ):
-        wanted = {"observation": {"type": kind}}
+    for figure, kind in kinds.items():
+        # The grid is what it shows by default.
+        wanted = {"observation": {"type": kind}} if kind else {}
         env: Any = gymnasium.make(name, config=wanted, disable_env_checker=True).unwrapped
         figures[figure] = _one_highway(env, seconds)
         settings = env.config

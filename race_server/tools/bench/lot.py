@@ -11,11 +11,13 @@ import numpy as np
 from race_server.core.state import Floats
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import RESET_WORLD
+from race_server.envs.compatible.parking import ParkCompatible, park_compatible_vector
 from race_server.envs.parallel import parallel_lot
 from race_server.envs.parking.single import park_goal
 from race_server.envs.presets import parking_task
+from race_server.envs.registration import PARK_COMPATIBLE
 from race_server.scenario.highway import has_highway
-from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate
+from race_server.tools.bench.rates import batch_rate, is_over, ratio, replay_rate, vector_rate
 
 WORLDS, VEHICLES = 64, 8
 OPEN, YARD, GATE, ROWS = "zone-30", "yard-70", "gate", "grid-150"
@@ -38,6 +40,7 @@ def bench_lot(*, seconds: float = 2.0) -> dict[str, Any]:
         "batch_lorry": batch_rate(_full_rows(), out_of_slots, seconds),
         "gym_goal": _gymnasium(seconds),
         "pettingzoo": _pettingzoo(seconds),
+        **_compatible(seconds),
     }
     figures = ours | {name: _highway(name, seconds) for name in THEIRS}
     pairs = (
@@ -45,6 +48,8 @@ def bench_lot(*, seconds: float = 2.0) -> dict[str, Any]:
         ("batch_yard", FULL_PARKING),
         ("gym_goal", PARKING),
         ("pettingzoo", PARKING),
+        ("vector_compatible", PARKING),
+        ("gym_compatible", PARKING),
     )
     return {
         **{name: value and round(value, 1) for name, value in figures.items()},
@@ -58,6 +63,8 @@ def bench_lot(*, seconds: float = 2.0) -> dict[str, Any]:
             "batch_yard": f"{YARD}, 6 to 10 blocks, a person, 9 rays",
             "batch_lorry": f"{ROWS}, a lorry, all other slots taken, 14 feelers",
             "gym_goal": f"Kart/ParkGoal-v0 in {OPEN}, dictionaries",
+            "vector_compatible": f"{PARK_COMPATIBLE}, {WORLDS} at once, new ways included",
+            "gym_compatible": f"{PARK_COMPATIBLE}, random actions as {THEIRS[PARKING]}",
             "pettingzoo": f"Kart/Lot-v0, {VEHICLES} vehicles in {GATE}",
         },
     }
@@ -113,6 +120,17 @@ def _pettingzoo(seconds: float) -> float:
         return {agent: rows[lot.possible_agents.index(agent)] for agent in lot.agents}
 
     return VEHICLES * replay_rate(lot, act, lambda _: len(lot.agents) < VEHICLES, seconds)
+
+
+def _compatible(seconds: float) -> dict[str, float | None]:
+    """Measure the car park with highway-env's interface, under random actions as there."""
+    many, one = park_compatible_vector(WORLDS), ParkCompatible()
+    many.action_space.seed(0)
+    one.action_space.seed(0)
+    return {
+        "vector_compatible": vector_rate(many, many.action_space.sample, seconds),
+        "gym_compatible": replay_rate(one, one.action_space.sample, is_over, seconds),
+    }
 
 
 def _reset_us(lot: str) -> float:

@@ -1,0 +1,83 @@
+"""Gymnasium's vector form: many cars at once under the rules of an environment of highway-env."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.utils.seeding import np_random
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from race_server.envs.compatible.cars import Array, Cars, each
+
+
+class CompatibleVector(VectorEnv[Any, Array, Array]):
+    """W cars, each in its own world, through one batch.
+
+    Autoreset mode: same step. The observation of a car whose episode has ended is the first of its
+    next one; the last one is in `infos["final_obs"]`.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # as Gymnasium declares it
+
+    def __init__(self, cars: Cars) -> None:
+        """Take the worlds of a batch."""
+        self.cars = cars
+        self.num_envs = cars.batch.worlds
+        self.single_observation_space = cars.observation_space
+        self.single_action_space = cars.action_space
+        self.observation_space = batch_space(cars.observation_space, self.num_envs)
+        self.action_space = batch_space(cars.action_space, self.num_envs)
+        self._chances = [np_random(number)[0] for number in range(self.num_envs)]
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin new episodes: environment n with `seed + n`, or with its own of a list.
+
+        Options are not used.
+        """
+        if isinstance(seed, int):
+            seed = [seed + number for number in range(self.num_envs)]
+        seeds = seed or [None] * self.num_envs
+        for w, one in enumerate(seeds):
+            if one is not None:
+                self._chances[w] = np_random(one)[0]
+            self.cars.begin(w, one, self._chances[w])
+        actions = self.action_space.sample()
+        return self._seen(), _marked(self.cars.infos(actions) | {"action": actions})
+
+    def step(self, actions: Array) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
+        """Move all on by one decision. actions: (W, A), each -1 to 1."""
+        moved = self.cars.move(np.asarray(actions, np.float64))
+        infos = moved.infos | {"action": actions}
+        ended = moved.over | moved.cut
+        if ended.any():
+            last = {"final_obs": self._seen(), "final_info": _marked(infos, ended)}
+            for w in np.flatnonzero(ended):
+                self.cars.begin(int(w), None, self._chances[w])
+            infos = self.cars.infos(actions) | {"action": actions, **last}
+        return self._seen(), moved.rewards, moved.over, moved.cut, _marked(infos, ended)
+
+    def _seen(self) -> Any:
+        return each(self.cars.observe(), np.copy)
+
+    def close_extras(self, **_: Any) -> None:
+        """End the batch."""
+        self.cars.batch.close()
+
+
+def _marked(infos: dict[str, Any], ended: Array | None = None) -> dict[str, Any]:
+    """Return infos with a mask for each: of all, and of the final ones where an episode ended."""
+    marks: dict[str, Any] = {}
+    for name, values in infos.items():
+        size = len(values) if not isinstance(values, dict) else len(_first(values))
+        is_final = name.startswith("final_")
+        marks[f"_{name}"] = ended if is_final and ended is not None else np.ones(size, np.bool_)
+    return infos | marks
+
+
+def _first(values: Any) -> Array:
+    """Return an array of a dictionary of arrays."""
+    while isinstance(values, dict):
+        values = next(iter(values.values()))
+    return np.asarray(values)
