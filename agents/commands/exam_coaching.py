@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import names_in
@@ -40,7 +41,9 @@ def coaching(
     with console.status("getting ready", spinner="dots") as status:
         for name in names:
             spec = CoachingExamSpec(name, vehicle, range(first_seed, first_seed + seeds))
-            rows.append(document_of(spec, list(examine(spec, status.update))))
+            rows.append(
+                document_of(spec, list(examine(spec, lambda words: status.update(Text(words)))))
+            )
     if as_json:
         print_document({"rows": rows, "wall_s": round(time.monotonic() - begun, 1)})
         return

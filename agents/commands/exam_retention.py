@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from race_server.cli.document import AsJson, print_document
 from race_server.core.seeds import HELD_OUT
@@ -32,7 +33,9 @@ def retention(
     spec = RetentionSpec(track, vehicle, range(first_seed, first_seed + pupils))
     console, begun = Console(stderr=True), time.monotonic()
     with console.status("getting ready", spinner="dots") as status:
-        document = document_of(spec, list(school_all(spec, status.update)))
+        document = document_of(
+            spec, list(school_all(spec, lambda words: status.update(Text(words))))
+        )
     if as_json:
         print_document(document | {"wall_s": round(time.monotonic() - begun, 1)})
         return

@@ -86,6 +86,9 @@ def _draw(lessons: "Sequence[Lesson]", picture: Path, console: Console) -> None:
 
     for number, lesson in enumerate(lessons):
         path = picture
+        if lesson.best is None and len(lessons) > 1:
+            console.print(f"no lap of {lesson.driver} is to be compared", style="yellow")
+            continue
         if len(lessons) > 1:
             path = picture.with_name(f"{picture.stem}-{number}{picture.suffix}")
         draw_lesson(lesson, path)
@@ -97,7 +100,7 @@ def _show(lesson: "Lesson") -> None:
     console.width = max(console.width, WIDTH)
     document, best = lesson.as_json(), lesson.best
     title = f"{lesson.driver}, {lesson.course.name}, {lesson.vehicle.name}"
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for head in ("corner", "", "apex [m]", "best lap - limit [s]", "laps - best lap [s]"):
         table.add_column(head, justify="left" if head in {"corner", ""} else "right", no_wrap=True)
     table.add_column("fault of the best lap")
@@ -115,8 +118,8 @@ def _show(lesson: "Lesson") -> None:
         table.add_row("lap", "", "", f"{total / MICROSECONDS:+.3f}", "", "")
     console.print(table)
     for one in lesson.laps:
-        told = f"not compared: {one.reason}" if one.reason else ""
-        console.print(f"lap {one.number}: {lap_text(one.lap.time_us)} {told}", highlight=False)
+        told = f", not compared: {one.reason}" if one.reason else ""
+        console.print(f"lap {one.number}: {lap_text(one.lap.time_us)}{told}", highlight=False)
     if lesson.note:
         console.print(lesson.note, style="yellow", highlight=False, soft_wrap=True)
     for number, tip in enumerate(lesson.tips, start=1):

@@ -1,6 +1,8 @@
+import { readFileSync } from 'node:fs';
+
 import { expect, test } from 'vitest';
 
-import { allowedSpeed, help, type Situation } from '../src/input/assistance';
+import { allowedSpeed, help, LEVELS, type Situation } from '../src/input/assistance';
 import { ReferenceLine } from '../src/race/line';
 import { kart, snapshot } from './frames';
 
@@ -68,3 +70,31 @@ test('nobody is helped before the lights, under red, turned round, in reverse, w
   expect(help('pedals', reversing, at(10, 0)).wheel).toBe(reversing);
   expect(help('pedals', rolling, at(10, 5, { line: null })).does).toBeNull();
 });
+
+test('a thousand situations have the answers that a real kart gives', () => {
+  const path = new URL('../../tests/shared/assistance.json', import.meta.url);
+  const shared = JSON.parse(readFileSync(path, 'utf8')) as Shared;
+  const { spacing, x, y, speed } = shared.line;
+  const time = x.map(() => 0);
+  const own = new ReferenceLine({ kind: 'line', spacing, x, y, speed, time, lapS: 1, note: '' });
+  const answers = shared.rows.map((row) => {
+    const [level, throttle, brake, x, y, heading, speed, speedCap] = row;
+    const [phase, lights, status, flags, flag] = row.slice(8) as [
+      number, number, number, number, number,
+    ];
+    const { wheel, does } = help(LEVELS[level!]!, { ...rolling, throttle: throttle!, brake: brake! }, {
+      own: kart({ x: x!, y: y!, heading: heading!, speed: speed!, speedCap: speedCap!, status, flags }),
+      frame: snapshot({ phase, lights }),
+      flag,
+      line: own,
+    });
+    return [wheel.throttle, wheel.brake, does ?? ''];
+  });
+  expect(answers).toEqual(shared.answers);
+});
+
+interface Shared {
+  line: { spacing: number; x: number[]; y: number[]; speed: number[] };
+  rows: number[][];
+  answers: [number, number, string][];
+}
