@@ -31,7 +31,7 @@ class TransferOptions:
         str,
         typer.Option(
             help="The other simulator: highway-env, or its environments as they are: "
-            "highway-env-itself, highway-env-itself:pedals."
+            "highway-env-itself, highway-env-itself:pedals,crash-only."
         ),
     ] = "highway-env"
     tracks: Annotated[

@@ -31,7 +31,7 @@ def drive_in_traffic(
     """Yield where, and how a driver did on a course, as they finish.
 
     to: ``highway-env``, whose motion all karts get, in our races; or ``highway-env-itself``, whose
-    environment gives all but the driver, steered alone or, with ``:pedals``, driven.
+    environment gives all but the driver, see `race_server/second/highway_itself.py:ItselfOptions`.
 
     Raises:
         RaceError: a course or the vehicle does not exist, or highway-env is not installed.
@@ -59,7 +59,7 @@ def traffic_rows(found: Sequence[tuple[str, CourseTry]], traffic: int) -> list[T
 
 def is_target(name: str) -> bool:
     """Return whether drivers can be tried in a simulator of this name."""
-    return name in {NAME, highway_itself.NAME, f"{highway_itself.NAME}:{highway_itself.PEDALS}"}
+    return name.partition(":")[0] in {NAME, highway_itself.NAME}
 
 
 def _figures(one: CourseTry) -> dict[str, Any]:

@@ -8,7 +8,7 @@ made of that by our code, on the same roads as a course.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -36,25 +36,30 @@ from race_server.second.similarity import Similarity
 
 NAME = "highway-env-itself"
 DECISION_S = 0.2
-PEDALS = "pedals"
+PEDALS, CRASH_ONLY = "pedals", "crash-only"
+WORDS = (PEDALS, CRASH_ONLY)
 
 
 @dataclass(frozen=True)
 class ItselfOptions:
     """What of its environment is changed: by default nothing, and it is only steered."""
 
-    action: Literal["steering", "pedals"] = "steering"
+    pedals: bool = False  # its action has acceleration, too
+    # Only a crash or its time ends an episode: there are strips between its lanes, up to 9 cm wide
+    # on the slanted straight of `racetrack-v0`, on which it calls a vehicle off the road.
+    crash_only: bool = False
 
     @classmethod
     def of(cls, text: str) -> "ItselfOptions":
-        """Return options from a word: ``pedals``, or none.
+        """Return options from words such as ``pedals,crash-only``.
 
         Raises:
-            ScenarioError: it is another word.
+            ScenarioError: there is another word.
         """
-        if text not in {"", PEDALS}:
-            raise ScenarioError(f"{NAME} knows no option {text!r}; choose {PEDALS}, or none")
-        return cls("pedals" if text else "steering")
+        words = [word for word in text.split(",") if word]
+        if strange := [word for word in words if word not in WORDS]:
+            raise ScenarioError(f"{NAME} knows no option {strange[0]!r}; choose {', '.join(WORDS)}")
+        return cls(PEDALS in words, CRASH_ONLY in words)
 
 
 class HighwayItself:
@@ -77,12 +82,15 @@ class HighwayItself:
             )
         self.options = options
         self._course = course
-        has_pedals = options.action == PEDALS
-        action = {"type": "ContinuousAction", "longitudinal": has_pedals, "lateral": True}
-        config = {"other_vehicles": scenario.karts - 1, "action": action}
+        action = {"type": "ContinuousAction", "longitudinal": options.pedals, "lateral": True}
+        config = {
+            "other_vehicles": scenario.karts - 1,
+            "action": action,
+            "terminate_off_road": not options.crash_only,
+        }
         self.env = make_highway(parts_of(course.name)[0], **config).unwrapped
         self.step_ticks = ticks_in(DECISION_S, self.similar)
-        self._is_over = False
+        self._ended: Retirement | None = None  # how its episode has ended
         self._targets: list[Floats] = []  # of the karts, at the end of its decision
         self._left = 0  # ticks until then
 
@@ -110,22 +118,22 @@ class HighwayItself:
                 continue
             for k, target in enumerate(self._targets):
                 shift(world.bodies[0, k], _way(world.bodies[0, k], target))
-            if self._is_over:
-                crashed = self.env.vehicle.crashed or not self.env.vehicle.on_road
-                retire(world, 0, 0, Retirement.CRASH if crashed else Retirement.TIME_OUT)
+            if self._ended is not None:
+                retire(world, 0, 0, self._ended)
 
     def _decide(self, world: World) -> None:
         """Let it take one decision: where it ends is made for in the ticks that follow."""
-        if not self._is_over:
+        if self._ended is None:
             body, vehicle = world.bodies[0, 0], world.vehicles[0, 0]
             *_, over, cut, _ = self.env.step(self._action(body, vehicle))
-            self._is_over = bool(over or cut)
+            if over or cut:
+                self._ended = Retirement.CRASH if over else Retirement.TIME_OUT
         self._targets, self._left = self._places(world), self.step_ticks
 
     def _begin(self, world: World) -> None:
         """Begin an episode there, and put every kart where its vehicle stands."""
         self.env.reset(seed=int(world.races[0].seed) % 2**31)
-        self._is_over, self._left = False, 0
+        self._ended, self._left = None, 0
         line, spacing = self._course.line, self._course.spacing
         for k, target in enumerate(self._places(world)):
             body, racer = world.bodies[0, k], world.racers[0, k]
@@ -157,7 +165,7 @@ class HighwayItself:
         angle = math.atan(math.tan(target) * float(self.env.vehicle.LENGTH) / wheelbase)
         body.steering = target
         steering = angle / STEERING
-        if self.options.action != PEDALS:
+        if not self.options.pedals:
             return np.array([steering])
         gain = pedal_gain(body, vehicle, self.step_ticks * TICK_S)
         return np.array([gain / ACCELERATION, steering])

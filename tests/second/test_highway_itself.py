@@ -33,7 +33,7 @@ def road(options: str = "", *, karts: int = 2, ticks: int = 4) -> Batch:
     task = task_on(
         (scenario,),
         learners=1,
-        opponents=("pure_pursuit",),
+        opponents=("pure_pursuit",) if karts > 1 else (),
         observation=("speed",),
         action="control",
         decision_ticks=ticks,
@@ -81,6 +81,14 @@ def test_its_end_of_an_episode_is_the_end_of_the_race() -> None:
     assert 1 < decisions < 60
 
 
+def test_beside_its_lanes_it_goes_on_where_only_a_crash_ends_it() -> None:
+    batch = road(":crash-only", karts=1)
+    for _ in range(6):
+        steer(batch, 1.0)
+    assert not there(batch).vehicle.on_road
+    assert batch.world.bodies[0, 0].status == codes.RACING
+
+
 def test_a_kart_for_which_it_has_no_vehicle_is_absent() -> None:
     batch = road(karts=8)
     here = steer(batch, 0.0)["status"] != codes.ABSENT
@@ -90,7 +98,7 @@ def test_a_kart_for_which_it_has_no_vehicle_is_absent() -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("highway-env-itself:brakes", "knows no option 'brakes'; choose pedals"),
+        ("highway-env-itself:brakes", "knows no option 'brakes'; choose pedals, crash-only"),
         ("highway-env-itself", "has highway:racetrack-v0 and the like alone"),
     ],
 )
