@@ -1,7 +1,7 @@
 """`race bench onboard`: how long a turn of a real kart's control unit takes; its golden vectors."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -45,7 +45,7 @@ def bench_onboard(
     fence = CourseFence(course.line, course.half_widths, course.kerb)
     turns = golden_turns(course, kart, seconds=seconds, seed=seed)
     times = MILLI * turn_times(kart, fence, turns)
-    document = {
+    document: dict[str, Any] = {
         "ok": bool(np.quantile(times, 0.99) < MOST_P99_MS),
         "turns": len(times),
         "median_ms": round(float(np.median(times)), 3),

@@ -175,7 +175,7 @@ def _turn_of(told: dict[str, float], echoes: list[Floats] | None) -> Turn:
             told["fix_course"],
             told["fix_speed_deviation"],
         )
-    beacons = ()
+    beacons: tuple[Range, ...] = ()
     if not math.isnan(told["beacon_x"]):
         names = ("beacon_x", "beacon_y", "beacon_distance", "beacon_deviation")
         beacons = (Range(*(told[name] for name in names)),)

@@ -40,7 +40,10 @@ def _run(batch: Batch, act: Callable[[Batch], Floats], seconds: float) -> float:
 def state_times(batch: Batch, times: int = 200) -> dict[str, float]:
     """Return µs of CPU time a world in which the state of a batch is saved, and loaded."""
     state = batch.save_state()
-    calls = {"save_us": batch.save_state, "load_us": lambda: batch.load_state(state)}
+    calls: dict[str, Callable[[], object]] = {
+        "save_us": batch.save_state,
+        "load_us": lambda: batch.load_state(state),
+    }
     spent = {}
     for name, call in calls.items():
         begun = time.process_time()
