@@ -11,7 +11,7 @@ PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page check-page test test-slow check lint docs hooks setup schemas limits dist lock sbom audit clean
+.PHONY: race page check-page test test-slow test-libraries check lint docs hooks setup schemas limits dist lock sbom audit clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -44,6 +44,10 @@ lint: $(VENV)/.installed-test
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	$(BIN)/codespell
+
+# A script for each library of others, in environments of their own; writes the table of docs/libraries.md.
+test-libraries: $(VENV)/.installed-test
+	@$(BIN)/python tests/libraries/run.py
 
 check: lint check-page test test-slow
 

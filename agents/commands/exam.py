@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from race_agents.commands.exam_coaching import coaching
 from race_agents.commands.exam_laps import laps
 from race_agents.commands.exam_result import Result
+from race_agents.commands.exam_retention import retention
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 app.command()(laps)
+app.command()(coaching)
+app.command()(retention)
 
 # Seeds of failures that are told to a person, of each kind.
 MOST_TOLD = 8

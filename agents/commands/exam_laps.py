@@ -12,7 +12,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for
+from race_server.cli.options import Unfit, drivers_for, names_in
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console, TextColumn
@@ -58,9 +58,21 @@ class LapOptions:
     vehicle: Annotated[
         str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
     ] = "tt02"
-    laps: Annotated[
-        int, typer.Option(min=1, help="Counted laps of each course; one that is not comes first.")
-    ] = 5
+    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each course.")] = 5
+    warm_up: Annotated[
+        int,
+        typer.Option(
+            min=1, help="Laps before those. 2: a driver that learns its course is asked from lap 3."
+        ),
+    ] = 1
+    gaps: Annotated[
+        str,
+        typer.Option(
+            "--gaps",
+            "--gap",
+            help="Comma-separated reality gaps, each driven with each driver: see `race trial`.",
+        ),
+    ] = "none"
     plot: Annotated[
         Path | None, typer.Option(help="Draw clean laps and times into this .png or .svg file.")
     ] = None
@@ -75,7 +87,8 @@ def laps(options: LapOptions) -> None:
     The ratio is the time of a lap over the limit of its course, which is solved where it is not
     known. Finished courses are kept: an exam that was stopped goes on with the next one.
     """
-    from race_server.competition.lap_exam import LapExamSpec, LapRow, courses_in, drawn_courses
+    from race_server.competition.lap_exam import LapExamSpec, courses_in, drawn_courses, rows_of
+    from race_server.competition.time_trial.gaps import NONE, gaps_named
     from race_server.core.vehicle_presets import vehicle_named
 
     vehicle = vehicle_named(options.vehicle)
@@ -89,11 +102,14 @@ def laps(options: LapOptions) -> None:
         if options.folder is not None
         else drawn_courses(options.courses, options.first_seed, vehicle)
     )
-    spec = LapExamSpec(names, options.vehicle, options.laps, options.jobs)
+    spec = LapExamSpec(
+        *(names, options.vehicle, options.laps, options.jobs),
+        gaps=tuple(gaps_named(list(dict.fromkeys(names_in(options.gaps))) or [NONE.name])),
+        warm_up=options.warm_up,
+    )
     console, begun = Console(stderr=True), time.monotonic()
     tries, stopped = _examine(spec, drivers, console, quiet=options.as_json)
-    by_driver = {name: [one for one in tries if one.driver == name] for name in drivers}
-    rows = [LapRow.of(group) for group in by_driver.values() if group]
+    rows = rows_of(tries)
     if options.plot is not None and rows:
         from race_server.competition.lap_picture import draw_laps
 
@@ -128,7 +144,7 @@ def _examine(
         def watch(words: str) -> None:
             bar.update(task, description=words)
 
-        total = len(drivers) * len(spec.courses)
+        total = len(spec.runs_of(drivers))
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
         try:
             for one in examine(spec, drivers, editions_of(drivers), watch):
@@ -136,8 +152,11 @@ def _examine(
                 bar.update(task, advance=1)
         except KeyboardInterrupt:
             stopped = True
-    order = {name: number for number, name in enumerate(spec.courses)}
-    return sorted(tries, key=lambda one: (drivers.index(one.driver), order[one.course])), stopped
+    order = {
+        (run.driver, run.gap.name, run.track): number
+        for number, run in enumerate(spec.runs_of(drivers))
+    }
+    return sorted(tries, key=lambda one: order[one.driver, one.gap, one.course]), stopped
 
 
 def editions_of(drivers: Sequence[str]) -> dict[str, str]:
@@ -154,13 +173,14 @@ def _show(rows: "Sequence[LapRow]") -> None:
 
     table = Table()
     table.add_column("driver", no_wrap=True)
+    table.add_column("gap", no_wrap=True)
     heads = ("courses", "laps", "clean laps", "95 %", "clean courses", "× limit", "95 %")
     for head in (*heads, "contacts", "rescues"):
         table.add_column(head, justify="right", no_wrap=True)
     for row in rows:
         low, high = row.clean_lap_interval
         table.add_row(
-            *(row.driver, str(row.courses), str(row.laps)),
+            *(row.driver, row.gap, str(row.courses), str(row.laps)),
             f"{100.0 * row.clean_lap_rate:.1f} %",
             f"{100.0 * low:.1f}-{100.0 * high:.1f} %",
             f"{100.0 * row.clean_course_rate:.1f} %",
@@ -172,13 +192,14 @@ def _show(rows: "Sequence[LapRow]") -> None:
     console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
     console.print(table)
     for row in rows:
+        who = row.driver if row.gap == "none" else f"{row.driver} ({row.gap})"
         if row.not_clean:
             told = [f"{Path(name).name} {clean}" for name, clean in row.not_clean.items()]
             more = ", …" * (len(told) > MOST_TOLD)
-            words = f"{row.driver}: clean laps of other courses {', '.join(told[:MOST_TOLD])}{more}"
+            words = f"{who}: clean laps of other courses {', '.join(told[:MOST_TOLD])}{more}"
             console.print(words, highlight=False)
         for remark in row.remarks[:MOST_TOLD]:
-            console.print(f"{row.driver}: {remark}", style="yellow", highlight=False)
+            console.print(f"{who}: {remark}", style="yellow", highlight=False)
 
 
 def _between(bounds: tuple[float | None, float | None]) -> str:

@@ -49,8 +49,8 @@ def plant(
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
     # Set before any kernel is imported: one kart needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
-    from race_agents.plant.kart import Sensors
     from race_agents.plant.run import PlantSetting, run_plant
+    from race_agents.plant.sensors import Sensors
 
     given = access(keys, connect, session)
     setting = PlantSetting(

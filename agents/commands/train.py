@@ -69,7 +69,7 @@ class TrainOptions:
         ),
     ] = ""
     algorithm: Annotated[
-        str, typer.Option(help="ppo, poca, sac, td3 or dqn. Default: the preset's.")
+        str, typer.Option(help="ppo, ppo-sb3, poca, sac, td3 or dqn. Default: the preset's.")
     ] = ""
     worlds: Annotated[
         int | None, typer.Option(help="Races that run in parallel. Default: the preset's.")

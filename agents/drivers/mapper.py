@@ -13,9 +13,10 @@ import numpy as np
 from race_agents.drivers.follow_gap import MOUNT, FollowGap
 from race_agents.drivers.raceline import Raceline
 from race_agents.planning.charted_course import Chart, ask_chart
+from race_agents.planning.drive_survey import CELL, PATIENCE, STILL
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning
 from race_agents.planning.line_view import LineView
-from race_agents.planning.wall_map import Pose, Scan, WallMap, compose, read_scan
+from race_agents.planning.wall_map import Scan, WallMap, compose, read_scan
 from race_agents.planning.wayfinder import Wayfinder, places_along
 from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing
@@ -25,18 +26,12 @@ from race_server.core.state import Floats
 from race_server.core.vehicle_presets import TENTH
 from race_server.errors import PlanError
 
-# Size of a piece of wall and of a cell of the map [body widths].
-CELL = 0.55
-# Scans in a row that fit nothing, until a survey begins again.
-PATIENCE = 6
 # The line takes effect so much later [s] than the lap closed, and as much more for each metre of
 # it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
 LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
 # Places to look for a lost kart lie this far apart [body lengths].
 APART = 1.5
-
-STILL: Pose = (0.0, 0.0, 0.0)
 
 
 class Mapper:

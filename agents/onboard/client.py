@@ -13,11 +13,12 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
-from race_agents.onboard.control_unit import ControlUnit, Readings
 from race_agents.onboard.crew import Crew
-from race_agents.onboard.fence import fence_of
+from race_agents.onboard.grounds import fence_of
 from race_agents.onboard.parker import PRESET, Parker
-from race_agents.onboard.safety import Command
+from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.readings import Readings
+from race_agents.unit.safety import Command
 from race_server.core.clock import Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.core.messages import Control, Flag, Trust

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from race_agents.onboard.control_unit import STOP, ControlUnit
 from race_agents.onboard.parker import Parker
+from race_agents.unit.control_unit import STOP, ControlUnit
 from race_server.core.driver import Driver
 from race_server.core.messages import Control
 from race_server.core.observation import Observation

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from race_agents.onboard.control_unit import ControlUnit
+from race_agents.unit.control_unit import ControlUnit
 from race_server.core.driver import Briefing, Driver, ParkingDriver
 from race_server.core.messages import Control
 from race_server.core.observation import Layout, Observation, layout_of

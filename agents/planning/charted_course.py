@@ -127,8 +127,11 @@ def _evened(border: Floats, cell: float) -> Floats:
     return resample(even, max(round(lengths_of(even).sum() / cell), 16))
 
 
-def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Course:
-    """Return the course between two closed borders, in the direction of a path along them.
+def points_between(left: Floats, right: Floats, path: Floats, scale: str) -> Floats:
+    """Return the centre line between two closed borders, in the direction of a path along them.
+
+    Its points are those of a course file: (N, 4) x, y, half-width left, half-width right [m]. The
+    first is nearest to the beginning of the path.
 
     Raises:
         RaceError: no course fits between them.
@@ -143,13 +146,22 @@ def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Cou
     count = min(max(round(len(line) / 4), 32), MOST_POINTS)
     line = resample(line, count)
     widths = [nearest_on(segments_of(side), line)[0] for side in (left, right)]
+    return np.column_stack([line, *widths])
+
+
+def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Course:
+    """Return the course between two closed borders, in the direction of a path along them.
+
+    Raises:
+        RaceError: no course fits between them.
+    """
     plan = TrackSpec(
         name="surveyed",
         title="Surveyed",
         form="line",
         scale=scale,
         digest="",
-        points=np.column_stack([line, *widths]),
+        points=points_between(left, right, path, scale),
     )
     return replace(build(plan), borders=np.concatenate([segments_of(left), segments_of(right)]))
 
@@ -169,6 +181,27 @@ def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
     return line_of(course, bounds, limit.minimum_time)
 
 
+def walled_path(
+    scans: list[Scan], poses: list[Pose], ways: list[float], cell: float
+) -> tuple[Floats, WallMap]:
+    """Return the path (N, 2) [m] of a lap whose poses close, once around, and the walls beside it.
+
+    ways: [m] driven up to each scan; cell: size of a piece of wall [m].
+    """
+    poses = refine(scans, poses, ways, cell)
+    walls = wall_map_of(scans, poses, cell)
+    path = path_of(poses)
+    # What lies beyond the start is on the path already.
+    beyond = np.hypot(*(path - path[0]).T)
+    last = len(path) // 2 + int(np.argmin(beyond[len(path) // 2 :]))
+    return path[: max(last, 8)], walls
+
+
+def scale_of(vehicle: Vehicle) -> str:
+    """Return the scale of the courses that a vehicle drives."""
+    return "1/10" if vehicle.length < SHORT_M else "kart"
+
+
 def chart_lap(
     scans: list[Scan], poses: list[Pose], ways: list[float], cell: float, vehicle: Vehicle
 ) -> Chart:
@@ -177,16 +210,9 @@ def chart_lap(
     Raises:
         RaceError: no course fits.
     """
-    poses = refine(scans, poses, ways, cell)
-    walls = wall_map_of(scans, poses, cell)
-    path = path_of(poses)
-    # What lies beyond the start is on the path already.
-    beyond = np.hypot(*(path - path[0]).T)
-    last = len(path) // 2 + int(np.argmin(beyond[len(path) // 2 :]))
-    path = path[: max(last, 8)]
+    path, walls = walled_path(scans, poses, ways, cell)
     left, right = borders_along(path, walls)
-    scale = "1/10" if vehicle.length < SHORT_M else "kart"
-    course = course_between(left, right, path, scale)
+    course = course_between(left, right, path, scale_of(vehicle))
     return Chart(walls.points, walls.normals, course, line_on(course, vehicle))
 
 

@@ -15,6 +15,7 @@ from race_agents.planning.latency import (
     THIRDS,
     age_at,
     estimate_latency,
+    steering_play,
 )
 from race_agents.planning.tactics import KARTS_X, LIGHTS, SPEED
 from race_agents.planning.tracking import (
@@ -102,16 +103,30 @@ def command_at(memory: Floats, step: int, delay: int) -> Command:
     return Command(memory[place], memory[place + 1], memory[place + 2])
 
 
+@kernel
+def felt_at(cockpit: Cockpit, steering: float, step: int, delay: int) -> Command:
+    """Return the command of `command_at` as wheels with play follow it.
+
+    steering: angle of the wheels before [rad].
+    """
+    limit, memory = cockpit.vehicle.steering_limit, cockpit.memory
+    command, play = command_at(memory, step, delay), steering_play(memory) / limit
+    felt = min(max(steering / limit, command.steering - play), command.steering + play)
+    return Command(felt, command.throttle, command.brake)
+
+
 @large_kernel
 def move_on(cockpit: Cockpit, motion: Motion, delay: int) -> Motion:
     """Return the motion after `delay` thirds of a decision, under the commands given before."""
     observation, offsets = cockpit.observation, cockpit.offsets
-    vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
+    vehicle, setup = cockpit.vehicle, cockpit.setup
     cap, thrust = observation[offsets[SPEED_CAP]], observation[offsets[THRUST_SCALE]]
     allowance = Allowance(cap, thrust, observation[offsets[GRIP_SCALE]], 0.0)
     step_s = setup[DECISION] / (THIRDS * FINE)
     for step in range(delay * FINE):
-        motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
+        motion = move(
+            vehicle, motion, felt_at(cockpit, motion.steering, step, delay), allowance, step_s
+        )
     return motion
 
 
@@ -122,13 +137,15 @@ def angle_later(cockpit: Cockpit, motion: Motion, angle: float, delay: int) -> f
     angle: at the start of it [rad].
     """
     observation, offsets = cockpit.observation, cockpit.offsets
-    vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
+    vehicle, setup = cockpit.vehicle, cockpit.setup
     cap, thrust = observation[offsets[SPEED_CAP]], observation[offsets[THRUST_SCALE]]
     allowance = Allowance(cap, thrust, observation[offsets[GRIP_SCALE]], 0.0)
     step_s = setup[DECISION] / (THIRDS * FINE)
     drawn = vehicle.trailers[0]
     for step in range(delay * FINE):
-        motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
+        motion = move(
+            vehicle, motion, felt_at(cockpit, motion.steering, step, delay), allowance, step_s
+        )
         across = motion.lateral_speed - (vehicle.rear_axle + drawn.hitch) * motion.yaw_rate
         turning = turning_of(motion.speed, across, angle, drawn.bar)
         half = angle + 0.5 * step_s * (motion.yaw_rate - turning)
@@ -145,7 +162,7 @@ def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
     line [m].
     """
     observation, offsets = cockpit.observation, cockpit.offsets
-    vehicle, setup, memory = cockpit.vehicle, cockpit.setup, cockpit.memory
+    vehicle, setup = cockpit.vehicle, cockpit.setup
     step_s = setup[DECISION] / (THIRDS * FINE)
     speed, sliding = observation[offsets[SPEED]], observation[offsets[LATERAL_SPEED]]
     turning, steering = observation[offsets[YAW_RATE]], observation[offsets[STEERING]]
@@ -155,7 +172,9 @@ def roll_on(cockpit: Cockpit, delay: int) -> tuple[float, float, float, float]:
     offset, bearing = observation[offsets[OFFSET]], observation[offsets[HEADING]]
     along = 0.0
     for step in range(delay * FINE):
-        motion = move(vehicle, motion, command_at(memory, step, delay), allowance, step_s)
+        motion = move(
+            vehicle, motion, felt_at(cockpit, motion.steering, step, delay), allowance, step_s
+        )
         speed, sliding = motion.speed, motion.lateral_speed
         bend = at_distance(
             observation, offsets[CURVATURE], along / max(observation[offsets[STEP]], 0.01)

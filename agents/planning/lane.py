@@ -1,5 +1,6 @@
 """One decision of a driver on the reference line, given the lane that it wants."""
 
+from race_agents.planning.clearance import keep_clear
 from race_agents.planning.idm_model import behind_leader
 from race_agents.planning.latency import remember_command
 from race_agents.planning.tactics import ITEM, finish_decision
@@ -36,7 +37,7 @@ def drive_in_lane(cockpit: Cockpit, wanted: float) -> None:
     acceleration = acceleration_on_line(cockpit, lane, memory[FASTER], memory[DASH])
     acceleration = min(acceleration, behind_leader(cockpit, memory[CLOSE]))
     force = press_for(cockpit, acceleration)
-    control[0] = steering_on_line(cockpit, lane, force)
+    control[0] = steering_on_line(cockpit, lane + keep_clear(cockpit, lane), force)
     wait_in_line(cockpit)
     finish_decision(cockpit)
     remember_command(memory, control)

@@ -2,8 +2,10 @@
 
 No setting gives the latency. Of several delays the estimate is the one under which the last
 commands explain best how the wheels turned. This covers answers that are delayed on purpose, slow
-links and, roughly, actuators that lag.
+links and, roughly, actuators that lag. What no delay explains is play in the steering.
 """
+
+import math
 
 from race_server.core.kernel_driver import DECISION, LATELY, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
@@ -32,6 +34,35 @@ COMMAND = 3
 AGAINST = COMMANDS + (LONGEST + 1) * COMMAND
 # Sums of the slip seen times that of the model, and of its square: see `tyre_slip.py`.
 SLIP_SEEN, SLIP_MODEL = AGAINST + DELAYS, AGAINST + DELAYS + 1
+
+
+# Play [rad] below this is none, and above that it is something else.
+LEAST_PLAY, MOST_PLAY = 0.002, 0.03
+# The play is taken up for changes of more than this share of it.
+TAKEN_UP = 0.25
+
+
+@kernel
+def steering_play(memory: Floats) -> float:
+    """Return how far [rad] the wheels were of late from where the commands should have put them.
+
+    memory: (M,) of the driver. Play in the steering does that, and so do wheels that lag.
+    """
+    play = math.sqrt((1.0 - FADING) * memory[AGAINST + int(memory[LATENCY])])
+    return min(play, MOST_PLAY) if play > LEAST_PLAY else 0.0
+
+
+@kernel
+def take_up_play(memory: Floats, angle: float, now: float) -> float:
+    """Return the angle [rad] to command so that wheels with play turn to `angle` [rad].
+
+    memory: (M,) of the driver; now: angle of the wheels [rad]. They stop that much before what is
+    commanded.
+    """
+    play = steering_play(memory)
+    if play == 0.0:
+        return angle
+    return angle + min(max((angle - now) / TAKEN_UP, -play), play)
 
 
 @kernel

@@ -8,6 +8,7 @@ limits of handling, 2015).
 
 import math
 
+from race_agents.planning.latency import STEERING, take_up_play
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.tyre_slip import (
     GRIP_SCALE,
@@ -43,19 +44,29 @@ STIFF_BEND_SHARE = 0.95
 # less of the bend's speed for each length more: what it does wrong it notices late, and the rear
 # axle slides before it is corrected.
 PROMPT, LATE_SHARE = 0.5, 0.0145
+# Times that a body takes to turn until it follows another curvature, and how far [body widths] it
+# may go astray meanwhile.
+LAGS, ASTRAY_WIDTHS = 2.0, 0.16
 # Share of the grip that brakes have where the line does not brake yet, or a dash exceeds it.
 DASH_BRAKE_SHARE = 0.55
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
 # slides turns the kart round, a front axle only makes its bend wider.
 REAR_SHARE = 0.95
-# The wheels follow the line so far ahead [s], and as much more as the body takes to turn.
-LEAD_S = 0.04
+# The wheels follow the line as far ahead as the body takes to turn; on stiff tyres so much farther
+# [s]. Else more would cut the inside of the next bend where the line turns from one side to the
+# other: 0.02 s are 3 cm at 4 m/s.
+STIFF_LEAD_S = 0.04
 # Errors are predicted this far ahead [s]: half a decision, and this share of the time to turn.
 DELAY_S, DELAY_SHARE = 0.05, 0.1
-# Feedback: natural frequency [rad/s] and damping ratio of the offset; damping of the yaw rate.
-FREQUENCY, DAMPING, YAW_DAMPING = 6.5, 0.9, 0.6
+# Feedback: natural frequency [rad/s] of the offset, and on stiff tyres, which pass each correction
+# on at once; damping ratio; damping of the yaw rate.
+FREQUENCY, STIFF_FREQUENCY, DAMPING, YAW_DAMPING = 10.0, 6.5, 0.9, 0.6
+# What is added at least to the damping of the yaw rate [1/s].
+YAW_RATE_DAMPING = 8.0
 # An offset is never closed at a steeper angle [rad] than this.
 STEEPEST = 0.35
+# Square of the share of the grip that brakes have in any bend.
+LEAST_BRAKES = 0.05
 # Share of the slip at which a tyre slides altogether that the front wheels may have.
 SLIP_SHARE = 0.9
 # No kart is thought to be slower than this [m/s]: where it stands, any steering will do.
@@ -86,7 +97,7 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
     """
     observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
     grip, bend_share = vehicle.grip * GRAVITY, BEND_SHARE
-    if 3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S:
+    if is_stiff(vehicle):
         bend_share = STIFF_BEND_SHARE
     turning = turning_time(vehicle, 1.0) / vehicle.length
     place = distance / max(observation[offsets[STEP]], 0.01)
@@ -106,6 +117,7 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
         used = min(speed * speed * abs(bend) / grip, 1.0)
         unused = 1.0 - used
         late = LATE_SHARE * max(speed * speed * turning - PROMPT, 0.0)
+        square = min(square, turned_over(cockpit, index, turning * vehicle.length))
         share = STRAIGHT_SHARE + (bend_share - late - STRAIGHT_SHARE) * used + dash * unused
         # Nearer to the middle of a bend it is tighter.
         tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
@@ -118,6 +130,23 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
         math.sqrt(square * min(observation[offsets[GRIP_SCALE]], 1.0)),
         observation[offsets[SPEED_CAP]],
     )
+
+
+@large_kernel
+def turned_over(cockpit: Cockpit, index: int, turning: float) -> float:
+    """Return the square of the speed [m²/s²] at which a body still follows a line that turns over.
+
+    index: sample of the line ahead; turning: time [s] that the body takes to turn, for each m/s.
+    While the yaw rate lags, for LAGS of these times, the body goes astray by the change of the
+    curvature, v² Δk T² / 8.
+    """
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    speed = observation[offsets[LINE_SPEED] + index]
+    reach = LAGS * turning * speed * speed / max(observation[offsets[STEP]], 0.01)
+    here = observation[offsets[CURVATURE] + index]
+    change = abs(at_distance(observation, offsets[CURVATURE], index + reach) - here)
+    lag = max(LAGS * turning, 1e-6)
+    return math.sqrt(8.0 * ASTRAY_WIDTHS * vehicle.width / max(change, 1e-6)) / lag
 
 
 @kernel
@@ -155,6 +184,8 @@ def press_for(cockpit: Cockpit, acceleration: float) -> float:
         turning = max(planned, abs(speed * observation[offsets[YAW_RATE]]) / grip)
         wanted = min(wanted, rear_limit(vehicle, vehicle.front_drive, turning) * grip)
         wanted = max(wanted, -rear_limit(vehicle, vehicle.front_brake, planned) * grip)
+        # Off the line, too, the bend comes first: what brakes harder runs wide.
+        wanted = max(wanted, -math.sqrt(max(1.0 - planned * planned, LEAST_BRAKES)) * grip)
     most = min(vehicle.motor_force, vehicle.motor_power / speed) * max(
         observation[offsets[THRUST_SCALE]], 0.05
     )
@@ -207,7 +238,9 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     slipping = slip_share(cockpit.memory)
     turn_s = slipping * turning_time(vehicle, speed)
     delay = DELAY_S * (0.5 + 0.5 * slipping) + DELAY_SHARE * turn_s
-    lead = speed * (LEAD_S + turn_s) / step
+    soft = 0.0 if is_stiff(vehicle) else slipping
+    frequency = STIFF_FREQUENCY + soft * (FREQUENCY - STIFF_FREQUENCY)
+    lead = speed * (STIFF_LEAD_S * (1.0 - soft) + turn_s) / step
     bend = at_distance(observation, offsets[CURVATURE], lead)
     bend /= max(1.0 - shift * bend, 0.3)
 
@@ -221,12 +254,12 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     drift = math.sin(heading + math.atan2(observation[offsets[LATERAL_SPEED]], speed))
     offset = observation[offsets[OFFSET]] - shift + speed * delay * drift
     heading += delay * turning + rear_axle * bend - rear_slip
-    look = 2.0 * DAMPING * speed / FREQUENCY
-    gain = FREQUENCY * FREQUENCY * wheelbase / max(speed * speed, 4.0)
+    look = 2.0 * DAMPING * speed / frequency
+    gain = frequency * frequency * wheelbase / max(speed * speed, 4.0)
     offset = min(max(offset, -STEEPEST * look), STEEPEST * look)
     angle = math.atan(wheelbase * bend) + front_slip - rear_slip
     angle -= gain * (offset + look * math.sin(heading))
-    angle -= slipping * YAW_DAMPING * wheelbase / speed * turning
+    angle -= slipping * yaw_damping(vehicle, speed) * turning
     if speed > vehicle.dynamic_above:
         # Turned further than it slips at most, a front wheel only brakes. Stiff tyres hardly slip,
         # but the kart follows them at once.
@@ -235,7 +268,26 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
         )
         most = max(SLIP_SHARE * slide, vehicle.steering_rate * DELAY_S)
         angle = min(max(angle, way - most), way + most)
+    angle = take_up_play(cockpit.memory, angle, observation[offsets[STEERING]])
     return min(max(angle / vehicle.steering_limit, -1.0), 1.0)
+
+
+@kernel
+def yaw_damping(vehicle: Record, speed: float) -> float:
+    """Return the steering [rad] against each [rad/s] of yaw rate too much.
+
+    What damps the yaw rate by itself falls with the speed: at least YAW_RATE_DAMPING is added.
+    """
+    wheelbase = vehicle.front_axle + vehicle.rear_axle
+    front = vehicle.cornering * vehicle.mass * GRAVITY * vehicle.rear_axle / wheelbase  # [N/rad]
+    least = YAW_RATE_DAMPING * vehicle.yaw_inertia / (front * vehicle.front_axle)
+    return max(YAW_DAMPING * wheelbase / speed, least)
+
+
+@kernel
+def is_stiff(vehicle: Record) -> bool:
+    """Return whether the wheels turn through all the slip of their tyres within one decision."""
+    return bool(3.0 * vehicle.grip / vehicle.cornering < vehicle.steering_rate * DELAY_S)
 
 
 @kernel

@@ -112,8 +112,10 @@ class WallMap:
     def __init__(self, points: Floats, normals: Floats, cell: float) -> None:
         """Average points (N, 2) with their normals (N, 2) in cells of a size [m]."""
         self.cell = cell
-        self._corner = np.floor(points.min(axis=0, initial=math.inf) / cell).astype(np.int64) - 2
-        place = np.floor(points / cell).astype(np.int64) - self._corner
+        place = np.floor(points / cell).astype(np.int64)
+        # Where a lidar met nothing there is no piece, and any corner will do.
+        self._corner = (place.min(axis=0) if len(place) else np.zeros(2, np.int64)) - 2
+        place -= self._corner
         self._shape = (place.max(axis=0, initial=0) + 3).astype(np.int64)
         layer = np.floor(np.arctan2(normals[:, 1], normals[:, 0]) * (0.5 * LAYERS / math.pi))
         key = (place[:, 0] * self._shape[1] + place[:, 1]) * LAYERS + layer.astype(

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from race_agents.onboard.client import KartProgram, is_home
-from race_agents.onboard.control_unit import ControlUnit
-from race_agents.onboard.safety import Cause
 from race_agents.plant.body import Body
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, gap_to
+from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.safety import Cause
 
 STANDS = 0.03  # [m/s] slower than this is standing
 # The person steps out where this share of the way that the kart needs to stop is left.

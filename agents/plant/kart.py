@@ -7,35 +7,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from race_agents.onboard.control_unit import STOP, Fix, Readings
-from race_agents.onboard.safety import Command, Echoes
 from race_agents.plant.body import Body, as_built
 from race_agents.plant.radar import Floats, Surroundings, scan, scan_all_around
-from race_server.core.messages import Control, Source
+from race_agents.plant.sensors import Beacons, Odometer, Receiver, Sensors, velocity_of
+from race_agents.unit.control_unit import STOP
+from race_agents.unit.readings import Readings
+from race_agents.unit.safety import Command, Echoes
+from race_server.core.messages import Control
 from race_server.core.vehicles import Vehicle
 
 Place = tuple[float, float, float]  # x [m], y [m], heading [rad]
 
 # Longest time [s] between two checks for borders, and longest pause that the body moves through.
 PART_S, MOST_S = 0.05, 2.0
-
-
-@dataclass(frozen=True)
-class Sensors:
-    """How good the sensors are: periods [s] and standard deviations."""
-
-    fix_s: float = 0.1
-    fix_deviation: float = 0.02  # [m]; 0.3 to 1.5 for satellites without corrections
-    radar_s: float = 0.05
-    wheel_deviation: float = 0.03  # [m/s]
-    gyro_deviation: float = 0.01  # [rad/s]
-    gyro_bias: float = 0.02  # [rad/s]
-    accelerometer_deviation: float = 0.3  # [m/s²]
-    lidar_rays: int = 0  # of a lidar over the centre of gravity; 0: there is none
-    lidar_field: float = 0.0  # [rad] between its outermost rays
-    lidar_reach: float = 8.0  # [m]
-    lidar_deviation: float = 0.02  # [m]
-    heading_deviation: float | None = None  # [rad] of fixes by two antennas; None: there is one
 
 
 @dataclass
@@ -53,7 +37,6 @@ class Plant:
     scrapes: int = 0
     command: Command = field(default_factory=Command)
     _now_s: float = -math.inf
-    _fix_s: float = -math.inf
     _radar_s: float = -math.inf
     _control: Control = STOP
     _is_scraping: bool = False
@@ -62,6 +45,9 @@ class Plant:
     def __post_init__(self) -> None:
         """Begin the sensors' noise."""
         self._noise = np.random.default_rng(self.seed)
+        self._receiver = Receiver(self.sensors, self._noise)
+        self._odometer = Odometer(self.sensors, self._noise)
+        self._beacons = Beacons(self.sensors, self._noise)
 
     @classmethod
     def of(
@@ -90,13 +76,14 @@ class Plant:
         is_due = self._is_due(now_s)
         return Readings(
             time_s=now_s,
-            wheel_speed=body.speed + normal(0.0, sensors.wheel_deviation),
+            wheel_speed=self._odometer.read(body, now_s),
             yaw_rate=body.yaw_rate + sensors.gyro_bias + normal(0.0, sensors.gyro_deviation),
             steering=body.steering,
             acceleration=acceleration,
-            fix=self._fix(now_s),
+            fix=self._receiver.read(body, now_s) if self.find is None else None,
             echoes=self._scan() if is_due else None,
             ranges=self._ranges() if is_due and sensors.lidar_rays else None,
+            beacons=self._beacons.read(body, now_s),
         )
 
     def _begin(self, place: Place | None) -> None:
@@ -117,15 +104,17 @@ class Plant:
     def _acceleration(self, seconds: float) -> tuple[float, float] | None:
         """Return the mean acceleration since the last reading, ahead and to the left."""
         body, (was_east, was_north) = self.body, self._velocity
-        cos, sin = math.cos(body.heading), math.sin(body.heading)
-        east = body.speed * cos - body.lateral_speed * sin
-        north = body.speed * sin + body.lateral_speed * cos
+        midway = body.heading - 0.5 * body.yaw_rate * seconds
+        cos, sin = math.cos(midway), math.sin(midway)
+        east, north = velocity_of(body)
         self._velocity = east, north
         if seconds <= 0.0:
             return None
         x, y = (east - was_east) / seconds, (north - was_north) / seconds
+        bias_ahead, bias_left = self.sensors.accelerometer_bias
         ahead, left = self._noise.normal(
-            (x * cos + y * sin, y * cos - x * sin), self.sensors.accelerometer_deviation
+            (x * cos + y * sin + bias_ahead, y * cos - x * sin + bias_left),
+            self.sensors.accelerometer_deviation,
         )
         return float(ahead), float(left)
 
@@ -133,7 +122,7 @@ class Plant:
         others = self.look()
         if others is not None:
             self.around.others = others
-        return scan(self.body, self.around, self._noise)
+        return scan(self.body, self.around, self._noise, self.sensors.radar)
 
     def _ranges(self) -> Floats:
         sensors = self.sensors
@@ -142,18 +131,6 @@ class Plant:
         ranges = scan_all_around(self.body, self.around, angles, sensors.lidar_reach)
         noisy = ranges + self._noise.normal(0.0, sensors.lidar_deviation, len(ranges))
         return np.where(ranges > 0.0, np.maximum(noisy, 0.0), 0.0)
-
-    def _fix(self, now_s: float) -> Fix | None:
-        if self.find is not None or now_s - self._fix_s < self.sensors.fix_s - 1e-6:
-            return None
-        self._fix_s = now_s
-        deviation = self.sensors.fix_deviation
-        x, y = self._noise.normal((self.body.x, self.body.y), deviation)
-        source = Source.CORRECTED_SATELLITES if deviation < 0.1 else Source.SATELLITES
-        heading, spread = None, self.sensors.heading_deviation
-        if spread is not None:
-            heading = float(self._noise.normal(self.body.heading, spread))
-        return Fix(float(x), float(y), deviation, source, heading)
 
     def _is_due(self, now_s: float) -> bool:
         if now_s - self._radar_s < self.sensors.radar_s - 1e-6:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.onboard.safety import Echoes
 from race_agents.plant.body import Body
+from race_agents.unit.safety import Echoes
 from race_server.core import codes
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.polyline import corners_of_box, segments_of
@@ -17,16 +17,36 @@ Floats = NDArray[np.float64]
 
 # A beam every 3° from -60° to 60°. Nine thin rays would see past a person 3 m away.
 BEAMS = np.radians(np.linspace(-60.0, 60.0, 41))
-REACH_LENGTHS = 20.0  # kart lengths
+REACH_LENGTHS = 30.0  # kart lengths
 
 
 @dataclass
 class Person:
-    """A person or a thing that stands on the track."""
+    """A person or a thing on the track, which stands or walks."""
 
     x: float
     y: float
     radius: float
+    vx: float = 0.0  # [m/s] east
+    vy: float = 0.0  # [m/s] north
+
+
+@dataclass(frozen=True)
+class RadarErrors:
+    """How a radar errs, beside the noise of its ranges."""
+
+    clutter: float = 0.0  # stray echoes in a scan, in the mean
+    misses: float = 0.0  # share of echoes that never come
+    confusion: float = 0.0  # share of echoes taken for something else
+    ghosts: float = 0.0  # share of scans with an echo mirrored in a border
+    closing_deviation: float = 0.0  # [m/s]
+    bearing_deviation: float = 0.0  # [rad]
+
+
+PERFECT = RadarErrors()
+# What stray echoes are taken for, and how fast they seem to come [m/s].
+STRAY_KINDS = np.array([codes.BORDER, codes.OBSTACLE, codes.KART_HIT], np.uint8)
+STRAY_SPEED = 5.0
 
 
 @dataclass
@@ -42,7 +62,12 @@ class Surroundings:
         return np.asarray(self.borders[are_near(self.borders, x, y, reach)])
 
 
-def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoes:
+def scan(
+    body: Body,
+    around: Surroundings,
+    chance: np.random.Generator,
+    errors: RadarErrors = PERFECT,
+) -> Echoes:
     """Return what the radar in the nose sees now."""
     vehicle = body.vehicle
     cos, sin = math.cos(body.heading), math.sin(body.heading)
@@ -67,12 +92,49 @@ def scan(body: Body, around: Surroundings, chance: np.random.Generator) -> Echoe
     own_x = body.speed * cos - body.lateral_speed * sin
     own_y = body.speed * sin + body.lateral_speed * cos
     closing = (own_x - moving[:, 0]) * np.cos(ways) + (own_y - moving[:, 1]) * np.sin(ways)
+    rows = np.stack([ranges, bearings, closing], axis=1)[seen]
+    rows, met = disturb(rows, seen_kinds[seen], reach, errors, chance)
     return Echoes(
-        x=(vehicle.rear_axle + nose + ranges * np.cos(bearings))[seen],
-        y=(ranges * np.sin(bearings))[seen],
-        closing=closing[seen],
-        kinds=seen_kinds[seen],
+        x=vehicle.rear_axle + nose + rows[:, 0] * np.cos(rows[:, 1]),
+        y=rows[:, 0] * np.sin(rows[:, 1]),
+        closing=rows[:, 2],
+        kinds=met,
     )
+
+
+def disturb(
+    rows: Floats,
+    kinds: NDArray[np.uint8],
+    reach: float,
+    errors: RadarErrors,
+    chance: np.random.Generator,
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Return echoes as a radar that errs tells them.
+
+    rows: (n, 3) range [m], bearing [rad], closing speed [m/s].
+    """
+    if errors is PERFECT:
+        return rows, kinds
+    kept = chance.random(len(rows)) >= errors.misses
+    rows, kinds = rows[kept].copy(), kinds[kept].copy()
+    rows[:, 1] += chance.normal(0.0, errors.bearing_deviation, len(rows))
+    rows[:, 2] += chance.normal(0.0, errors.closing_deviation, len(rows))
+    confused = chance.random(len(rows)) < errors.confusion
+    kinds[confused] = chance.choice(STRAY_KINDS, int(confused.sum()))
+    stray = [rows[:0]]
+    for _ in range(chance.poisson(errors.clutter)):
+        # Evenly over the area: the farther, the more there is.
+        far, bearing = reach * math.sqrt(chance.random()), chance.uniform(BEAMS[0], BEAMS[-1])
+        closing = chance.uniform(-STRAY_SPEED, 3.0 * STRAY_SPEED)
+        stray.append(np.array([[far, bearing, closing]]))
+    if len(rows) and chance.random() < errors.ghosts:
+        ghost = rows[int(chance.integers(len(rows)))].copy()
+        ghost[0] *= 0.6  # the way by the mirror is cut short, or seems to be
+        ghost[1] = -ghost[1]
+        stray.append(ghost[None])
+    strays = np.concatenate(stray)
+    drawn = chance.choice(STRAY_KINDS, len(strays)).astype(np.uint8)
+    return np.concatenate([rows, strays]), np.concatenate([kinds, drawn])
 
 
 def scan_all_around(body: Body, around: Surroundings, angles: Floats, reach: float) -> Floats:
@@ -122,8 +184,8 @@ def _see_person(
     distance = max(math.hypot(dx, dy) - person.radius, 0.0)
     beam = int(np.argmin(np.abs(BEAMS - bearing)))
     if abs(bearing) <= BEAMS[-1] and distance < ranges[beam]:
-        ranges[beam], bearings[beam], kinds[beam] = distance, bearing, codes.OBSTACLE
-        moving[beam] = 0.0
+        ranges[beam], bearings[beam], kinds[beam] = distance, bearing, codes.PERSON
+        moving[beam] = person.vx, person.vy
 
 
 def gap_to(person: Person, body: Body) -> float:

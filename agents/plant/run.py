@@ -8,9 +8,10 @@ from pathlib import Path
 
 from race_agents.onboard.client import VALET, take_part
 from race_agents.plant.incident import IncidentLog, PersonIncident, RadioLoss
-from race_agents.plant.kart import Plant, Sensors
+from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Surroundings
 from race_agents.plant.scene import Scene
+from race_agents.plant.sensors import Sensors
 from race_server.core.driver import driver_named
 from race_server.errors import DriverError
 from race_server.live.client.seat import ClientSeat

@@ -1,6 +1,6 @@
 """Check the network of a policy file before ONNX Runtime sees it.
 
-A policy is what `race_agents.training.export` writes: operators of one list, one after the other,
+A policy is what `race_agents.training` writes: operators of one list, one after the other,
 on one table of observations, with constants that lie in the file. All else that ONNX knows is
 refused: data in other files, subgraphs and loops, functions, other domains, sparse and
 computed constants. What is left costs an amount of time and memory that is known before it runs.
@@ -88,7 +88,8 @@ ITEM_BYTES = {1: 4, 7: 8, 9: 1, 11: 8}
 # Operators that answer each number by itself, and their attributes.
 ELEMENTWISE = {
     **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Max", "Min", "Greater", "Where", "Clip"), ()),
-    **dict.fromkeys(("Log", "Tanh", "Relu"), ()),
+    **dict.fromkeys(("Log", "Tanh", "Relu", "Sigmoid", "Exp", "Sqrt", "Softplus", "Identity"), ()),
+    **dict.fromkeys(("Elu", "LeakyRelu"), ("alpha",)),
     "Cast": ("to",),
 }
 

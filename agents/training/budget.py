@@ -21,6 +21,12 @@ class Budget:
         """Return the unspent budget of settings."""
         return cls(settings.minutes, settings.steps)
 
+    def __str__(self) -> str:
+        """Return what is spent, in words."""
+        if self.steps is not None:
+            return f"{self.done} of {self.steps} decisions"
+        return f"{self.seconds / 60.0:.1f} of {self.minutes:g} minutes"
+
     def start(self) -> None:
         """Start the clock: preparation before it is not training."""
         self._begun = time.monotonic()

@@ -120,8 +120,8 @@ class TrainingCallback(BaseCallback):
         """Evaluate the policy, and save it if it is the best so far."""
         self._tries = int(self.budget.share * self.settings.evaluation.times)
         self._look()  # so that the time of the evaluation does not count in the rate of learning
-        self.last = self.examiner.examine(self.decide)
         save_checkpoint(self._folder / LATEST, self.model, self._world, self.budget)
+        self.last = self.examiner.examine(self.decide)
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
             self.best, self.best_score = self.last, score

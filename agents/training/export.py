@@ -4,21 +4,20 @@ The graph is written layer by layer, so that the file depends on nothing but ONN
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto
 from stable_baselines3 import DQN, PPO, SAC, TD3
 
-from race_agents.policies.metadata import INPUT, KEY, OUTPUT, PolicyMetadata
+from race_agents.policies.metadata import PolicyMetadata
 from race_agents.policies.session import Policy
 from race_agents.training.normaliser import Normaliser
+from race_agents.training.onnx_graph import OnnxGraph, write_graph
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import digest_of
 from race_agents.training.view import NEAREST, ObservationView
@@ -27,35 +26,6 @@ from race_server.errors import ScenarioError
 from race_server.scenario.sensors import Lidar
 from race_server.version import __version__
 
-OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime that runs on our Pythons
-
-
-@dataclass
-class _Graph:
-    """A graph that grows at its end."""
-
-    nodes: list[Any] = field(default_factory=list)
-    constants: list[Any] = field(default_factory=list)
-    end: str = INPUT
-
-    def then(self, operator: str, *constants: Any, **attributes: Any) -> None:
-        """Add an operator behind the end, with constants as its further inputs."""
-        self.end = self.add(operator, self.end, *constants, **attributes)
-
-    def add(self, operator: str, *inputs: Any, **attributes: Any) -> str:
-        """Add an operator and return its name; inputs are names of others, or constants."""
-        number = len(self.nodes)
-        names = []
-        for place, value in enumerate(inputs):
-            if not isinstance(value, str):
-                self.constants.append(
-                    numpy_helper.from_array(np.asarray(value), f"c{number}_{place}")
-                )
-            names.append(value if isinstance(value, str) else f"c{number}_{place}")
-        output = f"x{number}"
-        self.nodes.append(helper.make_node(operator, names, [output], **attributes))
-        return output
-
 
 def export_policy(path: Path, learner: Any, world: Normaliser, metadata: PolicyMetadata) -> None:
     """Write the actor of a learner as an ONNX file.
@@ -63,29 +33,13 @@ def export_policy(path: Path, learner: Any, world: Normaliser, metadata: PolicyM
     Raises:
         ScenarioError: the network has a layer that cannot be written.
     """
-    graph = _Graph()
+    graph = OnnxGraph()
     _normalise(graph, world)
     width = _act(graph, learner, world.action_space)
-    # The last output gets the name that drivers look for.
-    graph.nodes[-1].output[0] = OUTPUT
-    seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", metadata.size])
-    answer = helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["n", width])
-    body = helper.make_graph(graph.nodes, "policy", [seen], [answer], graph.constants)
-    model = helper.make_model(
-        body,
-        producer_name="race-server",
-        producer_version=__version__,
-        ir_version=IR_VERSION,
-        opset_imports=[helper.make_opsetid("", OPSET)],
-    )
-    helper.set_model_props(model, {KEY: metadata.as_text()})
-    onnx.checker.check_model(model)
-    aside = path.with_suffix(".part")
-    aside.write_bytes(model.SerializeToString())
-    aside.replace(path)
+    write_graph(path, graph, metadata, width)
 
 
-def _normalise(graph: _Graph, world: Normaliser) -> None:
+def _normalise(graph: OnnxGraph, world: Normaliser) -> None:
     """Add what `Normaliser` does, in double precision as there."""
     numbers: Any = world.obs_rms
     _view(graph, world.view, len(numbers.mean))
@@ -100,7 +54,7 @@ def _normalise(graph: _Graph, world: Normaliser) -> None:
     graph.then("Cast", to=TensorProto.FLOAT)
 
 
-def _view(graph: _Graph, view: ObservationView, size: int) -> None:
+def _view(graph: OnnxGraph, view: ObservationView, size: int) -> None:
     """Add what `ObservationView` does; the end is in double precision then."""
     if np.isfinite(view.horizon):
         graph.then("Clip", -view.horizon, view.horizon)
@@ -111,7 +65,7 @@ def _view(graph: _Graph, view: ObservationView, size: int) -> None:
         _view_offsets(graph, view, size)
 
 
-def _view_offsets(graph: _Graph, view: ObservationView, size: int) -> None:
+def _view_offsets(graph: OnnxGraph, view: ObservationView, size: int) -> None:
     """Add sign · log(1 + |metres|) of offsets, as log(1 + ahead) - log(1 + back)."""
     metres, nothing, one = graph.end, np.float64(0.0), np.float64(1.0)
     sides = [
@@ -122,7 +76,7 @@ def _view_offsets(graph: _Graph, view: ObservationView, size: int) -> None:
     graph.end = graph.add("Where", np.isin(np.arange(size), view.offsets), short, metres)
 
 
-def _view_ranges(graph: _Graph, view: ObservationView, size: int) -> None:
+def _view_ranges(graph: OnnxGraph, view: ObservationView, size: int) -> None:
     """Add logarithms of ranges, the gaps in them filled."""
     seen, nothing = graph.end, np.float64(0.0)
     reach = np.full(size, NEAREST)
@@ -140,7 +94,7 @@ def _view_ranges(graph: _Graph, view: ObservationView, size: int) -> None:
     graph.end = graph.add("Where", np.isin(np.arange(size), view.ranges), logarithm, seen)
 
 
-def _act(graph: _Graph, learner: Any, space: spaces.Space[Any]) -> int:
+def _act(graph: OnnxGraph, learner: Any, space: spaces.Space[Any]) -> int:
     """Add the actor and the scaling of its answer; return the number of its columns."""
     if isinstance(learner, PPO):
         _layers(graph, [*learner.policy.mlp_extractor.policy_net, learner.policy.action_net])
@@ -167,7 +121,7 @@ def _act(graph: _Graph, learner: Any, space: spaces.Space[Any]) -> int:
     return len(low)
 
 
-def _layers(graph: _Graph, layers: Iterable[torch.nn.Module]) -> None:
+def _layers(graph: OnnxGraph, layers: Iterable[torch.nn.Module]) -> None:
     for layer in layers:
         if isinstance(layer, torch.nn.Linear):
             weight, bias = (part.detach().numpy() for part in (layer.weight, layer.bias))

@@ -15,6 +15,7 @@ from race_agents.training.active_rollout import ActiveRollout
 from race_agents.training.budget import Budget
 from race_agents.training.curiosity import Curious
 from race_agents.training.curriculum import Curriculum
+from race_agents.training.fast_ppo import FastPpo
 from race_agents.training.gail import Discriminator
 from race_agents.training.hurl import Foretelling, MixingBuffer
 from race_agents.training.normaliser import Normaliser
@@ -28,7 +29,8 @@ from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
-    "ppo": PPO,
+    "ppo": FastPpo,
+    "ppo-sb3": PPO,
     "poca": Poca,
     "sac": SAC,
     "td3": TD3,
@@ -105,6 +107,8 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
             )
         options["replay_buffer_class"] = MixingBuffer
     options |= _options_of_team(settings, world)
+    if kind is FastPpo:
+        options["threads"] = settings.threads
     network: dict[str, Any] = {
         "net_arch": list(settings.network.layers),
         "activation_fn": ACTIVATIONS[settings.network.activation],
@@ -135,7 +139,8 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
 
 def _options(settings: Settings) -> dict[str, Any]:
     kind = CLASSES[settings.algorithm.name]
-    known = [name for name in inspect.signature(kind).parameters if name not in _TAKEN]
+    documented = PPO if kind is FastPpo else kind
+    known = [name for name in inspect.signature(documented).parameters if name not in _TAKEN]
     for key, value in settings.algorithm.options.items():
         if key not in known:
             raise ScenarioError(

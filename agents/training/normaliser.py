@@ -71,7 +71,10 @@ class Normaliser(VecNormalize):
 def state_of(means: RunningMeanStd) -> dict[str, torch.Tensor]:
     """Return running means as tensors, for a checkpoint."""
     numbers = {"mean": means.mean, "variance": means.var, "count": means.count}
-    return {name: torch.as_tensor(value).clone() for name, value in numbers.items()}
+    # A plain number would become one of single precision, and means go on from another count.
+    return {
+        name: torch.as_tensor(value, dtype=torch.float64).clone() for name, value in numbers.items()
+    }
 
 
 def restore_means(means: RunningMeanStd, state: Mapping[str, torch.Tensor]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from race_agents.policies.registry import BEST, CONFIG, POLICY, run_folder
+from race_agents.policies.registry import BEST, CONFIG, EVALUATION, POLICY, run_folder
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import MOST_DIFFERENCE, times_of
 from race_agents.training import curve, folder
@@ -78,12 +78,7 @@ def train(
     if settings.warm_start.run and not resume:
         begin_with(run_folder(settings.warm_start.run) / BEST, learner, world)
     if resume:
-        best_score = load_checkpoint(place / BEST, learner, world, budget)
-        load_checkpoint(place / LATEST, learner, world, budget)
-        # Seeds other than at the beginning, and those of no exam.
-        learner.set_random_seed(RESUMED + settings.seed + budget.done)
-        if budget.is_over:
-            say("its budget is spent, so it learns nothing more: give it more, in all")
+        best_score = _restored(settings, place, learner, world, budget, say)
     known = _learned_on(settings)
     if known:
         say(
@@ -94,6 +89,7 @@ def train(
     folder.begin(place, settings)
     log = place / "tensorboard" / "race" if tensorboard else None
     callback = TrainingCallback(settings, place, world, budget, tell, best_score, played, log)
+    callback.init_callback(learner)
     try:
         stopped = _learn(settings, learner, world, callback, say)
         callback.examine()
@@ -112,6 +108,26 @@ def train(
         world.close()
         callback.examiner.close()
     return TrainingResult(place, marks, document, stopped)
+
+
+def _restored(
+    settings: Settings, place: Path, learner: Any, world: Normaliser, budget: Budget, say: Say
+) -> float:
+    """Put a learner and its world back to where a run ended; return the best score so far.
+
+    Raises:
+        ScenarioError: there is no run, or it has learned for all its time and is evaluated.
+    """
+    best_score = load_checkpoint(place / BEST, learner, world, budget)
+    load_checkpoint(place / LATEST, learner, world, budget)
+    if budget.is_over and (place / EVALUATION).exists():
+        world.close()
+        raise ScenarioError(f"{place} has learned for {budget}: give it more than that, in all")
+    if budget.is_over:
+        say(f"it has learned for {budget}, so it is only evaluated and written")
+    # Seeds other than at the beginning, and those of no exam.
+    learner.set_random_seed(RESUMED + settings.seed + budget.done)
+    return best_score
 
 
 def _learned_on(settings: Settings) -> list[str]:
@@ -152,6 +168,10 @@ def _learn(
                 callbacks.append(Mixing(settings, budget))
             learner.learn(budget.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
+        say(
+            "interrupted: the best policy is evaluated and written now, which takes up to a "
+            "minute; Ctrl-C again leaves without, and --resume continues"
+        )
         return True
     return False
 
@@ -159,7 +179,6 @@ def _learn(
 def _imitate(
     settings: Settings, learner: Any, world: Normaliser, callback: TrainingCallback, say: Say
 ) -> None:
-    callback.init_callback(learner)
     imitation = Imitation(settings, learner, world, say)
     callback.method = "imitation"
     callback.budget.start()
@@ -240,7 +259,7 @@ def _filmed(settings: Settings, place: Path, marks: list[Marks]) -> Path | None:
             seed,
             settings.decision_ticks,
             settings.race.learners,
-            task.opponents,
+            tuple(map(str, task.opponents)),
         )
     lapped = [one for one in marks[:-1] if isinstance(one, RaceMarks) and one.best_lap_s]
     if not lapped:

@@ -129,7 +129,7 @@ def raced(task: Task, policy: Policy, name: str, races: int, seed: int) -> list[
         batch.step(policy.decide(batch.observations[:, 0]))
         if batch.world.races["over"].all():
             break
-    names = [name, *(short_name(driver) for driver in task.opponents)]
+    names = [name, *(short_name(str(driver)) for driver in task.opponents)]
     ranks = batch.world.racers["rank"].tolist()
     batch.close()
     return [list(zip(names, row, strict=True)) for row in ranks]

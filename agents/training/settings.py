@@ -45,7 +45,7 @@ File = Annotated[str, AfterValidator(_absolute)]
 class Algorithm(Table):
     """The learning algorithm. `options` are those of its class, most of Stable-Baselines3's."""
 
-    name: Literal["ppo", "poca", "sac", "td3", "dqn"] = "ppo"
+    name: Literal["ppo", "ppo-sb3", "poca", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
     # At the end; falls evenly until then, from the moment the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)
@@ -282,7 +282,7 @@ class Settings(Table):
     steps: int | None = Field(default=None, ge=1)  # decisions of learning karts; instead of minutes
     seed: int = Field(default=1, ge=0)
     worlds: int = Field(default=64, ge=1)
-    threads: int = Field(default=1, ge=1)  # of the worlds; PyTorch has one
+    threads: int = Field(default=1, ge=1)  # of the worlds, and of PPO's lessons
     vehicle: str = "tt02"
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
     action: ActionName = "continuous"

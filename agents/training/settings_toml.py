@@ -13,7 +13,7 @@ from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
-ON_POLICY = ("ppo", "poca")
+ON_POLICY = ("ppo", "ppo-sb3", "poca")
 PRESETS = Path(__file__).parent / "presets"
 
 Words = dict[str, Any]

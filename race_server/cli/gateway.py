@@ -56,6 +56,15 @@ class GatewayOptions:
     steward: Annotated[
         bool, typer.Option("--steward", help="Let a browser steward the race, as `race admin`.")
     ] = False
+    companion: Annotated[
+        list[int] | None,
+        typer.Option(
+            min=0,
+            max=63,
+            help="Let a browser beside the driver of this seat, such as that of a real kart, see "
+            "what the driver must see; may be repeated.",
+        ),
+    ] = None
     recordings: Annotated[
         str,
         typer.Option(
@@ -133,6 +142,7 @@ def _settings(options: GatewayOptions) -> "Settings":
         tokens=tokens_for(
             drivers=options.drivers,
             steward=options.steward,
+            companions=options.companion or (),
             open_to_all=options.spectators == OPEN or not (options.spectators or options.is_open),
         ),
         recordings=folder_of(options.recordings),
@@ -144,6 +154,8 @@ def _settings(options: GatewayOptions) -> "Settings":
     check_settings(settings, is_open=options.is_open)
     if options.steward:
         ring.of_steward()
+    for seat, _ in settings.tokens.companion:
+        ring.of_seat(seat)
     return settings
 
 
@@ -157,6 +169,7 @@ def _print_addresses(addresses: "Addresses", settings: "Settings", *, as_json: b
     rows = [("watch", addresses.watch)]
     rows += [("drive", address) for address in addresses.drive]
     rows += [("steward", addresses.steward)] if addresses.steward else []
+    rows += [("beside", address) for address in addresses.companion]
     for what, address in rows:
         say(f"{what:8} {address}")
     if not settings.is_local and settings.certificate is None:

@@ -9,6 +9,7 @@ import typer
 from race_server.cli import (
     admin,
     bench,
+    coach,
     day,
     drill,
     drive,
@@ -48,6 +49,7 @@ app.command()(relay.relay)
 app.command()(limit.limit)
 app.command()(day.day)
 app.command()(trial.trial)
+app.command()(coach.coach)
 app.command()(recording.replay)
 app.add_typer(recording.app, name="recording")
 app.add_typer(track.app, name="track")
@@ -58,7 +60,7 @@ app.add_typer(results.app, name="results")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
 # Other packages add commands, or groups of commands; `bench.plan` is one in the group `bench`.
-groups = {"": app, "bench": bench.app}
+groups = {"": app, "bench": bench.app, "drill": drill.app, "track": track.app}
 for point in entry_points(group="race_server.commands"):
     command = point.load()
     place, _, name = point.name.rpartition(".")

@@ -20,7 +20,7 @@ import numpy as np
 from race_server.competition.proportion import wilson_interval
 from race_server.competition.time_trial.figures import intervals
 from race_server.competition.time_trial.gaps import DECISION_TICKS, NONE, Gap
-from race_server.competition.time_trial.lap import X, Y
+from race_server.competition.time_trial.lap import TrialLap, X, Y
 from race_server.competition.time_trial.plan import compile_once
 from race_server.competition.time_trial.pool import SOLVING, run_all
 from race_server.competition.time_trial.run import Run, Tell, drive_run
@@ -68,22 +68,22 @@ class LapExamSpec:
     jobs: int = 0  # processes; 0: one for each core
     simulator: str = ""  # that moves the vehicle, see `race_server.second`; empty: ours
     decision_ticks: int = DECISION_TICKS
-    gap: Gap = NONE
+    gaps: tuple[Gap, ...] = (NONE,)
+    warm_up: int = 1  # laps that come before those that count, 1 or more
     traffic: int = 0
 
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
-        """Return a run for each driver on each course."""
+        """Return a run for each driver with each gap on each course."""
         like = RunSpec(
             *("", "", self.vehicle),
-            laps=self.laps,
+            laps=self.laps + self.warm_up - 1,
             simulator=self.simulator,
             decision_ticks=self.decision_ticks,
-            gap=self.gap,
             traffic=self.traffic,
         )
         return [
-            replace(like, driver=driver, track=course)
-            for driver, course in product(drivers, self.courses)
+            replace(like, driver=driver, gap=gap, track=course)
+            for driver, gap, course in product(drivers, self.gaps, self.courses)
         ]
 
 
@@ -97,10 +97,11 @@ class CourseTry:
     limit_s: float | None  # None: unknown
     times_s: tuple[float, ...]  # of the laps that were completed and count
     clean: int  # of them
-    contacts: int  # with walls, those of the lap before included
+    contacts: int  # with walls, those of the laps before included
     rescues: int
     remark: str = ""  # why the run ended early, or has no limit
     off_centre_m: float | None = None  # mean distance from the centre line; None: no lap
+    gap: str = NONE.name
     failed: bool = False  # the driver refused, raised or stalled
     touches: int = 0  # contacts with other karts
     overtakes: int = 0  # less those of others; each lap ahead is one more
@@ -128,10 +129,11 @@ class LapRow:
     rescues: int
     not_clean: dict[str, int]  # clean laps of the courses with fewer than wanted
     remarks: tuple[str, ...]
+    gap: str = NONE.name
 
     @staticmethod
     def of(tries: Sequence[CourseTry]) -> "LapRow":
-        """Return the row of one driver's tries."""
+        """Return the row of one driver's tries with one gap."""
         wanted, clean = sum(one.laps_wanted for one in tries), sum(one.clean for one in tries)
         spoilt = {one.course: one.clean for one in tries if one.clean < one.laps_wanted}
         held = len(tries) - len(spoilt)
@@ -150,7 +152,16 @@ class LapRow:
             rescues=sum(one.rescues for one in tries),
             not_clean=spoilt,
             remarks=tuple(f"{one.course}: {one.remark}" for one in tries if one.remark),
+            gap=tries[0].gap,
         )
+
+
+def rows_of(tries: Sequence[CourseTry]) -> list[LapRow]:
+    """Return a row for each driver and each gap, in the order of their first tries."""
+    groups: dict[tuple[str, str], list[CourseTry]] = {}
+    for one in tries:
+        groups.setdefault((one.driver, one.gap), []).append(one)
+    return [LapRow.of(group) for group in groups.values()]
 
 
 def examine(
@@ -170,7 +181,7 @@ def examine(
     vehicle_named(spec.vehicle)
     waiting = []
     for run in spec.runs_of(drivers):
-        kept = _read(_kept(run, editions))
+        kept = _read(_kept(run, spec.warm_up, editions))
         if kept is not None:
             yield kept
         else:
@@ -187,9 +198,9 @@ def examine(
     outcomes = run_all(waiting, spec.jobs, report, drive_with_limit)
     with contextlib.closing(outcomes):
         for _, driven in outcomes:
-            one = try_of(driven)
+            one = try_of(driven, spec.warm_up)
             if not driven.failed:
-                _write(_kept(driven.spec, editions), one)
+                _write(_kept(driven.spec, spec.warm_up, editions), one)
             yield one
 
 
@@ -203,31 +214,33 @@ def drive_with_limit(spec: RunSpec, tell: Tell) -> Run:
     return drive_run(spec, tell)
 
 
-def try_of(run: Run) -> CourseTry:
-    """Return what an exam keeps of a run."""
+def try_of(run: Run, warm_up: int = 1) -> CourseTry:
+    """Return what an exam keeps of a run. warm_up: laps that come before those that count."""
     course, vehicle = load_course(run.spec.track), vehicle_named(run.spec.vehicle)
     limit = known_limit(course, bounds_of(vehicle))
     remark = run.remark or ("" if limit else f"no limit of {vehicle.name} is known")
+    laps = run.laps[warm_up - 1 :]  # that before a flying start is not among them
     return CourseTry(
         driver=run.spec.driver,
         course=run.spec.track,
-        laps_wanted=run.spec.laps,
+        laps_wanted=run.spec.laps - (warm_up - 1),
         limit_s=limit.minimum_time.time_s if limit else None,
-        times_s=tuple(lap.time_s for lap in run.laps),
-        clean=sum(lap.is_clean for lap in run.laps),
+        times_s=tuple(lap.time_s for lap in laps),
+        clean=sum(lap.is_clean for lap in laps),
         contacts=run.crashes,
         rescues=run.rescues,
         remark=remark,
-        off_centre_m=_off_centre(course, run),
+        off_centre_m=_off_centre(course, laps),
+        gap=run.spec.gap.name,
         failed=run.failed,
         touches=run.touches,
         overtakes=run.overtakes,
     )
 
 
-def _off_centre(course: Course, run: Run) -> float | None:
-    """Return how far [m] the laps of a run are from the centre line in the mean."""
-    traces = [lap.trace for lap in run.laps]
+def _off_centre(course: Course, laps: Sequence[TrialLap]) -> float | None:
+    """Return how far [m] laps are from the centre line in the mean."""
+    traces = [lap.trace for lap in laps]
     if not traces:
         return None
     x, y = np.hstack(traces)[[X, Y]]
@@ -235,10 +248,10 @@ def _off_centre(course: Course, run: Run) -> float | None:
     return float(ways.min(axis=0).mean())
 
 
-def _kept(spec: RunSpec, editions: Mapping[str, str]) -> Path:
+def _kept(spec: RunSpec, warm_up: int, editions: Mapping[str, str]) -> Path:
     """Return the file that keeps a run: by all that decides it, the compiled code included."""
     edition = editions.get(spec.driver, "")
-    words = f"{source_digest()} {edition} {digest_of(spec.track)} {spec}"
+    words = f"{source_digest()} {edition} {digest_of(spec.track)} {warm_up} {spec}"
     digest = hashlib.sha256(words.encode()).hexdigest()[:24]
     return cache_root() / "lap-exams" / f"{digest}.json"
 

@@ -29,8 +29,10 @@ def draw_laps(rows: Sequence[LapRow], tries: Sequence[CourseTry], path: Path) ->
     )
     for place, row in enumerate(rows):
         _draw_share(shares, place, row)
-        _draw_times(times, place, [one for one in tries if one.driver == row.driver])
-    shares.set_yticks(range(len(rows)), [row.driver for row in rows])
+        driven = [one for one in tries if (one.driver, one.gap) == (row.driver, row.gap)]
+        _draw_times(times, place, driven)
+    names = [row.driver if row.gap == "none" else f"{row.driver}\ngap: {row.gap}" for row in rows]
+    shares.set_yticks(range(len(rows)), names)
     shares.set_ylim(len(rows) - 0.5, -0.5)
     shares.set_xlim(0.0, 100.0)
     shares.set_xlabel("clean laps [%], with bounds of 95 %")

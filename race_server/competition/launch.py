@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,6 +36,8 @@ OLD_S = 0.5
 # Until a server answers [s]. The first race compiles, on a busy or small machine for minutes; a
 # server that fails is noticed at once.
 START_S = 600.0
+# Signals that end a race, and would otherwise end this process before its own.
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
 # Port of the page, if it is free.
 PAGE_PORT = 8080
 
@@ -94,12 +97,24 @@ class ProcessGroup:
 
 @contextlib.contextmanager
 def process_group() -> Iterator[ProcessGroup]:
-    """Return a group whose processes end with the block."""
+    """Return a group whose processes end with the block, also where a signal ends it.
+
+    Without that SIGTERM, or a terminal that is closed, would leave a race running.
+    """
     group = ProcessGroup()
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.signal(number, _leave) for number in _ENDING}
     try:
         yield group
     finally:
         group.end()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _leave(number: int, _frame: object) -> None:
+    raise SystemExit(128 + number)
 
 
 def free_address() -> str:

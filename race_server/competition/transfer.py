@@ -146,7 +146,7 @@ def drive_ladder(
     """
     similar = Similarity.of([vehicle_named(spec.vehicle)])
     for rung in RUNGS:
-        this = replace(spec, simulator=rung.simulator, gap=rung.gap)
+        this = replace(spec, simulator=rung.simulator, gaps=(rung.gap,))
         if rung.decides_rarely:
             this = replace(this, decision_ticks=ticks_in(POLICY_S, similar))
         for one in examine(this, drivers, editions):

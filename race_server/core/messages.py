@@ -105,6 +105,15 @@ class Cleanness(IntEnum):
     UNCLEAN = 2
 
 
+class Merit(IntEnum):
+    """How a time of a sector or mini-sector compares, as live timing colours it."""
+
+    NONE = 0  # not driven yet
+    SLOWER = 1  # than its own best: yellow
+    OWN_BEST = 2  # green
+    BEST = 3  # of all: purple
+
+
 class Retirement(IntEnum):
     """Why a kart is out."""
 
@@ -237,6 +246,36 @@ class PlannedWay:
 
 
 @dataclass(frozen=True)
+class Timing:
+    """What live timing shows of a kart beside its laps."""
+
+    interval_us: int  # to the kart one place ahead; 0 where it is not known
+    laps_down: int  # whole laps behind the leader
+    gained: int  # places since the grid
+    theoretical_us: int  # sum of its best sectors; 0 until it has driven each
+    sectors_us: tuple[int, ...]  # of this lap; of the last one until the first is through
+    sector_merits: tuple[Merit, ...]
+    mini_merits: tuple[Merit, ...]  # of twenty equal parts of a lap, in the same way
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data; merits by their names."""
+        named = {
+            name: [merit.name.lower() for merit in getattr(self, name)]
+            for name in ("sector_merits", "mini_merits")
+        }
+        return {**asdict(self), "sectors_us": list(self.sectors_us), **named}
+
+    @staticmethod
+    def of_json(words: Mapping[str, Any]) -> "Timing":
+        """Return what `as_json` took apart."""
+        named = {
+            name: tuple(Merit[merit.upper()] for merit in words[name])
+            for name in ("sector_merits", "mini_merits")
+        }
+        return Timing(**{**words, "sectors_us": tuple(words["sectors_us"]), **named})
+
+
+@dataclass(frozen=True)
 class Standing:
     """One row of the live standings or the results."""
 
@@ -248,7 +287,7 @@ class Standing:
     last_lap_us: int
     best_lap_us: int
     race_time_us: int  # penalties included
-    gap_us: int  # to the leader; 0 where it is not known
+    gap_us: int  # to the leader, at the last mini-gate or of race times; 0 where it is not known
     penalties: int
     penalty_us: int
     items_used: int
@@ -256,6 +295,7 @@ class Standing:
     parking: Parking | None = None  # only in a car park
     # Of the same task, where a driver outside of the server has parked.
     planned: PlannedWay | None = None
+    timing: Timing | None = None  # only on a course
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as plain data; what has a name by its name."""
@@ -263,13 +303,15 @@ class Standing:
         words |= {"status": self.status.name.lower(), "lap_times_us": list(self.lap_times_us)}
         if self.parking is not None:
             words["parking"]["ending"] = self.parking.ending.name.lower()
-        missing = {name for name in ("parking", "planned") if words[name] is None}
+        if self.timing is not None:
+            words["timing"] = self.timing.as_json()
+        missing = {name for name in ("parking", "planned", "timing") if words[name] is None}
         return {name: value for name, value in words.items() if name not in missing}
 
     @staticmethod
     def of_json(words: Mapping[str, Any]) -> "Standing":
         """Return the row that `as_json` took apart."""
-        parking, planned = words.get("parking"), words.get("planned")
+        parking, planned, timing = (words.get(name) for name in ("parking", "planned", "timing"))
         return Standing(
             **{
                 **words,
@@ -278,5 +320,6 @@ class Standing:
                 "parking": parking
                 and Parking(**{**parking, "ending": Ending[parking["ending"].upper()]}),
                 "planned": planned and PlannedWay(**planned),
+                "timing": timing and Timing.of_json(timing),
             }
         )

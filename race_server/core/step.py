@@ -7,7 +7,7 @@ compiled decision calls it for each world, between reading actions and computing
 
 from race_server.core import codes
 from race_server.core.clock import SUBSTEPS
-from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.kernels.jit import kernel, large_kernel, written_out
 from race_server.core.stages.allowances import set_allowances
 from race_server.core.stages.blocks import forget_rooms
 from race_server.core.stages.contacts import find_contact_pairs
@@ -53,7 +53,7 @@ def advance_world(world: World, w: int, controls: Floats, ticks: int) -> None:
         step(world, w)
 
 
-@kernel
+@written_out
 def step(world: World, w: int) -> None:
     """Move one world on by one tick."""
     race, bodies, vehicles = world.races[w], world.bodies[w], world.vehicles[w]

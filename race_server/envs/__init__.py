@@ -12,6 +12,7 @@ from race_server.envs.registration import register_gymnasium, register_pettingzo
 if TYPE_CHECKING:
     from race_server.envs.batch import Batch, Curriculum
     from race_server.envs.buffers import REENTER, RESET_WORLD, STAY
+    from race_server.envs.called_opponent import CalledOpponent
     from race_server.envs.parallel import KartRace, env, parallel_env
     from race_server.envs.presets import (
         LEARNING_RULES,
@@ -34,6 +35,7 @@ __all__ = [
     "RESET_WORLD",
     "STAY",
     "Batch",
+    "CalledOpponent",
     "Curriculum",
     "Discipline",
     "KartRace",
@@ -54,6 +56,7 @@ __all__ = [
 
 _MODULES = {
     "batch": ("Batch", "Curriculum"),
+    "called_opponent": ("CalledOpponent",),
     "buffers": ("REENTER", "RESET_WORLD", "STAY"),
     "parallel": ("KartRace", "env", "parallel_env"),
     "presets": (

@@ -15,33 +15,29 @@ kernels, and each `decide` calls them by name.
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from race_server.core.clock import TICK_S
 from race_server.core.kernels.jit import bind
-from race_server.core.observation import layout_of, offsets_of
-from race_server.core.rules.items import items
+from race_server.core.observation import layout_of
 from race_server.core.state import Bytes, Float32s, Floats, World, digest, part_of
+from race_server.envs.action_shapes import actions_as, finite
 from race_server.envs.actions import RESIDUAL, action_kind
+from race_server.envs.assembly import buffers_for, fitted_with, opponents_for, sensors_of
 from race_server.envs.buffers import (
     RESET_WORLD,
     Buffers,
-    Sizes,
-    make_buffers,
     part_of_buffers,
 )
-from race_server.envs.opponents import Opponents, advise, advised, opponents_of, opposition_of
+from race_server.envs.opponents import advise
 from race_server.envs.reality_gap import FACTORS
-from race_server.envs.rewards import weights_of
+from race_server.envs.round_options import RoundOptions, asked_for
+from race_server.envs.saved_state import in_one_block, told_apart_by
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
-from race_server.scenario.race import ABSENT, Scenario
-from race_server.scenario.sensors import sensors_for
 from race_server.second.simulator import simulator_named
 
 
@@ -58,14 +54,15 @@ class Batch:
         task: Task,
         *,
         worlds: int = 1,
-        seed: int = 0,
+        seed: int | Sequence[int] = 0,
         after: int = RESET_WORLD,
         threads: int = 1,
     ) -> None:
         """Build the worlds, and begin a round in each.
 
         after: what happens once a learning kart's episode is over, see `envs/buffers.py`. World w
-        has the seed `seed + w`. threads: cores to spread the worlds over; results do not change.
+        has the seed `seed + w`, or its own of a sequence. threads: cores to spread the worlds over;
+        results do not change.
 
         Raises:
             ScenarioError, DriverError: the task makes no race.
@@ -79,65 +76,22 @@ class Batch:
         self.layout = layout_of(task.observation, first.lidar.rays)
         self._advises = action_kind(task.action) == RESIDUAL
         self._simulator = simulator_named(task.simulator, scenarios) if task.simulator else None
-        self.opponents = self._find_opponents(first)
-        self.scenarios = tuple(_fitted(scenario, self._sensors()) for scenario in scenarios)
-        self.world, self._templates = task.discipline.begin(self.scenarios, worlds)
-        self.buffers = self._make_buffers(worlds, after, first.lidar.rays)
+        self.opponents = opponents_for(task, first)
+        sensors = sensors_of(task, self.karts, self.opponents)
+        self.scenarios = tuple(fitted_with(scenario, sensors) for scenario in scenarios)
+        world, self._templates = task.discipline.begin(self.scenarios, worlds)
+        buffers = buffers_for(task, self.scenarios, self.opponents, worlds=worlds, after=after)
+        self.world, self.buffers, self._state = in_one_block(
+            world, buffers, task.discipline.beside(self._templates), told_apart_by(self.scenarios)
+        )
         self.threads = min(threads, worlds)
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._restarts: list[Callable[[], None]] = []
-        self._restarts_of: dict[int, Callable[[], None]] = {}  # of single worlds, made when asked
+        self._restarts_alone: dict[int, Callable[[], None]] = {}  # of single worlds
         self._decisions: list[list[Callable[[], None]]] = []
         for part in self._cut(self.threads):
             self._bind(*part)
         self.reset(seed)
-
-    def _find_opponents(self, scenario: Scenario) -> list[Opponents]:
-        """Return the scripted drivers: those of karts that do not learn, and those advised."""
-        task, lidar = self.task, scenario.lidar
-        gear = np.array([lidar.field, lidar.reach, task.decision_ticks * TICK_S])
-        names = tuple(item.name for item in items())
-        drivers = task.opponents or ("",)
-        found = opponents_of(drivers, self.learners, self.karts, lidar.rays, gear, names)
-        if self._advises:
-            base = (advised(task.base),)
-            found += opponents_of(base, 0, self.learners, lidar.rays, gear, names)
-        return found
-
-    def _sensors(self) -> tuple[int, ...]:
-        """Return the sensors of every kart: those that its driver's observation needs."""
-        own = sensors_for(self.layout.slices) | self.task.discipline.sensors
-        sensors = [own] * self.learners + [0] * (self.karts - self.learners)
-        for group in self.opponents:
-            for kart in group.karts:
-                sensors[kart] |= sensors_for(group.layout.slices)
-        return tuple(sensors)
-
-    def _make_buffers(self, worlds: int, after: int, rays: int) -> Buffers:
-        task, discipline = self.task, self.task.discipline
-        settings: Mapping[str, float] = {
-            "decision_ticks": task.decision_ticks,
-            "action": action_kind(task.action),
-            "after": after,
-            "most_steps": task.most_steps,
-            **discipline.settings,
-        }
-        return make_buffers(
-            Sizes(
-                worlds=worlds,
-                karts=self.karts,
-                learners=self.learners,
-                scenarios=len(self.scenarios),
-                observation=self.layout.size,
-                rays=rays,
-            ),
-            discipline.figures,
-            settings,
-            offsets_of(self.layout),
-            opposition_of(self.opponents, self.karts),
-            weights_of(task.reward, discipline.terms, discipline.rewards),
-            task.gap.ranges(),
-        )
 
     def _cut(self, parts: int) -> list[tuple[World, Buffers]]:
         """Return the worlds in `parts` parts of nearly equal size, as views."""
@@ -214,32 +168,55 @@ class Batch:
 
     # Time
 
-    def reset(self, seed: int | None = None) -> Float32s:
-        """Begin a new round in every world and return the observations, (W, L, size).
+    def reset(
+        self,
+        seed: int | Sequence[int | None] | None = None,
+        options: Mapping[str, Any] | None = None,
+        worlds: Sequence[int] | None = None,
+    ) -> Float32s:
+        """Begin a new round in every world, or in some, and return the observations, (W, L, size).
 
-        With a seed everything begins again, without one the next rounds follow.
+        seed: world w gets `seed + w`, or its own of a sequence, and begins again; without one the
+        next rounds follow. options: how rounds begin, see `RoundOptions`; with a saved state the
+        worlds go on from it, under new seeds with another future.
+
+        Raises:
+            ScenarioError: as many seeds as worlds are needed, or an option asks for what the
+                task has not.
         """
-        rounds = self.buffers.rounds
-        if seed is not None:
-            rounds["seed"] = seed + np.arange(self.worlds)
-            for name in ("number", "entries"):
-                rounds[name] = 0
-            self.buffers.episodes["number"] = 0
-        for begin in self._restarts:
-            begin()
+        wanted = RoundOptions.of(options)
+        chosen = range(self.worlds) if worlds is None else worlds
+        if wanted.state:
+            self.load_state(wanted.state, worlds)
+        self._sow(seed, chosen)
+        if wanted.state:
+            if seed is not None:
+                self.world.races["seed"][chosen] = self.buffers.rounds["seed"][chosen]
+            return self.buffers.observations
+        calls = self._restarts if worlds is None else [self._restart_alone(w) for w in worlds]
+        with asked_for(wanted, self.scenarios, self.world, self.buffers, self._templates):
+            for begin in calls:
+                begin()
         return self.buffers.observations
 
-    def restart(self, w: int) -> None:
-        """Begin a new round in one world; the observations of its learners are those of its start.
+    def _sow(self, seed: int | Sequence[int | None] | None, worlds: Sequence[int]) -> None:
+        """Set the seeds of some worlds, of which None leaves one as it is."""
+        if seed is None:
+            return
+        seeds = [seed + w for w in worlds] if isinstance(seed, int | np.integer) else list(seed)
+        if len(seeds) != len(worlds):
+            raise ScenarioError(f"{len(seeds)} seeds for {len(worlds)} worlds: give one for each")
+        for w, one in zip(worlds, seeds, strict=True):
+            if one is not None:
+                self.seed_next(w, one)
 
-        So an interface can decide itself when a round is over.
-        """
-        if w not in self._restarts_of:
+    def _restart_alone(self, w: int) -> Callable[[], None]:
+        """Return a call that begins a new round in one world."""
+        if w not in self._restarts_alone:
             world, buffers = part_of(self.world, w, w + 1), part_of_buffers(self.buffers, w, w + 1)
-            self._restarts_of[w] = bind(
-                self.task.discipline.restart, world, buffers, self._templates
-            )
-        self._restarts_of[w]()
+            restart = bind(self.task.discipline.restart, world, buffers, self._templates)
+            self._restarts_alone[w] = restart
+        return self._restarts_alone[w]
 
     def seed_next(self, w: int, seed: int) -> None:
         """Let the next round of a world be the first one of another seed.
@@ -247,16 +224,22 @@ class Batch:
         So a batch goes through any list of seeds, each as if it were driven alone.
         """
         self.buffers.rounds["seed"][w] = seed
-        self.buffers.rounds["number"][w] = 0
+        for name in ("number", "entries"):
+            self.buffers.rounds[name][w] = 0
         self.buffers.episodes["number"][w] = 0
 
     def step(self, actions: Any = None) -> None:
         """Move every world on by one decision under the learners' actions, shape (W, L, A).
 
         Without actions those in `buffers.actions` count, so that a caller may write them in place.
+
+        Raises:
+            ScenarioError: actions have another shape, or are no numbers.
         """
-        if actions is not None:
-            self.buffers.actions[...] = np.reshape(actions, self.buffers.actions.shape)
+        if actions is None:
+            finite(self.buffers.actions)
+        else:
+            self.buffers.actions[...] = actions_as(actions, self.buffers.actions.shape)
         if self._advises:
             advise(self.buffers, float(self.world.vehicles[0, 0].width))
         if self._pool is None:
@@ -282,10 +265,66 @@ class Batch:
         self.buffers.odds[:] = np.cumsum(odds / odds.sum())
         self.buffers.odds[-1] = 1.0
 
+    # State
+
+    def save_state(self, worlds: Sequence[int] | None = None, own: bytes = b"") -> bytes:
+        """Return the state of some worlds, or of all, as bytes. own: what an interface adds.
+
+        Raises:
+            ScenarioError: part of it is in a driver or a simulator that is no kernel.
+        """
+        self._check_savable()
+        return self._state.save(worlds, own)
+
+    def load_state(self, state: bytes, worlds: Sequence[int] | None = None) -> bytes:
+        """Put some worlds, or all, into a saved state; return what an interface added to it.
+
+        One saved world fits any number of worlds, otherwise there are as many as were saved.
+
+        Raises:
+            ScenarioError: it is of another task or version, or of another number of worlds.
+        """
+        self._check_savable()
+        own = self._state.load(state, worlds)
+        self.buffers.rounds["world"] = np.arange(self.worlds)
+        self.world.event_counts[:] = 0
+        return own
+
+    def _check_savable(self) -> None:
+        if self._simulator is not None:
+            raise ScenarioError(f"simulator {self.task.simulator} cannot be saved: use our own")
+        for group in self.opponents:
+            if not group.keeps_all_in_memory:
+                raise ScenarioError(
+                    f"driver {group.name} keeps its own memory, so that its race cannot be saved: "
+                    "choose another opponent"
+                )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how `pickle` makes it again: from its task and its state."""
+        return _revived, (self.task, *self._made_of())
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Batch":
+        """Return a batch that goes on alone; the task never changes and is shared."""
+        return _revived(self.task, *self._made_of())
+
+    def _made_of(self) -> tuple[int, int, int, Floats, bytes]:
+        after = int(self.buffers.settings["after"][0])
+        return self.worlds, after, self.threads, self.buffers.odds.copy(), self.save_state()
+
     def close(self) -> None:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+def _revived(
+    task: Task, worlds: int, after: int, threads: int, odds: Floats, state: bytes
+) -> Batch:
+    batch = Batch(task, worlds=worlds, after=after, threads=threads)
+    batch.buffers.odds[:] = odds
+    batch.load_state(state)
+    return batch
 
 
 def _call_all(calls: Sequence[Callable[[], None]]) -> None:
@@ -296,12 +335,3 @@ def _call_all(calls: Sequence[Callable[[], None]]) -> None:
 # Called with the number of decisions so far and with the figures of the episodes that have just
 # ended, see `Batch.episode_of`; returns the weights of the scenarios, or None.
 Curriculum = Callable[[int, Sequence[dict[str, Any]]], Sequence[float] | None]
-
-
-def _fitted(scenario: Scenario, sensors: tuple[int, ...]) -> Scenario:
-    """Return a scenario whose karts carry these sensors; those that it leaves out stay away."""
-    wanted = [scenario.fitted[k % len(scenario.fitted)] for k in range(scenario.karts)]
-    fitted = tuple(
-        ABSENT if before == ABSENT else now for before, now in zip(wanted, sensors, strict=True)
-    )
-    return replace(scenario, fitted=fitted)

@@ -82,7 +82,7 @@ class Buffers(NamedTuple):
 
 # Fields without a leading world axis.
 _SHARED = {"settings", "offsets", "opponent_offsets", "weights", "odds", "gap", "table"}
-_BY_WORLD = tuple(name for name in Buffers._fields if name not in _SHARED)
+BY_WORLD = tuple(name for name in Buffers._fields if name not in _SHARED)
 
 
 @dataclass(frozen=True)
@@ -171,5 +171,5 @@ def _settings(values: Mapping[str, float]) -> Records:
 
 def part_of_buffers(buffers: Buffers, first: int, last: int) -> Buffers:
     """Return the buffers of worlds `first` to `last` (not included) as a view."""
-    cuts: dict[str, Any] = {name: getattr(buffers, name)[first:last] for name in _BY_WORLD}
+    cuts: dict[str, Any] = {name: getattr(buffers, name)[first:last] for name in BY_WORLD}
     return buffers._replace(**cuts)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from race_server.core.state import part_of
 from race_server.envs.batch import Batch
 from race_server.envs.render.picture import Picture
 from race_server.envs.render.window import Window
@@ -11,7 +12,7 @@ RENDER_MODES = ("human", "rgb_array")
 
 
 class Camera:
-    """Shows the first race of a batch, in a window or as arrays."""
+    """Shows races of a batch, in a window or as arrays."""
 
     def __init__(self, batch: Batch, mode: str | None) -> None:
         if mode is not None and mode not in RENDER_MODES:
@@ -23,14 +24,18 @@ class Camera:
         self._pictures: dict[int, Picture] = {}
         self._window: Window | None = None
 
-    def shoot(self) -> Any:
-        """Return the race as (height, width, 3) bytes; None where it is shown in a window."""
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy begins with: no window and no pictures."""
+        return {"mode": self.mode, "_batch": self._batch, "_pictures": {}, "_window": None}
+
+    def shoot(self, w: int = 0) -> Any:
+        """Return a race as (height, width, 3) bytes; None where it is shown in a window."""
         if self.mode is None:
             return None
-        scenario = int(self._batch.buffers.rounds["scenario"][0])
+        scenario = int(self._batch.buffers.rounds["scenario"][w])
         if scenario not in self._pictures:
             self._pictures[scenario] = Picture(self._batch.scenarios[scenario].course)
-        frame = self._pictures[scenario].draw(self._batch.world)
+        frame = self._pictures[scenario].draw(part_of(self._batch.world, w, w + 1))
         if self.mode == "rgb_array":
             return frame
         if self._window is None:

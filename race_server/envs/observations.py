@@ -5,7 +5,7 @@
 `buffers.observations` itself, and then calls `delay_observation`.
 """
 
-from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.jit import kernel, large_kernel, written_out
 from race_server.core.stages.observe import observe
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
@@ -34,7 +34,7 @@ def write_observation(world: World, buffers: Buffers, w: int, k: int) -> None:
     delay_observation(buffers, w, k)
 
 
-@kernel
+@large_kernel
 def write_terminal(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Write the last observation of an episode, and keep it in `buffers.terminal[w, k]`."""
     write_observation(world, buffers, w, k)
@@ -60,7 +60,7 @@ def delay_observation(buffers: Buffers, w: int, k: int) -> None:
         buffers.observations[w, k, index] = buffers.late[w, k, seen, index]
 
 
-@kernel
+@written_out
 def _write_view(world: World, buffers: Buffers, w: int, k: int) -> None:
     """Fill `buffers.views[w, k]`, (S,), with what an opponent sees."""
     observe(world, w, k, buffers.opponent_offsets[k], buffers.row[w])

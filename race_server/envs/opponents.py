@@ -2,8 +2,9 @@
 
 A scripted driver is a kernel, `decide_all`. Another, such as a network, may offer `driving`
 instead: from the cockpits and the layout of the observations it makes a call that fills the
-controls. What it remembers is in `memory`, which is zero when a round begins. Any other driver,
-such as one that takes orders to park, answers for one kart after the other: see `Asked`.
+controls; so does a function, see `CalledOpponent`. What a driver remembers is in `memory`, which is
+zero when a round begins. Any other driver, such as one that takes orders to park, answers for one
+kart after the other: see `Asked`.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +22,7 @@ from race_server.core.state import Floats, Ints, World
 from race_server.core.vehicles import vehicle_of
 from race_server.envs.actions import advice_of
 from race_server.envs.buffers import Buffers, Opposition
+from race_server.envs.called_opponent import CalledOpponent
 from race_server.errors import ScenarioError
 
 
@@ -39,6 +41,11 @@ class Opponents:
         """Return world and kart of each kart, shape (n, 2)."""
         pairs = [(w, k) for w in range(worlds) for k in self.karts]
         return np.array(pairs, np.int64).reshape(-1, 2)
+
+    @property
+    def keeps_all_in_memory(self) -> bool:
+        """Whether all that the driver remembers is in the memory of the batch."""
+        return hasattr(self.driver, "driving") or hasattr(type(self.driver), "decide_all")
 
     def driving(
         self, world: World, views: Floats, memory: Floats, controls: Floats
@@ -109,28 +116,29 @@ class Asked:
 
 
 def opponents_of(
-    names: Sequence[str],
+    names: Sequence[str | CalledOpponent],
     first: int,
     karts: int,
     rays: int,
     setup: Floats,
     item_names: tuple[str, ...],
 ) -> list[Opponents]:
-    """Return the drivers of karts `first` to `karts`, whose names are repeated in turn.
+    """Return the drivers of karts `first` to `karts`, whose names, or functions, repeat in turn.
 
     setup: lidar field [rad], lidar reach [m], time between decisions [s].
 
     Raises:
         DriverError: a driver is unknown.
     """
-    seats: dict[str, list[int]] = {}
+    seats: dict[str | CalledOpponent, list[int]] = {}
     for place, kart in enumerate(range(first, karts)):
         seats.setdefault(names[place % len(names)], []).append(kart)
     found = []
-    for name, numbers in seats.items():
-        driver = driver_named(name)
+    for named, numbers in seats.items():
+        driver: Any = driver_named(named) if isinstance(named, str) else named
         layout = layout_of(driver.preset, rays)
         item_uses = item_uses_of(item_names)
+        name = named if isinstance(named, str) else named.name
         found.append(Opponents(name, tuple(numbers), layout, driver, setup, item_uses))
     return found
 

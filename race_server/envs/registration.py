@@ -43,7 +43,10 @@ def register_gymnasium() -> None:
 
 def register_pettingzoo() -> None:
     """Make races and car parks known to PettingZoo, parallel and turn by turn."""
-    from pettingzoo.env_registry.registration import register
+    try:
+        from pettingzoo.env_registry.registration import register
+    except ModuleNotFoundError:
+        return  # before 1.27, to which some libraries pin it, there is no registry
 
     register("parallel", RACE, entry_point="race_server.envs.parallel:parallel_env")
     register("aec", RACE, entry_point="race_server.envs.parallel:env")

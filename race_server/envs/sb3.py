@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from race_server.envs.batch import Batch, Curriculum
-from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.envs.vector import after_an_episode
 
@@ -50,6 +50,7 @@ class KartVecEnv(VecEnv):
         super().__init__(
             worlds * learners, observation_space(self.batch.layout), action_space(task.action)
         )
+        self.seed(seed)  # the first reset begins with it, as after a call of `seed`
         self.curriculum = curriculum
         self._decisions = 0
         self._begun = time.monotonic()
@@ -77,6 +78,7 @@ class KartVecEnv(VecEnv):
         )
         if self.batch.buffers.odds.shape == before.buffers.odds.shape:
             self.batch.buffers.odds[:] = before.buffers.odds
+        self.seed(seed)
         before.close()
 
     @property
@@ -103,6 +105,19 @@ class KartVecEnv(VecEnv):
         if len(ended):
             self._ask([infos[number]["episode"] for number in ended])
         return self._seen(), batch.rewards.ravel().copy(), dones, infos
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Return which discrete actions of each kart count, shape (n, 15)."""
+        return masks_for(self.action_space, self.batch.buffers.idle.ravel())
+
+    def save_state(self) -> bytes:
+        """Return the state of all races, see `Batch.save_state`."""
+        return self.batch.save_state()
+
+    def load_state(self, state: bytes) -> Array:
+        """Put all races into a saved state, of as many or of one; return the observations."""
+        self.batch.load_state(state)
+        return self._seen()
 
     def _ask(self, episodes: Sequence[dict[str, Any]]) -> None:
         """Ask the curriculum how often each scenario is drawn from now on."""
@@ -143,7 +158,13 @@ class KartVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of this object, once for each environment asked for."""
+        """Call a method of this object, once for each environment asked for.
+
+        `action_masks`, for which sb3-contrib asks, gives each environment its own, (15,).
+        """
+        if method_name == "action_masks":
+            masks = self.action_masks()
+            return [masks[number] for number in self._numbers(indices)]
         method = getattr(self, method_name)
         return [method(*method_args, **method_kwargs) for _ in self._numbers(indices)]
 

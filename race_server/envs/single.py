@@ -6,11 +6,12 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.envs.action_shapes import action_as
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.camera import RENDER_MODES, Camera
 from race_server.envs.presets import mixed_task, time_trial_task
-from race_server.envs.spaces import action_space, observation_space
+from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
@@ -43,15 +44,23 @@ class OneKart(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin a new race; with a seed the same one again. Options are not used."""
+        """Begin a new race; with a seed the same one again. options: as for `Batch.reset`.
+
+        Raises:
+            ScenarioError: the task has not what the options ask for.
+        """
         super().reset(seed=seed)
-        seen = self.batch.reset(seed)
+        seen = self.batch.reset(seed, options)
         return seen[0, 0].copy(), {"reality_gap": self.batch.draws(0, 0)}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Move the race on by one decision."""
+        """Move the race on by one decision.
+
+        Raises:
+            ScenarioError: the action has another shape, or is no number.
+        """
         batch, buffers = self.batch, self.batch.buffers
-        buffers.actions[0, 0] = action
+        buffers.actions[0, 0] = action_as(action, buffers.actions.shape[2])
         batch.step()
         is_over, is_cut = bool(buffers.terminated[0, 0]), bool(buffers.truncated[0, 0])
         info: dict[str, Any] = {
@@ -69,6 +78,19 @@ class OneKart(gymnasium.Env[Any, Any]):
             is_cut,
             info,
         )
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Return which discrete actions count, shape (15,), as sb3-contrib asks for it."""
+        return masks_for(self.action_space, self.batch.buffers.idle.ravel())[0]
+
+    def save_state(self) -> bytes:
+        """Return the state of the race, see `Batch.save_state`."""
+        return self.batch.save_state()
+
+    def load_state(self, state: bytes) -> NDArray[np.float32]:
+        """Put the race into a saved state; return what the kart sees there."""
+        self.batch.load_state(state)
+        return self.batch.observations[0, 0].copy()
 
     def render(self) -> Any:
         """Return the race as a picture (`rgb_array`), or show it in a window (`human`)."""

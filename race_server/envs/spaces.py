@@ -4,8 +4,10 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from race_server.core.observation import Layout
+from race_server.core.state import Bytes
 from race_server.envs.actions import (
     BRAKED,
     CONTINUOUS,
@@ -20,6 +22,10 @@ from race_server.envs.actions import (
     action_kind,
     discrete_table,
 )
+from race_server.errors import ScenarioError
+
+# The discrete action that presses nothing and steers nowhere: a row of `discrete_table`.
+ROLL = 7
 
 
 def observation_space(layout: Layout) -> spaces.Box:
@@ -57,3 +63,18 @@ def action_space(action: str) -> spaces.Space[Any]:
         highs = np.array([1, 1, 1, 3], np.float32)
         return spaces.Box(np.array([-1, -1, 0, 0], np.float32), highs)
     return spaces.Discrete(len(discrete_table()))
+
+
+def masks_for(space: spaces.Space[Any], idle: Bytes) -> NDArray[np.bool_]:
+    """Return which discrete actions count, shape (n, 15).
+
+    idle: (n,), 1 for karts that wait for others, which only roll.
+
+    Raises:
+        ScenarioError: actions are continuous.
+    """
+    if not isinstance(space, spaces.Discrete):
+        raise ScenarioError("continuous actions have no masks: choose action='discrete'")
+    masks = np.ones((len(idle), int(space.n)), np.bool_)
+    masks[idle > 0] = np.arange(int(space.n)) == ROLL
+    return masks

@@ -13,6 +13,7 @@ from race_server.core.driver import driver_named
 from race_server.core.observation import wants_line
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers, Figures, Templates
+from race_server.envs.called_opponent import CalledOpponent
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
@@ -58,6 +59,9 @@ class Discipline(Protocol):
     def begin(self, scenarios: Sequence[Scenario], worlds: int) -> tuple[World, Templates]:
         """Return `worlds` worlds, not yet reset, and a template of each scenario's start."""
 
+    def beside(self, templates: Templates) -> Sequence[Any]:
+        """Return the arrays (W, …) of its templates that change, so that a saved state has them."""
+
     def report(self, episode: Any) -> dict[str, Any]:
         """Return the discipline's own figures of an episode, a record of `buffers.ended`."""
 
@@ -80,7 +84,8 @@ class Task:
 
     scenarios: tuple[Scenario, ...]
     discipline: Discipline
-    opponents: tuple[str, ...] = ()  # drivers of the karts that do not learn, repeated in turn
+    # Drivers of the karts that do not learn, repeated in turn: names, or functions.
+    opponents: tuple[str | CalledOpponent, ...] = ()
     learners: int = 0  # 0: all karts without an opponent's name
     observation: str | tuple[str, ...] = "radar"
     action: str = "continuous"
@@ -105,7 +110,9 @@ class Task:
     def wants_line(self) -> bool:
         """Whether the learning karts, or the drivers among them, see a reference line."""
         drivers = (*self.opponents, self.base) if self.base else self.opponents
-        presets = [driver_named(name).preset for name in drivers]
+        presets = [
+            (driver_named(each) if isinstance(each, str) else each).preset for each in drivers
+        ]
         return any(wants_line(observation) for observation in (self.observation, *presets))
 
     def count_learners(self) -> int:

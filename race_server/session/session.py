@@ -170,7 +170,7 @@ class Session:
             seat.line_up()
         self._controls.clear()
         self._observations.begin(self.seats)
-        self.event_log.begin(len(self.seats))
+        self.event_log.begin(self.world)
         self.tracked_karts.begin(self.world, now_us)
         self._enter_phase(Phase.COUNTDOWN)
 
@@ -341,7 +341,7 @@ class Session:
 
     def table(self) -> list[Standing]:
         """Return one row for each seat, taken or not."""
-        return table_of(self.seats, self.world, self.event_log.laps.times_us)
+        return table_of(self.seats, self.world, self.event_log)
 
     def digest(self) -> str:
         """Return the digest of the world."""

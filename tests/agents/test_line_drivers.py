@@ -6,13 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from race_agents.planning.clearance import keep_clear
 from race_agents.planning.idm_model import follow_acceleration
-from race_agents.planning.latency import LATENCY, estimate_latency, remember_command
+from race_agents.planning.latency import (
+    LATENCY,
+    estimate_latency,
+    remember_command,
+    steering_play,
+    take_up_play,
+)
 from race_agents.planning.tracking import speed_on_line
 from race_agents.planning.tyre_slip import tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
-from race_server.competition.time_trial.gaps import Gap
+from race_server.competition.time_trial.gaps import GAPS, Gap
 from race_server.competition.time_trial.run import drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernel_driver import Cockpit, memory_size
@@ -175,3 +182,67 @@ def test_the_slip_that_is_steered_for_gives_the_force_that_is_wanted() -> None:
     for used in (0.1, 0.5, 0.9):
         slip = tyre_slip(used, 3.0 * limit / stiffness)
         assert slip * tyre_stiffness(slip, stiffness, limit) == pytest.approx(used * limit)
+
+
+def beside_walls(speed: float, left: float, right: float, bend: float = 0.0) -> Cockpit:
+    """Return a cockpit on an even line at its speed, with so much asphalt to its left and right."""
+    cockpit = preview(held=speed)
+    seen, slices = cockpit.observation, layout_of("line", 0).slices
+    for name, value in (
+        *(("speed", speed), ("line_speed_ahead", speed), ("line_curvature_ahead", bend)),
+        *(("line_left_ahead", left), ("line_right_ahead", right)),
+    ):
+        seen[slices[name]] = value
+    return cockpit._replace(memory=np.zeros(memory_size(0)))
+
+
+def test_a_body_needs_a_sixth_of_its_width_beside_it_and_5_mm_for_each_metre_per_second() -> None:
+    # 0.095 m of half-width, 0.0304 m, and 0.1 rad for 0.05 s at 4 m/s.
+    needed = 0.095 + 0.16 * 0.19 + 0.02
+    assert keep_clear(beside_walls(4.0, 1.0, needed), 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert keep_clear(beside_walls(4.0, 1.0, needed - 0.03), 0.0) == pytest.approx(0.03)
+    assert keep_clear(beside_walls(4.0, needed - 0.03, 1.0), 0.0) == pytest.approx(-0.03)
+    # In a lane 2 cm to the left of the line it has 2 cm more on its right.
+    assert keep_clear(beside_walls(4.0, 1.0, needed - 0.03), 0.02) == pytest.approx(0.01)
+
+
+def test_between_two_walls_it_keeps_to_the_middle() -> None:
+    assert keep_clear(beside_walls(4.0, 0.12, 0.12), 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert keep_clear(beside_walls(4.0, 0.12, 0.10), 0.0) == pytest.approx(0.01)
+
+
+def test_the_nose_points_into_a_bend_and_needs_room_there() -> None:
+    # All grip at 4 m/s: 5 m/s² on a radius of 3.2 m. 0.145 m is enough along a straight at 4 m/s.
+    bend = 0.95 * TT02.grip * GRAVITY / 16.0
+    wall_inside = beside_walls(4.0, 0.146, 1.0, bend)
+    slip = tyre_slip(0.95, 3.0 * TT02.grip / TT02.cornering)
+    nose = 0.5 * TT02.length * (slip - TT02.rear_axle * bend)
+    assert nose == pytest.approx(0.018, abs=0.002)
+    assert keep_clear(wall_inside, 0.0) == pytest.approx(-nose, abs=0.002)
+
+
+def test_wheels_with_play_are_turned_to_where_they_should_be() -> None:
+    # 1 degree of play: wheels stop half of it before what is commanded.
+    at, seen, control = np.zeros(len(PART_NUMBERS), np.int64), np.zeros(1), np.zeros(4)
+    memory, setup = np.zeros(memory_size(0)), np.array([0.0, 0.0, 0.05])
+    vehicle, half = vehicle_record(TT02)[0], math.radians(0.5)
+    cockpit = Cockpit(seen, at, vehicle, setup, np.zeros(1, np.int64), memory, control)
+    for step in range(120):
+        estimate_latency(cockpit)
+        control[0] = 0.3 * math.sin(0.3 * step)
+        remember_command(memory, control)
+        asked = control[0] * TT02.steering_limit
+        seen[0] = min(max(seen[0], asked - half), asked + half)
+    assert memory[LATENCY] == 0
+    assert steering_play(memory) == pytest.approx(half, rel=0.1)
+    commanded = take_up_play(memory, 0.1, now=0.0)
+    assert min(max(0.0, commanded - half), commanded + half) == pytest.approx(0.1, abs=0.001)
+
+
+@pytest.mark.parametrize("gap", ["play", "all"])
+def test_a_loose_and_late_steering_touches_nothing(gap: str) -> None:
+    cell = RunSpec("raceline", "covapsy-test-2023", gap=GAPS[gap], laps=1)
+    (lap,) = drive_run(cell).laps
+    limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
+    assert lap.is_clean
+    assert lap.time_s < 1.07 * limit

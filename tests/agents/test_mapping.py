@@ -87,6 +87,16 @@ def test_a_straight_corridor_leaves_the_way_along_it_to_the_odometry() -> None:
     assert fit.pose[1] == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_lidar_that_met_nothing_makes_a_map_that_nothing_fits() -> None:
+    nothing = np.zeros((0, 2))
+    empty = WallMap(nothing, nothing, CELL)
+    assert (
+        empty.match(scan_in(ROOM, (0.0, 0.0, 0.0), seed=1), (0.0, 0.0, 0.0), (1.0, 1.0)).share
+        == 0.0
+    )
+    assert not empty.is_known(np.array([(0.0, 0.0), (5.0, 5.0)])).any()
+
+
 def circle(turn: float) -> list[Pose]:
     """Return 101 poses on a circle of 3 m, whose headings turn by a share of what they should."""
     poses = [(0.0, 0.0, 0.0)]

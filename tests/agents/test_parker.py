@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from race_agents.onboard.control_unit import STOP, ControlUnit, Fix, Readings
 from race_agents.onboard.crew import Crew
-from race_agents.onboard.ekf import SPEED
-from race_agents.onboard.fence import LotFence
 from race_agents.onboard.parker import Parker, observation_of
 from race_agents.plant.body import Body
 from race_agents.plant.radar import Person, Surroundings, scan_all_around
+from race_agents.unit.control_unit import STOP, ControlUnit
+from race_agents.unit.ekf import SPEED
+from race_agents.unit.fence import LotFence
+from race_agents.unit.readings import Fix, Readings
 from race_server.core.driver import Briefing, Driver
 from race_server.core.level import Level
 from race_server.core.messages import Control

@@ -29,7 +29,10 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("algorithm.name=ppoo", "algorithm.name = 'ppoo': input should be 'ppo', 'poca', 'sac'"),
+        (
+            "algorithm.name=ppoo",
+            "algorithm.name = 'ppoo': input should be 'ppo', 'ppo-sb3', 'poca', 'sac'",
+        ),
         ("worlds=0", "worlds = 0: input should be greater than or equal to 1"),
         ("wolds=3", "wolds = 3: no such key; known here are action, algorithm"),
         (

@@ -9,7 +9,7 @@ import pytest
 
 from race_agents.policies.session import Policy
 from race_agents.training import curve, folder
-from race_agents.training.callback import BEST, CURVE, LATEST
+from race_agents.training.callback import BEST, CURVE, LATEST, TrainingProgress
 from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
 from race_agents.training.evaluation import Examiner
 from race_agents.training.export import difference, export_policy, metadata_from
@@ -46,6 +46,35 @@ def test_a_resumed_run_goes_on_counting(outcome: TrainingResult, tmp_path: Path)
     assert again.evaluation["minutes"] > outcome.evaluation["minutes"]
     assert "to the bit" in (outcome.folder / "README.md").read_text()
     assert "this run was interrupted" in (tmp_path / "README.md").read_text()
+
+
+def test_a_run_with_less_time_than_it_has_had_is_refused_and_left_as_it_is(
+    outcome: TrainingResult, tmp_path: Path
+) -> None:
+    for name in ("config.toml", LATEST, BEST, "evaluation.json"):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    settings, steps = folder.settings_in(tmp_path, ("steps=900",)), outcome.evaluation["steps"]
+    with pytest.raises(ScenarioError, match=f"has learned for {steps} of 900 decisions"):
+        train(settings, tmp_path, resume=True)
+    assert (tmp_path / "config.toml").read_bytes() == (outcome.folder / "config.toml").read_bytes()
+    (tmp_path / "evaluation.json").unlink()  # it was killed while it was evaluated
+    said: list[str] = []
+    assert train(settings, tmp_path, resume=True, say=said.append).evaluation["steps"] == steps
+    assert any("only evaluated" in text for text in said)
+
+
+def test_a_person_who_interrupts_hears_at_once_what_follows(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    def interrupt(news: TrainingProgress) -> None:
+        if news.marks is not None and "interrupted" not in " ".join(said):
+            raise KeyboardInterrupt
+
+    settings = read_settings("time-trial-ppo", [*QUICK, "steps=100000", "evaluation.times=100"])
+    done = train(settings, tmp_path, tell=interrupt, say=said.append)
+    assert done.stopped
+    assert done.evaluation["steps"] < 100_000
+    assert any(text.startswith("interrupted") for text in said)
 
 
 def test_the_weight_of_the_entropy_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,16 @@ from race_server.competition.lap_exam import (
     drawn_courses,
     drive_with_limit,
     examine,
+    rows_of,
 )
 from race_server.competition.lap_picture import draw_laps
+from race_server.competition.time_trial.gaps import gaps_named
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import TrackError
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.track.load import load_course
 
 
 def one_try(course: str, clean: int, ratio: float) -> CourseTry:
@@ -76,6 +81,20 @@ def test_courses_are_drawn_of_each_kind_in_turn_in_the_scale_of_the_vehicle() ->
     )
 
 
+def test_each_gap_gets_a_row_of_its_own() -> None:
+    nominal = [one_try("a", 2, 1.02), one_try("b", 2, 1.02)]
+    late = [replace(one, gap="all", clean=1) for one in nominal]
+    rows = rows_of([*nominal, *late])
+    assert [(row.gap, row.clean_lap_rate) for row in rows] == [("none", 1.0), ("all", 0.5)]
+
+
+def test_laps_of_the_warm_up_do_not_count() -> None:
+    spec = LapExamSpec(("oval",), laps=5, warm_up=2, gaps=tuple(gaps_named(["none", "all"])))
+    runs = spec.runs_of(["raceline"])
+    assert [(run.gap.name, run.laps) for run in runs] == [("none", 6), ("all", 6)]
+    assert runs[0].laps_driven == 7  # two of which are the warm-up
+
+
 def test_a_folder_without_courses_is_refused_by_its_name(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match=f"{tmp_path}: no course file"):
         courses_in(tmp_path)
@@ -121,6 +140,10 @@ def test_an_exam_tells_whose_limit_is_solved_and_in_which_lap_a_driver_is(
     monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
     monkeypatch.setattr(lap_exam, "drive_run", drive)
     monkeypatch.setattr(lap_exam, "reference_limit", lambda *_: None)
+    bundled = lap_exam.known_limit(load_course("oval"), bounds_of(TT02))
+    monkeypatch.setattr(
+        lap_exam, "known_limit", lambda course, _: bundled if course.name == "oval" else None
+    )
     heard: list[str] = []
     spec = LapExamSpec(("oval", "generated:circuit:3"), laps=2)
     list(examine(spec, ["raceline"], watch=heard.append))

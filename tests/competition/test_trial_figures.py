@@ -14,6 +14,7 @@ from race_server.competition.time_trial.figures import (
 from race_server.competition.time_trial.gaps import GAPS, NONE, Gap
 from race_server.competition.time_trial.ghost import delta
 from race_server.competition.time_trial.lap import (
+    BRAKE,
     PROGRESS,
     TIME,
     Mark,
@@ -33,11 +34,16 @@ from support.trials import PLACE
 
 def test_laps_are_cut_at_the_line_and_interpolated() -> None:
     # 10 m a lap at 2 m/s, a note every 0.5 s from 1 m before the line.
-    notes = [(0.5 * n, (9.0 + n) % 10.0, 9.0 + n, 0.0, 2.0, 0.0, 0.0) for n in range(14)]
+    # The brake is pressed in the half second before the fourth note: from the third on.
+    notes = [
+        (0.5 * n, (9.0 + n) % 10.0, 9.0 + n, 0.0, 2.0, 0.0, 0.0, float(n == 3), 0.0)
+        for n in range(14)
+    ]
     marks = [mark(0.5), mark(5.5)]
     (lap,) = laps_of(notes, marks, 10.0, flying=True)
     assert lap.time_s == 5.0
     assert time_at(lap.trace, np.array([0.0, 5.0, 10.0])) == pytest.approx([0.0, 2.5, 5.0])
+    assert lap.trace[PROGRESS, lap.trace[BRAKE] == 1.0] == pytest.approx([1.0])
 
 
 def mark(end_s: float, time_s: float = 5.0) -> Mark:

@@ -123,6 +123,7 @@ class StayNear:
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = {"near": {"near": 1.0}}
     figures: ClassVar[Figures] = Figures({"distance": np.float64}, {"furthest": np.float64})
     sensors: ClassVar[int] = 0
+    outcome: ClassVar[str] = "nearness"
 
     @property
     def settings(self) -> Mapping[str, float]:
@@ -143,6 +144,9 @@ class StayNear:
         made = make_worlds(scenarios, [0] * len(scenarios))
         world = make_worlds([scenarios[0]] * worlds, [0] * worlds)
         return world, Starts(made.races, made.bodies, made.vehicles)
+
+    def beside(self, templates: Starts) -> Sequence[Any]:
+        return ()
 
     def report(self, episode: Any) -> dict[str, Any]:
         return {"furthest": float(episode["furthest"])}
@@ -239,9 +243,9 @@ def test_a_vector_environment_takes_it_as_it_takes_a_race() -> None:
             break
     assert ended.any()
     assert (rewards <= 0.0).all()
-    assert infos["final_obs"].shape == seen.shape
-    assert infos["episode"]["furthest"].max() > 1.0
-    assert "laps" not in infos["episode"]
+    assert infos["final_obs"][np.argmax(ended)].shape == (2,)
+    assert infos["nearness"]["furthest"].max() > 1.0
+    assert "laps" not in infos["nearness"]
     vector.close()
 
 

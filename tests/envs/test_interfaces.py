@@ -2,11 +2,14 @@
 
 import subprocess
 import sys
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 from pettingzoo.env_registry.registration import make
 from pettingzoo.test import (
     api_test,
@@ -16,7 +19,12 @@ from pettingzoo.test import (
     render_test,
 )
 
-from race_server.envs.parallel import env, parallel_env
+from race_server.envs.global_state import names_of
+from race_server.envs.parallel import KartRace, env, parallel_env
+from race_server.envs.sb3 import KartVecEnv
+from race_server.envs.single import OneKart
+from race_server.envs.vector import KartVectorEnv
+from race_server.errors import ScenarioError
 from support.tasks import ring_task
 
 
@@ -88,6 +96,139 @@ def test_a_vector_environment_hands_over_the_last_observation() -> None:
     for _ in range(4):
         seen, _, ended, cut, infos = vector.step(np.zeros((3, 3), np.float32))
     assert (ended | cut).all()
-    assert infos["final_obs"].shape == seen.shape
-    assert infos["episode"]["l"].tolist() == [4, 4, 4]
+    assert np.stack(infos["final_obs"]).shape == seen.shape
+    assert infos["lap_times"]["l"].tolist() == [4, 4, 4]
     vector.close()
+
+
+@pytest.mark.parametrize(("num_envs", "worlds"), [(4, 2), (6, 3)])
+def test_a_vector_has_as_many_environments_as_asked_for(num_envs: int, worlds: int) -> None:
+    vector = gymnasium.make_vec("race_server:Kart/Race-v0", num_envs=num_envs, karts=3, learners=2)
+    assert vector.num_envs == num_envs
+    assert vector.unwrapped.batch.worlds == worlds
+    with pytest.raises(ScenarioError, match="choose a multiple of 2"):
+        gymnasium.make_vec("race_server:Kart/Race-v0", num_envs=5, karts=3, learners=2)
+
+
+def test_a_race_is_made_from_its_options_or_from_a_task() -> None:
+    assert parallel_env(karts=3, track="oval").max_num_agents == 3
+    assert env(karts=2, track="oval").unwrapped.possible_agents == ["kart_0", "kart_1"]
+    with pytest.raises(ScenarioError, match="a task and karts"):
+        parallel_env(ring_task(2), karts=3)
+
+
+def test_a_seed_is_the_same_at_the_beginning_and_afterwards() -> None:
+    task = ring_task(1, random_start=True)
+    first, later = KartVecEnv(task, seed=3), KartVecEnv(task)
+    later.seed(3)
+    assert np.array_equal(first.reset(), later.reset())
+    assert np.array_equal(first.reset(), later.reset())
+
+
+NAN = np.array([0.0, np.nan, 0.0], np.float32)
+
+
+def test_actions_that_are_no_numbers_or_too_many_are_refused() -> None:
+    one, vector, race = OneKart(ring_task(1)), KartVectorEnv(ring_task(1), worlds=2), parallel_env()
+    for each in (one, vector, race):
+        each.reset(seed=1)
+    with pytest.raises(ScenarioError, match=r"nan at \[1\].*has diverged"):
+        one.step(NAN)
+    with pytest.raises(ScenarioError, match=r"shape \(2,\): give \(3,\)"):
+        one.step(np.zeros(2))
+    with pytest.raises(ScenarioError, match=r"nan at \[1, 0, 1\]"):
+        vector.step(np.stack([np.zeros(3), NAN]))
+    with pytest.raises(ScenarioError, match=r"shape \(3, 3\): give \(2, 1, 3\)"):
+        vector.step(np.zeros((3, 3)))
+    with pytest.raises(ScenarioError, match=r"action of kart_2 of shape \(5,\)"):
+        race.step({"kart_1": np.zeros(3), "kart_2": np.zeros(5)})
+    with pytest.raises(ScenarioError, match=r"nan at \[0, 4, 1\]"):
+        race.step({agent: NAN if agent == "kart_4" else np.zeros(3) for agent in race.agents})
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_vector_offers_all_modes_of_beginning_again(mode: AutoresetMode) -> None:
+    vector = KartVectorEnv(ring_task(1, most_steps=3), worlds=2, autoreset_mode=mode)
+    assert vector.metadata["autoreset_mode"] is mode
+    first = vector.reset(seed=1)[0]
+    ahead = np.tile(np.float32([1.0, 0.0, 0.0]), (2, 1))
+    for _ in range(3):
+        seen, _, _, cut, infos = vector.step(ahead)
+    assert cut.all()
+    assert infos["lap_times"]["l"].tolist() == [3, 3]
+    if mode is AutoresetMode.SAME_STEP:
+        assert np.array_equal(seen, first)
+        assert infos["final_info"]["lap_times"]["l"].tolist() == [3, 3]
+        return
+    assert not np.array_equal(seen, first)
+    assert "final_obs" not in infos
+    if mode is AutoresetMode.NEXT_STEP:
+        seen, rewards, ended, cut, infos = vector.step(ahead)
+        assert rewards.tolist() == [0.0, 0.0]
+        assert not (ended | cut).any()
+    else:
+        with pytest.raises(ScenarioError, match="environment 0: its episode is over"):
+            vector.step(ahead)
+        seen, _ = vector.reset(options={"reset_mask": np.array([True, False])})
+        with pytest.raises(ScenarioError, match="environment 1: its episode is over"):
+            vector.step(ahead)
+        seen, _ = vector.reset(options={"reset_mask": np.array([False, True])})
+    assert np.array_equal(seen, first)
+    vector.step(ahead)
+
+
+def test_gymnasiums_vector_wrappers_take_it() -> None:
+    made = KartVectorEnv(ring_task(1, most_steps=3), worlds=2, autoreset_mode="NextStep")
+    vector = NormalizeObservation(RecordEpisodeStatistics(made))
+    vector.reset(seed=1)
+    for _ in range(3):
+        *_, infos = vector.step(np.zeros((2, 3), np.float32))
+    assert infos["episode"]["l"].tolist() == [3, 3]
+
+
+def test_a_vector_shows_a_picture_of_each_race() -> None:
+    vector = KartVectorEnv(ring_task(1, random_start=True), worlds=2, render_mode="rgb_array")
+    vector.reset(seed=1)
+    pictures = vector.render()
+    assert pictures is not None
+    assert len(pictures) == 2
+    assert not np.array_equal(*pictures)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"autoreset_mode": "later"}, "'later' is unknown; choose of NextStep"),
+        ({"render_mode": "human"}, "choose rgb_array"),
+        ({"autoreset_mode": "Disabled", "learners": 2}, "2 learning karts in each race"),
+    ],
+)
+def test_a_vector_refuses_modes_that_it_has_not(options: dict[str, Any], words: str) -> None:
+    learners = options.pop("learners", 1)
+    with pytest.raises(ScenarioError, match=words):
+        KartVectorEnv(ring_task(learners), **options)
+
+
+def test_the_state_of_a_race_shows_karts_that_no_agent_drives() -> None:
+    race = KartRace(ring_task(3, opponents=("pure_pursuit",), learners=1))
+    race.reset(seed=1)
+    names, state = names_of(race.batch.world), race.state()
+    assert race.state_space.contains(state)
+    assert len(names) == len(state)
+    assert state[names.index("kart_2.x")] == np.float32(race.batch.world.bodies["x"][0, 2])
+    assert state[names.index("kart_2.rank")] == 3.0
+
+
+def test_discrete_actions_have_masks_in_every_form() -> None:
+    task = ring_task(2, action="discrete")
+    race = KartRace(task)
+    _, infos = race.reset(seed=1)
+    assert infos["kart_1"]["action_mask"].tolist() == [1] * 15
+    karts = KartVecEnv(task)
+    karts.batch.buffers.idle[0, 1] = 1  # as one that is done waits for the other
+    masks = karts.env_method("action_masks")
+    assert masks[0].all()
+    assert np.flatnonzero(masks[1]).tolist() == [7]
+    assert np.array_equal(KartVectorEnv(task).action_masks(), np.ones((2, 15)))
+    with pytest.raises(ScenarioError, match="have no masks"):
+        OneKart(ring_task(1)).action_masks()

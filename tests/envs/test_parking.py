@@ -163,9 +163,9 @@ def test_a_vehicle_that_is_done_leaves_the_agents_and_stays_in_the_way() -> None
     env = parallel_lot(vehicles=2)
     env.reset(seed=1)
     while len(env.agents) == 2:
-        *_, infos = env.step(dict.fromkeys(env.agents, np.array([1.0, 0.0], np.float32)))
+        env.step(dict.fromkeys(env.agents, np.array([1.0, 0.0], np.float32)))
     gone = next(k for k in range(2) if f"kart_{k}" not in env.agents)
-    assert infos[f"kart_{gone}"]["episode"]["ending"] in ENDINGS[1:]
+    assert env.episode_of(f"kart_{gone}")["ending"] in ENDINGS[1:]
     assert env.batch.world.parking.blocks["kind"][0, gone] > 0
 
 

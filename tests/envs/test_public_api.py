@@ -15,6 +15,7 @@ EXPORTED = [
     "RESET_WORLD",
     "STAY",
     "Batch",
+    "CalledOpponent",
     "Curriculum",
     "Discipline",
     "KartRace",

@@ -45,6 +45,15 @@ def test_a_late_spectator_is_told_all_events_of_the_race(served: ServedRace) -> 
     assert events[0].sequence == 1
 
 
+def test_other_programs_read_the_timing_as_json(served: ServedRace) -> None:
+    status, _, body = ask(served, "timing")
+    table = json.loads(body)
+    assert (status, table["course"], len(table["rows"])) == (200, "ring", 2)
+    first = min(table["rows"], key=lambda row: row["rank"])
+    assert (first["gap_us"], first["timing"]["interval_us"]) == (0, 0)
+    assert len(first["timing"]["mini_merits"]) == 20
+
+
 def test_a_spectator_gets_as_many_snapshots_as_it_wants(served: ServedRace) -> None:
     with Browser(served.base, {**WATCH, "rate": 10}) as browser:
         ticks = [decode_snapshot(browser.frame(b"RSNP")).tick for _ in range(6)]
@@ -248,7 +257,7 @@ def test_with_a_token_for_spectators_nobody_else_watches_or_reads_the_list() -> 
             assert browser.refusal() == ("token", 4401)
         with Browser(served.base, {**WATCH, "token": "watch one"}) as browser:
             browser.word("welcome")
-        assert ask(served, "recordings")[0] == 401
+        assert ask(served, "recordings")[0] == ask(served, "timing")[0] == 401
         assert json.loads(ask(served, "recordings", Authorization="Bearer watch one")[2]) == []
 
 

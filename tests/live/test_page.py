@@ -208,6 +208,15 @@ def test_the_leaderboard_is_in_the_order_of_the_server(
     wait_until(lambda: len(shown()) == KARTS and shown() == published())
 
 
+def test_a_big_screen_shows_twenty_mini_sectors_of_each_kart(stage: Stage, driving: Page) -> None:
+    page = stage.open("timing")
+    rows = page.get_by_test_id("leaderboard").locator("tbody tr")
+    wait_until(lambda: rows.count() == KARTS)
+    wait_until(lambda: rows.first.locator("td.minis i").count() == 20)
+    page.get_by_role("img", name="best of all").first.wait_for()
+    page.context.close()
+
+
 def test_race_control_tells_of_laps_and_items(watching: Page, driving: Page) -> None:
     events = watching.get_by_test_id("race-control")
     wait_until(lambda: "picks up" in events.inner_text() and "lap 1 in" in events.inner_text())

@@ -8,13 +8,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from race_agents.onboard.client import KartProgram, fence_of, is_home, take_part
-from race_agents.onboard.control_unit import ControlUnit
-from race_agents.onboard.safety import Command
+from race_agents.onboard.client import KartProgram, is_home, take_part
+from race_agents.onboard.grounds import fence_of
 from race_agents.plant.body import Body
 from race_agents.plant.incident import FastestSpeed, is_view_clear
-from race_agents.plant.kart import Plant, Sensors
+from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Person, Surroundings
+from race_agents.plant.sensors import Sensors
+from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.safety import Command
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation

@@ -40,6 +40,7 @@ from support.messages import (
     PARKED,
     RAYS,
     STANDINGS,
+    TIMED,
     WELCOME,
     lot_snapshot,
     snapshot,
@@ -288,8 +289,21 @@ def test_people_and_figures_of_parking_come_back_as_they_were_sent() -> None:
     assert spectate.decode_standings(spectate.encode_standings(table)).rows == (PARKED,)
 
 
+def test_the_timing_of_a_kart_comes_back_as_it_was_sent() -> None:
+    table = replace(STANDINGS, rows=(TIMED, *STANDINGS.rows))
+    assert spectate.decode_standings(spectate.encode_standings(table)) == table
+
+
+def test_an_unknown_colour_of_a_sector_is_damage() -> None:
+    data = bytearray(spectate.encode_standings(replace(STANDINGS, rows=(TIMED,))))
+    place = data.index(bytes([1, 2, 0]))  # of the mini-sectors
+    data[place] = 4
+    with pytest.raises(WireError, match=r"merits \[4, 2, 0\]; at most 3"):
+        spectate.decode_standings(bytes(data))
+
+
 def test_a_row_of_standings_comes_back_from_plain_data() -> None:
-    for row in (*STANDINGS.rows, PARKED):
+    for row in (*STANDINGS.rows, PARKED, TIMED):
         assert Standing.of_json(json.loads(json.dumps(row.as_json()))) == row
 
 
@@ -310,6 +324,7 @@ MESSAGES = [
     (spectate.decode_snapshot, spectate.SnapshotWriter().write(snapshot())),
     (spectate.decode_events, spectate.encode_events(5, EVENTS)),
     (spectate.decode_standings, spectate.encode_standings(STANDINGS)),
+    (spectate.decode_standings, spectate.encode_standings(replace(STANDINGS, rows=(TIMED,)))),
     (lobby.decode_welcome, lobby.encode_welcome(WELCOME)),
     (lobby.decode_join, lobby.encode_join(lobby.Join("Ada", "lidar"))),
     (lobby.decode_seat_act, lobby.encode_seat_act(lobby.SeatAct(1, 2))),

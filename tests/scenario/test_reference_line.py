@@ -210,3 +210,11 @@ def test_the_presets_line_and_full_tell_of_the_line() -> None:
     told = {name: wants_line(name) for name in ("lidar", "radar", "track", "line", "full")}
     assert told == {"lidar": False, "radar": False, "track": False, "line": True, "full": True}
     assert layout_of("line", 41).size == layout_of("line", 201).size
+
+
+def test_beside_the_tip_of_a_wall_the_room_is_the_way_to_the_tip() -> None:
+    course = load_course("covapsy-train-2023")
+    line = reference_line(course, TT02)
+    there = np.column_stack([line.x, line.y])
+    way, _ = nearest_on(course.borders, there)
+    assert np.minimum(line.left, line.right) == pytest.approx(way, abs=2e-3)

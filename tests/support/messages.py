@@ -12,12 +12,14 @@ from race_server.core.messages import (
     Event,
     EventKind,
     Flag,
+    Merit,
     Parking,
     Phase,
     PlannedWay,
     PoseFault,
     Standing,
     Status,
+    Timing,
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
@@ -53,6 +55,16 @@ PARKED = replace(
     STANDING,
     parking=Parking(Ending.PARKED, 7, 40.5, 3.25, 2, 1),
     planned=PlannedWay(20.5, 30.25, 1),
+)
+
+TIMED = replace(
+    STANDING,
+    timing=Timing(
+        *(1_500_000, 2, -3, 9),
+        sectors_us=(4, 0),
+        sector_merits=(Merit.BEST, Merit.NONE),
+        mini_merits=(Merit.SLOWER, Merit.OWN_BEST, Merit.NONE),
+    ),
 )
 
 ORDER = parking.OrderFrame(

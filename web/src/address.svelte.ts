@@ -4,7 +4,7 @@ import { SvelteMap } from 'svelte/reactivity';
 
 import type { Hello, Role } from './wire/protocol';
 
-export type View = 'watch' | 'drive' | 'steward' | 'replay';
+export type View = 'watch' | 'timing' | 'drive' | 'beside' | 'steward' | 'replay';
 
 export interface Place {
   view: View;
@@ -12,10 +12,17 @@ export interface Place {
   showsStats: boolean;
 }
 
-const ROLE_VIEWS: Record<Role, View> = { spectate: 'watch', drive: 'drive', steward: 'steward' };
+const ROLE_VIEWS: Record<Role, View> = {
+  spectate: 'watch',
+  drive: 'drive',
+  companion: 'beside',
+  steward: 'steward',
+};
 const VIEW_ROLES: Record<View, Role> = {
   watch: 'spectate',
+  timing: 'spectate',
   drive: 'drive',
+  beside: 'companion',
   steward: 'steward',
   replay: 'spectate',
 };
@@ -83,9 +90,9 @@ interface Asked {
 export function parse(hash: string): Asked {
   const parts = new URLSearchParams(hash.replace(/^#/, ''));
   const wanted = parts.get('role');
-  const role: Role | null =
-    wanted === 'drive' || wanted === 'steward' || wanted === 'spectate' ? wanted : null;
-  const named = (['watch', 'drive', 'steward'] as const).find((view) => parts.has(view));
+  const role = isRole(wanted) ? wanted : null;
+  const views = ['watch', 'timing', 'drive', 'beside', 'steward'] as const;
+  const named = views.find((view) => parts.has(view));
   const view = parts.has('replay') ? 'replay' : (named ?? (role ? ROLE_VIEWS[role] : 'watch'));
   return {
     place: {
@@ -96,4 +103,8 @@ export function parse(hash: string): Asked {
     role: role ?? VIEW_ROLES[view],
     token: parts.get('token') ?? '',
   };
+}
+
+function isRole(word: string | null): word is Role {
+  return word !== null && Object.hasOwn(ROLE_VIEWS, word);
 }

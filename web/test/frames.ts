@@ -9,6 +9,7 @@ export function kart(changes: Partial<KartFrame> = {}): KartFrame {
     y: 0,
     heading: 0,
     speed: 10,
+    lateralSpeed: 0,
     yawRate: 0,
     steering: 0,
     progress: 0,

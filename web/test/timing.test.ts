@@ -25,6 +25,7 @@ function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingF
     lapTimesUs: [],
     parking: null,
     planned: null,
+    timing: null,
     ...changes,
   };
 }
@@ -72,6 +73,24 @@ test('the gap of karts that are home is that of their times', () => {
     ages: new Map(),
   });
   expect(rows[1]?.gapS).toBeCloseTo(1.5);
+});
+
+test('gaps are those of the server where it times them', () => {
+  const timing = { theoreticalUs: 0, gained: 0, miniMerits: [] };
+  const rows = tableOf({
+    snapshot: null,
+    standings: standings([
+      standing(0, { timing: { ...timing, intervalUs: 0, lapsDown: 0 } }),
+      standing(1, { gapUs: 2_500_000, timing: { ...timing, intervalUs: 2_500_000, lapsDown: 0 } }),
+      standing(2, { gapUs: 9_000_000, timing: { ...timing, intervalUs: 6_500_000, lapsDown: 1 } }),
+    ]),
+    paces: new Map(),
+    sectors: new Sectors(),
+    ages: new Map(),
+  });
+  expect(rows.map((row) => row.gapS)).toEqual([NaN, 2.5, 9]);
+  expect(rows.map((row) => row.intervalS)).toEqual([NaN, 2.5, 6.5]);
+  expect(rows.map((row) => row.lapsBehind)).toEqual([0, 0, 1]);
 });
 
 test('places by lap follow from the times of the laps', () => {

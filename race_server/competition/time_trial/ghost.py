@@ -7,7 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from race_server.competition.time_trial.lap import COLUMNS, PROGRESS, SPEED, TIME, X, Y, time_at
+from race_server.competition.time_trial.lap import (
+    COLUMNS,
+    PEDALS,
+    PROGRESS,
+    SPEED,
+    TIME,
+    X,
+    Y,
+    time_at,
+)
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.state import Floats
 from race_server.errors import ResultsError
@@ -107,7 +116,13 @@ def _read(path: Path, course: Course) -> Ghost:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-        table = np.array([[float(row[name]) for row in rows] for name in COLUMNS])
+        # Files from before pedals were kept have none: they count as released.
+        table = np.array(
+            [
+                [float(row.get(name, 0.0) if name in PEDALS else row[name]) for row in rows]
+                for name in COLUMNS
+            ]
+        )
     except OSError as error:
         raise ResultsError(f"{path}: cannot be read: {error.strerror}") from error
     except (KeyError, ValueError, TypeError, csv.Error) as error:

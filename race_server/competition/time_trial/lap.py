@@ -7,11 +7,13 @@ import numpy as np
 
 from race_server.competition.time_trial.gaps import DECISION_S
 from race_server.core.clock import MICROSECONDS
-from race_server.core.state import Floats
+from race_server.core.state import Floats, Record
 
-# Rows of a lap's trace. Time since the lap began, progress along the centre line.
-COLUMNS = ("time_s", "progress", "x", "y", "speed", "steering")
-TIME, PROGRESS, X, Y, SPEED, STEERING = range(6)
+# Rows of a lap's trace. Time since the lap began, progress along the centre line; pedals are those
+# that act from each sample on, and not in traces from before they were kept.
+COLUMNS = ("time_s", "progress", "x", "y", "speed", "steering", "throttle", "brake")
+TIME, PROGRESS, X, Y, SPEED, STEERING, THROTTLE, BRAKE = range(8)
+PEDALS = COLUMNS[THROTTLE:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +50,30 @@ class Mark:
     rescues: int
 
 
+def note_of(seconds: float, body: Record, racer: Record) -> tuple[float, ...]:
+    """Return a kart at a moment: the numbers of COLUMNS, and whether it is off the track.
+
+    seconds: since the instant from which the marks count.
+    """
+    return (
+        *(seconds, racer.progress, body.x, body.y, body.speed, body.steering),
+        *(body.throttle, body.brake, racer.off_track),
+    )
+
+
 def laps_of(
     notes: Sequence[tuple[float, ...]], marks: Sequence[Mark], length: float, *, flying: bool
 ) -> tuple[TrialLap, ...]:
     """Return the laps that count.
 
-    notes: one row per decision: time since the lights [s], progress, x, y, speed, steering, off the
-    track; length: of the course [m]; flying: the first mark ends the lap that does not count.
+    notes: one row per decision, see `note_of`; length: of the course [m]; flying: the first mark
+    ends the lap that does not count.
     """
     if not marks:
         return ()
     table = np.array(notes, np.float64).T
+    # The pedals of a note are those that acted until then.
+    table[[THROTTLE, BRAKE], :-1] = table[[THROTTLE, BRAKE], 1:]
     counted = marks[1:] if flying else marks
     return tuple(
         _lap_of(table, mark, number, length, is_flying=flying or number > 1)

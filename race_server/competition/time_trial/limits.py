@@ -39,7 +39,7 @@ def limits_of(places: Sequence[tuple[str, str]]) -> LapLimits:
 def trace_of_line(line: Raceline, length: float) -> Floats:
     """Return the limit's lap as the trace of a lap, shape (C, N); `length` of the course [m].
 
-    The steering angle is unknown, and zero.
+    Steering angle and pedals are unknown, and zero.
     """
     closed = [np.append(row, row[0]) for row in (line.x, line.y, line.speed)]
     steps = np.diff(np.append(line.distance, line.length))

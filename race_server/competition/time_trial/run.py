@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from race_server.competition.time_limit import TimeLimitExceeded, time_limit
-from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of
+from race_server.competition.time_trial.lap import Mark, TrialLap, laps_of, note_of
 from race_server.competition.time_trial.run_spec import FLYING, STOPPED_S, RunSpec, task_of
 from race_server.core import codes
 from race_server.core.clock import TICK_S
@@ -22,6 +22,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.errors import RaceError
 from race_server.scenario.track.course import Course
+from race_server.scenario.track.line import ReferenceLine
 from race_server.scenario.track.load import load_course
 from race_server.session.lap_log import LapLog
 
@@ -92,8 +93,12 @@ def _in_words(error: BaseException) -> str:
 class Attempt:
     """A driver in its world, decision by decision."""
 
-    def __init__(self, spec: RunSpec, course: Course, driver: Driver) -> None:
+    def __init__(
+        self, spec: RunSpec, course: Course, driver: Driver, line: ReferenceLine | None = None
+    ) -> None:
         """Put the kart on its mark and brief the driver.
+
+        line: to follow in place of the course's own.
 
         Raises:
             ScenarioError: the driver wants an observation that does not exist.
@@ -101,7 +106,7 @@ class Attempt:
         self.spec = spec
         self.course = course
         self.driver = driver
-        task = task_of(spec, course, driver.preset)
+        task = task_of(spec, course, driver.preset, line)
         self.batch = Batch(task, seed=spec.seed, after=STAY)
         self.notes: list[tuple[float, ...]] = []
         self.marks: list[Mark] = []
@@ -213,9 +218,7 @@ class Attempt:
     def _note(self) -> None:
         body, racer, race = self._body, self._racer, self.batch.world.races[0]
         seconds = (int(race.tick) - int(race.start_tick)) * TICK_S
-        self.notes.append(
-            (seconds, racer.progress, body.x, body.y, body.speed, body.steering, racer.off_track)
-        )
+        self.notes.append(note_of(seconds, body, racer))
 
     def _reason(self) -> str:
         """Return a text that says why a run ended before its last lap."""

@@ -15,6 +15,7 @@ from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
+from race_server.scenario.track.line import ReferenceLine
 from race_server.second.highway_itself import NAME as ITSELF
 
 FLYING, STANDING = "flying", "standing"
@@ -90,8 +91,11 @@ def rules_of(spec: RunSpec, course: Course, vehicle: Vehicle) -> Rules:
     )
 
 
-def scenario_of(spec: RunSpec, course: Course) -> Scenario:
-    """Return the scenario of a run. The seed decides the sensor noise and the start pose."""
+def scenario_of(spec: RunSpec, course: Course, line: ReferenceLine | None = None) -> Scenario:
+    """Return the scenario of a run. The seed decides the sensor noise and the start pose.
+
+    line: to follow in place of the course's own.
+    """
     vehicle = vehicle_named(spec.vehicle)
     grid = on_the_mark(course, vehicle, spec.seed)
     if spec.traffic >= len(grid):
@@ -111,13 +115,14 @@ def scenario_of(spec: RunSpec, course: Course) -> Scenario:
         rules=rules,
         lidar=spec.gap.lidar(),
         seed=spec.seed,
+        line=line,
     )
 
 
-def task_of(spec: RunSpec, course: Course, preset: str) -> Task:
+def task_of(spec: RunSpec, course: Course, preset: str, line: ReferenceLine | None = None) -> Task:
     """Return the run as a task of the training world, with observations of `preset`."""
     return task_on(
-        (scenario_of(spec, course),),
+        (scenario_of(spec, course, line),),
         learners=1,
         opponents=(_rival(spec),) if spec.traffic else (),
         observation=preset,

@@ -57,7 +57,7 @@ def begin_round(batch: Batch, w: int, seed: int | None) -> None:
     """Begin a new round of one world; with a seed the same one again."""
     if seed is not None:
         batch.seed_next(w, seed)
-    batch.restart(w)
+    batch.reset(worlds=[w])
 
 
 def time_is_up(steps: Array, config: Config) -> Array:

@@ -122,6 +122,11 @@ class Parking:
             empty_field(world.walls, worlds, world.bodies.shape[1], heuristic.cells, atlas),
         )
 
+    def beside(self, templates: LotTemplates) -> Sequence[Any]:
+        """Return the ways to all places of each lot, which heuristics keep as long as they hold."""
+        field = templates.field
+        return (field.ways, field.corners, field.made_for) if field.ways.size else ()
+
     def report(self, episode: Any) -> dict[str, Any]:
         """Return how an episode ended, and how the vehicle drove."""
         is_parked, turn = bool(episode["parked"]), float(episode["turn"])

@@ -9,7 +9,7 @@ from race_server.envs.parking.goal import PARTS, TRAILER_PARTS, GoalView
 from race_server.envs.presets import parking_task
 from race_server.envs.single import OneKart
 from race_server.envs.task import Task
-from race_server.envs.vector import KartVectorEnv
+from race_server.envs.vector import KartVectorEnv, split_options, vector_of
 
 Goals = dict[str, NDArray[Any]]
 
@@ -36,9 +36,9 @@ class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Goals, dict[str, Any]]:
-        """Begin a new way; with a seed the same one again. Options are not used."""
+        """Begin a new way; with a seed the same one again. options: as for `Batch.reset`."""
         super().reset(seed=seed)
-        seen, info = self.kart.reset(seed=seed)
+        seen, info = self.kart.reset(seed=seed, options=options)
         return self.view.split(seen), info
 
     def step(self, action: Any) -> tuple[Goals, float, bool, bool, dict[str, Any]]:
@@ -71,7 +71,8 @@ def park(lot: str = "yard-70", render_mode: str | None = None, **options: Any) -
 
 def park_vector(num_envs: int = 1, lot: str = "yard-70", **options: Any) -> KartVectorEnv:
     """Return `num_envs` vehicles, each alone in its lot."""
-    return KartVectorEnv(parking_task(lot, **options), worlds=num_envs)
+    of_task, own = split_options(options)
+    return vector_of(parking_task(lot, **of_task), num_envs, own)
 
 
 def park_goal(
@@ -93,7 +94,8 @@ def park_trailer(lot: str = "dock-35", render_mode: str | None = None, **options
 
 def park_trailer_vector(num_envs: int = 1, lot: str = "dock-35", **options: Any) -> KartVectorEnv:
     """Return `num_envs` vehicles with a trailer, each alone in its lot."""
-    return KartVectorEnv(_with_trailer(lot, **options), worlds=num_envs)
+    of_task, own = split_options(options)
+    return vector_of(_with_trailer(lot, **of_task), num_envs, own)
 
 
 def park_trailer_goal(

@@ -1,14 +1,14 @@
 """The reward of a team: the mean of all, paid until the last of them is done."""
 
 from race_server.core import codes
-from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.jit import kernel, large_kernel, written_out
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import all_are_idle
 from race_server.envs.observations import write_observation, write_terminal
 
 
-@kernel
+@large_kernel
 def pay_team(world: World, buffers: Buffers, w: int) -> None:
     """Give each learning vehicle of one world the mean of their rewards, and one common end.
 
@@ -42,7 +42,7 @@ def _drove(buffers: Buffers, w: int, k: int) -> bool:
     return bool(buffers.idle[w, k] == 0 or ended > 0)
 
 
-@kernel
+@written_out
 def _pay(world: World, buffers: Buffers, w: int, k: int, share: float) -> None:
     """Replace the reward of a vehicle for one decision by its share."""
     episode = buffers.episodes[w, k]

@@ -99,6 +99,10 @@ class Racing:
             counts,
         )
 
+    def beside(self, templates: RaceTemplates) -> Sequence[Any]:
+        """Return nothing: templates of races never change."""
+        return ()
+
     def report(self, episode: Any) -> dict[str, Any]:
         """Return laps, contacts and place of an episode."""
         return {

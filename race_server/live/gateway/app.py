@@ -35,6 +35,7 @@ HEADERS = {
 # Asset names contain a digest of their content, so they never expire in a cache.
 CACHED, NOT_CACHED = "public, max-age=31536000, immutable", "no-cache"
 BEARER = "bearer "
+NO_TOKEN = "Show a token: Authorization: Bearer TOKEN\n"
 NO_BODY = "Leave out the body: no request here has one.\n"
 
 
@@ -88,11 +89,17 @@ def make_app(state: GatewayState, page: Page) -> GuardedApp:
         return _answer(found, request, CACHED if name else NOT_CACHED)
 
     async def list_recordings(request: Request) -> Response:
-        shown = request.headers.get("authorization", "")
-        token = shown[len(BEARER) :] if shown.lower().startswith(BEARER) else ""
-        if not state.settings.tokens.lets_read(token):
-            return PlainTextResponse("Show a token: Authorization: Bearer TOKEN\n", 401)
+        if not _may_read(request, state.settings):
+            return PlainTextResponse(NO_TOKEN, 401)
         return JSONResponse(await run_in_threadpool(state.library.titles), headers=_no_cache())
+
+    async def tell_timing(request: Request) -> Response:
+        if not _may_read(request, state.settings):
+            return PlainTextResponse(NO_TOKEN, 401)
+        standings = state.live.view.standings if state.live.is_there else None
+        if standings is None:
+            return PlainTextResponse("No race yet: ask again.\n", 503, {"retry-after": "1"})
+        return JSONResponse(standings.as_json(), headers=_no_cache())
 
     async def report_health(_: Request) -> Response:
         race = "a race is there" if state.live.is_there else "no race yet"
@@ -104,10 +111,17 @@ def make_app(state: GatewayState, page: Page) -> GuardedApp:
         Route("/", serve_file),
         Route(f"/{ASSETS}/{{name}}", serve_file),
         Route("/recordings", list_recordings),
+        Route("/timing", tell_timing),
         Route("/healthz", report_health),
         WebSocketRoute("/ws", serve_browser),
     ]
     return GuardedApp(Starlette(routes=routes), state.settings)
+
+
+def _may_read(request: Request, settings: Settings) -> bool:
+    shown = request.headers.get("authorization", "")
+    token = shown[len(BEARER) :] if shown.lower().startswith(BEARER) else ""
+    return settings.tokens.lets_read(token)
 
 
 def _no_cache() -> dict[str, str]:

@@ -11,6 +11,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from race_server.errors import GatewayError, RaceError, WireError
 from race_server.live.gateway.audience import FrameSink, Outbox, Viewer
+from race_server.live.gateway.companion import CompanionSeat
 from race_server.live.gateway.connection import CONNECTION
 from race_server.live.gateway.driver_seat import PRESET, DriverSeat
 from race_server.live.gateway.handshake import (
@@ -54,6 +55,7 @@ class BrowserSession:
         self._identity = Identity(Role.SPECTATE)
         self._viewer = Viewer(self.outbox, MAX_RATE)
         self._driver_seat: DriverSeat | None = None
+        self._companion_seat: CompanionSeat | None = None
         self._player: Player | None = None
         burst_s = self._limits.burst_s
         self._texts = RateLimiter(self._limits.texts_hz, "texts", burst_s)
@@ -79,6 +81,8 @@ class BrowserSession:
             self._state.remove(self, self._host)
             if self._driver_seat is not None:
                 self._driver_seat.release(self)
+            if self._companion_seat is not None:
+                self._companion_seat.leave(self.outbox)
 
     # The first message
 
@@ -98,6 +102,8 @@ class BrowserSession:
         self._viewer.rate = hello.rate
         if self._identity.role is Role.DRIVE:
             await self._begin_driving(hello)
+        elif self._identity.role is Role.COMPANION:
+            await self._begin_beside(hello)
         elif hello.recording:
             await self._begin_playing(hello)
         else:
@@ -134,6 +140,16 @@ class BrowserSession:
         self._send_welcome("live", self._state.settings.session, **more)
         self._state.live.join(self._viewer)
         self.outbox.send(briefing)
+
+    async def _begin_beside(self, hello: Hello) -> None:
+        if hello.recording:
+            raise GatewayError("malformed", "a recording has no driver to be beside")
+        seat = self._state.companion_seats[self._identity.number]
+        await seat.join(self.outbox)
+        self._companion_seat = seat
+        self._viewer.seat = seat.number
+        self._send_welcome("live", self._state.settings.session, seat=seat.number)
+        self._state.live.join(self._viewer)
 
     async def _begin_playing(self, hello: Hello) -> None:
         loop, pool = asyncio.get_running_loop(), self._state.readers

@@ -39,6 +39,7 @@ class Role(StrEnum):
     SPECTATE = "spectate"
     DRIVE = "drive"
     STEWARD = "steward"
+    COMPANION = "companion"  # beside the driver of a seat: sees what that driver must see
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ class Identity:
     """The role of a browser."""
 
     role: Role
-    number: int = -1  # of a driver's token
+    number: int = -1  # of a driver's token; of a companion the seat
     name: str = ""
 
 
@@ -29,6 +29,7 @@ class Tokens:
     spectate: str = ""  # "" lets all browsers watch
     drive: tuple[str, ...] = ()  # one for each driver
     steward: str = ""  # "" lets no browser steward
+    companion: tuple[tuple[int, str], ...] = ()  # seat and token of each
 
     def identify(self, hello: Hello) -> Identity:
         """Return the role that a token opens.
@@ -44,6 +45,10 @@ class Tokens:
             fits = [_fits(hello.token, token) for token in self.drive]
             if any(fits):
                 return Identity(hello.role, fits.index(True), hello.name)
+        elif hello.role is Role.COMPANION:
+            seats = [seat for seat, token in self.companion if _fits(hello.token, token)]
+            if seats:
+                return Identity(hello.role, seats[0], hello.name)
         elif self.steward and _fits(hello.token, self.steward):
             return Identity(hello.role, name=hello.name)
         raise GatewayError(
@@ -54,7 +59,8 @@ class Tokens:
 
     def lets_read(self, token: str) -> bool:
         """Return whether a token lets its bearer read what spectators see."""
-        known = (self.spectate, self.steward, *self.drive)
+        beside = (token for _, token in self.companion)
+        known = (self.spectate, self.steward, *self.drive, *beside)
         fits = [_fits(token, one) for one in known if one]
         return not self.spectate or any(fits)
 

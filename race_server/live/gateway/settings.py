@@ -2,6 +2,7 @@
 
 import socket
 import ssl
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -51,12 +52,15 @@ def place_of(words: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
-def tokens_for(*, drivers: int, steward: bool, open_to_all: bool) -> Tokens:
-    """Return new tokens. open_to_all: spectators need none."""
+def tokens_for(
+    *, drivers: int, steward: bool, open_to_all: bool, companions: Iterable[int] = ()
+) -> Tokens:
+    """Return new tokens. open_to_all: spectators need none; companions: of these seats."""
     return Tokens(
         spectate="" if open_to_all else new_token(),
         drive=tuple(new_token() for _ in range(drivers)),
         steward=new_token() if steward else "",
+        companion=tuple((seat, new_token()) for seat in sorted(set(companions))),
     )
 
 
@@ -98,6 +102,7 @@ class Addresses:
     watch: str
     drive: tuple[str, ...]
     steward: str  # "" where there is none
+    companion: tuple[str, ...] = ()
 
 
 def addresses_of(settings: Settings, port: int) -> Addresses:
@@ -112,4 +117,5 @@ def addresses_of(settings: Settings, port: int) -> Addresses:
         f"{base}#watch" + (f"&token={tokens.spectate}" if tokens.spectate else ""),
         tuple(f"{base}#drive&token={token}" for token in tokens.drive),
         f"{base}#steward&token={tokens.steward}" if tokens.steward else "",
+        tuple(f"{base}#beside&token={token}" for _, token in tokens.companion),
     )

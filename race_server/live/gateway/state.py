@@ -8,6 +8,7 @@ from typing import Protocol
 
 from race_server.errors import GatewayError
 from race_server.live.gateway.audience import RAYS, Outbox
+from race_server.live.gateway.companion import CompanionSeat
 from race_server.live.gateway.connection_limiter import network_of
 from race_server.live.gateway.driver_seat import DriverSeat
 from race_server.live.gateway.frames import frame_of
@@ -59,6 +60,10 @@ class GatewayState:
             DriverSeat(number, self._connect_driver, settings.ring.seats, self.pool, timing)
             for number in range(len(settings.tokens.drive))
         ]
+        self.companion_seats = {
+            seat: CompanionSeat(seat, self._connect_driver, self.pool)
+            for seat, _ in settings.tokens.companion
+        }
         self.stewarding = Stewarding(self._connect_steward, self._token, self.pool)
         self.browsers: set[Connection] = set()
         self._hosts: Counter[str] = Counter()
@@ -162,7 +167,8 @@ class GatewayState:
 
     async def close(self) -> None:
         """Leave all seats and close all links."""
-        leaving = (seat.leave() for seat in self.driver_seats)
+        leaving = [seat.leave() for seat in self.driver_seats]
+        leaving += [seat.close() for seat in self.companion_seats.values()]
         await asyncio.gather(*leaving, return_exceptions=True)
         await self.stewarding.close()
         for pool in (self.pool, self.readers):

@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass
+from typing import Any
 
 import flatbuffers
 
@@ -12,6 +13,7 @@ from race_server.net.wire.generated.spectate import Standing as StandingTable
 from race_server.net.wire.generated.spectate import Standings
 from race_server.net.wire.parking import add_parking, add_planned, read_parking, read_planned
 from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
+from race_server.net.wire.timing import add_timing, read_timing
 
 U8, U16, U32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<I")
 I64 = struct.Struct("<q")
@@ -30,6 +32,13 @@ class StandingsFrame:
     laps: int
     course: str
     rows: tuple[Standing, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain data; what has a name by its name."""
+        named = {"phase": self.phase.name.lower(), "flag": self.flag.name.lower()}
+        rows = [row.as_json() for row in self.rows]
+        numbers = {name: getattr(self, name) for name in ("epoch", "tick", "start_tick", "laps")}
+        return {"course": self.course, **numbers, **named, "rows": rows}
 
 
 # Slot and layout of each number of a row.
@@ -62,6 +71,7 @@ def encode_standings(frame: StandingsFrame) -> bytes:
         for lap_us in reversed(row.lap_times_us):
             builder.PrependInt64(lap_us)
         laps = builder.EndVector()
+        timing = add_timing(builder, row.timing) if row.timing else 0
         StandingTable.Start(builder)
         StandingTable.AddDriver(builder, driver)
         for name in _NUMBERS:
@@ -71,6 +81,8 @@ def encode_standings(frame: StandingsFrame) -> bytes:
             StandingTable.AddParking(builder, add_parking(builder, row.parking))
         if row.planned is not None:
             StandingTable.AddPlanned(builder, add_planned(builder, row.planned))
+        if timing:
+            StandingTable.AddTiming(builder, timing)
         offsets.append(StandingTable.End(builder))
     Standings.StartRowsVector(builder, len(offsets))
     for offset in reversed(offsets):
@@ -131,6 +143,7 @@ def _standing(row: Table, most_laps: int) -> Standing:
         raise WireError(f"standings are damaged: {error}") from error
     driver = row.text(0, NAME_BYTES)[:MOST_NAME]
     parking, planned = read_parking(row, 13), read_planned(row, 14)
+    timing = read_timing(row, 15)
     return Standing(
         **numbers,
         status=status,
@@ -138,4 +151,5 @@ def _standing(row: Table, most_laps: int) -> Standing:
         lap_times_us=laps,
         parking=parking,
         planned=planned,
+        timing=timing,
     )

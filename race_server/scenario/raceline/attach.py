@@ -16,6 +16,7 @@ from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.raceline.result import Raceline
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.line import ReferenceLine
+from race_server.scenario.track.polyline import loops_of, nearest_on
 
 if TYPE_CHECKING:
     # Scenarios import kernels, and so a compiler; to look up a line takes neither.
@@ -77,17 +78,39 @@ def line_of(course: Course, bounds: Bounds, reference: Raceline) -> ReferenceLin
     samples = np.interp(
         np.arange(count) * course.spacing, np.append(reference.progress, course.length), at
     )
+    left = _between(at, _closed(frame.high + bounds.reach - offset), wanted)
+    right = _between(at, _closed(offset - frame.low + bounds.reach), wanted)
+    heading = _between(at, np.unwrap(_closed(reference.heading)), wanted)
+    if course.kerb + course.grass == 0.0:
+        to_left, to_right = _ways_to_borders(course, np.column_stack([x, y]), heading)
+        left, right = np.minimum(left, to_left), np.minimum(right, to_right)
     return ReferenceLine(
         spacing=spacing,
         x=x,
         y=y,
-        heading=_between(at, np.unwrap(_closed(reference.heading)), wanted),
+        heading=heading,
         curvature=_between(at, _closed(reference.curvature), wanted),
         speed=np.sqrt(_between(at, _closed(reference.speed**2), wanted)),
-        left=_between(at, _closed(frame.high + bounds.reach - offset), wanted),
-        right=_between(at, _closed(offset - frame.low + bounds.reach), wanted),
+        left=left,
+        right=right,
         beside=np.round(samples / spacing).astype(np.int64) % count,
     )
+
+
+def _ways_to_borders(course: Course, points: Floats, heading: Floats) -> tuple[Floats, Floats]:
+    """Return how far [m] it is from points (N, 2) of a line to its left and to its right border.
+
+    heading: (N,) of the line [rad]. Straight across the centre line a border may look farther away
+    than it is: beside the tip of a wall, and where the line crosses the course.
+    """
+    left, right = np.full(len(points), np.inf), np.full(len(points), np.inf)
+    for loop in loops_of(course.borders):
+        way, met = nearest_on(loop, points)
+        away = met - points
+        aside = np.cos(heading) * away[:, 1] - np.sin(heading) * away[:, 0]
+        side = left if np.median(aside) > 0.0 else right
+        np.minimum(side, way, out=side)
+    return left, right
 
 
 def stand_in(course: Course, bounds: Bounds, note: str) -> ReferenceLine:

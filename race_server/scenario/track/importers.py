@@ -64,7 +64,7 @@ def import_course(
     points = points_in(occupancy) if occupancy else read_tum(source)
     report(0.3)
     likely = scale_for(float(points[:, 2:].sum(axis=1).mean()))
-    words = _file_of(points, source.name, scale or likely, title).encode()
+    words = line_file(points, f"Imported from {source.name}", scale or likely, title).encode()
     course = course_in(target.stem, target.name, words)
     report(0.9)
     files = {}
@@ -93,11 +93,15 @@ def _write(files: Mapping[Path, bytes], target: Path) -> None:
         raise TrackError(f"{target}: cannot be written: {error.strerror}") from error
 
 
-def _file_of(points: Floats, source: str, scale: str, title: str) -> str:
+def line_file(points: Floats, origin: str, scale: str, title: str) -> str:
+    """Return the content of a course file of the form `line`.
+
+    points: (N, 4) x, y, half-width left, half-width right [m]; origin: words on its first line.
+    """
     clean = "".join(letter for letter in title if letter.isprintable() and letter not in '"\\')
     rows = [f"    [{x:.4f}, {y:.4f}, {left:.4f}, {right:.4f}]," for x, y, left, right in points]
     head = [
-        f"# Imported from {source}. Points: x, y, half-width left, half-width right [m].",
+        f"# {' '.join(origin.split())}. Points: x, y, half-width left, half-width right [m].",
         "",
         f'title = "{clean[:64] or "Imported"}"',
         'form = "line"',

@@ -121,8 +121,7 @@ def _events(data: bytes) -> Words:
 
 
 def _standings(data: bytes) -> Words:
-    frame = decode_standings(data)
-    return {"tick": frame.tick, "rows": [row.as_json() for row in frame.rows]}
+    return decode_standings(data).as_json()
 
 
 def _lot(data: bytes) -> Words:

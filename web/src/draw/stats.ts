@@ -1,8 +1,11 @@
 // What tests read at window.__race, if the address has #stats=1.
 
 import type { Course } from '../race/course';
+import type { Race } from '../race/race.svelte';
 import type { Visit } from '../race/visit.svelte';
 import type { KartFrame } from '../wire/frames';
+import type { SceneView } from '../scene/view';
+import type { Headset } from '../xr/session';
 import type { Meter, Share } from './meter';
 
 export interface Stats {
@@ -13,8 +16,11 @@ export interface Stats {
   readonly tick: number;
   readonly phase: number;
   readonly karts: readonly KartFrame[];
+  readonly race: Race;
   /** The points of the centre line. */
   way(): [number, number][];
+  scene?: SceneView; // where the race is shown in three dimensions
+  headset?: Headset; // once one was put on
 }
 
 declare global {
@@ -27,6 +33,7 @@ declare global {
 export function publishStats(visit: Visit, meter: Meter): void {
   const { race } = visit;
   window.__race = {
+    race,
     get frame_ms() {
       return meter.frameMs;
     },

@@ -23,6 +23,12 @@ export function gapText(seconds: number): string {
   return `+${seconds.toFixed(seconds < 100 ? 3 : 1)}`;
 }
 
+/** Returns a count of places with its sign, nothing for none. */
+export function gainedText(places: number): string {
+  if (!places) return '';
+  return `${places < 0 ? '−' : '+'}${Math.abs(places)}`;
+}
+
 /** Returns a difference with its sign, such as −0.42. */
 export function deltaText(seconds: number): string {
   if (Number.isNaN(seconds)) return '–';

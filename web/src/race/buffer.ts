@@ -76,9 +76,13 @@ export class SnapshotBuffer {
 
   /** Returns the snapshot to draw now, its karts interpolated. */
   sample(nowMs: number): SnapshotFrame | null {
+    return this.sampleAt(this.playheadMs(nowMs));
+  }
+
+  /** Returns the race at a time of snapshots [ms], beyond the newest one extrapolated. */
+  sampleAt(playhead: number): SnapshotFrame | null {
     const last = this.frames.length - 1;
     if (last < 0) return null;
-    const playhead = this.playheadMs(nowMs);
     let after = last;
     while (after > 0 && this.stampOf(this.frames[after - 1]!) >= playhead) after--;
     const late = this.frames[after]!;

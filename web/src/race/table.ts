@@ -1,6 +1,6 @@
 // The rows of the leaderboard, from standings and snapshots.
 
-import type { ParkingFrame, SnapshotFrame, StandingsFrame } from '../wire/frames';
+import type { ParkingFrame, SnapshotFrame, StandingsFrame, TimingFrame } from '../wire/frames';
 import { Status } from '../wire/tables';
 import { TICKS_PER_SECOND } from './clock';
 import { type Pace, gapBetween } from './pace';
@@ -26,6 +26,7 @@ export interface Row {
   flags: number;
   ageMs: number; // of its newest input, NaN if unknown
   parking: ParkingFrame | null;
+  timing: TimingFrame | null;
 }
 
 export interface Sources {
@@ -63,13 +64,26 @@ export function tableOf(sources: Sources): Row[] {
       flags: kart?.flags ?? 0,
       ageMs: ages.get(row.seat) ?? NaN,
       parking: row.parking,
+      timing: row.timing,
     };
   });
   rows.sort((one, other) => one.place - other.place || one.seat - other.seat);
-  addGaps(rows, paces, snapshot?.tick ?? standings.tick);
+  if (rows.some((row) => row.timing)) takeGaps(rows, standings);
+  else addGaps(rows, paces, snapshot?.tick ?? standings.tick);
   return rows;
 }
 
+/** Gaps and intervals as the server times them. */
+function takeGaps(rows: Row[], standings: StandingsFrame): void {
+  const gaps = new Map(standings.rows.map((row) => [row.seat, row.gapUs]));
+  for (const row of rows) {
+    row.gapS = (gaps.get(row.seat) || NaN) / 1e6;
+    row.intervalS = (row.timing?.intervalUs || NaN) / 1e6;
+    row.lapsBehind = row.timing?.lapsDown ?? 0;
+  }
+}
+
+/** Gaps and intervals from snapshots, for a recording from before the server timed them. */
 function addGaps(rows: Row[], paces: ReadonlyMap<number, Pace>, tick: number): void {
   const leader = rows[0];
   for (const [index, row] of rows.entries()) {

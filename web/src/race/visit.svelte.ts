@@ -12,6 +12,7 @@ import type {
   Position,
   Refused,
   Request,
+  Role,
   Told,
   Welcome,
 } from '../wire/protocol';
@@ -86,7 +87,7 @@ export class Visit {
         this.welcome = told;
         this.notice = null;
         this.isReady = false;
-        if (told.delay_ms && told.role !== 'drive') this.race.buffer.delayMs = told.delay_ms;
+        if (told.delay_ms && !isAtTheWheel(told.role)) this.race.buffer.delayMs = told.delay_ms;
         if (this.isRecording) this.send({ type: 'play', speed: 1 });
         return;
       case 'notice':
@@ -118,6 +119,11 @@ export class Visit {
       case 'refused':
     }
   }
+}
+
+/** Whether a role looks through a driver's eyes: the picture must not be late. */
+function isAtTheWheel(role: Role): boolean {
+  return role === 'drive' || role === 'companion';
 }
 
 function addressOf(place: Location): string {

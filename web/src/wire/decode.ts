@@ -81,6 +81,7 @@ function readKart(table: Snapshot, row: number): KartFrame {
     y: kart.y(),
     heading: kart.heading(),
     speed: kart.speed(),
+    lateralSpeed: kart.lateralSpeed(),
     yawRate: kart.yawRate(),
     steering: kart.steering(),
     progress: kart.progress(),
@@ -143,6 +144,7 @@ function readStanding(table: Standings, index: number): StandingFrame {
   const row = table.rows(index)!;
   const parking = row.parking();
   const planned = row.planned();
+  const timing = row.timing();
   return {
     driver: row.driver() ?? '',
     seat: row.seat(),
@@ -165,6 +167,13 @@ function readStanding(table: Standings, index: number): StandingFrame {
       moves: parking.moves(),
     },
     planned: planned && { seconds: planned.time(), way: planned.way(), moves: planned.moves() },
+    timing: timing && {
+      intervalUs: Number(timing.intervalUs()),
+      theoreticalUs: Number(timing.theoreticalUs()),
+      lapsDown: timing.lapsDown(),
+      gained: timing.gained(),
+      miniMerits: rowsOf(timing.miniMeritsLength(), (mini) => timing.miniMerits(mini)!),
+    },
   };
 }
 

@@ -1,6 +1,6 @@
 // Messages of the gateway as plain data. SI units; angles in radians, left positive.
 
-import type { Ending, EventKind, Flag, Phase, RayHit, Status } from './tables';
+import type { Ending, EventKind, Flag, Merit, Phase, RayHit, Status } from './tables';
 
 export interface KartFrame {
   seat: number;
@@ -8,6 +8,7 @@ export interface KartFrame {
   y: number; // [m] north
   heading: number;
   speed: number; // [m/s]
+  lateralSpeed: number; // [m/s] to the left
   yawRate: number; // [rad/s]
   steering: number; // at the road wheels
   progress: number; // [m] along the centre line from the timing line
@@ -97,6 +98,16 @@ export interface StandingFrame {
   lapTimesUs: number[];
   parking: ParkingFrame | null; // only in a car park
   planned: PlannedFrame | null; // where a driver from outside of the server has parked
+  timing: TimingFrame | null; // on a course; none in recordings from before there was any
+}
+
+/** What the server's timing tells of a kart beside its laps. */
+export interface TimingFrame {
+  intervalUs: number; // to the kart one place ahead, 0 if unknown
+  theoreticalUs: number; // sum of its best sectors, 0 until it has driven each
+  lapsDown: number; // whole laps behind the leader
+  gained: number; // places since the grid
+  miniMerits: Merit[]; // of twenty equal parts of a lap
 }
 
 export interface StandingsFrame {

@@ -1,6 +1,6 @@
 // The texts between the page and the gateway; see docs/gateway.md.
 
-export type Role = 'spectate' | 'drive' | 'steward';
+export type Role = 'spectate' | 'drive' | 'steward' | 'companion';
 
 export interface Hello {
   role: Role;

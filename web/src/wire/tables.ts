@@ -1,5 +1,5 @@
 // What the page uses of the code that flatc generates: enumerations, readers and writers.
-export { Button, Ending, EventKind, Flag, KartFlag, Phase, RayHit, Status } from './generated/codes.js';
+export { Button, Ending, EventKind, Flag, KartFlag, Merit, Phase, RayHit, Status } from './generated/codes.js';
 export { Control } from './generated/drive/control.js';
 export { ControlMessage } from './generated/drive/control-message.js';
 export { Hud } from './generated/drive/hud.js';

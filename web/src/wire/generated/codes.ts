@@ -10,6 +10,7 @@ export { FailsafeStage } from './codes/failsafe-stage.js';
 export { Flag } from './codes/flag.js';
 export { InterventionKind } from './codes/intervention-kind.js';
 export { KartFlag } from './codes/kart-flag.js';
+export { Merit } from './codes/merit.js';
 export { Phase } from './codes/phase.js';
 export { PoseFault } from './codes/pose-fault.js';
 export { RayHit } from './codes/ray-hit.js';

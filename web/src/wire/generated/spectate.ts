@@ -18,5 +18,6 @@ export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';
 export { Standings } from './spectate/standings.js';
+export { Timing } from './spectate/timing.js';
 export { Trailer } from './spectate/trailer.js';
 export { Walker } from './spectate/walker.js';

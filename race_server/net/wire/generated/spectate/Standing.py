@@ -157,8 +157,19 @@ class Standing(object):
             return obj
         return None
 
+    # Standing
+    def Timing(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(34))
+        if o != 0:
+            x = self._tab.Indirect(o + self._tab.Pos)
+            from race_server.net.wire.generated.spectate.Timing import Timing
+            obj = Timing()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
 def StandingStart(builder):
-    builder.StartObject(15)
+    builder.StartObject(16)
 
 def Start(builder):
     StandingStart(builder)
@@ -258,6 +269,12 @@ def StandingAddPlanned(builder, planned):
 
 def AddPlanned(builder, planned):
     StandingAddPlanned(builder, planned)
+
+def StandingAddTiming(builder, timing):
+    builder.PrependUOffsetTRelativeSlot(15, flatbuffers.number_types.UOffsetTFlags.py_type(timing), 0)
+
+def AddTiming(builder, timing):
+    StandingAddTiming(builder, timing)
 
 def StandingEnd(builder):
     return builder.EndObject()

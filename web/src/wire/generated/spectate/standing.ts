@@ -7,6 +7,7 @@ import * as flatbuffers from 'flatbuffers';
 import { Status } from '../codes/status.js';
 import { Parking } from '../spectate/parking.js';
 import { Planned } from '../spectate/planned.js';
+import { Timing } from '../spectate/timing.js';
 
 
 export class Standing {
@@ -109,8 +110,13 @@ planned(obj?:Planned):Planned|null {
   return offset ? (obj || new Planned()).__init(this.bb_pos + offset, this.bb!) : null;
 }
 
+timing(obj?:Timing):Timing|null {
+  const offset = this.bb!.__offset(this.bb_pos, 34);
+  return offset ? (obj || new Timing()).__init(this.bb!.__indirect(this.bb_pos + offset), this.bb!) : null;
+}
+
 static startStanding(builder:flatbuffers.Builder) {
-  builder.startObject(15);
+  builder.startObject(16);
 }
 
 static addDriver(builder:flatbuffers.Builder, driverOffset:flatbuffers.Offset) {
@@ -183,6 +189,10 @@ static addParking(builder:flatbuffers.Builder, parkingOffset:flatbuffers.Offset)
 
 static addPlanned(builder:flatbuffers.Builder, plannedOffset:flatbuffers.Offset) {
   builder.addFieldStruct(14, plannedOffset, 0);
+}
+
+static addTiming(builder:flatbuffers.Builder, timingOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(15, timingOffset, 0);
 }
 
 static endStanding(builder:flatbuffers.Builder):flatbuffers.Offset {

@@ -7,8 +7,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.net.wire.lobby import CourseSheet
-
 Floats = NDArray[np.float64]
 
 
@@ -60,12 +58,3 @@ class LotFence:
     def heading_at(self, x: float, y: float) -> None:
         """Return None: a receiver with two antennas has to tell."""
         del x, y
-
-
-def fence_of(sheet: CourseSheet) -> Fence:
-    """Return the course as the kart may use it."""
-    if len(sheet.line):
-        return CourseFence(sheet.line, sheet.half_widths, sheet.kerb)
-    corners = sheet.borders.reshape(-1, 2)
-    (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    return LotFence((x0, y0), (x1, y1))

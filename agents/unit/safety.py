@@ -18,6 +18,8 @@ from race_server.core.messages import Control
 from race_server.core.vehicles import GRAVITY, Vehicle
 
 Floats = NDArray[np.float64]
+# Shares of what its figures promise that a kart does for certain, and as a rule.
+CERTAIN, RACED = 0.7, 0.85
 # Brakes where there is time: a kart behind is not surprised.
 GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
@@ -43,10 +45,12 @@ class Limits:
     """What the reflex may count on, and where it draws the line."""
 
     braking: float  # [m/s²] that the kart reaches for certain
-    reaction_s: float  # until the brakes bite
-    half_width: float  # [m] of the corridor that the body needs
+    promised: float  # [m/s²] that it reaches as a rule
+    reaction_s: float  # until the brakes bite, with some to spare
+    half_width: float  # [m] of the corridor that the body needs, with some to spare
+    spare: float  # [m] of it that is no body
     berth: float  # [m] beside it that people get: an echo is one point of a wider person
-    swerve: float  # [m/s²] across by which a driver may turn towards a person at any time
+    near: float  # [m] within which somebody who comes into view has come from behind something
     nose: float  # [m] from the rear axle to the front bumper
     stand_off: float  # [m] that must be left
     restart: float  # [m] that must be free before a kart that braked for something drives on
@@ -61,21 +65,27 @@ class Limits:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> "Limits":
-        """Return the limits for a vehicle: 70 % of the braking that its figures promise."""
+        """Return the limits for a vehicle: 70 % of the braking that its figures promise.
+
+        People and things count on that. Borders and other karts are raced close to: there the
+        reflex waits until 85 % are needed.
+        """
         promised = min(vehicle.brake_force / vehicle.mass, vehicle.grip * GRAVITY)
         return cls(
-            braking=0.7 * promised,
+            braking=CERTAIN * promised,
+            promised=RACED * promised,
             reaction_s=0.2,
             half_width=0.55 * vehicle.width,
+            spare=0.05 * vehicle.width,
             berth=0.35 * vehicle.width,
-            swerve=0.3 * 0.7 * vehicle.grip * GRAVITY,
+            near=15.0 * vehicle.length,
             nose=vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length,
             stand_off=0.25 * vehicle.length,
             restart=1.5 * vehicle.length,
             top_speed=1.25 * vehicle.top_speed,
             reverse_speed=vehicle.reverse_speed,
             sharpest=math.tan(vehicle.steering_limit) / vehicle.wheelbase,
-            grip=0.7 * vehicle.grip * GRAVITY,
+            grip=CERTAIN * vehicle.grip * GRAVITY,
             slow_speed=0.15 * vehicle.top_speed,
             fence=0.5 * vehicle.length,
         )
@@ -111,18 +121,23 @@ class Echoes:
 
     def without_karts(self) -> "Echoes":
         """Return what is left where other karts are not looked at."""
-        return self._kept(self.kinds != codes.KART_HIT)
+        return self.kept(self.kinds != codes.KART_HIT)
+
+    def without_borders(self) -> "Echoes":
+        """Return what does not belong to the course."""
+        return self.kept(self.kinds != codes.BORDER)
 
     def of_people(self) -> "Echoes":
         """Return what is neither a kart nor a border."""
-        return self._kept(self.may_be_people)
+        return self.kept(self.may_be_people)
 
     @property
     def may_be_people(self) -> NDArray[np.bool_]:
         """Which echoes may be of a person, shape (n,): not every radar tells one from a thing."""
         return (self.kinds == codes.OBSTACLE) | (self.kinds == codes.PERSON)
 
-    def _kept(self, kept: NDArray[np.bool_]) -> "Echoes":
+    def kept(self, kept: NDArray[np.bool_]) -> "Echoes":
+        """Return the echoes of a mask (n,)."""
         return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
 
 
@@ -166,13 +181,14 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
     """Return which echoes will be hit along an arc unless the kart brakes fully now.
 
     A kart need not keep a distance from borders: drivers use all of the track. From people it keeps
-    a lateral distance, which grows with the braking time: a bend opens, a driver turns.
+    a berth. Who walks towards the way is foreseen by `race_agents.unit.danger`.
     """
     along, aside = way_along(echoes.x, echoes.y, curvature)
-    gap = along - limits.nose - np.where(echoes.kinds == codes.BORDER, 0.0, limits.stand_off)
-    time_s = braking_time(echoes.closing, limits)
-    berth = limits.berth + 0.5 * limits.swerve * time_s**2
-    beside = np.where(echoes.may_be_people, berth, 0.0)
+    is_raced = (echoes.kinds == codes.BORDER) | (echoes.kinds == codes.KART_HIT)
+    gap = along - limits.nose - np.where(is_raced, 0.0, limits.stand_off)
+    late_s = 0.5 * limits.reaction_s + np.maximum(echoes.closing, 0.0) / (2.0 * limits.promised)
+    time_s = np.where(is_raced, late_s, braking_time(echoes.closing, limits))
+    beside = np.where(echoes.may_be_people, limits.berth, np.where(is_raced, -limits.spare, 0.0))
     ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
     return ahead & (gap < echoes.closing * time_s)
 
@@ -183,12 +199,18 @@ def watch_obstacles(
     """Brake for what stands in the way.
 
     now, wanted: curvature [1/m] that the kart drives, and that its driver steers to. Whatever
-    stands on one of these two ways counts, be it a person, a kart or a thing. The border of a bend
-    lies on the way of every kart that is about to turn: it counts where no way leads past it.
+    stands on one of these two ways counts, be it a person or a thing; a kart counts on both. The
+    border of a bend lies on the way of every kart that is about to turn: it counts where no way
+    leads past it.
     """
-    is_border = echoes.kinds == codes.BORDER
+    if not len(echoes.x):
+        return Verdict()
+    is_border, is_kart = echoes.kinds == codes.BORDER, echoes.kinds == codes.KART_HIT
     drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
-    if bool(((drives | will) & ~is_border).any()):
+    is_free = ~is_border & ~is_kart
+    if bool(((drives | will) & is_free).any()):
+        return STOP_FOR_OBSTACLE
+    if bool((drives & will & is_kart).any()):  # who steers past a kart passes it
         return STOP_FOR_OBSTACLE
     if not (drives & is_border).any() or not (will & is_border).any():
         return Verdict()
@@ -200,7 +222,7 @@ def watch_obstacles(
 
 def ways_out(speed: float, limits: Limits) -> list[float]:
     """Return the curvatures [1/m] that a kart may still steer, from right to left."""
-    most = min(limits.sharpest, limits.grip / max(speed * speed, 1e-6))
+    most = min(limits.sharpest, limits.grip / (CERTAIN * max(speed * speed, 1e-6)))
     return [most * share for share in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)]
 
 
@@ -218,6 +240,8 @@ def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
 
     Steering around what is that near takes it out of the radar's sight and under a front wheel.
     """
+    if not len(echoes.x):
+        return Verdict()
     for curvature in ways_out(0.0, limits):
         held = watch_creeping(echoes, curvature, limits.restart, limits)
         if held.brake > 0.0:

@@ -11,9 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.onboard.ekf import HEADING, SLIDE, SPEED, YAW_RATE, KartFilter, X, Y
-from race_agents.onboard.fence import Fence
-from race_agents.onboard.safety import (
+from race_agents.unit.danger import NO_DANGER, Danger, Stage, assess, watch_danger
+from race_agents.unit.ego import EgoMotion
+from race_agents.unit.estimator import Estimator
+from race_agents.unit.fence import Fence
+from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
+from race_agents.unit.objects import Objects
+from race_agents.unit.orders import Orders
+from race_agents.unit.readings import Fix, Readings
+from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     Command,
     Echoes,
@@ -29,50 +35,22 @@ from race_agents.onboard.safety import (
     watch_restart,
     watch_speed,
 )
+from race_server.core import codes
 from race_server.core.messages import Button, Control, Pose, Source
-from race_server.core.vehicles import GRAVITY, Vehicle
-from race_server.net.wire.drive import HudFrame
+from race_server.core.vehicles import Vehicle
 
 MICROSECONDS = 1_000_000
-# Standard deviations of the readings, where a sensor does not give its own.
-WHEEL_DEVIATION, WHEEL_SHARE, GYRO_DEVIATION = 0.05, 0.02, 0.02  # [m/s], of the speed, [rad/s]
 # Without a position fix for longer than this [s] the place is dead reckoning.
 FIX_S = 0.5
-# [rad] by which rear tyres that hold run aside, and [m/s] at a crawl, as standard deviations.
-SLIP, CRAWL_SLIP = 0.1, 0.05
-# An acceleration, as a share of what the tyres hold, that only a wall or another kart can cause.
-BLOW = 1.3
-
 
 STOP = Control(brake=1.0)
 STANDS = 0.05  # [m/s]
+# Faster than this [m/s] the gyro tells the bend that is driven.
+ROLLS = 2.0
 # A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
-
-
-@dataclass(frozen=True)
-class Fix:
-    """One reading of the position."""
-
-    x: float
-    y: float
-    deviation: float  # [m]
-    source: Source = Source.CORRECTED_SATELLITES
-    heading: float | None = None  # [rad] of a receiver with two antennas
-
-
-@dataclass(frozen=True)
-class Readings:
-    """What the sensors give at one moment; None where one has nothing new."""
-
-    time_s: float  # by the kart's own clock
-    wheel_speed: float  # [m/s]
-    yaw_rate: float  # [rad/s] of the gyro, with its bias
-    steering: float  # [rad] at the road wheels
-    acceleration: tuple[float, float] | None = None  # [m/s²] ahead and to the left
-    fix: Fix | None = None
-    echoes: Echoes | None = None
-    ranges: NDArray[np.float64] | None = None  # [m] of a lidar's rays, right to left, 0 for nothing
+# What may be people: not every radar tells one from a thing.
+PEOPLE = (codes.OBSTACLE, codes.PERSON)
 
 
 @dataclass
@@ -82,17 +60,20 @@ class ControlUnit:
     vehicle: Vehicle
     fence: Fence
     limits: Limits
-    fusion: KartFilter | None = None  # from the first position fix on
-    hud: HudFrame | None = None
+    fusion: Estimator | None = None  # from the first position fix on
+    hud: Orders | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
-    echoes: Echoes = field(default_factory=Echoes.nothing)
+    objects: Objects = field(default_factory=Objects)
+    echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
+    loose: Echoes = field(default_factory=Echoes.nothing)  # … but those of karts that are known
+    danger: Danger = NO_DANGER
+    _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
     _driver: Control = STOP
     _driver_s: float = -math.inf
     _time_s: float = 0.0
-    _rate: float = 0.0  # [rad/s] that the gyro gave last
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
@@ -103,7 +84,7 @@ class ControlUnit:
         """Return the unit of a kart of this kind."""
         return cls(vehicle, fence, Limits.of(vehicle))
 
-    def hear(self, hud: HudFrame, now_s: float) -> None:
+    def hear(self, hud: Orders, now_s: float) -> None:
         """Take what the game wants of this kart."""
         self.hud, self._hud_s = hud, now_s
 
@@ -115,57 +96,41 @@ class ControlUnit:
         """Take the newest readings."""
         dt, self._time_s = readings.time_s - self._time_s, readings.time_s
         self.steering = readings.steering
-        if readings.echoes is not None:
-            self.echoes = readings.echoes
         if readings.ranges is not None:
             self.ranges = readings.ranges
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        felt = readings.acceleration
-        self.fusion.predict(dt, push=self._push(felt, readings.yaw_rate, dt), blow=self._blow(felt))
-        self.fusion.see_grip(CRAWL_SLIP + SLIP * abs(float(self.fusion.state[SPEED])))
-        speed = readings.wheel_speed
-        self.fusion.see_speed(speed, WHEEL_DEVIATION + WHEEL_SHARE * abs(speed))
-        self.fusion.see_yaw_rate(readings.yaw_rate, GYRO_DEVIATION)
-        if (fix := readings.fix) is not None:
-            if self.fusion.see_position(fix.x, fix.y, fix.deviation):
-                self._fix_s, self._source = readings.time_s, fix.source
+        if self.fusion.sense(readings):
+            assert readings.fix is not None
+            self._fix_s, self._source = readings.time_s, readings.fix.source
+        elif readings.beacons and self.fusion.is_ranged:
+            self._fix_s, self._source = readings.time_s, Source.BEACONS
+        self._look(readings.echoes, dt)
 
-    def _push(
-        self, felt: tuple[float, float] | None, rate: float, dt: float
-    ) -> tuple[float, float]:
-        """Return how the speeds of the rear axle change [m/s²], ahead and to the left.
-
-        felt: by the accelerometer, which sits in the centre of gravity; rate: what the gyro says.
-        """
+    def _look(self, echoes: Echoes | None, dt: float) -> None:
+        """Take what the radar sees, if there is something new."""
         assert self.fusion is not None
-        turned, self._rate = rate - self._rate, rate
-        if felt is None or dt <= 0.0:
-            return 0.0, 0.0
-        speed, turn, slide = self.fusion.state[[SPEED, YAW_RATE, SLIDE]]
-        lever = self.vehicle.rear_axle
-        ahead = felt[0] + turn * (slide + lever * turn)
-        return float(ahead), float(felt[1] - turn * speed - lever * turned / dt)
-
-    def _blow(self, felt: tuple[float, float] | None) -> float:
-        """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""
-        if felt is None:
-            return 0.0
-        blow = math.hypot(*felt)
-        return blow if blow > BLOW * self.vehicle.grip * GRAVITY else 0.0
+        speed, turn, slide = (float(self.fusion.state[at]) for at in (SPEED, YAW_RATE, SLIDE))
+        self._ego.advance(speed, slide, turn, dt)
+        if echoes is None:
+            return
+        seconds = self._ego.seconds
+        aside = slide + self.vehicle.rear_axle * turn
+        self.objects.look(echoes, self._ego.take(speed, aside), seconds)
+        self.echoes, self.loose = self.objects.seen, self.objects.loose
 
     def _begin(self, fix: Fix | None) -> None:
-        """Begin at the first fix, facing along the course, as every kart does on a grid.
+        """Begin at the first fix: facing as two antennas say or, with one, along the course.
 
-        In a car park the fix has to tell the heading: until one does, the kart does not move.
+        So every kart does on a grid. In a car park the fix has to tell the heading: until one does,
+        the kart does not move.
         """
         if fix is None:
             return
-        heading = self.fence.heading_at(fix.x, fix.y)
-        if (heading := fix.heading if heading is None else heading) is not None:
-            lever = self.vehicle.rear_axle
-            self.fusion = KartFilter(fix.x, fix.y, heading, lever=lever)
+        heading = self.fence.heading_at(fix.x, fix.y) if fix.heading is None else fix.heading
+        if heading is not None:
+            self.fusion = Estimator(self.vehicle, fix, heading, self._time_s)
             self._fix_s, self._source = self._time_s, fix.source
 
     def decide(self, now_s: float) -> Command:
@@ -189,9 +154,13 @@ class ControlUnit:
         assert self.hud is not None
         wanted = self._driver.steering * self.vehicle.steering_limit
         now, will = (math.tan(angle) / self.vehicle.wheelbase for angle in (self.steering, wanted))
+        if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
+            now = float(self.fusion.state[YAW_RATE]) / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
+        self.danger = assess(self.objects.tracks, speed, now, will, self.limits)
         return [
             self._watch_ahead(now, will, speed),
+            watch_danger(self.danger),
             watch_driver(now_s - self._driver_s, self.limits),
             watch_link(now_s - self._hud_s, self.hud.valid_s, self.limits),
             watch_speed(speed, self.limits),
@@ -208,15 +177,16 @@ class ControlUnit:
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
-        verdict = watch_obstacles(self.echoes, speed, now, will, self.limits)
+        verdict = watch_obstacles(self.loose, speed, now, will, self.limits)
         still = self.echoes.without_karts()
-        if verdict.brake > 0.0:
-            alone = watch_obstacles(still, speed, now, will, self.limits)
-            self._is_braking = self._is_braking or alone.brake > 0.0
+        danger = self.danger if self.danger.stage is Stage.FULL else NO_DANGER
+        if verdict.brake > 0.0 or danger is not NO_DANGER:
+            alone = watch_obstacles(still, speed, now, will, self.limits).brake > 0.0
+            self._is_braking |= alone or danger.kind in PEOPLE
             people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
-            if people.brake > 0.0:
+            if people.brake > 0.0 or danger.kind in PEOPLE:
                 self._met_s = self._time_s
-            return verdict
+            return STOP_FOR_OBSTACLE
         if self._is_braking and speed > STANDS:
             return STOP_FOR_OBSTACLE
         if self._driver.throttle <= 0.0:

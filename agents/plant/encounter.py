@@ -1,0 +1,161 @@
+"""A kart meets somebody: a straight way, one object that stands, walks or drives, full throttle.
+
+The shapes are those of the Euro NCAP protocols for pedestrians and cars ahead (AEB VRU, AEB C2C):
+CPLA walks ahead, CPNA and CPFA cross from the near and the far side, CPNCO is a child from behind
+parked vehicles; CCRs stands, CCRm drives 20 km/h, CCRb brakes. They are shapes, not a rating.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from race_agents.plant.kart import Plant
+from race_agents.plant.radar import Floats, Person, Surroundings, gap_to
+from race_agents.plant.sensors import Sensors
+from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.danger import Stage
+from race_agents.unit.safety import Cause
+from race_server.core.messages import Control, Flag, Trust
+from race_server.core.vehicles import Vehicle
+
+KMH = 1.0 / 3.6
+PERIOD_S = 0.02
+RUN_IN_S = 2.5  # the kart drives at its speed before it meets anybody
+BEGIN_S = 4.0  # so long before they meet it begins to count
+AFTER_S = 3.0
+WALKS, HASTES, DRIVES = 5.0 * KMH, 8.0 * KMH, 20.0 * KMH
+ADULT, CHILD = 0.25, 0.2  # [m] radius
+# A kart ahead brakes with this [m/s²] from this far ahead [m].
+BRAKES, FOLLOWS = 4.0, 12.0
+# A parked kart's side is this far beside the way of the body [m].
+PARKED_ASIDE = 1.0
+
+
+class OpenPlace:
+    """A fence round nothing: the kart may be anywhere, and faces east."""
+
+    def beyond(self, x: float, y: float) -> float:
+        """Return that every point is inside."""
+        del x, y
+        return -math.inf
+
+    def heading_at(self, x: float, y: float) -> float:
+        """Return east."""
+        del x, y
+        return 0.0
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """Orders of a race without limits."""
+
+    epoch: int = 1
+    tick: int = 1
+    sequence: int = 1
+    speed_cap: float = math.inf
+    thrust_scale: float = 1.0
+    grip_scale: float = 1.0
+    valid_s: float = math.inf
+    monotonic_us: int = 0
+    lights_s: float = 0.0
+    flag: Flag = Flag.GREEN
+    trust: Trust = Trust.TRUSTED
+
+
+@dataclass(frozen=True)
+class Case:
+    """One meeting. `place` gives the object's x, y, vx, vy [m, m/s] by the time to the meeting.
+
+    The meeting is where front bumper and object would touch if nobody braked: at x = 0.
+    """
+
+    name: str
+    speed: float  # [m/s] of the kart
+    place: Callable[[float], tuple[float, float, float, float]]
+    radius: float | None = ADULT  # None: a kart
+    hidden_by: tuple[tuple[float, float], ...] = ()  # x, y of parked karts
+    is_danger: bool = True
+
+
+@dataclass
+class Outcome:
+    """How a meeting went."""
+
+    impact: float | None = None  # [m/s] of the kart over the other's, None: avoided
+    warned_s: float = math.inf  # by the time since it counts
+    braked_s: float = math.inf
+    seen_s: float = math.inf
+    least_gap: float = math.inf
+    stages: list[int] = field(default_factory=list)
+
+    @property
+    def lead_s(self) -> float:
+        """How long the warning came before full brakes [s]."""
+        return self.braked_s - self.warned_s
+
+
+def meet(case: Case, vehicle: Vehicle, sensors: Sensors, seed: int) -> Outcome:
+    """Let a plant as built from a seed meet somebody, its driver's foot down."""
+    nose = vehicle.box_offset + 0.5 * vehicle.length
+    start = -nose - case.speed * (RUN_IN_S + BEGIN_S)
+    around = Surroundings(np.zeros((0, 4)))
+    plant = Plant.of(vehicle, around, (start, 0.0, 0.0), replace(sensors, fix_delay_s=0.0), seed)
+    plant.body.speed, plant.body.brake = case.speed, 0.0
+    unit = ControlUnit.of(vehicle, OpenPlace())
+    outcome, turns = Outcome(), round((RUN_IN_S + BEGIN_S + AFTER_S) / PERIOD_S)
+    for turn in range(turns):
+        now_s = turn * PERIOD_S
+        _arrange(case, around, RUN_IN_S + BEGIN_S - now_s)
+        unit.sense(plant.read(now_s))
+        unit.hear(FreeRun(), now_s)
+        missing = case.speed - plant.body.speed
+        unit.drive(Control(0.0, max(0.05, min(0.25 + 0.8 * missing, 1.0))), now_s)
+        plant.act(unit.decide(now_s))
+        if now_s >= RUN_IN_S:
+            _note(case, outcome, plant, unit, now_s - RUN_IN_S)
+        if outcome.impact is not None or abs(plant.body.speed) < 0.02:
+            break
+    return outcome
+
+
+def _arrange(case: Case, around: Surroundings, until_s: float) -> None:
+    """Put everybody where they are so long before the meeting."""
+    x, y, vx, vy = case.place(until_s)
+    rows = [(px, py, 0.0, 0.0, 0.0) for px, py in case.hidden_by]
+    if case.radius is None:
+        rows.append((x, y, 0.0, vx, vy))
+        around.people.clear()
+    else:
+        around.people[:] = [Person(x, y, case.radius, vx, vy)]
+    around.others = np.array(rows).reshape(-1, 5)
+
+
+def _note(case: Case, outcome: Outcome, plant: Plant, unit: ControlUnit, now_s: float) -> None:
+    body, stage = plant.body, unit.danger.stage
+    if stage >= Stage.WARN:
+        outcome.warned_s = min(outcome.warned_s, now_s)
+    if unit.command.brake >= 1.0 and unit.command.cause & Cause.OBSTACLE:
+        outcome.braked_s = min(outcome.braked_s, now_s)
+        outcome.warned_s = min(outcome.warned_s, now_s)
+    if stage >= Stage.INFORM:
+        outcome.seen_s = min(outcome.seen_s, now_s)
+    if case.radius is not None:
+        gap = gap_to(plant.around.people[0], body)
+        relative = body.speed
+    else:
+        row = plant.around.others[-1]
+        gap = _gap_of_karts(row, plant)
+        relative = body.speed - float(row[3])
+    outcome.least_gap = min(outcome.least_gap, gap)
+    if gap <= 0.0:
+        outcome.impact = max(relative, 0.0)
+
+
+def _gap_of_karts(row: Floats, plant: Plant) -> float:
+    """Return the gap [m] to a kart on the same way."""
+    body, vehicle = plant.body, plant.body.vehicle
+    if abs(float(row[1]) - body.y) > vehicle.width:
+        return math.inf
+    return float(row[0]) - body.x - vehicle.length

@@ -1,0 +1,158 @@
+"""The matrices of meetings, and what they come to."""
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from race_agents.plant.encounter import (
+    ADULT,
+    BRAKES,
+    CHILD,
+    DRIVES,
+    FOLLOWS,
+    HASTES,
+    KMH,
+    PARKED_ASIDE,
+    WALKS,
+    Case,
+    Outcome,
+    meet,
+)
+from race_agents.plant.radar import RadarErrors
+from race_agents.plant.row import Row
+from race_agents.plant.sensors import Sensors
+from race_agents.plant.whereabouts import Setting
+from race_server.core.vehicles import Vehicle
+
+SPEEDS = tuple(speed * KMH for speed in (10, 20, 30, 40, 50, 60))
+SHARES = (0.10, 0.25, 0.50, 0.75, 0.90)  # of the width, where who crosses would be hit
+# A radar that errs: a stray echo in ten scans, a tenth of all echoes missing.
+ERRS = RadarErrors(
+    clutter=0.1,
+    misses=0.1,
+    confusion=0.01,
+    ghosts=0.02,
+    closing_deviation=0.1,
+    bearing_deviation=0.01,
+)
+ASIDE = (1.0, 1.5, 2.0)  # [m] beside the body's way
+TO_50 = tuple(speed * KMH for speed in (20, 30, 40, 50))
+# Full braking of a kart as its figures promise, and the time until it bites.
+BOUND_BRAKING, BOUND_DELAY_S = 6.5, 0.1
+
+Move = tuple[float, float, float, float]
+
+
+def _crosses(until_s: float, *, pace: float, side: float, at: float, x: float) -> Move:
+    """Return who walks across. side: -1 from the right; at: y at the meeting [m]."""
+    return x, at + side * pace * until_s, 0.0, -side * pace
+
+
+def _ahead(until_s: float, *, pace: float, at: float, x: float) -> Move:
+    return x - pace * until_s, at, pace, 0.0
+
+
+def _brakes(until_s: float, *, speed: float, length: float) -> Move:
+    """Return a kart that drives `FOLLOWS` ahead and brakes until it stands, from 1 s on."""
+    since = max(4.0 - until_s - 1.0, 0.0)
+    least = min(since, speed / BRAKES)
+    way = speed * min(4.0 - until_s, 1.0) + speed * least - 0.5 * BRAKES * least**2
+    start = -speed * 4.0 + FOLLOWS + 0.5 * length
+    return start + way, 0.0, max(speed - BRAKES * since, 0.0), 0.0
+
+
+def people(vehicle: Vehicle) -> Iterator[Case]:
+    """Yield the meetings with people."""
+    width, length = vehicle.width, vehicle.length
+    for speed in SPEEDS:
+        for share in (0.25, 0.5):
+            at = (share - 0.5) * width
+            yield Case("CPLA", speed, partial(_ahead, pace=WALKS, at=at, x=ADULT))
+        for share in SHARES:
+            at = (share - 0.5) * width
+            near = partial(_crosses, pace=WALKS, side=-1.0, at=at, x=ADULT)
+            far = partial(_crosses, pace=HASTES, side=1.0, at=-at, x=ADULT)
+            child = partial(_crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
+            yield Case("CPNA", speed, near)
+            yield Case("CPFA", speed, far)
+            y = -(0.5 * width + PARKED_ASIDE + 0.5 * width)
+            parked = ((-0.5 * length - 0.3, y), (-1.5 * length - 0.8, y))
+            yield Case("CPNCO", speed, child, CHILD, parked)
+
+
+def karts(vehicle: Vehicle) -> Iterator[Case]:
+    """Yield the meetings with karts ahead."""
+    half = 0.5 * vehicle.length
+    for speed in SPEEDS:
+        yield Case("CCRs", speed, partial(_ahead, pace=0.0, at=0.0, x=half), None)
+        if speed > DRIVES + 1.0:
+            yield Case("CCRm", speed, partial(_ahead, pace=DRIVES, at=0.0, x=half), None)
+        brakes = partial(_brakes, speed=speed, length=vehicle.length)
+        yield Case("CCRb", speed, brakes, None)
+
+
+def bystanders(vehicle: Vehicle) -> Iterator[Case]:
+    """Yield those for whom no kart may brake fully: who stands beside, and who has left."""
+    for speed in TO_50:
+        for aside in ASIDE:
+            y = 0.5 * vehicle.width + aside + ADULT
+            yield Case("stands beside", speed, partial(_ahead, pace=0.0, at=y, x=0.0))
+            gone = partial(_crosses, pace=WALKS, side=-1.0, at=y + 2.0 * WALKS, x=0.0)
+            yield Case("has left", speed, gone)
+
+
+def rows(setting: Setting) -> list[Row]:
+    """Return the table of the meetings, a radar that errs, some karts as built."""
+    vehicle, sensors, builds = setting.vehicle, Sensors(radar=ERRS), min(setting.seeds, 3)
+
+    def outcomes(cases: Sequence[Case]) -> list[tuple[Case, Outcome]]:
+        """Return the worst of some karts as built, for each case."""
+        result = []
+        for case in cases:
+            tries = [meet(case, vehicle, sensors, seed) for seed in range(builds)]
+            setting.tell()
+            result.append((case, max(tries, key=lambda each: each.impact or 0.0)))
+        return result
+
+    met = outcomes([*people(vehicle)])
+    cars = outcomes([*karts(vehicle)])
+    aside = outcomes([*bystanders(vehicle)])
+    result = []
+    for name in ("CPLA", "CPNA", "CPFA", "CPNCO", "CCRs", "CCRm", "CCRb"):
+        mine = [each for each in (*met, *cars) if each[0].name == name]
+        hit = [outcome for _, outcome in mine if outcome.impact is not None]
+        worst = max((outcome.impact or 0.0 for outcome in hit), default=0.0)
+        bound = 1.0 - (_unavoidable(vehicle) if name == "CPNCO" else 0.0)
+        result.append(
+            Row(
+                f"{name}: avoided, 10 to 60 km/h",
+                "share",
+                1.0 - len(hit) / len(mine),
+                least=0.9 * bound,
+                note=f"no brake can avoid more than {bound:.2f}; "
+                f"worst impact {worst / KMH:.0f} km/h",
+            )
+        )
+    visible = [each for each in (*met, *cars) if each[0].name != "CPNCO"]
+    leads = [outcome.lead_s for _, outcome in visible if math.isfinite(outcome.braked_s)]
+    early = float(np.mean([lead >= 0.8 for lead in leads])) if leads else 0.0
+    result.append(
+        Row("warned 0.8 s before full brakes, where it was visible", "share", early, least=1.0)
+    )
+    braked = sum(math.isfinite(outcome.braked_s) for _, outcome in aside)
+    result.append(
+        Row("full brakes for who stands 1 m beside, or has left", "of all", braked, most=0.0)
+    )
+    return result
+
+
+def _unavoidable(vehicle: Vehicle) -> float:
+    """Return which share of the children from behind a parked kart no brake can avoid."""
+    hits = [
+        BOUND_DELAY_S + 0.5 * speed / BOUND_BRAKING > (PARKED_ASIDE + share * vehicle.width) / WALKS
+        for speed in SPEEDS
+        for share in SHARES
+    ]
+    return sum(hits) / len(hits)

@@ -1,0 +1,63 @@
+"""The drill of a real kart's program: every part of its table, on one course."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from race_agents.plant.matrices import rows as danger_rows
+from race_agents.plant.row import Row
+from race_agents.plant.shadow import rows as shadow_rows
+from race_agents.plant.shadow import shadow
+from race_agents.plant.trip import Course
+from race_agents.plant.whereabouts import Setting
+from race_agents.plant.whereabouts import rows as place_rows
+from race_server.core.vehicles import Vehicle
+from race_server.scenario.track.load import load_course
+
+PARTS: dict[str, Callable[[Setting], list[Row]]] = {"place": place_rows, "danger": danger_rows}
+
+
+def measure(
+    track: str,
+    vehicle: Vehicle,
+    seeds: int,
+    part: str | None,
+    tell: Callable[[int], None],
+    *,
+    races: Path | None = None,
+    most_km: float = math.inf,
+) -> dict[str, Any]:
+    """Return the document of the drill.
+
+    part: only this one of `PARTS`, or `races`; tell: called with the number of trips done; races:
+    a folder of recordings, of which so many kilometres are looked at.
+
+    Raises:
+        TrackError: no such course.
+        RecordingError: a file of the folder is no recording of a race.
+    """
+    loaded, done = load_course(track), 0
+
+    def count() -> None:
+        nonlocal done
+        done += 1
+        tell(done)
+
+    setting = Setting(Course(loaded.line, loaded.borders), vehicle, seeds, tell=count)
+    found = [row for name, of in PARTS.items() if part in (None, name) for row in of(setting)]
+    if races is not None and part in (None, "races"):
+        found += shadow_rows(shadow(sorted(races.glob("*.mcap")), most_km=most_km))
+    failed = [
+        f"{row.measured}: {row.figure:.3g} {row.unit}, asked {row.bar}"
+        for row in found
+        if not row.ok
+    ]
+    return {
+        "ok": not failed,
+        "why": "; ".join(failed),
+        "track": track,
+        "vehicle": vehicle.name,
+        "seeds": seeds,
+        "rows": [{**row.document(), "bar": row.bar} for row in found],
+    }

@@ -1,0 +1,1 @@
+"""Simulated pupils: drivers with known faults, to examine a coach without people."""

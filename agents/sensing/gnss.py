@@ -1,0 +1,152 @@
+"""Fixes from the bytes of a satellite receiver: UBX (NAV-PVT, NAV-RELPOSNED) and NMEA.
+
+pyubx2 and pynmeagps frame and check the bytes; damaged messages are counted and dropped.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, BinaryIO
+
+from pyubx2 import ERR_LOG, NMEA_PROTOCOL, UBX_PROTOCOL, UBXReader
+
+from race_agents.sensing.place import LocalFrame
+from race_agents.unit.readings import Fix
+from race_server.core.messages import Source
+
+DAY_S = 86_400.0
+# GPS time is ahead of the time of day of NMEA by this [s], since 2017.
+LEAP_S = 18.0
+KNOT = 0.514444  # [m/s]
+# Deviations [m] that a quality of NMEA's GGA stands for, where no GST tells them.
+DEVIATIONS = {4: 0.02, 5: 0.3, 2: 0.8, 1: 1.5}
+# Carrier solution of UBX: 0 none, 1 float, 2 fixed.
+FIXED = 2
+SPEED_DEVIATION = 0.1  # [m/s] of NMEA's RMC, which tells none
+LEAST_DEVIATION = 0.005  # [m] no antenna is known better
+
+
+@dataclass
+class Pulse:
+    """The receiver's time in the kart's clock, by its pulse each second (PPS)."""
+
+    offset_s: float | None = None  # kart's clock less time of the week
+    day_s: float = 0.0  # time of the week at which the day began (GPS time)
+
+    def mark(self, clock_s: float, week_s: float) -> None:
+        """Note a pulse: at this time of the kart's clock it was exactly this second of the week."""
+        self.offset_s = clock_s - week_s
+        self.day_s = (week_s - LEAP_S) // DAY_S * DAY_S
+
+    def stamp(self, week_s: float) -> float | None:
+        """Return a time of the week in the kart's clock [s], None without a pulse."""
+        return None if self.offset_s is None else week_s + self.offset_s
+
+    def stamp_of_day(self, day_s: float) -> float | None:
+        """Return a time of the day (UTC) in the kart's clock [s], by the day of the last pulse."""
+        if self.offset_s is None:
+            return None
+        return day_s + LEAP_S + self.offset_s + self.day_s
+
+
+@dataclass
+class GnssReader:
+    """A receiver's stream of bytes, as fixes."""
+
+    frame: LocalFrame
+    pulse: Pulse = field(default_factory=Pulse)
+    damaged: int = 0
+    _heading: tuple[int, float, float] | None = None  # time of week [ms], heading, deviation
+    _speed: tuple[Any, float, float] | None = None  # time, speed, course of RMC
+    _deviation: tuple[Any, float] | None = None  # time, deviation of GST
+
+    def read(self, stream: BinaryIO) -> Iterator[Fix]:
+        """Yield fixes until the stream ends."""
+        reader = UBXReader(
+            stream,
+            protfilter=UBX_PROTOCOL | NMEA_PROTOCOL,
+            quitonerror=ERR_LOG,
+            errorhandler=self._count,
+        )
+        while True:
+            raw, message = reader.read()
+            if raw is None:
+                return
+            if message is not None and (fix := self.take(message)) is not None:
+                yield fix
+
+    def _count(self, error: Exception) -> None:
+        del error
+        self.damaged += 1
+
+    def take(self, message: Any) -> Fix | None:
+        """Return the fix that a message completes, if it does."""
+        name = message.identity
+        if name == "NAV-PVT":
+            return self._of_pvt(message)
+        if name == "NAV-RELPOSNED":
+            self._note_heading(message)
+        elif name.endswith("RMC"):
+            if message.status == "A" and message.spd != "":
+                course = self.frame.heading(float(message.cog or 0.0))
+                self._speed = message.time, KNOT * float(message.spd), course
+        elif name.endswith("GST"):
+            if message.stdLat != "" and message.stdLong != "":
+                worse = max(float(message.stdLat), float(message.stdLong))
+                self._deviation = message.time, max(worse, LEAST_DEVIATION)
+        elif name.endswith("GGA"):
+            return self._of_gga(message)
+        return None
+
+    def _note_heading(self, message: Any) -> None:
+        """Take the heading from one antenna to the other: known where both are fixed."""
+        if message.relPosValid and message.relPosHeadingValid and message.carrSoln == FIXED:
+            heading = self.frame.heading(float(message.relPosHeading))
+            self._heading = message.iTOW, heading, math.radians(float(message.accHeading))
+
+    def _of_pvt(self, message: Any) -> Fix | None:
+        """Return a fix of UBX: millimetres and degrees."""
+        if not message.gnssFixOk or message.fixType not in (2, 3, 4):
+            return None
+        x, y = self.frame.place(message.lat, message.lon, 1e-3 * message.height)
+        # hAcc is the error in 68 % of cases in two directions: by √2 for one of them.
+        deviation = max(1e-3 * message.hAcc / math.sqrt(2.0), LEAST_DEVIATION)
+        corrected = message.diffSoln or message.carrSoln
+        fix = Fix(
+            x,
+            y,
+            deviation,
+            Source.CORRECTED_SATELLITES if corrected else Source.SATELLITES,
+            stamp_s=self.pulse.stamp(1e-3 * message.iTOW),
+            speed=1e-3 * message.gSpeed,
+            course=self.frame.heading(float(message.headMot)),
+            speed_deviation=max(1e-3 * message.sAcc, 0.02),
+        )
+        if self._heading is not None and self._heading[0] == message.iTOW:
+            _, heading, spread = self._heading
+            fix = replace(fix, heading=heading, heading_deviation=max(spread, 1e-3))
+        return fix
+
+    def _of_gga(self, message: Any) -> Fix | None:
+        """Return a fix of NMEA, with what RMC and GST told of the same moment before."""
+        quality = int(message.quality or 0)
+        if quality not in DEVIATIONS or message.lat == "":
+            return None
+        height = float(message.alt or 0.0) + float(message.sep or 0.0)
+        x, y = self.frame.place(float(message.lat), float(message.lon), height)
+        deviation = DEVIATIONS[quality]
+        if self._deviation is not None and self._deviation[0] == message.time:
+            deviation = self._deviation[1]
+        time = message.time
+        day_s = 3600.0 * time.hour + 60.0 * time.minute + time.second + 1e-6 * time.microsecond
+        fix = Fix(
+            x,
+            y,
+            deviation,
+            Source.SATELLITES if quality == 1 else Source.CORRECTED_SATELLITES,
+            stamp_s=self.pulse.stamp_of_day(day_s),
+        )
+        if self._speed is not None and self._speed[0] == time:
+            _, speed, course = self._speed
+            fix = replace(fix, speed=speed, course=course, speed_deviation=SPEED_DEVIATION)
+        return fix

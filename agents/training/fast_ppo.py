@@ -1,0 +1,239 @@
+"""PPO as Stable-Baselines3 has it, with the same lessons in less time.
+
+It draws the same actions and minibatches from the same seed, and takes the same steps up to
+rounding: SB3's class (`ppo-sb3`) is the reference that a test compares it with. Where a policy is
+not made of dense layers with a Gaussian answer, SB3's own code does the work.
+"""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.utils import explained_variance
+from stable_baselines3.common.vec_env import VecEnv
+
+from race_agents.training.gaussian_mlp import (
+    HALF_LOG_TAU,
+    GaussianMlp,
+    Lesson,
+    Rows,
+    Told,
+    Weights,
+    layers_of,
+)
+
+LEAST_ROWS = 512  # of a part: below it waiting for the other thread costs more than it saves
+
+
+class FastPpo(PPO):
+    """PPO whose gradients are written out, on several threads."""
+
+    def __init__(self, *arguments: Any, threads: int = 1, **options: Any) -> None:
+        """Take SB3's options. threads: that learn from one minibatch together."""
+        self.threads = threads
+        self._pool: ThreadPoolExecutor | None = None
+        self._parts: list[GaussianMlp] = []
+        super().__init__(*arguments, **options)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "_pool", "_parts"]
+
+    def _networks(self) -> list[GaussianMlp]:
+        """Return actor and critic for each thread; none where SB3 is to do the work."""
+        found = layers_of(self.policy)
+        if found is None or self.clip_range_vf is not None or self.device.type != "cpu":
+            return []
+        if type(self.rollout_buffer) is not RolloutBuffer:
+            return []
+        actor, critic = found
+        first = self._parts[0].actor.layers[0].weight if self._parts else None
+        if first is None or first.data_ptr() != actor[0].weight.data_ptr():
+            # New parameters, or those of a checkpoint in other memory.
+            rows = max(self.batch_size, self.n_envs)
+            self._parts = [GaussianMlp(actor, critic, rows) for _ in range(self.threads)]
+        if self.threads > 1 and self._pool is None:
+            self._pool = ThreadPoolExecutor(self.threads)
+        return self._parts
+
+    def collect_rollouts(
+        self, env: VecEnv, callback: Any, rollout_buffer: Any, n_rollout_steps: int
+    ) -> bool:
+        """Fill the buffer with decisions of the policy; return False where a callback ends it."""
+        networks = self._networks()
+        if not networks:
+            return super().collect_rollouts(env, callback, rollout_buffer, n_rollout_steps)
+        seen: Any = self._last_obs
+        self.policy.set_training_mode(False)
+        rollout_buffer.reset()
+        callback.on_rollout_start()
+        space: Any = self.action_space
+        dones: Any = None
+        for _ in range(n_rollout_steps):
+            actions, values, log_chances = self._draw(networks[0], seen)
+            after, rewards, dones, infos = env.step(np.clip(actions, space.low, space.high))
+            self.num_timesteps += env.num_envs
+            callback.update_locals(locals())
+            if not callback.on_step():
+                return False
+            ended = np.flatnonzero(dones).tolist()
+            self._update_info_buffer([infos[number] for number in ended])
+            self._value_what_was_cut(networks[0], rewards, [(n, infos[n]) for n in ended])
+            starts: Any = self._last_episode_starts
+            rollout_buffer.add(
+                seen, actions, rewards, starts, *map(torch.from_numpy, (values, log_chances))
+            )
+            self._last_episode_starts = dones
+            self._last_obs = seen = after  # type: ignore[assignment]  # one box, hence one array
+        last = networks[0].critic.answer(torch.from_numpy(seen)).copy()
+        rollout_buffer.compute_returns_and_advantage(torch.from_numpy(last), dones)
+        callback.update_locals(locals())
+        callback.on_rollout_end()
+        return True
+
+    def _draw(self, network: GaussianMlp, seen: Rows) -> tuple[Rows, Rows, Rows]:
+        """Return actions (n, A), values (n,) and the logarithms of the actions' chances (n,)."""
+        rows = torch.from_numpy(seen)
+        log_spread = self.policy.log_std.data.numpy()
+        means = network.actor.answer(rows)
+        shape = means.shape
+        noise = torch.normal(torch.zeros(shape), torch.ones(shape)).numpy()
+        actions = means + noise * np.exp(log_spread)
+        squares = np.square(noise).sum(axis=1)
+        log_chances = -0.5 * squares - np.float32((log_spread + HALF_LOG_TAU).sum())
+        return actions, network.critic.answer(rows)[:, 0].copy(), log_chances
+
+    def _value_what_was_cut(
+        self, network: GaussianMlp, rewards: Rows, ended: list[tuple[int, dict[str, Any]]]
+    ) -> None:
+        """Add to rewards what episodes that time alone ended were still worth."""
+        cut = [(n, info) for n, info in ended if info.get("TimeLimit.truncated", False)]
+        if cut:
+            last = np.stack([info["terminal_observation"] for _, info in cut])
+            worth = network.critic.answer(torch.from_numpy(last.astype(np.float32)))[:, 0]
+            rewards[[n for n, _ in cut]] += self.gamma * worth
+
+    def train(self) -> None:
+        """Take the gradient steps of one rollout."""
+        networks = self._networks()
+        if not networks:
+            super().train()
+            return
+        self.policy.set_training_mode(True)
+        self._update_learning_rate(self.policy.optimizer)
+        limit: Any = self.clip_range
+        clip = float(limit(self._current_progress_remaining))
+        weights = Weights(clip, self.vf_coef)
+        told: list[Told] = []
+        for _ in range(self.n_epochs):
+            self._n_updates += 1
+            if not all(self._step(rows, networks, weights, told) for rows in self._minibatches()):
+                break
+        self._log(told, clip)
+
+    def _minibatches(self) -> Iterator[NDArray[np.int64]]:
+        """Yield the rows of each minibatch of an epoch, drawn as SB3's buffer does."""
+        buffer: Any = self.rollout_buffer
+        size = buffer.buffer_size * buffer.n_envs
+        order = np.random.permutation(size)  # noqa: NPY002  # the generator that SB3 seeds
+        if not buffer.generator_ready:
+            names = ("observations", "actions", "values", "log_probs", "advantages", "returns")
+            for name in names:
+                buffer.__dict__[name] = buffer.swap_and_flatten(buffer.__dict__[name])
+            buffer.generator_ready = True
+        for first in range(0, size, self.batch_size):
+            yield order[first : first + self.batch_size]
+
+    def _step(
+        self,
+        rows: NDArray[np.int64],
+        networks: list[GaussianMlp],
+        weights: Weights,
+        told: list[Told],
+    ) -> bool:
+        """Take one gradient step; return whether to go on, as `target_kl` says."""
+        buffer: Any = self.rollout_buffer
+        gains = buffer.advantages[rows].ravel()
+        if self.normalize_advantage and len(rows) > 1:
+            gains = (gains - gains.mean()) / (gains.std(ddof=1) + np.float32(1e-8))
+        log_spread = self.policy.log_std.data.numpy()
+        parts = max(min(len(networks), len(rows) // LEAST_ROWS), 1)
+        edges = np.linspace(0, len(rows), parts + 1).astype(int)
+
+        def learn(part: int) -> Told:
+            cut = slice(edges[part], edges[part + 1])
+            chosen = rows[cut]
+            lesson = Lesson(
+                seen=buffer.observations[chosen].reshape(len(chosen), -1),
+                acted=buffer.actions[chosen],
+                advantages=gains[cut],
+                returns=buffer.returns[chosen].ravel(),
+                log_chances=buffer.log_probs[chosen].ravel(),
+                share=1.0 / len(rows),
+            )
+            return networks[part].learn(lesson, log_spread, weights)
+
+        if parts == 1 or self._pool is None:
+            found = [learn(0)]
+        else:
+            found = list(self._pool.map(learn, range(parts)))
+        total = Told(*(sum(values) for values in zip(*map(_numbers, found), strict=True)))
+        told.append(total)
+        if self.target_kl is not None and total.change > 1.5 * self.target_kl:
+            return False
+        self._descend(networks[:parts])
+        return True
+
+    def _descend(self, networks: list[GaussianMlp]) -> None:
+        """Add the gradients of all parts up, and let the optimiser take a step."""
+        first, *others = networks
+        for stack, further in (
+            (first.actor, [other.actor for other in others]),
+            (first.critic, [other.critic for other in others]),
+        ):
+            for place, pair in enumerate(stack.gradients):
+                for other in further:
+                    for mine, theirs in zip(pair, other.gradients[place], strict=True):
+                        mine.add_(theirs)
+        spread = sum((other.spread_gradient for other in others), first.spread_gradient.copy())
+        policy: Any = self.policy
+        policy.log_std.grad = torch.from_numpy(spread - np.float32(self.ent_coef))
+        modules = (
+            ([*policy.mlp_extractor.policy_net, policy.action_net], first.actor),
+            ([*policy.mlp_extractor.value_net, policy.value_net], first.critic),
+        )
+        for chain, stack in modules:
+            for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
+                module.weight.grad, module.bias.grad = weight, bias
+        torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
+        policy.optimizer.step()
+
+    def _log(self, told: list[Told], clip: float) -> None:
+        """Record what SB3 records."""
+        buffer: Any = self.rollout_buffer
+        policy_loss, value_loss, change, clipped = np.mean([_numbers(one) for one in told], axis=0)
+        spread = self.policy.log_std.data.numpy()
+        entropy = float((spread + HALF_LOG_TAU + 0.5).sum())
+        loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * entropy
+        variance = explained_variance(buffer.values.flatten(), buffer.returns.flatten())
+        for name, value in {
+            "entropy_loss": -entropy,
+            "policy_gradient_loss": policy_loss,
+            "value_loss": value_loss,
+            "approx_kl": change,
+            "clip_fraction": clipped,
+            "loss": loss,
+            "explained_variance": variance,
+            "std": float(np.exp(spread).mean()),
+        }.items():
+            self.logger.record(f"train/{name}", value)
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+        self.logger.record("train/clip_range", clip)
+
+
+def _numbers(told: Told) -> tuple[float, float, float, float]:
+    return told.policy_loss, told.value_loss, told.change, told.clipped

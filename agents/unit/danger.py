@@ -1,0 +1,217 @@
+"""How dangerous each object is along our own arcs, in four stages.
+
+For every object that moves on as it does, and for the arc that the kart drives and the one that its
+driver steers to: when do the two meet, and how hard must the kart brake from now on to stop, or to
+be as slow as the object, before that? *Inform* needs no action, *warn* asks for one, *ease* takes
+the motor off and brakes a little, *full* is full brakes. A warning is due 0.95 s before full brakes
+(UN R152 asks for 0.8 s), and for people 2.6 s before they would be met; the motor goes off at
+1.7 s. No stage delays a later one: each is judged by itself, and the reflex stands above all.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_agents.unit.objects import BORN, Track
+from race_agents.unit.safety import STOP_FOR_OBSTACLE, STRAIGHT, Cause, Limits, Verdict, way_along
+from race_server.core import codes
+
+Floats = NDArray[np.float64]
+
+
+class Stage(IntEnum):
+    """How far a danger has come."""
+
+    NONE = 0
+    INFORM = 1
+    WARN = 2
+    EASE = 3
+    FULL = 4
+
+
+class Action(IntEnum):
+    """What the driver should do."""
+
+    NONE = 0
+    BRAKE = 1
+    STEER_LEFT = 2
+    STEER_RIGHT = 3
+    WAIT = 4  # the kart stands: something is in front of it
+
+
+@dataclass(frozen=True)
+class Danger:
+    """The worst that is ahead."""
+
+    stage: Stage = Stage.NONE
+    kind: int = codes.NOTHING  # RayHit
+    bearing: float = 0.0  # [rad] from straight ahead, left positive
+    distance: float = math.inf  # [m] from the front bumper
+    time_s: float = math.inf  # until they meet
+    needed: float = 0.0  # [m/s²] of braking
+    action: Action = Action.NONE
+
+
+NO_DANGER = Danger()
+WARN_S, EASE_S = 2.6, 1.7
+# A warning comes this long [s] before full brakes at the latest (UN R152: 0.8 s).
+AHEAD_S = 0.95
+# Shares of the usual braking from which on the motor is off behind another kart that drives, and
+# from which on its driver is warned.
+EASE_SHARE, WARN_SHARE = 0.75, 0.5
+# The motor goes off, and a little braking shows the driver that it is meant.
+EASING = Verdict(brake=0.3, motor=0.0, cause=Cause.OBSTACLE)
+# The future is looked at in these steps, this far [s].
+STEP_S, FORESEEN_S = 0.1, 4.0
+TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
+# At most this much [m] is added to the berth for what is not known of a track.
+MOST_UNSURE = 0.35
+# Somebody is known after this many scans; until then he may walk [m/s], but no farther than [m].
+KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
+# Closing more slowly than this [m/s] is no danger.
+CREEP = 0.5
+# A kart whose nearest point lies less than this [m] ahead of the bumper is being passed.
+PASSED = 0.8
+# A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
+SLOWS = 2.0
+# People count from this scan on, karts once it is known how they move.
+SEEN = 2
+# Where there is room on one side within this time [s] steering is told.
+ROOM = 0.3
+
+
+def assess(
+    tracks: Sequence[Track], speed: float, now: float, wanted: float, limits: Limits
+) -> Danger:
+    """Return the worst danger of all objects along the two arcs.
+
+    now, wanted: curvatures [1/m] that the kart drives, and that its driver steers to.
+    """
+    worst = NO_DANGER
+    for track in tracks:
+        is_kart = track.kind == codes.KART_HIT
+        if track.scans < (BORN if is_kart else SEEN):
+            continue
+        both = [danger_of(track, speed, curvature, limits) for curvature in (now, wanted)]
+        # Who steers past a kart passes it; a person on either way is in danger.
+        danger = (min if is_kart else max)(both, key=_severity)
+        worst = max(worst, danger, key=_severity)
+    return worst
+
+
+def _severity(danger: Danger) -> tuple[int, float]:
+    return int(danger.stage), danger.needed
+
+
+def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> Danger:
+    """Return how dangerous one object is along one arc at this speed."""
+    if speed < CREEP:
+        return NO_DANGER
+    x, y = float(track.state[0]), float(track.state[1])
+    vx, vy = track.velocity
+    along, aside = _beside_arc(x + vx * TIMES, y + vy * TIMES, curvature)
+    near = np.abs(aside) < limits.half_width + _margin(track, limits)
+    gap = along - limits.nose - speed * TIMES  # from the bumper, if the kart drives on
+    length = limits.nose + 0.5  # behind the bumper until nothing can be touched
+    meets = near & (gap <= 0.0) & (gap > -length)
+    # What is beside the body already can only be touched from the side: brakes do not help.
+    beside = limits.nose + (PASSED if track.kind == codes.KART_HIT else 0.0)
+    if not meets.any() or float(along[0]) < beside:
+        return NO_DANGER
+    first = int(np.argmax(meets))
+    time_s = float(TIMES[first])
+    pace, room = _approach(track, speed, float(along[first]), limits)
+    needed = _needed(pace, room, limits.reaction_s)
+    soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= limits.braking
+    stage = _stage(track, time_s, needed, soon=soon, limits=limits)
+    bearing = math.atan2(y, x - limits.nose)
+    return Danger(
+        stage,
+        track.kind,
+        bearing,
+        max(math.hypot(x, y) - limits.nose, 0.0),
+        time_s,
+        needed,
+        _action(stage, float(aside[first]), limits),
+    )
+
+
+def _margin(track: Track, limits: Limits) -> Floats:
+    """Return how far beside the way an object still counts, at each of `TIMES` [m].
+
+    People get a berth. Somebody who has just come into view nearby may walk towards the way for
+    as long as nothing is known of it.
+    """
+    if track.kind == codes.KART_HIT:
+        return np.minimum(track.unsure * TIMES, MOST_UNSURE)
+    unsure = np.minimum(track.unsure * TIMES, MOST_UNSURE)
+    if track.scans < KNOWN and track.began < limits.near:
+        unsure = np.minimum(WALK * TIMES, MOST_STEP)
+    return limits.berth + unsure
+
+
+def _approach(track: Track, speed: float, meeting: float, limits: Limits) -> tuple[float, float]:
+    """Return the speed that braking has to take off [m/s], and the room that there is for it [m].
+
+    meeting: how far along the arc the object is met [m].
+    """
+    x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
+    leaves = max((x * vx + y * vy) / max(math.hypot(x, y), 1e-6), 0.0)
+    if track.stands or track.kind != codes.KART_HIT:
+        # It stands, comes, or crosses: the kart stops before the place where they would meet.
+        return speed, meeting - limits.nose - limits.stand_off
+    gap = math.hypot(x, y) - limits.nose - 0.1
+    if track.slowing > SLOWS:  # it will stand somewhere ahead
+        return speed, gap + leaves * leaves / (2.0 * track.slowing)
+    return max(speed - leaves, 0.0), gap
+
+
+def _needed(pace: float, room: float, after_s: float) -> float:
+    """Return the braking [m/s²] that takes a speed off within a room, begun after some time."""
+    if pace < CREEP:
+        return 0.0
+    return pace * pace / (2.0 * max(room - pace * after_s, 0.05))
+
+
+def _stage(track: Track, time_s: float, needed: float, *, soon: bool, limits: Limits) -> Stage:
+    """Return how far a danger has come. soon: full brakes are due within `AHEAD_S`."""
+    if track.kind == codes.KART_HIT and not track.stands:
+        # Racing is close: only braking counts, not time, and what is usual of it.
+        if needed >= limits.promised:
+            return Stage.FULL
+        if needed >= EASE_SHARE * limits.promised:
+            return Stage.EASE
+        return Stage.WARN if needed >= WARN_SHARE * limits.promised else Stage.INFORM
+    if needed >= limits.braking:
+        return Stage.FULL
+    if time_s < EASE_S and needed >= 0.5 * limits.braking:
+        return Stage.EASE
+    return Stage.WARN if soon or time_s < WARN_S else Stage.INFORM
+
+
+def _action(stage: Stage, aside: float, limits: Limits) -> Action:
+    """Return what helps: braking, or early on steering to the side where there is more room."""
+    if stage < Stage.WARN:
+        return Action.NONE
+    if stage >= Stage.EASE or abs(aside) < ROOM * limits.half_width:
+        return Action.BRAKE
+    return Action.STEER_RIGHT if aside > 0.0 else Action.STEER_LEFT
+
+
+def _beside_arc(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
+    """Return how far along an arc points lie, and how far to the left of it [m]."""
+    if abs(curvature) < STRAIGHT:
+        return x, y
+    along, inside = way_along(x, y, curvature)
+    return along, math.copysign(1.0, curvature) * inside
+
+
+def watch_danger(danger: Danger) -> Verdict:
+    """Return what a danger allows: nothing but a word, no motor, or full brakes."""
+    if danger.stage is Stage.FULL:
+        return STOP_FOR_OBSTACLE
+    return EASING if danger.stage is Stage.EASE else Verdict()

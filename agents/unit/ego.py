@@ -1,0 +1,43 @@
+"""How a kart moves from one scan of its radar to the next, by its own speed and turning."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Ego:
+    """How a kart moved since the last scan."""
+
+    ahead: float  # [m]
+    left: float  # [m]
+    turned: float  # [rad]
+    speed: float  # [m/s] now
+    aside: float = 0.0  # [m/s] to the left, of the centre of gravity
+
+
+@dataclass
+class EgoMotion:
+    """Adds up the way since the last scan: a fix that moves the estimate moves no object."""
+
+    seconds: float = 0.0
+    _ahead: float = 0.0
+    _left: float = 0.0
+    _turned: float = 0.0
+
+    def advance(self, speed: float, slide: float, yaw_rate: float, dt: float) -> None:
+        """Move on for `dt` seconds at these speeds of the rear axle [m/s] and turn [rad/s]."""
+        middle = self._turned + 0.5 * yaw_rate * dt
+        cos, sin = math.cos(middle), math.sin(middle)
+        self._ahead += (speed * cos - slide * sin) * dt
+        self._left += (speed * sin + slide * cos) * dt
+        self._turned += yaw_rate * dt
+        self.seconds += dt
+
+    def take(self, speed: float, aside: float) -> Ego:
+        """Return the way since the last scan, and begin again.
+
+        speed, aside: of the centre of gravity now [m/s].
+        """
+        ego = Ego(self._ahead, self._left, self._turned, speed, aside)
+        self.seconds = self._ahead = self._left = self._turned = 0.0
+        return ego

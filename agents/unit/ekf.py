@@ -1,0 +1,321 @@
+"""Where a real kart is: an extended Kalman filter of all that it senses.
+
+Between readings the kart drives on at constant speeds and turn rate, changed by what the
+accelerometer feels; what it may do instead is process noise. Tyres under load slip: the rear axle
+slides by its compliance times speed times acceleration across, unless something else is plain
+(`see_grip`, `race_agents.unit.tyres`). A chi-square gate refuses improbable readings; after several
+refusals in a row the state itself is doubted. `squares` holds the normalised innovation squared
+(NIS) of each sensor's last reading, which a test compares with its chi-square distribution.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from race_agents.unit.motion import (
+    BIAS,
+    COMPLIANCE,
+    DELAY,
+    HEADING,
+    SCALE,
+    SIZE,
+    SLIDE,
+    SPEED,
+    YAW_RATE,
+    Agility,
+    Floats,
+    X,
+    Y,
+    antenna_at,
+    antenna_jacobian,
+    drive_on,
+    jacobian_of,
+    process_noise,
+    velocity_jacobian,
+    velocity_of,
+    wrap,
+)
+
+# 99.9 % of all honest readings of one and of two numbers pass these squares.
+GATE_ONE, GATE_TWO = 10.83, 13.82
+# 95 % of all slides of tyres that hold pass this square; the others are slides.
+PLAIN = 3.84
+# After this many readings of a sensor refused in a row: the filter is wrong, not they.
+MOST_REFUSED = 5
+# Fixes are rare: this many take a third of a second, in which a kart can be carried metres away.
+MOST_FIXES_REFUSED = 3
+# Ranges come from many beacons: only when all are refused for a while is the place doubted.
+MOST_RANGES_REFUSED = 25
+# A range is weighted down beyond this many deviations (Huber 1964), and never used beyond that.
+HUBER, FARTHEST = 1.5, 5.0
+# A kart that slides keeps its direction for about this time [s].
+SLIDE_S = 0.1
+# Variances of a heading that is known to about 20 degrees [rad²], and of a slide [m²/s²] that was
+# not noticed.
+ROUGH, UNNOTICED = 0.15, 4.0
+# Deviations at the start: wheels' scale, compliance as a share, delay [s].
+SCALE_DEVIATION, COMPLIANCE_SHARE, DELAY_DEVIATION = 0.03, 0.2, 0.08
+MOST_DELAY_S = 0.6
+# Receivers with corrections: 90 to 110 ms as a rule (PX4 EKF2_GPS_DELAY: 110 ms).
+USUAL_DELAY_S = 0.1
+
+Snapshot = tuple[Floats, Floats, dict[str, int]]
+
+
+class KartFilter:
+    """The filter. `predict` to the time of a reading, then hand in the reading."""
+
+    def __init__(
+        self,
+        x: float,
+        y: float,
+        heading: float,
+        *,
+        lever: float,
+        agility: Agility | None = None,
+        compliance: float = 0.0,
+        heading_deviation: float | None = None,
+    ) -> None:
+        """Begin at rest, the antenna at (x, y); the heading is known to about 20 degrees.
+
+        compliance: slip angle of the rear tyres per acceleration across [s²/m], 0: they roll where
+        the body points. heading_deviation: [rad], where it is known better.
+        """
+        self._lever = lever
+        agility = agility or Agility()
+        # Tyres that are not said to slip do not soften either.
+        self._agility = agility if compliance else replace(agility, compliance_drift=0.0)
+        back_x, back_y = x - lever * math.cos(heading), y - lever * math.sin(heading)
+        self.state: Floats = np.zeros(SIZE)
+        self.state[[X, Y, HEADING]] = back_x, back_y, heading
+        self.state[[COMPLIANCE, DELAY]] = compliance, USUAL_DELAY_S
+        rough = ROUGH if heading_deviation is None else heading_deviation**2
+        self.covariance: Floats = np.diag(
+            [
+                *(1.0, 1.0, rough, 0.25, 0.25, 2.5e-3, 0.01),
+                *(SCALE_DEVIATION**2, (COMPLIANCE_SHARE * compliance) ** 2, DELAY_DEVIATION**2),
+            ]
+        )
+        self.squares: dict[str, float] = {}
+        self._refused: dict[str, int] = {}  # readings in a row that were not believed
+
+    def snapshot(self) -> Snapshot:
+        """Return what `restore` brings back; nothing changes these arrays."""
+        return self.state, self.covariance, self._refused.copy()
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Be again what the filter was."""
+        self.state, self.covariance, refused = snapshot
+        self._refused = refused.copy()
+
+    def predict(
+        self, dt: float, *, push: tuple[float, float] | None = None, blow: float = 0.0
+    ) -> None:
+        """Drive on for `dt` seconds.
+
+        push: accelerations [m/s²] of the speeds ahead and aside, as they were felt; blow: [m/s²]
+        that no tyre can have caused. A kart that is hit may move where its body does not point, at
+        up to the speed that it had.
+        """
+        if dt <= 0.0:
+            return
+        slope = jacobian_of(self.state, dt)
+        noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
+        ahead, aside = push or (0.0, 0.0)
+        state = self.state.copy()
+        state[SPEED] += 0.5 * dt * ahead
+        state[SLIDE] += 0.5 * dt * aside
+        state = drive_on(state, dt)
+        state[SPEED] += 0.5 * dt * ahead
+        state[SLIDE] += 0.5 * dt * aside
+        state[HEADING] = wrap(float(state[HEADING]))
+        self.state = state
+        covariance = slope @ self.covariance @ slope.T + noise
+        self.covariance = 0.5 * (covariance + covariance.T)
+        if blow > 0.0:
+            speed = abs(float(self.state[SPEED])) + blow * dt
+            slid, turned = speed * speed * SLIDE_S * dt, (blow * dt) ** 2
+            doubts = np.zeros(SIZE)
+            doubts[[X, Y, SPEED]] = slid, slid, turned
+            self.covariance = self.covariance + np.diag(doubts)
+
+    def see_position(
+        self,
+        x: float,
+        y: float,
+        deviation: float,
+        *,
+        lag: float | None = None,
+        jitter: float = 0.0,
+    ) -> bool:
+        """Take a position fix of this moment; False if it was not believed.
+
+        lag: [s] by which the filter was set back for a fix without a stamp: the delay is then
+        learned from where the fix lies along the way. jitter: deviation [s] of the stamp.
+        """
+        residual = np.array([x, y]) - antenna_at(self.state, self._lever)
+        slope = antenna_jacobian(self.state, self._lever)
+        noise = np.eye(2) * deviation**2
+        velocity = velocity_of(self.state, self._lever)
+        if lag is not None:
+            residual = residual + velocity * (float(self.state[DELAY]) - lag)
+            slope[:, DELAY] = -velocity
+        if jitter > 0.0:
+            noise += jitter**2 * np.outer(velocity, velocity)
+        return self._update("position", residual, slope, noise)
+
+    def see_velocity(self, speed: float, course: float, deviation: float) -> bool:
+        """Take speed and course over the ground of the antenna; False if they were not believed."""
+        told = np.array([speed * math.cos(course), speed * math.sin(course)])
+        residual = told - velocity_of(self.state, self._lever)
+        slope = velocity_jacobian(self.state, self._lever)
+        return self._update("velocity", residual, slope, np.eye(2) * deviation**2)
+
+    def see_range(self, x: float, y: float, distance: float, deviation: float) -> bool:
+        """Take a distance to a beacon at (x, y); False if it was not believed.
+
+        Echoes make ranges long: one that is off by more than 1.5 deviations weighs less the
+        farther it is off (Huber), and beyond 5 it is refused.
+        """
+        antenna = antenna_at(self.state, self._lever)
+        away = antenna - (x, y)
+        far = math.hypot(*away)
+        if far < deviation:
+            return False  # over the beacon a range has no direction
+        row = (away / far) @ antenna_jacobian(self.state, self._lever)
+        residual = distance - far
+        spread = float(row @ self.covariance @ row)
+        off = abs(residual) / math.sqrt(spread + deviation**2)
+        self.squares["range"] = off * off
+        if off > FARTHEST:
+            self._doubt("range", np.array([residual]), row[None], MOST_RANGES_REFUSED)
+            return False
+        self._refused["range"] = 0
+        weight = min(1.0, HUBER / max(off, 1e-9))
+        self._correct(row, residual, deviation**2 / weight)
+        return True
+
+    def see_heading(self, heading: float, deviation: float) -> bool:
+        """Take the heading of two antennas; False if it was not believed.
+
+        A source of headings that goes wrong for good never turns a good heading over.
+        """
+        row = _unit_row(HEADING)
+        residual = wrap(heading - float(self.state[HEADING]))
+        return self._see_one("heading", residual, row, deviation, most=None)
+
+    def see_speed(self, speed: float, deviation: float) -> bool:
+        """Take the speed of the wheels; False if it was not believed."""
+        scale, own = 1.0 + float(self.state[SCALE]), float(self.state[SPEED])
+        row = _unit_row(SPEED) * scale
+        row[SCALE] = own
+        return self._see_one("wheels", speed - scale * own, row, deviation)
+
+    def see_yaw_rate(self, rate: float, deviation: float) -> bool:
+        """Take the gyro's turning rate, bias and all; False if it was not believed."""
+        expected = float(self.state[YAW_RATE] + self.state[BIAS])
+        row = _unit_row(YAW_RATE)
+        row[BIAS] = 1.0
+        return self._see_one("gyro", rate - expected, row, deviation)
+
+    def see_grip(self, load: float, smooth: float, deviation: float) -> None:
+        """Assume that the tyres hold, unless the kart clearly slides.
+
+        load: acceleration of the rear axle to the left [m/s²], times by how much more than at a
+        low load the tyres yield to it; smooth: about the same without the noise of the
+        accelerometer, which would make the tyres seem stiffer than they are (errors in
+        variables); deviation: of the slide that is expected [m/s].
+        """
+        compliance, speed = float(self.state[COMPLIANCE]), float(self.state[SPEED])
+        row = _unit_row(SLIDE)
+        row[COMPLIANCE] = abs(speed) * smooth
+        row[SPEED] = math.copysign(compliance, speed) * smooth
+        residual = -float(self.state[SLIDE]) - compliance * abs(speed) * load
+        square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
+        self.squares["grip"] = square
+        if square < PLAIN:
+            self._correct(row, residual, deviation**2)
+
+    def see_rest(self) -> None:
+        """Take it that the kart stands: no speed, no turn, no slide."""
+        for column, deviation in ((SPEED, 0.01), (YAW_RATE, 1e-3), (SLIDE, 0.01)):
+            self._correct(_unit_row(column), -float(self.state[column]), deviation**2)
+
+    def _see_one(
+        self,
+        sensor: str,
+        residual: float,
+        row: Floats,
+        deviation: float,
+        most: int | None = MOST_REFUSED,
+    ) -> bool:
+        """Take one number. most: readings refused in a row before the state is doubted."""
+        square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
+        self.squares[sensor] = square
+        if square > GATE_ONE:
+            if most is not None:
+                self._doubt(sensor, np.array([residual]), row[None], most)
+            return False
+        self._refused[sensor] = 0
+        self._correct(row, residual, deviation**2)
+        return True
+
+    def _correct(self, row: Floats, residual: float, variance: float) -> None:
+        """Correct state and covariance by one number."""
+        shared = self.covariance @ row
+        gain = shared / (float(row @ shared) + variance)
+        state = self.state + gain * residual
+        state[HEADING] = wrap(float(state[HEADING]))
+        self.state = state
+        self.covariance = self.covariance - gain[:, None] * shared
+
+    def _update(self, sensor: str, residual: Floats, slope: Floats, noise: Floats) -> bool:
+        """Take two numbers at once; False if they were not believed."""
+        spread = slope @ self.covariance @ slope.T + noise
+        inverse = np.linalg.inv(spread)
+        self.squares[sensor] = float(residual @ inverse @ residual)
+        if self.squares[sensor] > GATE_TWO:
+            self._doubt(sensor, residual, slope, MOST_FIXES_REFUSED)
+            return False
+        self._refused[sensor] = 0
+        gain = self.covariance @ slope.T @ inverse
+        self.state = self.state + gain @ residual
+        self.state[HEADING] = wrap(float(self.state[HEADING]))
+        keep = np.eye(SIZE) - gain @ slope
+        self.covariance = keep @ self.covariance @ keep.T + gain @ noise @ gain.T
+        return True
+
+    def _doubt(self, sensor: str, residual: Floats, slope: Floats, most: int) -> None:
+        """Count a refusal; after too many in a row doubt the state by as much as it misses.
+
+        But not what drifts and never jumps (bias, scale, compliance, delay). A filter with a wrong
+        position has a wrong heading too, by an unknown amount: it must not be made to explain the
+        position.
+        """
+        self._refused[sensor] = self._refused.get(sensor, 0) + 1
+        if self._refused[sensor] > most:
+            self._refused[sensor] = 0
+            slope = slope.copy()
+            slope[:, [HEADING, BIAS, SCALE, COMPLIANCE, DELAY]] = 0.0
+            self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
+            if sensor in {"position", "range"}:
+                doubts = np.zeros(SIZE)
+                doubts[[HEADING, SLIDE]] = ROUGH, UNNOTICED
+                self.covariance = self.covariance + np.diag(doubts)
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of fixes without a stamp [s], as it was learned."""
+        return min(max(float(self.state[DELAY]), 0.0), MOST_DELAY_S)
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation [m] of the position, in its worse direction at most."""
+        return math.sqrt(float(self.covariance[X, X] + self.covariance[Y, Y]))
+
+
+def _unit_row(column: int) -> Floats:
+    row = np.zeros(SIZE)
+    row[column] = 1.0
+    return row

@@ -1,0 +1,130 @@
+"""All that tells a kart where it is, brought together in the order in which it happened."""
+
+import math
+from dataclasses import replace
+
+from race_agents.unit.ekf import FARTHEST, KartFilter
+from race_agents.unit.inertial import Inertial
+from race_agents.unit.motion import SCALE, SPEED, Agility, Floats
+from race_agents.unit.readings import Fix, Readings
+from race_agents.unit.timeline import Late, Tick, Timeline
+from race_agents.unit.tyres import Tyres
+from race_agents.unit.wheels import Wheels
+from race_server.core.vehicles import GRAVITY, Vehicle
+
+# Deviation [rad/s] of the gyro.
+GYRO_DEVIATION = 0.012
+# An acceleration, as a share of what the tyres hold, that only a wall or another kart can cause.
+BLOW = 1.3
+# Deviation [s] of the delay of a fix that carries no stamp about its mean.
+JITTER_S = 0.01
+# A stamp is never of the future, and a receiver whose clock is set by more than this [s] has none.
+MOST_AGE_S = 1.5
+
+
+class Estimator:
+    """Where a kart is, from its first fix on."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        fix: Fix,
+        heading: float,
+        time_s: float,
+        *,
+        compliance: float | None = None,
+    ) -> None:
+        """Begin at a fix.
+
+        heading: [rad] in which the kart is taken to stand. compliance: of the rear tyres [s²/m],
+        None: as the vehicle's cornering stiffness says.
+        """
+        if compliance is None:
+            compliance = 1.0 / (GRAVITY * vehicle.cornering)
+        self.filter = KartFilter(
+            fix.x,
+            fix.y,
+            heading,
+            lever=vehicle.rear_axle,
+            agility=Agility.of(vehicle),
+            compliance=compliance,
+            heading_deviation=None if fix.heading is None else fix.heading_deviation,
+        )
+        self.timeline = Timeline(self.filter, Tyres.of(vehicle), vehicle.rear_axle)
+        self.wheels, self.inertial = Wheels.of(vehicle), Inertial()
+        self._vehicle = vehicle
+        self._time_s, self._rate = time_s, 0.0
+
+    def sense(self, readings: Readings) -> bool:
+        """Take the newest readings; True if they hold a fix that was believed."""
+        tick = self._tick(readings)
+        self._time_s, self._rate = readings.time_s, readings.yaw_rate
+        self.timeline.advance(tick)
+        fix = readings.fix
+        return fix is not None and self.timeline.insert(self._late(fix, readings.time_s))
+
+    def _late(self, fix: Fix, now_s: float) -> Late:
+        """Return a fix with the moment it tells of."""
+        stamp = fix.stamp_s
+        if stamp is not None and 0.0 <= now_s - stamp <= MOST_AGE_S:
+            return Late(stamp, fix, None)
+        lag = self.filter.delay_s
+        if fix.stamp_deviation_s == 0.0:
+            fix = replace(fix, stamp_deviation_s=JITTER_S)
+        return Late(now_s - lag, fix, lag)
+
+    def _tick(self, readings: Readings) -> Tick:
+        """Return a step as the sensors on board saw it."""
+        now_s, felt = readings.time_s, readings.acceleration
+        dt = max(now_s - self._time_s, 0.0)
+        estimate = float(self.state[SPEED]) * (1.0 + float(self.state[SCALE]))
+        pull = 0.0 if felt is None else felt[0]
+        wheel = self.wheels.trusted(readings.wheel_speed, estimate, pull, now_s)
+        self.inertial.watch(readings.wheel_speed, readings.yaw_rate, felt, now_s)
+        return Tick(
+            begins_s=now_s - dt,
+            ends_s=now_s,
+            yaw_rate=readings.yaw_rate,
+            gyro_deviation=GYRO_DEVIATION,
+            wheel=wheel,
+            felt=self._at_rear(felt, readings.yaw_rate, dt),
+            blow=self.blow(felt),
+            rests=self.inertial.rests and not self.wheels.is_lost and abs(estimate) < 0.5,
+            beacons=readings.beacons,
+        )
+
+    def _at_rear(
+        self, felt: tuple[float, float] | None, rate: float, dt: float
+    ) -> tuple[float, float] | None:
+        """Return what the accelerometer would feel over the rear axle, but for turning [m/s²]."""
+        if felt is None or dt <= 0.0:
+            return None
+        ahead, left = felt[0] - self.inertial.bias[0], felt[1] - self.inertial.bias[1]
+        return float(ahead), float(left - self._vehicle.rear_axle * (rate - self._rate) / dt)
+
+    def blow(self, felt: tuple[float, float] | None) -> float:
+        """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""
+        if felt is None:
+            return 0.0
+        blow = math.hypot(*felt)
+        return blow if blow > BLOW * self._vehicle.grip * GRAVITY else 0.0
+
+    @property
+    def is_ranged(self) -> bool:
+        """Whether the last range to a beacon was believed."""
+        return self.filter.squares.get("range", math.inf) <= FARTHEST**2
+
+    @property
+    def state(self) -> Floats:
+        """State of the filter, see `race_agents.unit.motion`."""
+        return self.filter.state
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation [m] of the position, in its worse direction at most."""
+        return self.filter.deviation
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of fixes without a stamp [s], as it was learned."""
+        return self.filter.delay_s

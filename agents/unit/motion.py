@@ -1,0 +1,159 @@
+"""How a kart moves on between two readings: state, motion, its derivative, process noise."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_server.core.vehicles import GRAVITY, Vehicle
+
+Floats = NDArray[np.float64]
+
+# Place of the rear axle's middle [m], heading [rad], speed ahead [m/s], yaw rate [rad/s], the
+# gyro's bias [rad/s], the speed at which the rear axle slides to the left [m/s]; the wheels' error
+# of scale [-], the tyres' compliance (slip angle per acceleration across) [s²/m], and the delay of
+# position fixes that carry no stamp [s].
+X, Y, HEADING, SPEED, YAW_RATE, BIAS, SLIDE, SCALE, COMPLIANCE, DELAY = range(10)
+SIZE = 10
+# [√s] of a yaw acceleration at which one axle holds and the other does not.
+TURNS = 0.02
+STRAIGHT = 1e-4  # [rad/s] turns slower than this are driven as straight lines
+
+
+@dataclass(frozen=True)
+class Agility:
+    """How far a kart departs from what is expected: deviations that grow with √time."""
+
+    acceleration: float = 0.42  # [m/s in √s] without an accelerometer
+    felt: float = 0.06  # [m/s in √s] with one
+    yaw_acceleration: float = 0.35  # [rad/s in √s] of a small and nimble vehicle
+    slide: float = 0.2  # [m/s in √s] to the side, beside what an accelerometer feels
+    bias_drift: float = 1e-3  # [rad/s in √s] of the gyro
+    scale_drift: float = 1e-4  # [1/√s] of the wheels' circumference
+    compliance_drift: float = 1e-4  # [s²/m in √s] of the tyres
+    delay_drift: float = 1e-4  # [s in √s]
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> "Agility":
+        """Return the agility of a vehicle: what is short turns faster."""
+        return cls(yaw_acceleration=TURNS * vehicle.grip * GRAVITY / vehicle.wheelbase)
+
+
+def drive_on(state: Floats, dt: float) -> Floats:
+    """Return the state `dt` seconds later at constant speeds and turn rate."""
+    heading, rate = float(state[HEADING]), float(state[YAW_RATE])
+    along, aside = arc(rate, dt)
+    cos, sin = math.cos(heading), math.sin(heading)
+    ahead = state[SPEED] * along - state[SLIDE] * aside
+    left = state[SPEED] * aside + state[SLIDE] * along
+    result = state.copy()
+    result[X] += ahead * cos - left * sin
+    result[Y] += ahead * sin + left * cos
+    result[HEADING] = heading + rate * dt
+    return result
+
+
+def arc(rate: float, dt: float) -> tuple[float, float]:
+    """Return the ways ahead and to the left, per speed [s], of a body that turns.
+
+    rate: constant yaw rate [rad/s]; dt: duration [s].
+    """
+    if abs(rate) > STRAIGHT:
+        return math.sin(rate * dt) / rate, (1.0 - math.cos(rate * dt)) / rate
+    return dt, 0.5 * rate * dt * dt
+
+
+def arc_slope(rate: float, dt: float) -> tuple[float, float]:
+    """Return the derivatives of `arc` by the turn rate."""
+    if abs(rate) > STRAIGHT:
+        along, aside = arc(rate, dt)
+        cos, sin = math.cos(rate * dt), math.sin(rate * dt)
+        return (dt * cos - along) / rate, (dt * sin - aside) / rate
+    return -rate * dt**3 / 3.0, 0.5 * dt * dt
+
+
+def jacobian_of(state: Floats, dt: float) -> Floats:
+    """Return the derivative of `drive_on` by the state, shape (10, 10)."""
+    heading, v, u = float(state[HEADING]), float(state[SPEED]), float(state[SLIDE])
+    rate = float(state[YAW_RATE])
+    along, aside = arc(rate, dt)
+    along_slope, aside_slope = arc_slope(rate, dt)
+    ahead, left = v * along - u * aside, v * aside + u * along
+    ahead_by_rate, left_by_rate = (
+        v * along_slope - u * aside_slope,
+        v * aside_slope + u * along_slope,
+    )
+    cos, sin = math.cos(heading), math.sin(heading)
+    result = np.eye(SIZE)
+    result[HEADING, YAW_RATE] = dt
+    result[X, HEADING] = -left * cos - ahead * sin
+    result[Y, HEADING] = ahead * cos - left * sin
+    result[X, SPEED] = along * cos - aside * sin
+    result[Y, SPEED] = along * sin + aside * cos
+    result[X, SLIDE] = -aside * cos - along * sin
+    result[Y, SLIDE] = along * cos - aside * sin
+    result[X, YAW_RATE] = ahead_by_rate * cos - left_by_rate * sin
+    result[Y, YAW_RATE] = ahead_by_rate * sin + left_by_rate * cos
+    return result
+
+
+def process_noise(heading: float, dt: float, agility: Agility, *, feels: bool = False) -> Floats:
+    """Return what driving on for `dt` seconds adds to the covariance, shape (10, 10).
+
+    feels: whether an accelerometer tells how the speed changes. The covariance of `dt` seconds is
+    the sum of those of its parts, but for terms of dt².
+    """
+    half = 0.5 * dt
+    cos, sin = math.cos(heading), math.sin(heading)
+    ways = np.zeros((SIZE, 3))
+    ways[X, 0], ways[Y, 0], ways[SPEED, 0] = half * cos, half * sin, 1.0
+    ways[HEADING, 1], ways[YAW_RATE, 1] = half, 1.0
+    ways[X, 2], ways[Y, 2], ways[SLIDE, 2] = -half * sin, half * cos, 1.0
+    pace = agility.felt if feels else agility.acceleration
+    squares = np.array([pace**2, agility.yaw_acceleration**2, agility.slide**2])
+    result: Floats = (ways * (squares * dt)) @ ways.T
+    result[BIAS, BIAS] += agility.bias_drift**2 * dt
+    result[SCALE, SCALE] += agility.scale_drift**2 * dt
+    result[COMPLIANCE, COMPLIANCE] += agility.compliance_drift**2 * dt
+    result[DELAY, DELAY] += agility.delay_drift**2 * dt
+    return result
+
+
+def antenna_at(state: Floats, lever: float) -> Floats:
+    """Return the place of an antenna `lever` [m] ahead of the rear axle, shape (2,)."""
+    heading = state[HEADING]
+    return np.array([state[X] + lever * math.cos(heading), state[Y] + lever * math.sin(heading)])
+
+
+def antenna_jacobian(state: Floats, lever: float) -> Floats:
+    """Return the derivative of `antenna_at` by the state, shape (2, 10)."""
+    result = np.zeros((2, SIZE))
+    result[0, X] = result[1, Y] = 1.0
+    result[0, HEADING] = -lever * math.sin(state[HEADING])
+    result[1, HEADING] = lever * math.cos(state[HEADING])
+    return result
+
+
+def velocity_of(state: Floats, lever: float) -> Floats:
+    """Return the velocity [m/s] of the antenna, east and north, shape (2,)."""
+    cos, sin = math.cos(state[HEADING]), math.sin(state[HEADING])
+    left = state[SLIDE] + lever * state[YAW_RATE]
+    return np.array([state[SPEED] * cos - left * sin, state[SPEED] * sin + left * cos])
+
+
+def velocity_jacobian(state: Floats, lever: float) -> Floats:
+    """Return the derivative of `velocity_of` by the state, shape (2, 10)."""
+    cos, sin = math.cos(state[HEADING]), math.sin(state[HEADING])
+    east, north = velocity_of(state, lever)
+    result = np.zeros((2, SIZE))
+    result[:, HEADING] = -north, east
+    result[:, SPEED] = cos, sin
+    result[:, SLIDE] = -sin, cos
+    result[:, YAW_RATE] = -lever * sin, lever * cos
+    return result
+
+
+def wrap(angle: float) -> float:
+    """Return an angle [rad] moved by whole turns into [-pi, pi]."""
+    return math.remainder(angle, 2.0 * math.pi)

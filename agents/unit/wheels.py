@@ -1,0 +1,76 @@
+"""Whether the wheels tell the kart's speed: not while they are locked, or spin.
+
+A kart cannot change its speed faster than its tyres can push it. Wheels that do have lost the
+road; they are believed again once they agree with the speed that the other sensors tell.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+from race_server.core.vehicles import GRAVITY, Vehicle
+
+# What tyres can do is multiplied by this: grip is a little better somewhere.
+MARGIN = 1.5
+# The change of speed is taken over this time [s]: over a single step it would be noise.
+WINDOW_S = 0.07
+# The wheels agree within this [m/s], or share of the speed, for this time [s].
+AGREE, AGREE_SHARE, AGREE_S = 0.3, 0.04, 0.1
+# No kart slides for longer [s]: its speed is then unknown, and the wheels say what it is.
+MOST_S = 4.0
+# Deviation at a stand [m/s], as a share of the speed, and that share under a pull of 1 g. Slip
+# lasts as long as the pull: it counts more than noise of this size.
+DEVIATION, SHARE, PULL_SHARE = 0.03, 0.01, 1.0
+
+
+@dataclass
+class Wheels:
+    """The wheels' speed, and whether it is the kart's."""
+
+    hold: float  # [m/s²] that the tyres can do
+    _recent: deque[tuple[float, float]] = field(default_factory=deque)
+    _lost_s: float = math.inf  # when the wheels lost the road
+    _agree_s: float = math.inf  # since when they agree again
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> "Wheels":
+        """Return the wheels of a vehicle."""
+        return cls(MARGIN * vehicle.grip * GRAVITY)
+
+    def trusted(
+        self, speed: float, estimate: float, pull: float, time_s: float
+    ) -> tuple[float, float] | None:
+        """Return the wheels' speed and its deviation [m/s], or None while it is not the kart's.
+
+        speed: of the wheels; estimate: of the kart, as far as it is known without them [m/s]; pull:
+        its acceleration ahead [m/s²], under which wheels slip.
+        """
+        self._recent.append((time_s, speed))
+        while time_s - self._recent[0][0] > WINDOW_S:
+            self._recent.popleft()
+        self._judge(speed, estimate, time_s)
+        if self._lost_s < math.inf:
+            return None
+        slip = SHARE + PULL_SHARE * abs(pull) / GRAVITY
+        return speed, math.hypot(DEVIATION, slip * abs(speed))
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the wheels are locked, or spin."""
+        return self._lost_s < math.inf
+
+    def _judge(self, speed: float, estimate: float, time_s: float) -> None:
+        then_s, then = self._recent[0]
+        if time_s > then_s and abs(speed - then) > self.hold * max(time_s - then_s, WINDOW_S):
+            if self._lost_s == math.inf:
+                self._lost_s = time_s
+            self._agree_s = math.inf
+            return
+        if self._lost_s == math.inf:
+            return
+        if abs(speed - estimate) > AGREE + AGREE_SHARE * abs(estimate):
+            self._agree_s = math.inf
+        elif self._agree_s == math.inf:
+            self._agree_s = time_s
+        if time_s - self._agree_s >= AGREE_S or time_s - self._lost_s > MOST_S:
+            self._lost_s = self._agree_s = math.inf

@@ -1,0 +1,1 @@
+"""Driver training: where a lap was lost, why, and what to try; numbers in, numbers out."""

@@ -1,0 +1,44 @@
+"""Help that withdraws: for each corner, decided between laps from how the corner was driven.
+
+Drivers follow constant help and forget it: feedback only outside a band kept better in retention
+(de Groot et al., Concurrent bandwidth feedback in simulated driving, 2011), and lane keeping was
+better only while a visual guide was on (van Leeuwen et al., 2011).
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+# After this number of laps inside the band in a row help for a corner is withdrawn, after this
+# number outside it returns.
+WITHDRAWN_AFTER, RETURNS_AFTER = 3, 2
+
+
+class Help(Enum):
+    """What is done for one corner."""
+
+    NONE = 0  # there was no fault yet
+    GIVEN = 1
+    WITHDRAWN = 2
+
+
+@dataclass(frozen=True)
+class Attention:
+    """The help for one corner, and the laps in a row that decide when it changes."""
+
+    help: Help = Help.NONE
+    laps: int = 0  # inside the band while help is given, outside it while it is withdrawn
+
+
+def after_lap(now: Attention, *, is_inside: bool) -> Attention:
+    """Return the help for a corner in the next lap. Within a lap it never changes.
+
+    is_inside: the corner was driven without a fault.
+    """
+    if now.help is Help.NONE:
+        return now if is_inside else Attention(Help.GIVEN)
+    if is_inside is not (now.help is Help.GIVEN):
+        return Attention(now.help)
+    laps = now.laps + 1
+    if now.help is Help.GIVEN:
+        return Attention(Help.WITHDRAWN) if laps >= WITHDRAWN_AFTER else Attention(now.help, laps)
+    return Attention(Help.GIVEN) if laps >= RETURNS_AFTER else Attention(now.help, laps)

@@ -1,0 +1,75 @@
+"""What an environment takes as actions: numbers, and as many as the learning karts need."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from race_server.core.state import Float32s
+from race_server.errors import ScenarioError
+
+
+def actions_as(actions: Any, shape: tuple[int, int, int]) -> Float32s:
+    """Return actions of all learning karts in the shape (W, L, A).
+
+    They may come as (W, L, A) or (W · L, A); for one kart as (A,); the last axis may be missing
+    where an action is one number.
+
+    Raises:
+        ScenarioError: they have another shape, or one of them is not a finite number.
+    """
+    worlds, learners, width = shape
+    karts = worlds * learners
+    given = _numbers(actions)
+    fitting = [shape, (karts, width)]
+    if karts == 1:
+        fitting.append((width,))
+    if width == 1:
+        fitting += [(worlds, learners), (karts,)]
+    if karts == width == 1:
+        fitting.append(())
+    if given.shape not in fitting:
+        raise ScenarioError(
+            f"actions of shape {given.shape}: give {shape} (worlds, learning karts, numbers of an "
+            f"action) or {(karts, width)}"
+        )
+    return finite(given.reshape(shape))
+
+
+def action_as(action: Any, width: int, agent: str = "") -> Float32s:
+    """Return the action of one kart in the shape (A,). agent: its name, for the error.
+
+    Raises:
+        ScenarioError: it has another shape, or one of its numbers is not finite.
+    """
+    given = _numbers(action)
+    if given.shape != (width,) and not (width == 1 and given.shape == ()):
+        whose = f" of {agent}" if agent else ""
+        raise ScenarioError(f"action{whose} of shape {given.shape}: give {(width,)}")
+    return finite(given.reshape(width), agent)
+
+
+def finite(actions: Float32s, agent: str = "") -> Float32s:
+    """Return actions as they are.
+
+    Raises:
+        ScenarioError: one of them is not a finite number.
+    """
+    flat = actions.ravel()
+    # The sum of squares is finite, or one of them is not (or very large): faster than `isfinite`.
+    if not math.isfinite(flat.dot(flat)) and not np.isfinite(flat).all():
+        where = [int(place) for place in np.argwhere(~np.isfinite(actions))[0]]
+        value = float(actions[tuple(where)])
+        whose = f" of {agent}" if agent else ""
+        raise ScenarioError(
+            f"action{whose}: {value} at {where}: give finite numbers; a network that answers "
+            "so has diverged"
+        )
+    return actions
+
+
+def _numbers(actions: Any) -> Float32s:
+    try:
+        return np.asarray(actions, np.float32)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(f"action {actions!r}: give numbers") from error

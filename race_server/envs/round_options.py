@@ -1,0 +1,125 @@
+"""What `reset(options=...)` may ask of the rounds that begin."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from race_server.core.state import World
+from race_server.envs.buffers import Buffers
+from race_server.envs.reality_gap import FACTORS
+from race_server.errors import ScenarioError
+from race_server.scenario.race import Scenario
+
+# PettingZoo's own tests send this.
+MEANINGLESS = {"options"}
+
+
+@dataclass(frozen=True)
+class RoundOptions:
+    """What is asked of a round that begins; the rest is drawn."""
+
+    course: str = ""  # name of a course or lot of the task
+    grid: tuple[int, ...] = ()  # the place of each kart on the grid, from 0
+    gap: Mapping[str, float] = field(default_factory=dict)  # factors of the reality gap, for all
+    state: bytes = b""  # a saved state, instead of a beginning
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any] | None) -> "RoundOptions":
+        """Return what Gymnasium and PettingZoo hand over as `options`.
+
+        Raises:
+            ScenarioError: there is no such option, or it does not go with another.
+        """
+        given = {key: value for key, value in (options or {}).items() if key not in MEANINGLESS}
+        known = [each.name for each in fields(cls)]
+        for key in given:
+            if key not in known:
+                raise ScenarioError(
+                    f"reset option {key!r} is unknown; choose of {', '.join(known)}"
+                )
+        if "grid" in given:
+            given["grid"] = tuple(int(place) for place in given["grid"])
+        if given.get("state") and len(given) > 1:
+            others = ", ".join(sorted(given.keys() - {"state"}))
+            raise ScenarioError(f"reset options state and {others}: a state says where all begins")
+        return cls(**given)
+
+
+@contextmanager
+def asked_for(
+    options: RoundOptions,
+    scenarios: tuple[Scenario, ...],
+    world: World,
+    buffers: Buffers,
+    templates: Any,
+) -> Iterator[None]:
+    """Let the rounds that begin inside be as the options say.
+
+    Raises:
+        ScenarioError: the task has no such course, grid or gap.
+    """
+    if not (options.course or options.grid or options.gap):
+        yield
+        return
+    changed = (buffers.odds, buffers.gap, buffers.settings, templates.bodies, templates.racers)
+    before = [array.copy() for array in changed]
+    try:
+        if options.course:
+            _choose(options.course, scenarios, buffers)
+        if options.grid:
+            _line_up(options.grid, world, buffers, templates)
+        for name, value in options.gap.items():
+            _fix(name, float(value), buffers)
+        yield
+    finally:
+        for array, values in zip(changed, before, strict=True):
+            array[...] = values
+
+
+def _choose(course: str, scenarios: tuple[Scenario, ...], buffers: Buffers) -> None:
+    names = [scenario.course.name for scenario in scenarios]
+    if course not in names:
+        known = ", ".join(dict.fromkeys(names))
+        raise ScenarioError(f"course {course!r} is not one of the task: {known}")
+    weights = np.array([name == course for name in names], np.float64)
+    buffers.odds[:] = np.cumsum(weights / weights.sum())
+
+
+def _line_up(grid: tuple[int, ...], world: World, buffers: Buffers, templates: Any) -> None:
+    karts = templates.bodies.shape[1]
+    for scenario in range(len(templates.bodies)):
+        course = world.route.courses[templates.rules[scenario].course]
+        if course.grid_count == 0:
+            raise ScenarioError("reset option grid: a car park has no grid; leave it out")
+        places = range(int(course.grid_count))
+        if len(grid) != karts or len(set(grid)) != karts or not set(grid) <= set(places):
+            raise ScenarioError(
+                f"grid {list(grid)}: give {karts} karts one of the places 0 to {places[-1]} each"
+            )
+        for k, place in enumerate(grid):
+            x, y, heading = world.route.grid[course.grid_start + place]
+            body = templates.bodies[scenario, k]
+            body.x, body.y, body.heading = x, y, heading
+            templates.bodies["trailers"]["heading"][scenario, k] = heading
+            templates.racers[scenario, k].grid_place = place
+    for name in ("random_start", "random_grid"):
+        buffers.settings[name] = 0
+
+
+def _fix(name: str, value: float, buffers: Buffers) -> None:
+    if name not in FACTORS:
+        raise ScenarioError(f"gap {name!r} is unknown; choose of {', '.join(FACTORS)}")
+    factor, row = FACTORS[name], list(FACTORS).index(name)
+    most = factor.most
+    if factor.is_whole:
+        # Rings have room for what the task's own range asks for.
+        most = float(buffers.gap[row, 1])
+    if not factor.least <= value <= most:
+        raise ScenarioError(
+            f"gap {name} = {value:g}: choose {factor.least:g} to {most:g}"
+            + (", the most that the task's own gap draws" if factor.is_whole else "")
+        )
+    buffers.gap[row] = round(value) if factor.is_whole else value

@@ -1,0 +1,140 @@
+"""What a kart makes of its echoes: objects, how dangerous they are, and when it brakes."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from race_agents.plant.encounter import ADULT, KMH, Case, meet
+from race_agents.plant.matrices import ERRS, WALKS, _ahead, _crosses
+from race_agents.plant.sensors import Sensors
+from race_agents.unit.danger import Action, Danger, Stage, danger_of, watch_danger
+from race_agents.unit.ego import Ego, EgoMotion
+from race_agents.unit.objects import Objects, Track
+from race_agents.unit.safety import STOP_FOR_OBSTACLE, Echoes, Limits, Verdict
+from race_server.core import codes
+from race_server.core.vehicle_presets import KART_60
+
+LIMITS = Limits.of(KART_60)
+SCAN_S = 0.05
+
+
+def echo(x: float, y: float, closing: float, kind: int = codes.PERSON) -> Echoes:
+    return Echoes(np.array([x]), np.array([y]), np.array([closing]), np.array([kind], np.uint8))
+
+
+def looked(scans: list[Echoes], speed: float = 10.0) -> Objects:
+    """Return what is there after scans of a kart that drives straight on."""
+    objects = Objects()
+    for scan in scans:
+        objects.look(scan, Ego(speed * SCAN_S, 0.0, 0.0, speed), SCAN_S)
+    return objects
+
+
+def test_an_echo_that_nothing_confirms_is_no_object() -> None:
+    stray = looked([echo(10.0, 0.0, 10.0)])
+    assert len(stray.seen.x) == 0
+    # Half a metre nearer after a twentieth of a second at 10 m/s: the same thing.
+    again = looked([echo(10.0, 0.0, 10.0), echo(9.5, 0.0, 10.0)])
+    assert len(again.seen.x) == 1
+    elsewhere = looked([echo(10.0, 0.0, 10.0), echo(7.0, 2.0, 10.0)])
+    assert len(elsewhere.seen.x) == 0
+
+
+def test_a_track_finds_how_somebody_walks() -> None:
+    # Two metres to the right, 1.5 m/s to the left, 30 m ahead of a kart at 10 m/s.
+    scans = []
+    for turn in range(20):
+        x, y = 30.0 - 0.5 * turn, -2.0 + 1.5 * SCAN_S * turn
+        far = math.hypot(x, y)
+        scans.append(echo(x, y, (10.0 * x - 1.5 * y) / far))
+    (track,) = looked(scans).tracks
+    assert track.velocity == pytest.approx((0.0, 1.5), abs=0.3)
+    assert track.state[:2] == pytest.approx((20.5, -0.575), abs=0.2)
+
+
+def test_a_track_is_gone_after_six_scans_without_it() -> None:
+    seen = [echo(10.0 - 0.5 * turn, 0.0, 10.0) for turn in range(5)]
+    assert len(looked(seen + [Echoes.nothing()] * 5).tracks) == 1
+    assert looked(seen + [Echoes.nothing()] * 6).tracks == []
+
+
+def test_an_echo_of_a_wall_taken_for_a_person_stays_a_wall() -> None:
+    def wall(kind: int) -> Echoes:
+        y = np.arange(-2.0, 2.1, 0.5)
+        kinds = np.full(len(y), codes.BORDER, np.uint8)
+        kinds[4] = kind
+        return Echoes(np.full(len(y), 10.0), y, np.zeros(len(y)), kinds)
+
+    objects = looked([wall(codes.BORDER), wall(codes.BORDER), wall(codes.PERSON)], speed=0.0)
+    assert set(objects.seen.kinds.tolist()) == {codes.BORDER}
+
+
+def test_the_way_since_the_last_scan_adds_up() -> None:
+    motion = EgoMotion()
+    for _ in range(50):  # a quarter of a circle of radius 10 m
+        motion.advance(math.pi * 5.0, 0.0, 0.5 * math.pi, 0.02)
+    ego = motion.take(5.0, 0.0)
+    assert (ego.ahead, ego.left) == pytest.approx((10.0, 10.0), abs=0.02)
+    assert motion.take(5.0, 0.0).ahead == 0.0
+
+
+def track_at(
+    x: float, y: float, vx: float = 0.0, vy: float = 0.0, kind: int = codes.PERSON
+) -> Track:
+    """Return something that is well known, `x` [m] ahead of the bumper."""
+    state = np.array([x + LIMITS.nose, y, vx, vy])
+    return Track(state, 1e-4 * np.eye(4), kind, 0.2, scans=20, began=60.0)
+
+
+@pytest.mark.parametrize(
+    ("distance", "stage"),
+    [(60.0, Stage.NONE), (34.0, Stage.INFORM), (24.0, Stage.WARN), (11.0, Stage.FULL)],
+)
+def test_a_danger_comes_in_stages(distance: float, stage: Stage) -> None:
+    # 10 m/s and 5.15 m/s²: 9.7 m to stop, 2 m of reaction, half a metre to stand off.
+    assert danger_of(track_at(distance, 0.0), 10.0, 0.0, LIMITS).stage is stage
+
+
+def test_who_will_have_left_the_way_is_no_danger_and_who_walks_into_it_is_one() -> None:
+    # At 10 m/s the kart is there in 1.5 s: who walks 1.5 m/s is 2.2 m farther by then.
+    leaves = danger_of(track_at(15.0, 1.3, vy=1.5), 10.0, 0.0, LIMITS)
+    enters = danger_of(track_at(15.0, -2.2, vy=1.5), 10.0, 0.0, LIMITS)
+    assert leaves.stage is Stage.NONE
+    assert enters.stage >= Stage.WARN
+
+
+def test_a_kart_ahead_that_brakes_hard_is_braked_for_before_it_is_close() -> None:
+    ahead = track_at(3.0, 0.0, vx=10.0, kind=codes.KART_HIT)
+    assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is Stage.NONE
+    ahead.state[2], ahead.slowing = 8.0, 6.0
+    assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is Stage.FULL
+
+
+def test_the_bearing_is_to_the_left_where_somebody_stands_left() -> None:
+    danger = danger_of(track_at(10.0, 1.0), 10.0, 0.0, LIMITS)
+    assert danger.bearing == pytest.approx(0.1, abs=0.01)
+    assert danger.distance == pytest.approx(10.0, abs=0.3)
+    assert danger.action is Action.BRAKE
+
+
+def test_only_the_last_stage_brakes_fully() -> None:
+    assert watch_danger(Danger(Stage.WARN)) == Verdict()
+    assert watch_danger(Danger(Stage.EASE)).motor == 0.0
+    assert watch_danger(Danger(Stage.FULL)) == STOP_FOR_OBSTACLE
+
+
+@pytest.mark.parametrize("speed", [20.0, 50.0])
+def test_with_a_radar_that_errs_a_kart_stops_for_who_crosses(speed: float) -> None:
+    crosses = partial(_crosses, pace=WALKS, side=-1.0, at=0.0, x=ADULT)
+    outcome = meet(Case("crosses", speed * KMH, crosses), KART_60, Sensors(radar=ERRS), 1)
+    assert outcome.impact is None
+    assert outcome.lead_s > 0.8
+
+
+def test_with_a_radar_that_errs_a_kart_passes_who_stands_a_metre_beside_its_way() -> None:
+    stands = partial(_ahead, pace=0.0, at=0.65 + 1.0 + ADULT, x=0.0)
+    outcome = meet(Case("beside", 50 * KMH, stands), KART_60, Sensors(radar=ERRS), 1)
+    assert outcome.braked_s == math.inf
+    assert outcome.least_gap == pytest.approx(1.0, abs=0.05)

@@ -1,0 +1,213 @@
+"""Where a kart is: late fixes, ranges, wheels that slip, and a filter that knows how sure it is."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from race_agents.plant.sensors import Sensors
+from race_agents.plant.trip import Course, Trip, drive, follow
+from race_agents.unit import motion
+from race_agents.unit.ekf import KartFilter
+from race_agents.unit.estimator import Estimator
+from race_agents.unit.inertial import Inertial
+from race_agents.unit.motion import DELAY, HEADING, SPEED, YAW_RATE, Agility, X, Y, drive_on
+from race_agents.unit.readings import Fix, Readings
+from race_agents.unit.wheels import Wheels
+from race_server.core.vehicle_presets import KART_60
+from support.courses import ring
+
+STEP = 0.02
+# 95 % of chi-square sums of 3 and of 2 numbers in 40 runs lie between these, divided by 40.
+NEES_BAND, NIS_BAND = (2.29, 3.80), (1.43, 2.67)
+
+
+def runs(count: int, seconds: float) -> tuple[list[float], list[float]]:
+    """Return NEES of (x, y, heading) and NIS of the last fix of karts that move as is assumed."""
+    nees, nis = [], []
+    agility = Agility()
+    for seed in range(count):
+        chance = np.random.default_rng(seed)
+        truth = np.zeros(motion.SIZE)
+        truth[SPEED], truth[YAW_RATE] = 8.0, 0.5
+        filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0)
+        sure = np.diag([1.0, 1.0, 0.01, 0.25, 0.04, 1e-6, 0.01, 1e-8, 1e-12, 1e-6])
+        filtered.covariance = sure
+        filtered.state = truth + chance.multivariate_normal(np.zeros(motion.SIZE), sure)
+        truth[DELAY] = filtered.state[DELAY]
+        for turn in range(round(seconds / STEP)):
+            noise = motion.process_noise(float(truth[HEADING]), STEP, agility, feels=True)
+            noise[motion.COMPLIANCE, motion.COMPLIANCE] = 0.0
+            truth = drive_on(truth, STEP) + chance.multivariate_normal(np.zeros(motion.SIZE), noise)
+            filtered.predict(STEP, push=(0.0, 0.0))
+            wheels = (1.0 + truth[motion.SCALE]) * truth[SPEED]
+            filtered.see_speed(wheels + chance.normal(0.0, 0.05), 0.05)
+            gyro = truth[YAW_RATE] + truth[motion.BIAS]
+            filtered.see_yaw_rate(gyro + chance.normal(0.0, 0.02), 0.02)
+            if turn % 5 == 4:
+                fix = truth[:2] + chance.normal(0.0, 0.1, 2)
+                filtered.see_position(*fix, 0.1)
+        off = filtered.state[:3] - truth[:3]
+        off[2] = motion.wrap(off[2])
+        nees.append(float(off @ np.linalg.solve(filtered.covariance[:3, :3], off)))
+        nis.append(filtered.squares["position"])
+    return nees, nis
+
+
+def test_a_kart_that_moves_as_is_assumed_is_off_by_as_much_as_the_filter_says() -> None:
+    nees, nis = runs(40, 4.0)
+    assert NEES_BAND[0] < np.mean(nees) < NEES_BAND[1]
+    assert NIS_BAND[0] < np.mean(nis) < NIS_BAND[1]
+
+
+def straight(turn: int, fix: Fix | None, acceleration: tuple[float, float] | None) -> Readings:
+    return Readings(turn * STEP, 10.0, 0.0, 0.0, acceleration, fix)
+
+
+def test_a_fix_that_comes_late_counts_as_if_it_had_come_in_time() -> None:
+    # East at 10 m/s; each fix is told at once, or 0.2 s later with its stamp.
+    states = []
+    for late in (0, 10):
+        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
+        for turn in range(1, 121):
+            of, fix = turn - late, None
+            if of > 0 and of % 10 == 0 and of <= 100:
+                fix = Fix(0.2 * of + 0.03, 0.02, 0.05, stamp_s=of * STEP)
+            estimator.sense(straight(turn, fix, (0.0, 0.0)))
+        states.append(estimator.state)
+    assert states[0][X] == pytest.approx(states[1][X], abs=1e-9)
+    assert states[0] == pytest.approx(states[1], abs=1e-9)
+
+
+def test_fixes_that_overtake_each_other_are_put_in_order() -> None:
+    states = []
+    for order in ((20, 30), (30, 20)):
+        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
+        for turn in range(1, 41):
+            fix = None
+            if turn in (35, 36):
+                of = order[turn - 35]
+                fix = Fix(0.2 * of, 0.05, 0.05, stamp_s=of * STEP + 0.007)
+            estimator.sense(straight(turn, fix, None))
+        states.append(estimator.state)
+    assert states[0] == pytest.approx(states[1], abs=1e-9)
+
+
+def test_a_fix_older_than_the_past_that_is_kept_is_refused_and_counted() -> None:
+    estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
+    for turn in range(1, 101):
+        estimator.sense(straight(turn, None, None))
+    assert not estimator.sense(straight(101, Fix(20.0, 0.0, 0.05, stamp_s=1.0), None))
+    assert estimator.timeline.too_late == 1
+
+
+def trip(seconds: float, **sensors: float | bool) -> Trip:
+    course = ring(radius=20.0, half_width=4.0)
+    return drive(
+        Course(course.line, course.borders),
+        KART_60,
+        replace(Sensors(), **sensors),  # type: ignore[arg-type]
+        seconds=seconds,
+        seed=3,
+        grip_share=0.5,
+    )
+
+
+def test_fixes_100_ms_late_cost_nothing_where_their_stamp_is_used() -> None:
+    late = trip(20.0)
+    known = follow(late)
+    ignored = follow(
+        late,
+        change=lambda given: replace(
+            given, fix=given.fix and replace(given.fix, stamp_s=given.time_s)
+        ),
+    )
+    assert np.sqrt(np.mean(known.off[500:] ** 2)) < 0.04
+    assert np.sqrt(np.mean(ignored.off[500:] ** 2)) > 0.5  # about 10 m/s for 0.1 s
+    assert known.refused == 0
+
+
+def test_the_delay_of_fixes_without_a_stamp_is_found() -> None:
+    # 200 ms, and 10 ms in the mean until the next reading.
+    found = follow(trip(40.0, fix_stamped=False, fix_delay_s=0.2))
+    assert found.delays[-1] == pytest.approx(0.21, abs=0.02)
+
+
+def test_a_range_by_a_detour_weighs_little_and_one_that_is_absurd_nothing() -> None:
+    moved = []
+    for excess in (0.1, 0.4, 3.0):
+        filtered = KartFilter(10.0, 0.0, 0.0, lever=0.0, heading_deviation=0.01)
+        filtered.covariance = np.diag([0.01, 0.01, *np.full(8, 1e-6)])
+        believed = filtered.see_range(0.0, 0.0, 10.0 + excess, 0.1)
+        moved.append(float(filtered.state[X]) - 10.0)
+        assert believed == (excess < 1.0)
+    # One deviation of 0.14 m moves by half of the excess; 0.4 m are 2.8 of them: less than half.
+    assert moved[0] == pytest.approx(0.05)
+    assert 0.05 < moved[1] < 0.15
+    assert moved[2] == 0.0
+
+
+def test_ranges_to_three_beacons_find_a_place() -> None:
+    filtered = KartFilter(1.0, 1.0, 0.0, lever=0.0)
+    for _ in range(30):
+        for x, y in ((0.0, 0.0), (20.0, 0.0), (0.0, 20.0)):
+            filtered.see_range(x, y, math.hypot(2.0 - x, 1.5 - y), 0.1)
+    assert filtered.state[[X, Y]] == pytest.approx([2.0, 1.5], abs=0.02)
+
+
+def test_two_antennas_and_the_course_over_the_ground_tell_the_heading() -> None:
+    for see in ("antennas", "course"):
+        filtered = KartFilter(0.0, 0.0, 0.3, lever=0.4)
+        filtered.state[SPEED] = 5.0
+        for _ in range(20):
+            if see == "antennas":
+                filtered.see_heading(0.0, 0.01)
+            else:
+                filtered.see_velocity(5.0, 0.0, 0.1)
+        assert filtered.state[HEADING] == pytest.approx(0.0, abs=0.03)
+
+
+def test_antennas_that_go_wrong_for_good_never_turn_a_good_heading_over() -> None:
+    filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0, heading_deviation=0.02)
+    assert not any(filtered.see_heading(1.0, 0.01) for _ in range(100))
+    assert filtered.state[HEADING] == 0.0
+
+
+def test_what_gyro_and_accelerometer_say_at_rest_is_their_error() -> None:
+    inertial, chance = Inertial(), np.random.default_rng(1)
+    for turn in range(100):
+        felt = tuple(chance.normal((0.4, -0.2), 0.3).tolist())
+        inertial.watch(0.0, 0.02, (felt[0], felt[1]), turn * STEP)
+    assert inertial.rests
+    assert inertial.bias == pytest.approx([0.4, -0.2], abs=0.1)
+    inertial.watch(1.0, 0.02, (0.4, -0.2), 2.0)
+    assert not inertial.rests
+
+
+def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
+    wheels = Wheels.of(KART_60)
+    told = []
+    for turn in range(100):  # the kart slows down by 5 m/s²; from 0.4 to 1.0 s its wheels stand
+        speed = 12.0 - 5.0 * turn * STEP
+        rim = 0.0 if 20 <= turn < 50 else speed
+        told.append(wheels.trusted(rim, speed, -5.0, turn * STEP) is not None)
+    assert all(told[:20])
+    assert not any(told[20:54])
+    assert all(told[62:])
+
+
+def test_a_kart_with_locked_wheels_keeps_its_place_by_what_it_feels() -> None:
+    slides = follow(trip(20.0, wheels_lock=0.2))
+    assert np.quantile(slides.off[500:], 0.99) < 0.15
+    assert slides.refused <= 0.05 * slides.fixes
+
+
+def test_ten_seconds_without_fixes_end_within_twice_of_what_is_told() -> None:
+    lost = follow(
+        trip(32.0),
+        change=lambda given: replace(given, fix=given.fix if given.time_s < 20.0 else None),
+    )
+    place = int(np.searchsorted(lost.times, 30.0))
+    assert lost.off[place] < 2.0 * lost.deviations[place]
+    assert lost.deviations[place] < 4.0

@@ -1,0 +1,68 @@
+"""PPO with its gradients written out learns what SB3's learns."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+
+from race_agents.training.fast_ppo import FastPpo
+from race_agents.training.gaussian_mlp import layers_of
+from race_server.envs.sb3 import KartVecEnv
+from support.tasks import ring_task
+
+OPTIONS: dict[str, Any] = {
+    "n_steps": 32,
+    "batch_size": 1024,
+    "n_epochs": 3,
+    "ent_coef": 0.01,
+    "learning_rate": 3e-3,
+    "seed": 3,
+    "device": "cpu",
+}
+
+
+def learned(kind: type[PPO], activation: type[torch.nn.Module], **options: Any) -> PPO:
+    task = ring_task(4, observation="radar", random_start=True, most_steps=25)
+    karts = KartVecEnv(task, worlds=16, seed=1)
+    network = {"net_arch": {"pi": [16, 12], "vf": [20, 8]}, "activation_fn": activation}
+    learner = kind("MlpPolicy", karts, policy_kwargs=network, **OPTIONS, **options)
+    learner.learn(3 * 32 * 64)
+    karts.close()
+    return learner
+
+
+@pytest.mark.parametrize("activation", [torch.nn.Tanh, torch.nn.ReLU])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_three_rollouts_leave_the_parameters_of_the_reference(
+    activation: type[torch.nn.Module], threads: int
+) -> None:
+    reference, fast = learned(PPO, activation), learned(FastPpo, activation, threads=threads)
+    first = PPO("MlpPolicy", reference.env, policy_kwargs=reference.policy_kwargs, **OPTIONS)
+    pairs = zip(reference.policy.parameters(), fast.policy.parameters(), strict=True)
+    for (one, other), begun in zip(pairs, first.policy.parameters(), strict=True):
+        way, apart = (one - begun).abs().max().item(), (one - other).abs().max().item()
+        assert apart < 0.02 * way
+    assert fast.logger.name_to_value.keys() == reference.logger.name_to_value.keys()
+
+
+def test_it_goes_on_from_its_checkpoint(tmp_path: Any) -> None:
+    fast = learned(FastPpo, torch.nn.Tanh, threads=2)
+    fast.save(tmp_path / "it.zip")
+    again = FastPpo.load(tmp_path / "it.zip", env=fast.env)
+    before = [value.clone() for value in again.policy.parameters()]
+    again.learn(32 * 64)
+    assert any(
+        not torch.equal(a, b) for a, b in zip(before, again.policy.parameters(), strict=True)
+    )
+
+
+def test_what_is_not_dense_and_gaussian_is_left_to_the_reference() -> None:
+    karts = KartVecEnv(ring_task(1, action="discrete"), worlds=2)
+    learner = FastPpo("MlpPolicy", karts, n_steps=8, batch_size=8, n_epochs=1, device="cpu")
+    assert layers_of(learner.policy) is None
+    learner.learn(16)
+    assert learner.num_timesteps == 16
+    assert np.isfinite(learner.policy.action_net.weight.detach().numpy()).all()
+    karts.close()

@@ -1,0 +1,41 @@
+"""The processes of a race end with it, however it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+LAUNCH = """
+import subprocess, time
+from race_server.competition.launch import free_address, process_group
+
+with process_group() as group:
+    arguments = ["gateway", "--connect", free_address(), "--port", "0", "--recordings", "none"]
+    print(group.start(arguments, subprocess.DEVNULL).pid, flush=True)
+    time.sleep(60.0)
+"""
+
+
+def is_there(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_race_that_is_ended_by_a_signal_leaves_no_process_behind(number: signal.Signals) -> None:
+    with subprocess.Popen([sys.executable, "-c", LAUNCH], stdout=subprocess.PIPE) as launcher:
+        assert launcher.stdout
+        gateway = int(launcher.stdout.readline())
+        assert is_there(gateway)
+        launcher.send_signal(number)
+        assert launcher.wait(30.0) == 128 + number
+    deadline = time.monotonic() + 5.0
+    while is_there(gateway) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not is_there(gateway)

@@ -1,0 +1,79 @@
+"""Laps of recorded races."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from race_server.coaching.circumstances import Circumstances
+from race_server.competition.launch import free_address
+from race_server.competition.recorded_laps import gaps_ahead, recorded_laps
+from race_server.competition.time_trial.lap import BRAKE, PROGRESS, SPEED, THROTTLE, TIME
+from race_server.live.server import LOCKSTEP, RaceServer
+from race_server.net.transport import ServerLink
+from race_server.scenario.race import Rules, Scenario
+from race_server.session import Session
+from race_server.storage.recording.logbook import Logbook
+from race_server.storage.recording.reader import read_recording
+from support.courses import SMALL_RING
+
+DRIVERS = ("pure_pursuit", "avoider")
+
+
+@pytest.mark.net
+def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
+    tmp_path: Path,
+) -> None:
+    rules = Rules(laps=2, countdown_s=0.5, items=False)
+    session = Session("cup", Scenario(SMALL_RING, karts=2, seed=5, rules=rules))
+    with (
+        Logbook(tmp_path, "cup", print) as book,
+        ServerLink(free_address(), "cup", 2) as link,
+    ):
+        assert RaceServer(session, link, LOCKSTEP, DRIVERS, logbook=book).run(0) is not None
+    (path,) = tmp_path.glob("*.mcap")
+    recording = read_recording(path)
+
+    found = recorded_laps(recording)
+
+    assert found.remark == ""
+    told = {(seat, number): time_us for seat, number, time_us, _ in recording.laps}
+    assert {(one.seat, one.lap.number): one.lap.time_us for one in found.laps} == told
+    assert len(told) == 4
+    for one in found.laps:
+        trace = one.lap.trace
+        assert one.driver == DRIVERS[one.seat]
+        assert one.circumstances.is_flying == (one.lap.number == 2)
+        assert trace[PROGRESS, [0, -1]] == pytest.approx([0.0, SMALL_RING.length])
+        assert trace[TIME, -1] == pytest.approx(one.lap.time_s)
+        assert trace[[THROTTLE, BRAKE]].max() > 0.0
+        # The first sample behind the line is as far from it as the kart came since.
+        driven = trace[SPEED, 1] * trace[TIME, 1]
+        assert one.lap.number == 1 or trace[PROGRESS, 1] == pytest.approx(driven, abs=0.03)
+
+
+def test_a_gap_is_the_time_to_where_the_next_kart_ahead_is() -> None:
+    progress, speed = np.array([90.0, 5.0, 50.0]), np.array([5.0, 5.0, 10.0])
+    racing = np.array([True, True, True])
+    # From 90 m to 5 m behind the line it is 15 m; from 5 m to 50 m 45 m; from 50 m to 90 m 40 m.
+    assert gaps_ahead(progress, speed, racing, 100.0) == pytest.approx([3.0, 9.0, 4.0])
+    alone = np.array([True, False, False])
+    assert gaps_ahead(progress, speed, alone, 100.0) == pytest.approx([np.inf] * 3)
+
+
+@pytest.mark.parametrize(
+    ("circumstances", "reason"),
+    [
+        (Circumstances(True, True), ""),
+        (Circumstances(True, True, caution_s=0.4, traffic_s=0.4), ""),
+        (Circumstances(False, True), "from the start"),
+        (Circumstances(True, False, contacts=1), "not clean, touched a kart"),
+        (Circumstances(True, True, hits=1), "hit by an item"),
+        (Circumstances(True, True, traffic_s=3.0), "3.0 s in traffic"),
+        (Circumstances(True, True, caution_s=2.5), "2.5 s under a flag"),
+    ],
+)
+def test_a_lap_that_others_decided_is_not_compared(
+    circumstances: Circumstances, reason: str
+) -> None:
+    assert circumstances.reason == reason
