@@ -17,7 +17,7 @@ class MiniGates:
     """The gates of one race. Gate 0 is the timing line; they count on from lap to lap."""
 
     def __init__(self, world: World) -> None:
-        """Begin with nobody past a gate."""
+        """Begin with all karts before the first gate."""
         length = float(world.route.courses[world.rules[0].course].length)
         self._spacing_m = length / GATES
         self._ranked_m: NDArray[np.float64] = world.racers["ranked"][0].copy()
@@ -51,7 +51,7 @@ class MiniGates:
         return self._times_us[kart][gate]
 
     def gap_us(self, ahead: int, behind: int) -> int:
-        """Return how much later than `ahead` the kart `behind` passed the last gate of its own.
+        """Return how much later than `ahead` the kart `behind` passed its last gate.
 
         0 where that is not known: one of them has passed none, or `ahead` has only just overtaken.
         """

@@ -23,7 +23,7 @@ class RingRace:
     """
 
     def __init__(self, ticks: int, step: int = 1) -> None:
-        """Race for so many ticks, of which each move of the session takes `step`."""
+        """Race for some ticks, of which each move of the session takes `step`."""
         self.session = session_on_ring("test", KARTS, laps=3, countdown_s=0.1)
         for seat in range(KARTS):
             self.session.join(f"driver {seat}", "track")
@@ -82,7 +82,7 @@ def test_gap_and_interval_are_differences_of_times_at_the_last_of_twenty_gates(t
         own_us = race.crossing_us(row.seat, gate_m)
         gap_us = own_us - race.crossing_us(rows[0].seat, gate_m)
         assert row.gap_us == pytest.approx(gap_us, abs=1000)
-        # Who has only just been overtaken was the first at that gate: the interval is not known.
+        # A kart that was just overtaken was the first at that gate: the interval is not known.
         interval_us = max(own_us - race.crossing_us(ahead.seat, gate_m), 0)
         assert timing_of(row).interval_us == pytest.approx(interval_us, abs=1000)
 
