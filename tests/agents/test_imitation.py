@@ -94,7 +94,7 @@ def test_a_warm_start_comes_near_to_its_teacher_and_is_the_same_again() -> None:
     first, said = imitate(settings())
     again, _ = imitate(settings())
     errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
-    assert errors[1] < 0.15
+    assert errors[1] < 0.2
     assert first.policy.log_std.exp().tolist() == pytest.approx([np.exp(-2.0)] * 3)
     for one, other in zip(first.policy.parameters(), again.policy.parameters(), strict=True):
         assert one.equal(other)

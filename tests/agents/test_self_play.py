@@ -140,7 +140,7 @@ def test_without_advice_a_kart_drives_as_the_driver_that_is_advised() -> None:
 def test_advice_shifts_the_lane_to_its_side() -> None:
     task = task_on((oval(1),), action="residual", base="raceline", observation=("line_offset",))
     left, right = Batch(task, seed=4), Batch(task, seed=4)
-    for _ in range(60):
+    for _ in range(80):
         left.step([[[0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
         right.step([[[-0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
     assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
@@ -190,7 +190,7 @@ def test_advice_to_fetch_a_box_drives_over_one() -> None:
         batch = Batch(task_on((scenario,), action="residual", base="raceline"), seed=4)
         taken = 0
         for _ in range(200):
-            batch.step([[[0.0, 0.0, -1.0, 0.0, 0.0, fetch]]])
+            batch.step([[[0.9, 0.0, -1.0, 0.0, 0.0, fetch]]])  # to the left of the line
             taken += int(batch.world.players["held"][0, 0] > 0)
             batch.world.players["held"] = 0
         held.append(taken)

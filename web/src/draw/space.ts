@@ -5,6 +5,7 @@ export const EYES = ['driver', 'chase', 'trackside', 'above'] as const;
 export type Eye = (typeof EYES)[number];
 
 const KEPT = 'race.space';
+const DRAWN_BY_PROCESSOR = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 /** Whether the race is shown in three dimensions: as chosen, else where a graphics card draws. */
 export function prefersSpace(): boolean {
@@ -19,6 +20,10 @@ export function keepSpace(isWanted: boolean): void {
 export function hasGraphicsCard(): boolean {
   const canvas = document.createElement('canvas');
   const context = canvas.getContext('webgl2', { failIfMajorPerformanceCaveat: true });
-  context?.getExtension('WEBGL_lose_context')?.loseContext();
-  return context !== null;
+  if (!context) return false;
+  // Some browsers do not count drawing by the processor as a caveat.
+  const names = context.getExtension('WEBGL_debug_renderer_info');
+  const name = String(context.getParameter(names?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER));
+  context.getExtension('WEBGL_lose_context')?.loseContext();
+  return !DRAWN_BY_PROCESSOR.test(name);
 }
