@@ -11,7 +11,7 @@ PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page check-page test test-slow test-libraries check lint docs hooks setup schemas limits dist lock sbom audit clean
+.PHONY: race page check-page test test-slow test-space test-libraries check lint docs hooks setup schemas limits dist lock sbom audit clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -33,7 +33,7 @@ check-page: page
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-test
-	@$(PYTEST) -m 'not slow'
+	@$(PYTEST) -m 'not slow and not space'
 
 test-slow: $(VENV)/.installed-test
 	@$(PYTEST) -m slow
@@ -44,6 +44,10 @@ lint: $(VENV)/.installed-test
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 	$(BIN)/codespell
+
+# The race in three dimensions and the emulated headset, drawn by the processor: minutes, one test after the other.
+test-space: $(VENV)/.installed-test page
+	@$(BIN)/python -m pytest -m space
 
 # A script for each library of others, in environments of their own; writes the table of docs/libraries.md.
 test-libraries: $(VENV)/.installed-test

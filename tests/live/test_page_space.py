@@ -35,7 +35,7 @@ DRAWS_IN_SOFTWARE = [
 
 pytestmark = [
     pytest.mark.net,
-    pytest.mark.slow,
+    pytest.mark.space,
     pytest.mark.skipif(not CHROMIUM, reason="no Chromium here: apt-get install chromium"),
     pytest.mark.skipif(not is_built(), reason="the page is not built: make page"),
     pytest.mark.skipif(not IWER.is_file(), reason="no emulated headset: npm ci in web/"),
