@@ -35,15 +35,17 @@ class SectionTimes:
 
     def times_us(self, kart: int) -> tuple[int, ...]:
         """Return the times of a kart's lap [µs], by section; 0 for one that is not driven."""
-        lap = self._lap.get(kart, {})
-        return tuple(lap.get(section, (0, Merit.NONE))[0] for section in range(self.sections))
+        return tuple(time_us for time_us, _ in self._shown(kart))
 
     def merits(self, kart: int) -> tuple[Merit, ...]:
         """Return how the times of a kart's lap compare, by section."""
-        lap = self._lap.get(kart, {})
-        return tuple(lap.get(section, (0, Merit.NONE))[1] for section in range(self.sections))
+        return tuple(merit for _, merit in self._shown(kart))
 
     def theoretical_us(self, kart: int) -> int:
         """Return the sum of a kart's best sections [µs], 0 until it has driven each."""
         own = self._own.get(kart, {})
         return sum(own.values()) if len(own) == self.sections > 0 else 0
+
+    def _shown(self, kart: int) -> list[tuple[int, Merit]]:
+        lap = self._lap.get(kart, {})
+        return [lap.get(section, (0, Merit.NONE)) for section in range(self.sections)]

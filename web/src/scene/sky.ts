@@ -19,7 +19,8 @@ import {
 import { chance } from './chance';
 import type { Setting } from './surroundings';
 
-const [WIDTH, HEIGHT] = [2048, 512]; // [pixels]; the height from the horizon to the zenith
+const [WIDTH, HEIGHT] = [2048, 512]; // [pixels]
+const SKYLINE = HEIGHT / 1.04; // [pixels] from above: the dome reaches a little below it
 const HORIZON = '#cfdde6';
 const SHADES: readonly [number, string][] = [
   [0, '#2f6fb5'],
@@ -120,54 +121,50 @@ export class Sky {
   }
 }
 
-function paintSky(): HTMLCanvasElement {
+/** Returns a picture of the dome in shades from the zenith down to the horizon. */
+function shaded(shades: typeof SHADES): CanvasRenderingContext2D {
   const canvas = document.createElement('canvas');
   canvas.width = WIDTH;
-  // The dome reaches a little below the horizon.
   canvas.height = HEIGHT;
   const context = canvas.getContext('2d')!;
-  const horizon = HEIGHT / 1.04;
-  const fill = context.createLinearGradient(0, 0, 0, horizon);
-  for (const [at, colour] of SHADES) fill.addColorStop(at, colour);
+  const fill = context.createLinearGradient(0, 0, 0, SKYLINE);
+  for (const [at, colour] of shades) fill.addColorStop(at, colour);
   context.fillStyle = fill;
   context.fillRect(0, 0, WIDTH, HEIGHT);
-  paintGlow(context, horizon);
-  paintClouds(context, horizon);
-  for (const [height, colour, seed] of HILLS) paintHills(context, horizon, height, colour, seed);
-  return canvas;
+  return context;
+}
+
+function paintSky(): HTMLCanvasElement {
+  const context = shaded(SHADES);
+  paintGlow(context);
+  paintClouds(context);
+  for (const [height, colour, seed] of HILLS) paintHills(context, height, colour, seed);
+  return context.canvas;
 }
 
 /** The inside of a hall: a wall with windows between its pillars, and lamps under the roof. */
 function paintHall(): HTMLCanvasElement {
-  const canvas = document.createElement('canvas');
-  canvas.width = WIDTH;
-  canvas.height = HEIGHT;
-  const context = canvas.getContext('2d')!;
-  const horizon = HEIGHT / 1.04;
-  const fill = context.createLinearGradient(0, 0, 0, horizon);
-  for (const [at, colour] of ROOF) fill.addColorStop(at, colour);
-  context.fillStyle = fill;
-  context.fillRect(0, 0, WIDTH, HEIGHT);
+  const context = shaded(ROOF);
   const bay = WIDTH / BAYS;
   for (let each = 0; each < BAYS; each++) {
     const x = each * bay;
     context.fillStyle = 'rgb(214 233 246 / 75%)';
-    context.fillRect(x + 0.2 * bay, 0.825 * horizon, 0.6 * bay, 0.06 * horizon);
+    context.fillRect(x + 0.2 * bay, 0.825 * SKYLINE, 0.6 * bay, 0.06 * SKYLINE);
     context.fillStyle = 'rgb(84 99 112 / 45%)';
-    context.fillRect(x - 0.05 * bay, 0.74 * horizon, 0.1 * bay, 0.25 * horizon);
+    context.fillRect(x - 0.05 * bay, 0.74 * SKYLINE, 0.1 * bay, 0.25 * SKYLINE);
     context.fillStyle = each % 2 ? 'rgb(255 255 255 / 90%)' : 'rgb(255 255 255 / 0%)';
-    context.fillRect(x + 0.1 * bay, 0.52 * horizon, 0.5 * bay, 0.02 * horizon);
+    context.fillRect(x + 0.1 * bay, 0.52 * SKYLINE, 0.5 * bay, 0.02 * SKYLINE);
   }
   context.fillStyle = 'rgb(200 60 52 / 55%)';
-  context.fillRect(0, 0.925 * horizon, WIDTH, 0.012 * horizon);
-  return canvas;
+  context.fillRect(0, 0.925 * SKYLINE, WIDTH, 0.012 * SKYLINE);
+  return context.canvas;
 }
 
-function paintGlow(context: CanvasRenderingContext2D, horizon: number): void {
+function paintGlow(context: CanvasRenderingContext2D): void {
   // A sphere begins opposite to x, and goes round clockwise seen from above.
   const turn = Math.atan2(SUN.y, SUN.x) / (2 * Math.PI);
   const x = (((0.5 + turn) % 1) + 1) % 1;
-  const y = (1 - Math.asin(SUN.z) / (0.5 * Math.PI)) * horizon;
+  const y = (1 - Math.asin(SUN.z) / (0.5 * Math.PI)) * SKYLINE;
   for (const wrap of [-1, 0, 1]) {
     const at = (x + wrap) * WIDTH;
     const glow = context.createRadialGradient(at, y, 4, at, y, 460);
@@ -180,11 +177,11 @@ function paintGlow(context: CanvasRenderingContext2D, horizon: number): void {
   }
 }
 
-function paintClouds(context: CanvasRenderingContext2D, horizon: number): void {
+function paintClouds(context: CanvasRenderingContext2D): void {
   const next = chance(11);
   for (let cloud = 0; cloud < CLOUDS; cloud++) {
     const height = next() ** 1.6;
-    const y = horizon * (0.93 - 0.62 * height);
+    const y = SKYLINE * (0.93 - 0.62 * height);
     const size = 10 + 46 * height;
     const x = next() * WIDTH;
     for (let puff = 0; puff < 14; puff++) {
@@ -210,7 +207,6 @@ function paintPuff(context: CanvasRenderingContext2D, x: number, y: number, radi
 
 function paintHills(
   context: CanvasRenderingContext2D,
-  horizon: number,
   height: number,
   colour: string,
   seed: number,
@@ -231,7 +227,7 @@ function paintHills(
       (sum, { count, phase, size }) => sum + size * Math.sin(count * angle + phase),
       0,
     );
-    context.lineTo(x, horizon - height * (0.55 + (0.75 * wave) / most));
+    context.lineTo(x, SKYLINE - height * (0.55 + (0.75 * wave) / most));
   }
   context.lineTo(WIDTH, HEIGHT);
   context.closePath();
