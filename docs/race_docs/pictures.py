@@ -15,7 +15,7 @@ from io import BytesIO
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 from race_docs.pages import ROOT
 from race_server.competition.launch import free_address
@@ -27,6 +27,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader"]
 
 KARTS = 8
+WINDOW: ViewportSize = {"width": 1280, "height": 720}
 # The animation: a moment each 6 ticks from when the lights go out, shown for 0.1 s.
 FIRST_TICK, STEP_TICKS, MOMENTS = 186, 6, 54
 SIZE = (440, 264)  # [px]
@@ -88,8 +89,7 @@ def _page(base: str, folder: Path) -> Iterator[Page]:
         sync_playwright() as play,
         play.chromium.launch(executable_path=browser, args=ARGUMENTS) as chromium,
     ):
-        size = {"width": 1280, "height": 720}
-        page = chromium.new_context(viewport=size, locale="en").new_page()
+        page = chromium.new_context(viewport=WINDOW, locale="en").new_page()
         page.set_default_timeout(120_000)
         page.goto(f"{base}#replay={recording.stem}&stats=1")
         page.get_by_test_id("play").get_by_text("Pause").click()

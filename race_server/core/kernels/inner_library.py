@@ -1,4 +1,4 @@
-"""What a kernel leaves for other kernels to link in: code, but no machine code of its own.
+"""What a kernel leaves for other kernels to link in: code, but no machine code.
 
 numba turns every function into machine code, with all that it calls, although only what Python
 calls is ever run: of sixty kernels that are called by one another, the innermost is optimised and
