@@ -88,6 +88,7 @@ def _page(base: str, folder: Path) -> Iterator[Page]:
         page.set_default_timeout(120_000)
         page.goto(f"{base}#replay={recording.stem}&stats=1")
         page.get_by_test_id("play").get_by_text("Pause").click()
+        page.get_by_test_id("play").get_by_text("Play").wait_for()
         page.get_by_test_id("space").dispatch_event("click")
         page.wait_for_function("window.__race?.scene")
         yield page
@@ -108,7 +109,7 @@ def _seek(page: Page, tick: int) -> None:
         }""",
         tick,
     )
-    page.wait_for_function("(tick) => Math.abs(window.__race.tick - tick) < 1", arg=tick)
+    page.wait_for_function("(tick) => Math.abs(window.__race.tick - tick) < 2", arg=tick)
     frames = page.evaluate("window.__race.frames")
     page.wait_for_function("(most) => window.__race.frames > most", arg=frames + 1)
 
