@@ -4,6 +4,7 @@
 the plant, is a `Hardware`. Nothing in the control loop waits for the network.
 """
 
+import math
 import threading
 import time
 from collections import deque
@@ -19,6 +20,7 @@ from race_agents.onboard.parker import PRESET, Parker
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.readings import Readings
 from race_agents.unit.safety import Command
+from race_server.core.alert import Alert, DangerStage
 from race_server.core.clock import Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.core.messages import Control, Flag, Trust
@@ -28,6 +30,7 @@ from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
+from race_server.net.wire.alert import AlertFrame, encode_alert
 from race_server.net.wire.drive import HudFrame, decode_hud
 from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
 from race_server.net.wire.parking import OrderFrame
@@ -36,10 +39,13 @@ from race_server.net.wire.pose import PoseFrame, encode_pose
 PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
 # After the link broke the kart asks for its seat as often as this, and gives up after this time.
 RETRY_S, GIVE_UP_S = 1.0, 10.0
+# What a kart says is said again as often as this, for as long as it lasts.
+SAY_AGAIN_S = 0.2
 # The driver that parks, where none is named.
 VALET = "valet"
 
 Clock = Callable[[], float]
+Send = Callable[[bytes], None]
 
 
 class Hardware(Protocol):
@@ -67,9 +73,16 @@ class KartProgram:
     delay_s: float = 0.0  # added each way, to play a slow link
     is_cut: bool = False  # as if the radio were off
     sequence: int = 0
-    _up: deque[tuple[float, bytes]] = field(default_factory=deque)
+    alerts: int = 0  # sent so far
+    _up: deque[tuple[float, Send, bytes]] = field(default_factory=deque)
     _down: deque[tuple[float, bytes]] = field(default_factory=lambda: deque(maxlen=64))
     _asking: threading.Thread | None = None
+    _said: Alert | None = None
+    _said_s: float = -math.inf
+
+    def __post_init__(self) -> None:
+        """Get ready to send alerts beside poses."""
+        self._send_alert = self.seat.sender(topics.ALERT)
 
     def store(self, data: bytes) -> None:
         """Take a message from the server; called by the transport's thread."""
@@ -99,8 +112,10 @@ class KartProgram:
         return None if self.is_cut else self.seat.receive_order()
 
     def tell(self, unit: ControlUnit, now_s: float) -> None:
-        """Send the pose, and what was sent before and is due."""
+        """Send the pose, what the kart has to say, and what was sent before and is due."""
         pose, hud = unit.pose(), unit.hud
+        if hud is not None:
+            self._say(unit.alert(), hud.epoch, now_s)
         if pose is not None and hud is not None:
             self.sequence += 1
             told = PoseFrame(
@@ -110,11 +125,22 @@ class KartProgram:
                 pose=replace(pose, echo_us=unit.echo_us(now_s)),
                 buttons=unit.buttons,
             )
-            self._up.append((now_s + self.delay_s, encode_pose(told)))
+            self._up.append((now_s + self.delay_s, self.seat.send, encode_pose(told)))
         while self._up and self._up[0][0] <= now_s:
-            _, data = self._up.popleft()
+            _, send, data = self._up.popleft()
             if not self.is_cut:
-                self.seat.send(data)
+                send(data)
+
+    def _say(self, alert: Alert, epoch: int, now_s: float) -> None:
+        """Send an alert if it says something new, and again for as long as it lasts."""
+        is_new = self._said is None or alert.gist != self._said.gist
+        lasts = alert.danger.stage > DangerStage.NONE and now_s - self._said_s > SAY_AGAIN_S
+        if not is_new and not lasts:
+            return
+        self._said, self._said_s = alert, now_s
+        self.alerts += 1
+        data = encode_alert(AlertFrame(epoch, self.alerts, alert))
+        self._up.append((now_s + self.delay_s, self._send_alert, data))
 
     def ask_again(self) -> None:
         """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex.

@@ -14,9 +14,7 @@ from race_agents.plant.body import Body
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, gap_to
 from race_agents.unit.control_unit import ControlUnit
-from race_agents.unit.danger import Stage
-from race_agents.unit.safety import Cause
-from race_server.core.messages import RayHit
+from race_server.core.alert import Cause, DangerStage
 
 STANDS = 0.03  # [m/s] slower than this is standing
 # The person steps out where this share of the way that the kart needs to stop is left.
@@ -188,7 +186,7 @@ class IncidentLog:
     radio_loss: RadioLoss | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     alerts: list[dict[str, Any]] = field(default_factory=list)  # what the kart warned of, and did
-    _stage: Stage = Stage.NONE
+    _stage: DangerStage = DangerStage.NONE
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
     _cap: float = math.inf
@@ -229,18 +227,22 @@ class IncidentLog:
         """Note what the kart saw, each time that a danger comes a stage further."""
         danger, before = unit.danger, self._stage
         self._stage = danger.stage
-        if danger.stage < Stage.WARN or danger.stage <= before or len(self.alerts) >= MOST_ALERTS:
+        if (
+            danger.stage < DangerStage.WARN
+            or danger.stage <= before
+            or len(self.alerts) >= MOST_ALERTS
+        ):
             return
         self.alerts.append(
             {
                 "at_s": round(raced_s, 2),
                 "stage": danger.stage.name.lower(),
-                "kind": RayHit(danger.kind).name.lower(),
+                "kind": danger.kind.name.lower(),
                 "bearing_deg": round(math.degrees(danger.bearing), 1),
                 "distance_m": round(danger.distance, 2),
                 "time_s": round(danger.time_s, 2),
                 "needed": round(danger.needed, 2),
-                "action": danger.action.name.lower(),
+                "advice": danger.advice.name.lower(),
             }
         )
 

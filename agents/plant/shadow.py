@@ -16,10 +16,11 @@ import numpy as np
 from race_agents.plant.body import Body
 from race_agents.plant.radar import ERRS, Floats, RadarErrors, Surroundings, scan
 from race_agents.plant.row import Row
-from race_agents.unit.danger import Danger, Stage, assess
+from race_agents.unit.danger import worst_ahead
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.objects import Objects
-from race_agents.unit.safety import Limits, watch_obstacles
+from race_agents.unit.safety import Limits
+from race_server.core.alert import Danger, DangerStage
 from race_server.core.messages import Phase, Status
 from race_server.core.vehicles import Vehicle
 from race_server.errors import RecordingError
@@ -46,7 +47,7 @@ class Act:
     path: str
     tick: int
     seat: int
-    stage: Stage
+    stage: DangerStage
     speed: float
     danger: Danger
     is_false: bool
@@ -59,7 +60,7 @@ class Shadow:
     metres: float = 0.0
     acts: list[Act] = field(default_factory=list)
 
-    def count(self, stage: Stage, *, false_only: bool = False) -> int:
+    def count(self, stage: DangerStage, *, false_only: bool = False) -> int:
         """Return how often a stage was called for."""
         return sum(act.stage is stage and (act.is_false or not false_only) for act in self.acts)
 
@@ -75,9 +76,9 @@ class Follower:
     errors: RadarErrors = ERRS
     objects: Objects = field(default_factory=Objects)
     _motion: EgoMotion = field(default_factory=EgoMotion)
-    _until: dict[Stage, float] = field(default_factory=dict)
+    _until: dict[DangerStage, float] = field(default_factory=dict)
 
-    def look(self, row: np.void, others: Floats, now_s: float) -> tuple[Stage, Danger] | None:
+    def look(self, row: np.void, others: Floats, now_s: float) -> tuple[DangerStage, Danger] | None:
         """Take one snapshot; return what begins now, if something does.
 
         row: this kart; others: (n, 5) x, y, heading and velocity of the others.
@@ -90,16 +91,14 @@ class Follower:
         self.objects.look(echoes, self._motion.take(speed, body.lateral_speed), SCAN_S)
         wanted = math.tan(float(row["steering"])) / self.vehicle.wheelbase
         now = float(row["yaw_rate"]) / speed if speed > SLOW else wanted
-        danger = assess(self.objects.tracks, speed, now, wanted, self.limits)
+        sensed = self.objects.tracks, self.objects.loose
+        danger = worst_ahead(*sensed, speed, now, wanted, self.limits)
         stage = danger.stage
-        seen = self.objects.loose
-        if watch_obstacles(seen, speed, now, wanted, self.limits).brake > 0.0:
-            stage = Stage.FULL
-        if stage < Stage.WARN or speed < SLOW:
+        if stage < DangerStage.WARN or speed < SLOW:
             return None
         begins = self._until.get(stage, -math.inf) < now_s
-        for each in Stage:
-            if Stage.WARN <= each <= stage:
+        for each in DangerStage:
+            if DangerStage.WARN <= each <= stage:
                 self._until[each] = now_s + APART_S
         return (stage, danger) if begins else None
 
@@ -226,7 +225,7 @@ def rows(found: Shadow) -> list[Row]:
     """Return the table of shadow mode."""
     km = max(found.metres / 1000.0, 1e-9)
     note = f"{found.metres / 1000.0:.1f} km of all karts"
-    false = found.count(Stage.FULL, false_only=True)
+    false = found.count(DangerStage.FULL, false_only=True)
     return [
         Row(
             "false full brakes in recorded races",
@@ -238,14 +237,14 @@ def rows(found: Shadow) -> list[Row]:
         Row(
             "full brakes before something came close",
             "per 1,000 km",
-            1000.0 * (found.count(Stage.FULL) - false) / km,
+            1000.0 * (found.count(DangerStage.FULL) - false) / km,
             least=0.0,
             note=note,
         ),
         Row(
             "warnings in recorded races",
             "per 10 km",
-            10.0 * found.count(Stage.WARN) / km,
+            10.0 * found.count(DangerStage.WARN) / km,
             most=1.0,
             note=note,
         ),

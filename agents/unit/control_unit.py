@@ -6,12 +6,12 @@ never raise it.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.danger import NO_DANGER, Danger, Stage, assess, watch_danger
+from race_agents.unit.danger import NO_DANGER, nearest_of, watch_danger, worst_ahead
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
@@ -36,6 +36,7 @@ from race_agents.unit.safety import (
     watch_speed,
 )
 from race_server.core import codes
+from race_server.core.alert import Advice, Alert, Danger, DangerStage
 from race_server.core.messages import Button, Control, Pose, Source
 from race_server.core.vehicles import Vehicle
 
@@ -77,6 +78,7 @@ class ControlUnit:
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
+    _met: Danger = NO_DANGER  # what it braked fully for last
     _met_s: float = -math.inf  # when a person was last seen in the way, or near
 
     @classmethod
@@ -157,7 +159,6 @@ class ControlUnit:
         if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
             now = float(self.fusion.state[YAW_RATE]) / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
-        self.danger = assess(self.objects.tracks, speed, now, will, self.limits)
         return [
             self._watch_ahead(now, will, speed),
             watch_danger(self.danger),
@@ -174,20 +175,22 @@ class ControlUnit:
         A driver that releases the pedal, or backs away, may try again. For another kart, which
         drives on, the brakes are on only while it is in danger.
         """
+        sensed = self.objects.tracks, self.loose
+        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits)
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
-        verdict = watch_obstacles(self.loose, speed, now, will, self.limits)
         still = self.echoes.without_karts()
-        danger = self.danger if self.danger.stage is Stage.FULL else NO_DANGER
-        if verdict.brake > 0.0 or danger is not NO_DANGER:
+        if danger.stage is DangerStage.FULL:
             alone = watch_obstacles(still, speed, now, will, self.limits).brake > 0.0
             self._is_braking |= alone or danger.kind in PEOPLE
             people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
             if people.brake > 0.0 or danger.kind in PEOPLE:
                 self._met_s = self._time_s
+            self._met = danger
             return STOP_FOR_OBSTACLE
         if self._is_braking and speed > STANDS:
+            self.danger = self._met
             return STOP_FOR_OBSTACLE
         if self._driver.throttle <= 0.0:
             self._is_braking = False
@@ -197,13 +200,30 @@ class ControlUnit:
             held = self._hold(watch_restart(still, self.limits))
             self._is_braking = held.brake > 0.0
         near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
-        return held if held.brake > 0.0 else near
+        verdict = held if held.brake > 0.0 else near
+        if verdict.brake > 0.0:
+            self.danger = self._what_is_waited_for()
+        return verdict
+
+    def _what_is_waited_for(self) -> Danger:
+        """Return what a kart that stands waits for: the nearest thing, or what it braked for."""
+        things = self.echoes.without_borders()
+        if len(things.x):
+            return nearest_of(things, self.limits, Advice.WAIT)
+        return replace(self._met, advice=Advice.WAIT)
 
     def _hold(self, held: Verdict) -> Verdict:
         """Hold a kart for a while after the last person in front was seen."""
         if held.brake > 0.0:
             self._met_s = self._time_s
         return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
+
+    def alert(self) -> Alert:
+        """Return what the kart has to say: what it sees ahead, and what it does by itself."""
+        cause, stage = self.command.cause, self.danger.stage
+        if cause:
+            stage = max(stage, DangerStage.EASE)
+        return Alert(round(self._time_s * MICROSECONDS), replace(self.danger, stage=stage), cause)
 
     def pose(self) -> Pose | None:
         """Return the pose of the kart's centre of gravity, as it is sent to the server.

@@ -10,50 +10,25 @@ the motor off and brakes a little, *full* is full brakes. A warning is due 0.95 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.objects import BORN, Track
-from race_agents.unit.safety import STOP_FOR_OBSTACLE, STRAIGHT, Cause, Limits, Verdict, way_along
+from race_agents.unit.safety import (
+    STOP_FOR_OBSTACLE,
+    STRAIGHT,
+    Echoes,
+    Limits,
+    Verdict,
+    in_the_way,
+    way_along,
+)
 from race_server.core import codes
+from race_server.core.alert import Advice, Cause, Danger, DangerStage
+from race_server.core.messages import RayHit
 
 Floats = NDArray[np.float64]
-
-
-class Stage(IntEnum):
-    """How far a danger has come."""
-
-    NONE = 0
-    INFORM = 1
-    WARN = 2
-    EASE = 3
-    FULL = 4
-
-
-class Action(IntEnum):
-    """What the driver should do."""
-
-    NONE = 0
-    BRAKE = 1
-    STEER_LEFT = 2
-    STEER_RIGHT = 3
-    WAIT = 4  # the kart stands: something is in front of it
-
-
-@dataclass(frozen=True)
-class Danger:
-    """The worst that is ahead."""
-
-    stage: Stage = Stage.NONE
-    kind: int = codes.NOTHING  # RayHit
-    bearing: float = 0.0  # [rad] from straight ahead, left positive
-    distance: float = math.inf  # [m] from the front bumper
-    time_s: float = math.inf  # until they meet
-    needed: float = 0.0  # [m/s²] of braking
-    action: Action = Action.NONE
 
 
 NO_DANGER = Danger()
@@ -84,6 +59,43 @@ SLOWS = 2.0
 SEEN = 2
 # Where there is room on one side within this time [s] steering is told.
 ROOM = 0.3
+
+
+def worst_ahead(
+    tracks: Sequence[Track],
+    loose: Echoes,
+    speed: float,
+    now: float,
+    wanted: float,
+    limits: Limits,
+) -> Danger:
+    """Return the worst that is ahead: of the objects, or of the echoes that the reflex brakes for.
+
+    loose: echoes that are of no kart whose way is known; the rest as of `assess`.
+    """
+    danger = assess(tracks, speed, now, wanted, limits)
+    if danger.stage is DangerStage.FULL:
+        return danger
+    met = in_the_way(loose, speed, now, wanted, limits)
+    return nearest_of(loose.kept(met), limits, Advice.BRAKE) if met.any() else danger
+
+
+def nearest_of(echoes: Echoes, limits: Limits, advice: Advice) -> Danger:
+    """Return the danger that the nearest of some echoes is, for which the kart brakes fully."""
+    x = echoes.x - limits.nose
+    far = np.hypot(x, echoes.y)
+    nearest = int(np.argmin(far))
+    distance, closing = float(far[nearest]), float(echoes.closing[nearest])
+    comes = closing > CREEP
+    return Danger(
+        DangerStage.FULL,
+        RayHit(int(echoes.kinds[nearest])),
+        math.atan2(float(echoes.y[nearest]), float(x[nearest])),
+        distance,
+        distance / closing if comes else math.inf,
+        _needed(closing, distance, 0.0) if comes else 0.0,
+        advice,
+    )
 
 
 def assess(
@@ -133,12 +145,12 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
     bearing = math.atan2(y, x - limits.nose)
     return Danger(
         stage,
-        track.kind,
+        RayHit(track.kind),
         bearing,
         max(math.hypot(x, y) - limits.nose, 0.0),
         time_s,
         needed,
-        _action(stage, float(aside[first]), limits),
+        _advice(stage, float(aside[first]), limits),
     )
 
 
@@ -179,29 +191,31 @@ def _needed(pace: float, room: float, after_s: float) -> float:
     return pace * pace / (2.0 * max(room - pace * after_s, 0.05))
 
 
-def _stage(track: Track, time_s: float, needed: float, *, soon: bool, limits: Limits) -> Stage:
+def _stage(
+    track: Track, time_s: float, needed: float, *, soon: bool, limits: Limits
+) -> DangerStage:
     """Return how far a danger has come. soon: full brakes are due within `AHEAD_S`."""
     if track.kind == codes.KART_HIT and not track.stands:
         # Racing is close: only braking counts, not time, and what is usual of it.
         if needed >= limits.promised:
-            return Stage.FULL
+            return DangerStage.FULL
         if needed >= EASE_SHARE * limits.promised:
-            return Stage.EASE
-        return Stage.WARN if needed >= WARN_SHARE * limits.promised else Stage.INFORM
+            return DangerStage.EASE
+        return DangerStage.WARN if needed >= WARN_SHARE * limits.promised else DangerStage.INFORM
     if needed >= limits.braking:
-        return Stage.FULL
+        return DangerStage.FULL
     if time_s < EASE_S and needed >= 0.5 * limits.braking:
-        return Stage.EASE
-    return Stage.WARN if soon or time_s < WARN_S else Stage.INFORM
+        return DangerStage.EASE
+    return DangerStage.WARN if soon or time_s < WARN_S else DangerStage.INFORM
 
 
-def _action(stage: Stage, aside: float, limits: Limits) -> Action:
+def _advice(stage: DangerStage, aside: float, limits: Limits) -> Advice:
     """Return what helps: braking, or early on steering to the side where there is more room."""
-    if stage < Stage.WARN:
-        return Action.NONE
-    if stage >= Stage.EASE or abs(aside) < ROOM * limits.half_width:
-        return Action.BRAKE
-    return Action.STEER_RIGHT if aside > 0.0 else Action.STEER_LEFT
+    if stage < DangerStage.WARN:
+        return Advice.NONE
+    if stage >= DangerStage.EASE or abs(aside) < ROOM * limits.half_width:
+        return Advice.BRAKE
+    return Advice.STEER_RIGHT if aside > 0.0 else Advice.STEER_LEFT
 
 
 def _beside_arc(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
@@ -214,6 +228,6 @@ def _beside_arc(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]
 
 def watch_danger(danger: Danger) -> Verdict:
     """Return what a danger allows: nothing but a word, no motor, or full brakes."""
-    if danger.stage is Stage.FULL:
+    if danger.stage is DangerStage.FULL:
         return STOP_FOR_OBSTACLE
-    return EASING if danger.stage is Stage.EASE else Verdict()
+    return EASING if danger.stage is DangerStage.EASE else Verdict()

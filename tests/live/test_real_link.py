@@ -205,7 +205,7 @@ def test_the_fence_of_a_course_is_its_kerb() -> None:
 def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
     address = free_address()
     with ServerLink(address, "race", 2) as link, ClientLink(address, "race") as client:
-        link.expect_poses({1})
+        link.expect_tracked({1})
         send = [client.sender(seat, "nobody's", topics.POSE) for seat in (0, 1)]
         deadline = time.monotonic() + 5.0
         while not link.dropped and time.monotonic() < deadline:
@@ -213,7 +213,7 @@ def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
                 pose(b"rubbish")
             time.sleep(0.02)
         assert {seat for _, seat in link.dropped} == {1}
-        link.expect_poses(())
+        link.expect_tracked(())
         time.sleep(0.1)
         before = link.dropped.copy()
         send[1](b"rubbish")
