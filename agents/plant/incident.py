@@ -17,8 +17,9 @@ from race_agents.unit.control_unit import ControlUnit
 from race_server.core.alert import Cause, DangerStage
 
 STANDS = 0.03  # [m/s] slower than this is standing
-# The person steps out where this share of the way that the kart needs to stop is left.
-ROOM = 1.3
+# The person is on the way where this share of the way that the kart needs to stop is left, and
+# walks there from this many kart widths beside it, for this long [s].
+ROOM, ASIDE_WIDTHS, WALK_S = 1.3, 1.3, 1.2
 STAY_S = 2.0  # a person stays this long once the kart stands
 WATCH_S = 3.0  # a kart without radio is watched this long once it stands
 # A kart that is ordered to slow down has a second to react, then brakes with this at least [m/s²].
@@ -49,7 +50,7 @@ class FastestSpeed:
 
 @dataclass
 class PersonIncident:
-    """A person on the track, and how the kart met it."""
+    """A person who walks onto the track and stands there, and how the kart met it."""
 
     after_s: float  # of racing
     person: Person | None = None
@@ -57,6 +58,7 @@ class PersonIncident:
     is_over: bool = False
     _fastest: FastestSpeed = field(default_factory=FastestSpeed)
     _stood_s: float = math.inf
+    _walked_s: float = 0.0  # until this time of racing
 
     def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
         """Step out, be met, walk away."""
@@ -67,6 +69,7 @@ class PersonIncident:
             if is_fast:
                 self._step_out(plant, unit, raced_s)
             return
+        self._walk(raced_s)
         body, figures = plant.body, self.figures
         figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
         if unit.command.cause & Cause.OBSTACLE and "braked_after_s" not in figures:
@@ -87,6 +90,16 @@ class PersonIncident:
             self._walk_away(plant)
             self.is_over = True
 
+    def _walk(self, raced_s: float) -> None:
+        """Walk on to the kart's way, and stand there."""
+        assert self.person is not None
+        person, arrives_s = self.person, self.figures["at_s"] + WALK_S
+        seconds = min(raced_s, arrives_s) - self._walked_s
+        self._walked_s = raced_s
+        person.x, person.y = person.x + person.vx * seconds, person.y + person.vy * seconds
+        if raced_s >= arrives_s:
+            person.vx = person.vy = 0.0
+
     def _walk_away(self, plant: Plant) -> None:
         plant.around.people.clear()
         plant.throttle = None
@@ -97,6 +110,7 @@ class PersonIncident:
         way = body.speed * limits.reaction_s + body.speed**2 / (2.0 * limits.braking)
         radius = 0.15 * body.vehicle.length
         ahead = limits.nose - body.vehicle.rear_axle + ROOM * way + limits.stand_off + radius
+        ahead += body.speed * WALK_S
         curvature = math.tan(body.steering) / body.vehicle.wheelbase
         middle = body.heading + 0.5 * curvature * ahead
         x, y = body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle)
@@ -106,10 +120,14 @@ class PersonIncident:
         stray = math.remainder(course - body.heading - turned, 2.0 * math.pi)
         if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
             return
-        person = Person(x, y, radius)
-        if not is_view_clear(person, body, plant.around.others):
+        if not is_view_clear(Person(x, y, radius), body, plant.around.others):
             return
-        self.person = person
+        aside = ASIDE_WIDTHS * body.vehicle.width  # to the right of the way
+        right = body.heading + turned - 0.5 * math.pi
+        cos, sin = math.cos(right), math.sin(right)
+        pace = aside / WALK_S
+        person = Person(x + aside * cos, y + aside * sin, radius, -pace * cos, -pace * sin)
+        self.person, self._walked_s = person, raced_s
         plant.around.people.append(self.person)
         plant.throttle = 1.0
         self.figures = {
