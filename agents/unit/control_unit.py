@@ -11,7 +11,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.danger import NO_DANGER, nearest_of, watch_danger, worst_ahead
+from race_agents.unit.danger import (
+    NO_DANGER,
+    nearest_of,
+    pivot_of,
+    watch_danger,
+    worst_ahead,
+)
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
@@ -176,7 +182,8 @@ class ControlUnit:
         drives on, the brakes are on only while it is in danger.
         """
         sensed = self.objects.tracks, self.loose
-        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits)
+        pivot = self._pivot(speed)
+        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits, pivot=pivot)
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
@@ -204,6 +211,12 @@ class ControlUnit:
         if verdict.brake > 0.0:
             self.danger = self._what_is_waited_for()
         return verdict
+
+    def _pivot(self, speed: float) -> float:
+        if self.fusion is None or speed < ROLLS:
+            return 0.0
+        slide, yaw_rate = (float(self.fusion.state[at]) for at in (SLIDE, YAW_RATE))
+        return pivot_of(slide, yaw_rate, self.limits)
 
     def _what_is_waited_for(self) -> Danger:
         """Return what a kart that stands waits for: the nearest thing, or what it braked for."""
