@@ -13,7 +13,7 @@ from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Float32s, Floats, World, digest
 from race_server.core.step import advance, place_karts
 from race_server.credentials import key_of
-from race_server.errors import Reason, WireError
+from race_server.errors import Reason, SeatError, WireError
 from race_server.scenario.race import Scenario, line_up_race, make_world
 from race_server.session.controls import Controls
 from race_server.session.event_log import EventLog
@@ -112,6 +112,17 @@ class Session:
             seat.control = STOP
         else:
             self._free(number)
+
+    def use_item(self, number: int) -> None:
+        """Press the item button of a kart for one tick, for somebody beside its driver.
+
+        Raises:
+            SeatError: the seat is not taken, or its kart holds no item.
+        """
+        seat = self.seat(number)
+        if not self.world.players["held"][0, number]:
+            raise SeatError(f"the kart of seat {number} holds no item", Reason.DECISION)
+        seat.uses_item = True
 
     def drop(self, number: int) -> None:
         """Record that a driver's link is gone: its kart is brought to a safe stop."""
