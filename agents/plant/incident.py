@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.onboard.client import KartProgram, is_home
+from race_agents.onboard.safety_side import SafetySide
 from race_agents.plant.body import Body
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, gap_to
@@ -172,13 +172,13 @@ class RadioLoss:
     _from: tuple[float, float] = (0.0, 0.0)
     _stood_s: float = math.inf
 
-    def turn(self, plant: Plant, unit: ControlUnit, onboard: KartProgram, raced_s: float) -> None:
+    def turn(self, plant: Plant, side: SafetySide, raced_s: float) -> None:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
-        if not onboard.is_cut:
+        if not side.is_cut:
             if not self._fastest.is_fast(body) or raced_s < self.after_s:
                 return
-            onboard.is_cut = True
+            side.is_cut = True
             plant.throttle = 1.0
             self._from = body.x, body.y
             self.figures = {"at_s": raced_s, "speed": body.speed, "driver_throttle": 1.0}
@@ -191,7 +191,7 @@ class RadioLoss:
             self.figures["stood_after_s"] = raced_s - self.figures["at_s"]
             straight = math.hypot(body.x - self._from[0], body.y - self._from[1])
             self.figures["stopped_within_m"] = straight
-            self.figures["cause"] = [flag.name for flag in Cause if flag & unit.command.cause]
+            self.figures["cause"] = [flag.name for flag in Cause if flag & side.unit.command.cause]
         self.is_over = raced_s - self._stood_s > WATCH_S
 
 
@@ -214,8 +214,9 @@ class IncidentLog:
     _longest_turn_s: float = 0.0
     _pauses: int = 0
 
-    def turn(self, onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+    def turn(self, side: SafetySide, now_s: float) -> bool:
         """Note one decision; False once this kart has nothing more to do."""
+        unit = side.unit
         self._longest_turn_s = max(self._longest_turn_s, now_s - self._turned_s)
         self._pauses += now_s - self._turned_s > PAUSE_S
         self._turned_s = now_s
@@ -231,10 +232,10 @@ class IncidentLog:
         if self.person is not None and raced_s > 0.0:
             self.person.turn(self.plant, unit, raced_s)
         if self.radio_loss is not None and raced_s > 0.0:
-            self.radio_loss.turn(self.plant, unit, onboard, raced_s)
-            if onboard.is_cut:
+            self.radio_loss.turn(self.plant, side, raced_s)
+            if side.is_cut:
                 return not self.radio_loss.is_over
-        return raced_s < 1.0 or not is_home(unit)
+        return raced_s < 1.0 or not unit.is_home
 
     def _note_place(self, unit: ControlUnit) -> None:
         if (pose := unit.pose()) is not None:

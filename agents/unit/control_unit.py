@@ -35,6 +35,7 @@ from race_agents.unit.safety import (
     watch_creeping,
     watch_driver,
     watch_fence,
+    watch_game,
     watch_link,
     watch_obstacles,
     watch_place,
@@ -43,7 +44,7 @@ from race_agents.unit.safety import (
 )
 from race_server.core import codes
 from race_server.core.alert import Advice, Alert, Danger, DangerStage
-from race_server.core.messages import Button, Control, Pose, Source
+from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
 from race_server.core.vehicles import Vehicle
 
 MICROSECONDS = 1_000_000
@@ -78,6 +79,7 @@ class ControlUnit:
     _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
+    _game_s: float | None = None  # when the program beside was last heard; None: there is none
     _driver: Control = STOP
     _driver_s: float = -math.inf
     _time_s: float = 0.0
@@ -95,6 +97,10 @@ class ControlUnit:
     def hear(self, hud: Orders, now_s: float) -> None:
         """Take what the game wants of this kart."""
         self.hud, self._hud_s = hud, now_s
+
+    def hear_game(self, now_s: float) -> None:
+        """Note that the program which brings orders and driver is alive: it has to go on."""
+        self._game_s = now_s
 
     def drive(self, control: Control, now_s: float) -> None:
         """Take what the driver wants."""
@@ -170,6 +176,7 @@ class ControlUnit:
             watch_danger(self.danger),
             watch_driver(now_s - self._driver_s, self.limits),
             watch_link(now_s - self._hud_s, self.hud.valid_s, self.limits),
+            watch_game(now_s - (now_s if self._game_s is None else self._game_s), self.limits),
             watch_speed(speed, self.limits),
             watch_fence(self.fence.beyond(x, y), self.limits),
             watch_place(self.fusion.deviation, self.limits),
@@ -266,11 +273,14 @@ class ControlUnit:
             source=self._source if lost_s < FIX_S else Source.DEAD_RECKONING,
         )
 
-    def echo_us(self, now_s: float) -> int:
-        """Return the server's clock as the newest message had it, and the time since [µs]."""
-        if self.hud is None:
-            return 0
-        return self.hud.monotonic_us + round((now_s - self._hud_s) * MICROSECONDS)
+    @property
+    def is_home(self) -> bool:
+        """Whether the kart was ordered to stop after the start, and stands."""
+        hud = self.hud
+        if hud is None or hud.trust is Trust.SUSPENDED or hud.flag is Flag.RED:
+            return False
+        told = hud.lights_s == 0.0 and hud.speed_cap == 0.0
+        return told and self.fusion is not None and abs(self.fusion.state[SPEED]) < STANDS
 
     @property
     def buttons(self) -> Button:

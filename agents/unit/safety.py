@@ -25,6 +25,8 @@ GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
 CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
+# So many echoes of a border block a way: a single one may be off aside by its bearing.
+BLOCKS = 2
 STRAIGHT = 1e-4  # [1/m] bends flatter than this are driven as straight lines
 
 
@@ -50,6 +52,8 @@ class Limits:
     fence: float  # [m] beyond the kerb that are no danger yet
     coast_s: float = 0.3  # the driver's input is older: no motor
     let_go_s: float = 0.8  # … and older than this: stop
+    game_coast_s: float = 0.1  # the program beside is silent: no motor
+    game_stop_s: float = 0.15  # … and longer than this: stop
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> "Limits":
@@ -206,10 +210,10 @@ def in_the_way(
     is_met = (drives | will) & ~is_border
     is_met &= ~is_kart | (drives & will)  # who steers past a kart passes it
     walls = (drives | will) & is_border
-    if not (drives & is_border).any() or not (will & is_border).any():
+    if (drives & is_border).sum() < BLOCKS or (will & is_border).sum() < BLOCKS:
         return is_met
     for curvature in ways_out(speed, limits):
-        if not (is_in_danger(echoes, curvature, limits) & is_border).any():
+        if (is_in_danger(echoes, curvature, limits) & is_border).sum() < BLOCKS:
             return is_met
     return is_met | walls
 
@@ -248,6 +252,13 @@ def watch_driver(age_s: float, limits: Limits) -> Verdict:
     if age_s > limits.let_go_s:
         return Verdict(brake=GENTLE, motor=0.0, cause=Cause.DRIVER)
     return Verdict(motor=0.0, cause=Cause.DRIVER) if age_s > limits.coast_s else Verdict()
+
+
+def watch_game(age_s: float, limits: Limits) -> Verdict:
+    """Coast, then stop, when nothing comes from the program that brings orders and driver."""
+    if age_s > limits.game_stop_s:
+        return Verdict(brake=GENTLE, motor=0.0, cause=Cause.GAME)
+    return Verdict(motor=0.0, cause=Cause.GAME) if age_s > limits.game_coast_s else Verdict()
 
 
 def watch_link(age_s: float, valid_s: float, limits: Limits) -> Verdict:

@@ -41,6 +41,7 @@ class Cause(IntFlag):
     SPEED = 8  # faster than this kart may ever be
     FENCE = 16  # outside the course
     LOST = 32  # the kart does not know where it is
+    GAME = 64  # the program that brings orders and driver is silent
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +66,9 @@ class Alert:
     cause: Cause = Cause.NONE
 
     @property
-    def gist(self) -> tuple[DangerStage, RayHit, Advice, Cause]:
+    def gist(self) -> tuple[DangerStage, RayHit, Cause]:
         """What has to be told at once when it changes."""
-        return self.danger.stage, self.danger.kind, self.danger.advice, self.cause
+        return self.danger.stage, self.danger.kind, self.cause
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data; what has a name by its name, what is not known by null."""

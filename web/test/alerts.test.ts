@@ -57,14 +57,16 @@ test('what is seen is not the reason where the radio is', () => {
   expect(reasonOf(alert({ cause: Cause.LINK | Cause.LOST }), en)).toBe('no radio, place not known');
 });
 
-test('only a warning, a further stage or another reason is news', () => {
+test('what was told is told again after two seconds, a further stage or another reason at once', () => {
   const warns = alert({ stage: DangerStage.WARN });
-  expect(isNews(alert({ stage: DangerStage.INFORM }), undefined)).toBe(false);
-  expect(isNews(warns, undefined)).toBe(true);
-  expect(isNews(alert({ ...warns, distance: 4 }), warns)).toBe(false);
-  expect(isNews(alert(), warns)).toBe(true);
-  expect(isNews(warns, alert())).toBe(false);
-  expect(isNews(alert({ hit: RayHit.KART }), alert())).toBe(true);
+  const told = [{ tick: 600, number: -1, alert: warns }];
+  expect(isNews(alert({ stage: DangerStage.INFORM }), 610, [])).toBe(false);
+  expect(isNews(warns, 600, [])).toBe(true);
+  expect(isNews({ ...warns, distance: 4 }, 610, told)).toBe(false);
+  expect(isNews(warns, 720, told)).toBe(true);
+  expect(isNews(alert(), 610, told)).toBe(true);
+  expect(isNews({ ...warns, hit: RayHit.KART }, 610, told)).toBe(true);
+  expect(isNews({ ...warns, seat: 4 }, 610, told)).toBe(true);
 });
 
 test('what a kart sees is drawn from its front bumper on', () => {

@@ -313,7 +313,7 @@ export const en = {
     right: 'on the right',
     seen: (what: string, metres: string, side: string) => `${what} ${metres} m ${side}`,
     // By bit of their number, from the second on: the first is what is in the way.
-    causes: ['driver let go', 'no radio', 'too fast', 'outside the course', 'place not known'],
+    causes: ['driver let go', 'no radio', 'too fast', 'outside the course', 'place not known', 'program silent'],
     doing: { stages: ['', 'sees', 'warns', 'slows down', 'brakes'], waits: 'waits' },
     advices: ['', 'Brake', 'Steer left', 'Steer right', 'Wait'],
     own: (doing: string, reason: string) => `Your kart ${doing}: ${reason}`,

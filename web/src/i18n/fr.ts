@@ -305,7 +305,7 @@ export const fr: Words = {
     left: 'à gauche',
     right: 'à droite',
     seen: (what, metres, side) => `${what} à ${metres} m ${side}`,
-    causes: ['pilote absent', 'plus de radio', 'trop vite', 'hors du tracé', 'position inconnue'],
+    causes: ['pilote absent', 'plus de radio', 'trop vite', 'hors du tracé', 'position inconnue', 'programme muet'],
     doing: { stages: ['', 'voit', 'avertit', 'ralentit', 'freine'], waits: 'attend' },
     advices: ['', 'Freine', 'Tourne à gauche', 'Tourne à droite', 'Attends'],
     own: (doing, reason) => `Ton kart ${doing} : ${reason}`,

@@ -15,12 +15,17 @@ export interface ToldAlert {
 // To this side of straight ahead what a kart sees is still ahead [rad].
 const AHEAD = (12 * Math.PI) / 180;
 
-/** Returns whether an alert is told: its driver has to act, or another reason or a further stage. */
-export function isNews(alert: KartAlert, before: KartAlert | undefined): boolean {
+// What was told is not told again within this time [ticks].
+const AGAIN = 120;
+
+/** Returns whether an alert is told: its driver has to act, and that was not told just now. */
+export function isNews(alert: KartAlert, tick: number, told: readonly ToldAlert[]): boolean {
   if (alert.stage < DangerStage.WARN) return false;
-  if (!before || before.stage < DangerStage.WARN) return true;
-  const isOther = alert.hit !== before.hit || alert.cause !== before.cause;
-  return alert.stage > before.stage || isOther;
+  return !told.some(({ tick: at, alert: before }) => {
+    const isSame = before.seat === alert.seat && before.stage >= alert.stage;
+    const isRecent = tick >= at && tick - at < AGAIN;
+    return isRecent && isSame && before.hit === alert.hit && before.cause === alert.cause;
+  });
 }
 
 /** Returns what a kart does: a word for the stage, or that it waits. */

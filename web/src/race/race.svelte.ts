@@ -274,7 +274,7 @@ export class Race {
   }
 
   private takeAlerts(frame: AlertsFrame): void {
-    const fresh = frame.karts.filter((alert) => isNews(alert, this.alerts.get(alert.seat)));
+    const fresh = frame.karts.filter((alert) => isNews(alert, frame.tick, this.toldAlerts));
     this.alerts = new Map(frame.karts.map((alert) => [alert.seat, alert]));
     if (!fresh.length) return;
     const told = fresh.map((alert) => ({ tick: frame.tick, number: --this.lastTold, alert }));

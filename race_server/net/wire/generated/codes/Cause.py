@@ -9,3 +9,4 @@ class Cause(object):
     SPEED = 8
     FENCE = 16
     LOST = 32
+    GAME = 64

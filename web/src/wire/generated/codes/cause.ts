@@ -8,5 +8,6 @@ export enum Cause {
   LINK = 4,
   SPEED = 8,
   FENCE = 16,
-  LOST = 32
+  LOST = 32,
+  GAME = 64
 }
