@@ -47,6 +47,7 @@ GRIP_SCALE = PART_NUMBERS["grip_scale"]
 # The paper's figures; lengths [m] and speeds [m/s] of a car with WHEELBASE.
 WHEELBASE = 2.855
 CLASSES, SIDE = 16, 40  # speed classes; arcs on either side of the straight one
+ARCS = 2 * SIDE + 1
 SHORTEST, LONGER, EXTRA = 8.0, 33.5, 20.0
 SLOWEST, FASTEST = 0.25, 10.0
 SPEED_POWER, RADIUS_POWER = 1.2, 0.9
@@ -70,7 +71,8 @@ LEAD_S = 0.05
 BEND_SHARE, BRAKE_SHARE, END_SHARE = 0.75, 0.6, 0.65
 STOP_GAP = 0.7  # body lengths
 # What is found about an arc, by place in the row of numbers to work with.
-FREE, SUPPORT_FREE, WALL, LENGTH, CURVATURE, FIRST_BIN = range(6)
+FREE, LENGTH, CURVATURE, FIRST_BIN = range(4)
+BENDS = FIRST_BIN + BINS  # numbers of each arc
 
 
 @kernel
@@ -101,6 +103,24 @@ def class_radius(number: int, scale: float) -> float:
     """Return the radius [m] of the sharpest arc of a class below the last, which is straight."""
     q = number / (CLASSES - 1)
     return class_length(number, scale) / (WIDEST * (1.0 - q**RADIUS_POWER))
+
+
+@kernel
+def arc_curvature(arc: int, sharpest: float) -> float:
+    """Return the curvature [1/m] of an arc, from hard left to straight to hard right.
+
+    sharpest: radius of the first and the last [m].
+    """
+    if arc == SIDE:
+        return 0.0
+    bend = 1.0 / (sharpest * grown(GROWTH, min(arc, 2 * SIDE - arc)))
+    return bend if arc < SIDE else -bend
+
+
+@kernel
+def arc_length(arc: int, start: float, scale: float) -> float:
+    """Return the length [m] of an arc. start: that of the sharpest [m]."""
+    return start + scale * EXTRA * math.sqrt(min(arc, 2 * SIDE - arc) / SIDE)
 
 
 @kernel
@@ -145,47 +165,104 @@ def place_points(memory: Floats, rays: int, field: float, ahead: float, turn: fl
 
 
 @kernel
-def search_arc(
-    memory: Floats, rays: int, step: float, side: float, bend: float, length: float, vehicle: Record
-) -> None:
-    """Write what the points say of one arc: free lengths of both areas and the wall [m].
+def find_nearest(memory: Floats, rays: int, sharpest: float, vehicle: Record) -> None:
+    """Write the curvatures of all arcs, and the first point that each meets, seen along it.
 
-    bend: the curvature without its sign [1/m], which `side` is, 1 to the left; length: of the
-    arc [m]; step: angle between two rays [rad].
+    With the curvature κ a point (x, y) is seen at (1 - κ y, x): its place along the arc is
+    atan2(|κ| x, 1 - κ y) / |κ|, so that of two points the one clockwise of the other is first.
+
+    A point lies within a body's half-width c of an arc where y - c < κ (x² + y² - c²) / 2 < y + c,
+    hence of arcs that are neighbours: from one point to the next they are about the same.
+    """
+    core = CORE * vehicle.width
+    squares, xs, ys = KEPT + rays, KEPT + 2 * rays, KEPT + 3 * rays
+    bends = KEPT + 4 * rays + BENDS
+    ahead, aside = bends + ARCS, bends + 2 * ARCS
+    for arc in range(ARCS):
+        memory[bends + arc] = arc_curvature(arc, sharpest)
+        memory[ahead + arc], memory[aside + arc] = -1.0, 0.0  # behind: none yet
+    first = 0
+    for ray in range(rays):
+        x, y = memory[xs + ray], memory[ys + ray]
+        if x < 0.0:
+            continue
+        turn = 0.5 * (memory[squares + ray] - core * core)
+        low, high = y - core, y + core
+        if turn < 0.0:
+            turn, low, high = -turn, -high, -low
+        while first > 0 and memory[bends + first - 1] * turn < high:
+            first -= 1
+        while first < ARCS and memory[bends + first] * turn >= high:
+            first += 1
+        for arc in range(first, ARCS):
+            bend = memory[bends + arc]
+            if bend * turn <= low:
+                break
+            along = 1.0 - bend * y
+            if along * memory[aside + arc] > x * memory[ahead + arc]:
+                memory[ahead + arc], memory[aside + arc] = along, x
+
+
+@kernel
+def free_along(bend: float, along: float, aside: float, length: float, half: float) -> float:
+    """Return how much of an arc is free [m], up to the point that it meets first.
+
+    bend: its curvature without a sign [1/m]; (along, aside): the point as seen along the arc, see
+    `find_nearest`; length: of the arc [m]; half: of the body's length [m].
+    """
+    if bend > 0.0:
+        place = math.atan2(bend * aside, along) / bend
+    else:
+        place = aside if along > 0.0 else math.inf
+    return min(max(place - half, 0.0), length) if place <= length + half else length
+
+
+@kernel
+def wall_along(
+    memory: Floats,
+    rays: int,
+    step: float,
+    side: float,
+    bend: float,
+    length: float,
+    most: float,
+    vehicle: Record,
+) -> float:
+    """Return how much wall [m] is in an arc's support area, and write how it is spread along it.
+
+    step: angle between two rays [rad]; bend, side, length: as in `free_along`; most: of the wall,
+    from which on the rest is not counted.
     """
     core, support, half = CORE * vehicle.width, SUPPORT * vehicle.width, 0.5 * vehicle.length
-    xs, ys, out = KEPT + 2 * rays, KEPT + 3 * rays, KEPT + 4 * rays
-    bins = out + FIRST_BIN
+    squares, xs, ys = KEPT + rays, KEPT + 2 * rays, KEPT + 3 * rays
+    bins = KEPT + 4 * rays + FIRST_BIN
     for index in range(BINS):
         memory[bins + index] = 0.0
-    free, wall, squares = length, 0.0, KEPT + rays
-    # With m = κ (x² + y²) / 2 - y a point lies sqrt(1 + 2 κ m) / κ from the circle's centre: so
-    # most points are found to be far away without a root.
     half_bend = 0.5 * bend
     middle = half_bend * support * support
     low, high = middle - support, middle + support
+    # A point is at least so far along an arc as it is far away, less its distance from the arc.
+    farthest = length + half + support
+    farthest *= farthest
+    wall = 0.0
     for ray in range(rays):
         square, y = memory[squares + ray], side * memory[ys + ray]
         off = half_bend * square - y
-        if off < low or off > high:
-            continue
         x = memory[xs + ray]
+        if off < low or off > high or x < 0.0 or square > farthest:
+            continue
         along, lateral = x, abs(y)
         if bend > 0.0:
             along = math.atan2(bend * x, 1.0 - bend * y) / bend
             lateral = abs(math.sqrt(1.0 + 2.0 * bend * off) - 1.0) / bend
-        if not 0.0 <= along <= length + half:
+        if along > length + half or lateral < core:
             continue
-        ahead = max(along - half, 0.0)
-        if lateral < core:
-            free = min(free, ahead)
-        else:
-            weight = (support - lateral) / (support - core) * math.sqrt(square) * step
-            memory[bins + int(ahead / length * (BINS - 1))] += weight
-            wall += weight
-    memory[out + FREE] = free
-    memory[out + SUPPORT_FREE] = min(free, slide_window(memory, bins, vehicle.width) * length)
-    memory[out + WALL] = wall
+        weight = (support - lateral) / (support - core) * math.sqrt(square) * step
+        memory[bins + int(max(along - half, 0.0) / length * (BINS - 1))] += weight
+        wall += weight
+        if wall > most:
+            return wall
+    return wall
 
 
 @kernel
@@ -202,14 +279,44 @@ def slide_window(memory: Floats, bins: int, width: float) -> float:
 
 
 @kernel
+def least_turn(curvature: float, free: float, goal: float) -> float:
+    """Return how near to a direction [rad] an arc comes that is free for a length [m] at most."""
+    end = direction_after(curvature, free)
+    return abs(goal - min(max(goal, min(end, 0.0)), max(end, 0.0)))
+
+
+@kernel
+def most_wall(slack: float, body: float) -> float:
+    """Return the wall [m] whose flatness adds `slack` to the value of an arc."""
+    share = slack / FLATNESS
+    return body * math.log((1.0 + share) / (1.0 - share)) if share < 1.0 else math.inf
+
+
+@kernel
+def least_of(memory: Floats, first: int, count: int) -> int:
+    """Return the place of the least of `count` numbers from `first` on, the first of equal ones."""
+    found = 0
+    for place in range(1, count):
+        if memory[first + place] < memory[first + found]:
+            found = place
+    return found
+
+
+@kernel
 def choose_arc(
     memory: Floats, rays: int, step: float, speed: float, now: float, goal: float, vehicle: Record
 ) -> bool:
     """Write curvature, length and free length of the best arc; return whether it is drivable.
 
     now: the curvature that the wheels are turned to [1/m]; goal: the wanted direction [rad].
+
+    Walls beside an arc are only looked for while it may still be the best: what its free length
+    alone makes it worth is its value at best, and arcs are taken in the order of that.
     """
     out = KEPT + 4 * rays
+    bends = out + BENDS
+    # In place of what `find_nearest` finds.
+    bounds, frees = bends + ARCS, bends + 2 * ARCS
     wheelbase, body = vehicle.front_axle + vehicle.rear_axle, vehicle.length
     tightest = wheelbase / math.tan(vehicle.steering_limit)
     scale = wheelbase / WHEELBASE
@@ -218,27 +325,44 @@ def choose_arc(
     grip = vehicle.grip * GRAVITY
     sharpest = max(class_radius(number, scale), tightest, speed * speed / grip)
     needed = stopping_length(speed, body)
-    drivable, best, longest = False, math.inf, -1.0
-    best_free, best_length, best_curvature = 0.0, 0.0, 0.0
-    for arc in range(2 * SIDE + 1):
-        # From hard left to straight to hard right.
-        rank, side = min(arc, 2 * SIDE - arc), 1.0 if arc <= SIDE else -1.0
-        bend = 0.0 if rank == SIDE else 1.0 / (sharpest * grown(GROWTH, rank))
-        length = start + scale * EXTRA * math.sqrt(rank / SIDE)
-        search_arc(memory, rays, step, side, bend, length, vehicle)
-        free, clear = memory[out + FREE], memory[out + SUPPORT_FREE]
-        can = free >= min(needed, length)
-        curvature = side * bend
+    find_nearest(memory, rays, sharpest, vehicle)
+    for arc in range(ARCS):
+        curvature, length = memory[bends + arc], arc_length(arc, start, scale)
+        along, aside = memory[bounds + arc], memory[frees + arc]
+        free = free_along(abs(curvature), along, aside, length, 0.5 * body)
+        value = CLEARANCE * clearance_of(free, length, body)
+        value += TRAJECTORY * least_turn(curvature, free, goal)
+        value += CHANGE * abs(curvature - now) * tightest
+        memory[bounds + arc] = value if free >= min(needed, length) else math.inf
+        memory[frees + arc] = -free
+    best, chosen = math.inf, -1
+    for _ in range(ARCS):
+        arc = least_of(memory, bounds, ARCS)
+        bound = memory[bounds + arc]
+        if bound == math.inf or bound > best:
+            break
+        memory[bounds + arc] = math.inf
+        curvature, length = memory[bends + arc], arc_length(arc, start, scale)
+        side = 1.0 if arc <= SIDE else -1.0
+        # A little more than that would do: sums are rounded.
+        most = most_wall(best - bound + 1e-9, body)
+        wall = wall_along(memory, rays, step, side, abs(curvature), length, most, vehicle)
+        if wall > most:
+            continue
+        share = slide_window(memory, out + FIRST_BIN, vehicle.width)
+        clear = min(-memory[frees + arc], share * length)
         value = CLEARANCE * clearance_of(clear, length, body)
-        value += FLATNESS * flatness_of(memory[out + WALL], body)
+        value += FLATNESS * flatness_of(wall, body)
         value += TRAJECTORY * abs(direction_after(curvature, clear) - goal)
         value += CHANGE * abs(curvature - now) * tightest
-        better = value < best if can else not drivable and free > longest
-        if better or (can and not drivable):
-            best, longest, drivable = value, free, drivable or can
-            best_free, best_length, best_curvature = free, length, curvature
-    memory[out + FREE], memory[out + LENGTH] = best_free, best_length
-    memory[out + CURVATURE] = best_curvature
+        if value < best or (value == best and arc < chosen):
+            best, chosen = value, arc
+    drivable = chosen >= 0
+    if not drivable:
+        chosen = least_of(memory, frees, ARCS)
+    memory[out + FREE] = -memory[frees + chosen]
+    memory[out + LENGTH] = arc_length(chosen, start, scale)
+    memory[out + CURVATURE] = memory[bends + chosen]
     return drivable
 
 
