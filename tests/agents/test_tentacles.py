@@ -5,16 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from race_agents.drivers import tentacles, tentacles_report_b
-from race_agents.drivers.tentacles import (
-    clearance_of,
+from race_agents.drivers import tentacle_search, tentacles, tentacles_report_b
+from race_agents.drivers.tentacle_search import (
     find_nearest,
-    flatness_of,
     free_along,
     place_points,
     slide_window,
     wall_along,
 )
+from race_agents.drivers.tentacles import clearance_of, flatness_of
 from race_agents.drivers.tentacles_report_b import (
     ARCS,
     STRAIGHT,
@@ -30,7 +29,7 @@ from race_server.core.messages import Control
 from race_server.core.observation import Observation, layout_of
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import vehicle_record
-from tests.support.briefings import briefing
+from support.briefings import briefing
 
 FIELD = math.radians(200.0)
 RAYS = 201
@@ -140,7 +139,7 @@ def free_of(ranges: np.ndarray, arc: int, length: float, sharpest: float = 0.79)
     """Return how much [m] is free of one of the arcs whose sharpest have a radius [m]."""
     memory = memory_of(ranges)
     find_nearest(memory, RAYS, sharpest, CAR)
-    arcs = KEPT + 4 * RAYS + tentacles.BENDS + arc
+    arcs = KEPT + 4 * RAYS + tentacle_search.BENDS + arc
     bend, along, aside = memory[arcs : arcs + 3 * ARCS : ARCS]
     return free_along(abs(bend), along, aside, length, 0.5 * TT02.length)
 
@@ -163,7 +162,7 @@ def test_walls_beside_are_in_the_support_area_but_do_not_stop() -> None:
     memory = memory_of(ranges)
     wall = wall_along(memory, RAYS, math.radians(1.0), 1.0, 0.0, 3.0, math.inf, CAR)
     assert wall > 0.3
-    assert slide_window(memory, KEPT + 4 * RAYS + tentacles.FIRST_BIN, TT02.width) < 0.5 / 3.0
+    assert slide_window(memory, KEPT + 4 * RAYS + tentacle_search.FIRST_BIN, TT02.width) < 0.5 / 3.0
 
 
 def test_an_opening_to_the_left_is_taken() -> None:
@@ -192,8 +191,8 @@ def plainly_free(ranges: np.ndarray, curvature: float, length: float) -> float:
 def test_every_arc_ends_where_its_first_point_is(seed: int) -> None:
     ranges = np.random.default_rng(seed).uniform(0.05, 3.0, RAYS)
     for arc in range(ARCS):
-        curvature = tentacles.arc_curvature(arc, 0.79)
-        length = tentacles.arc_length(arc, 0.72, 0.09)
+        curvature = tentacle_search.arc_curvature(arc, 0.79)
+        length = tentacle_search.arc_length(arc, 0.72, 0.09)
         plain = plainly_free(ranges, curvature, length)
         assert free_of(ranges, arc, length) == pytest.approx(plain, abs=1e-9)
 
