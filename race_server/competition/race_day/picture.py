@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Ledger
+from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
 from race_server.errors import ScenarioError
 from race_server.pictures import save

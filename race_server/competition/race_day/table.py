@@ -3,8 +3,8 @@
 from rich.table import Table
 from rich.text import Text
 
-from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import Ledger
+from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
 from race_server.terminal import Console
 
