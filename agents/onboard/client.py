@@ -4,6 +4,7 @@
 the plant, is a `Hardware`. Nothing in the control loop waits for the network.
 """
 
+import math
 import threading
 import time
 from collections import deque
@@ -23,7 +24,7 @@ from race_server.core.clock import Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
-from race_server.errors import RaceError, WireError
+from race_server.errors import LinkError, RaceError, WireError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
@@ -36,6 +37,8 @@ from race_server.net.wire.pose import PoseFrame, encode_pose
 PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
 # After the link broke the kart asks for its seat as often as this, and gives up after this time.
 RETRY_S, GIVE_UP_S = 1.0, 10.0
+# Between two races of an event it gives up after this time without an answer.
+AWAY_S = 60.0
 # The driver that parks, where none is named.
 VALET = "valet"
 
@@ -129,6 +132,33 @@ class KartProgram:
         with suppress(RaceError):  # the next silence asks again
             self.seat.ask_again()
 
+    def next_race(self, unit: ControlUnit) -> Welcome | None:
+        """Wait for the next race of an event, which has begun then; None where there is none.
+
+        unit: of the race before.
+
+        Raises:
+            LinkError: the server has gone.
+        """
+        epoch = unit.hud.epoch if unit.hud is not None else self.seat.welcome.epoch
+        welcome, asked, answered = self.seat.welcome, -math.inf, self.clock()
+        while welcome.stays:
+            now = self.clock()
+            if (heard := self.hear(now)) is not None and heard[0].epoch != epoch:
+                self.seat.receive(0.0)  # the newest of the race before
+                return welcome
+            if now - asked > RETRY_S:
+                asked = now
+                with suppress(LinkError):
+                    welcome = self.seat.ask_again()
+                    if welcome.stays:
+                        self.seat.act(topics.READY)
+                    answered = self.clock()
+            if now - answered > AWAY_S:
+                raise LinkError(f"no answer for {AWAY_S:g} s: the server has gone")
+            time.sleep(PERIOD_S)
+        return None
+
     def close(self) -> None:
         """Wait for the answer that is on its way."""
         if self._asking is not None:
@@ -152,13 +182,14 @@ def take_part(
     on_request: bool = False,
     each_turn: Callable[[KartProgram, ControlUnit, float], bool] | None = None,
 ) -> None:
-    """Drive one race with a real kart, or park it.
+    """Drive one race with a real kart, all of an event, or park it.
 
-    driver: one that parks goes to its slot in a car park; any other races, and hands the wheel to
-    the one named by `valet` when the server orders the kart to park. caution: share of the tyres'
-    grip that the driver's briefing states, because a real kart rarely has the grip of its data
-    sheet. on_request: a driver that parks waits for an order of the server, too. each_turn: is
-    called after each decision; the kart leaves once it returns False.
+    hardware_of: is called before each race, when the kart stands on its place on the grid. driver:
+    one that parks goes to its slot in a car park; any other races, and hands the wheel to the one
+    named by `valet` when the server orders the kart to park. caution: share of the tyres' grip
+    that the driver's briefing states, because a real kart rarely has the grip of its data sheet.
+    on_request: a driver that parks waits for an order of the server, too. each_turn: is called
+    after each decision; the kart leaves once it returns False.
 
     Raises:
         LinkError: no server.
@@ -169,19 +200,24 @@ def take_part(
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         join = Join(name[:32], driver.preset, wanted, tracked=True)
         seat = persist(partial(take_seat, link, join))
-        sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
-        vehicle = seat.welcome.briefing.vehicle
-        unit = ControlUnit.of(vehicle, fence_of(sheet))
-        hardware = hardware_of(seat, sheet, link)
         onboard = KartProgram(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
-        known = replace(vehicle, grip=caution * vehicle.grip)
-        briefing = replace(seat.welcome.briefing, vehicle=known)
-        crew = _crew_of(driver, name, valet, briefing, seat.welcome, sheet)
-        if crew.parker is not None and not on_request:
-            crew.parker.take(seat.welcome.order)
-        persist(partial(seat.act, topics.READY))
-        _drive(crew, onboard, unit, hardware, each_turn or _until_home)
+        has_raced, welcome = False, seat.welcome
+        while welcome is not None:
+            sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
+            vehicle = welcome.briefing.vehicle
+            unit = ControlUnit.of(vehicle, fence_of(sheet))
+            hardware = hardware_of(seat, sheet, link)
+            known = replace(vehicle, grip=caution * vehicle.grip)
+            briefing = replace(welcome.briefing, vehicle=known)
+            crew = _crew_of(driver, name, valet, briefing, welcome, sheet)
+            if crew.parker is not None and not on_request:
+                crew.parker.take(welcome.order)
+            if not has_raced:
+                persist(partial(seat.act, topics.READY))
+            _drive(crew, onboard, unit, hardware, each_turn or _until_home)
+            has_raced, welcome = True, onboard.next_race(unit)
+            persist = partial(insist, deadline=time.monotonic() + timeout_s)
 
 
 def _crew_of(

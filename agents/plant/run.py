@@ -45,7 +45,7 @@ class PlantSetting:
 
 
 def run_plant(setting: PlantSetting) -> None:
-    """Drive one race with a plant and write its report."""
+    """Drive one race with a plant, or all of an event, and write its report on the last one."""
     chance = random.Random(setting.seed)
     offset_s = chance.uniform(1e3, 1e6)  # no kart's clock shows the server's time
     logs: list[IncidentLog] = []
@@ -72,11 +72,11 @@ def run_plant(setting: PlantSetting) -> None:
             valet=setting.valet,
             on_request=setting.on_request,
             clock=lambda: time.monotonic() + offset_s,
-            each_turn=lambda *turn: logs[0].turn(*turn),
+            each_turn=lambda *turn: logs[-1].turn(*turn),
         )
     finally:
         if setting.report is not None and logs:
-            setting.report.write_text(json.dumps(logs[0].summary()))
+            setting.report.write_text(json.dumps(logs[-1].summary()))
 
 
 def _plant_for(

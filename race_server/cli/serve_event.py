@@ -24,6 +24,7 @@ def event_of(options: ServeOptions, *, needs_line: bool) -> "tuple[EventSpec, Sc
     Raises:
         ScenarioError: an option is wrong, or the event cannot be driven on all seats.
     """
+    from race_server.competition.entrants import default_path, known_entrants
     from race_server.competition.live_event import EventSpec, waiting_scenario
     from race_server.competition.race_day.formats import format_named
     from race_server.competition.race_day.plan import DayPlan, teams_of
@@ -54,6 +55,7 @@ def event_of(options: ServeOptions, *, needs_line: bool) -> "tuple[EventSpec, Sc
         call_s=options.call_limit,
         review_s=options.review,
         needs_line=needs_line,
+        numbers=known_entrants(default_path()),
     )
     return spec, replace(waiting_scenario(plan, options.karts), seed=options.seed)
 
@@ -75,10 +77,11 @@ def _adapted(form: "Format", options: ServeOptions) -> "Format":
             f"--attempts, --start and --attempt-limit are for time trials in which the best lap "
             f"counts; format {form.name} has none, change them in a .toml file of yours"
         )
+    is_own = options.format.endswith(".toml")  # it says how many laps
     stages = tuple(
         replace(
             stage,
-            laps=options.laps,
+            laps=stage.laps if is_own else options.laps,
             attempts=options.attempts or stage.attempts,
             start=options.start or stage.start,
             failure_s=options.attempt_limit or stage.failure_s,

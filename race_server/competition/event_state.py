@@ -23,11 +23,11 @@ class Entrant:
     """A driver of an event and its seat."""
 
     seat: int
-    team: str  # its name in all tables, different for each
+    team: str  # its number and name in all tables, different for each
     driver: str  # as it joined
     preset: str  # what it observes
     key: str  # of its secret, in hexadecimal digits
-    number: str = ""
+    number: int = 0  # by which spectators know it; 0: none
     is_local: bool = False  # inside the server
     is_apart: bool = False  # a process that the server starts
     is_tracked: bool = False  # a real kart
@@ -58,7 +58,7 @@ class EventState:
         """
         return DayPlan(
             format=self.format,
-            teams=tuple(Team(one.team, one.driver, one.number) for one in self.entrants),
+            teams=tuple(Team(one.team, one.driver) for one in self.entrants),
             courses={letter: load_course(name) for letter, name in self.tracks.items()},
             vehicle=vehicle_named(self.vehicle),
             seed=self.seed,

@@ -42,7 +42,7 @@ class EventSpec:
     call_s: float  # a driver that is not ready so long after its call does not start
     review_s: float  # after each stage, and each round, stewards may still decide
     needs_line: bool = False
-    numbers: Mapping[str, str] = field(default_factory=dict)  # of drivers, by their names
+    numbers: Mapping[str, int] = field(default_factory=dict)  # of drivers, by their names
 
 
 class LiveEvent:
@@ -289,8 +289,9 @@ def begin_event(server: RaceServer, spec: EventSpec, awaited: int) -> EventState
     server.lobby.gather(awaited, server.fillers)
     if server.is_stopped:
         return None
-    seats = session.seats.taken()
-    teams = teams_of([seat.driver for seat in seats])
+    seats, numbers = session.seats.taken(), spec.numbers
+    known = {name: f"{number} {name}" for name, number in numbers.items()}
+    teams = teams_of([known.get(seat.driver, seat.driver) for seat in seats])
     entrants = tuple(
         Entrant(
             seat=seat.number,
@@ -298,7 +299,7 @@ def begin_event(server: RaceServer, spec: EventSpec, awaited: int) -> EventState
             driver=seat.driver,
             preset=seat.preset,
             key=seat.key.hex(),
-            number=spec.numbers.get(seat.driver, ""),
+            number=numbers.get(seat.driver, 0),
             is_local=seat.number in server.local_drivers,
             is_apart=seat.number in server.processes,
             is_tracked=seat.is_tracked,

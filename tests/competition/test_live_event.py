@@ -1,6 +1,7 @@
 """Events on the network: the same lap times as a trial, results that survive any end, decisions."""
 
 import json
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.driver import driver_named
 from race_server.core.vehicle_presets import TT02
 from race_server.errors import ScenarioError, SeatError
+from race_server.live.client.driver import run_driver
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.logs import Log
@@ -288,3 +290,34 @@ def test_an_event_of_another_format_is_not_gone_on_with(tmp_path: Path) -> None:
         served.run(kill_at_tick=60)
     with pytest.raises(ScenarioError, match="go on with --format time-trial"):
         unfinished_event(spec_of(tmp_path, EVENING), "cup", Log())
+
+
+@pytest.mark.net
+def test_drivers_on_the_network_stay_to_the_end_and_begin_each_attempt_afresh(
+    tmp_path: Path,
+) -> None:
+    spec = replace(spec_of(tmp_path), call_s=20.0, numbers={"follow_gap": 7})
+    names, address = ("raceline", "follow_gap"), free_address()
+    ended: list[str] = []
+
+    def drive(name: str, seat: int) -> None:
+        run_driver(driver_named(name), name, address=address, session="cup", wanted=seat)
+        ended.append(name)
+
+    threads = [threading.Thread(target=drive, args=(n, seat)) for seat, n in enumerate(names)]
+    with ServerLink(address, "cup", 2) as link:
+        server = RaceServer(Session("cup", Served.scenario_for(2)), link, LOCKSTEP, ())
+        for thread in threads:
+            thread.start()
+        state = begin_event(server, spec, 2)
+        assert state is not None
+        event = LiveEvent(server, spec, state, Log(), lambda *_: None)
+        assert event.run()
+        server.see_off()
+        for thread in threads:
+            thread.join(20.0)
+    assert sorted(ended) == ["follow_gap", "raceline"]
+    rows = event.day.ledger.trials()[0].rows
+    assert [row.team for row in rows] == ["raceline", "7 follow_gap"]
+    runs = [drive_run(RunSpec("follow_gap", "oval", laps=1, seed=seed)) for seed in (1, 2)]
+    assert rows[1].times_us == tuple(run.laps[0].time_us for run in runs)

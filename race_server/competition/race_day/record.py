@@ -14,7 +14,6 @@ class Team:
 
     name: str
     driver: str
-    number: str = ""  # by which spectators know it
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
 
 def event_document(day: Day, state: EventState) -> dict[str, Any]:
     """Return an event on the network so far: its tables as those of a day, and what comes next."""
-    numbers = {team.name: team.number for team in day.plan.teams if team.number}
+    numbers = {one.team: one.number for one in state.entrants if one.number}
     return {
         "event": state.name,
         "begun_at": state.begun_at,

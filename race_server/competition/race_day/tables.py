@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 
-from race_server.competition.race_day.formats import LAP, TimeTrial
+from race_server.competition.race_day.formats import LAP, Races, TimeTrial
 from race_server.competition.race_day.ledger import Heat, Ledger, RacesResult, TrialResult
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.record import TeamResult
@@ -62,9 +62,8 @@ def trial_table(trial: TrialResult) -> DayTable:
         best = lap_text(row.time_us) if row.attempts and _is_shown(stage, row.time_us) else NONE
         rows.append((str(place), row.team, *times, best, touches, *points, remarks))
     boxes = len(trial.course.obstacles)
-    where = f"{trial.course.title}, {stage.laps} laps, " + (
-        f"{boxes} obstacles" if boxes else "empty"
-    )
+    laps = f"{stage.laps} lap" + ("s" if stage.laps > 1 else "")
+    where = f"{trial.course.title}, {laps}, " + (f"{boxes} obstacles" if boxes else "empty")
     return DayTable(f"{stage.name} · {where}", tuple(columns), tuple(rows))
 
 
@@ -147,6 +146,8 @@ def final_table(ledger: Ledger) -> DayTable:
     """Return the final classification."""
     has_points = ledger.format.has_points
     decides = "points" if has_points else "qualifying"
+    if not ledger.heats():
+        decides = "points" if has_points else "time"
     rows = []
     for row in ledger.classification():
         figure = str(row.points) if has_points else lap_text(row.qualifying_us)
@@ -164,6 +165,12 @@ def final_table(ledger: Ledger) -> DayTable:
 
 def _place(place: int) -> str:
     return str(place) if place > 0 else NOT_CLASSIFIED
+
+
+def heading(plan: DayPlan) -> str:
+    """Return the title of an event."""
+    is_day = any(isinstance(stage, Races) for stage in plan.format.stages)
+    return f"{plan.format.title} race day" if is_day else plan.format.title
 
 
 def subtitle(plan: DayPlan) -> str:

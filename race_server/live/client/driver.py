@@ -133,7 +133,8 @@ class _Races:
         while (following := self._following()) is not None:
             briefing = following
             call_driver(name, "reset", partial(driver.reset, briefing))
-            self.seat.act(topics.READY)
+            with suppress(LinkError):  # reported again below
+                self.seat.act(topics.READY)
             self._answer(begin(briefing=briefing, now_s=time.monotonic()))
         return briefing
 
