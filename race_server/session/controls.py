@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from race_server.core.messages import Control
+from race_server.core.messages import Button, Control
 from race_server.core.state import Float32s, Floats, World
 from race_server.scenario.race import Scenario
 from race_server.session.failsafe import (
@@ -42,12 +42,14 @@ class Controls:
             is_racing = racing[seat.number]
             self._update_failsafe(seat, tick, speeds[seat.number], is_racing=is_racing)
             control = _control_of(seat, is_racing=is_racing)
+            buttons = control.buttons | (Button.USE_ITEM if seat.uses_item else Button.NONE)
+            seat.uses_item = False
             # As on the wire, so that a recording holds exactly what acted.
             self._loaded[seat.number] = (
                 control.steering,
                 control.throttle,
                 control.brake,
-                int(control.buttons),
+                int(buttons),
             )
         changed = np.flatnonzero((self._loaded != self.acting[0]).any(axis=1))
         if not len(changed):

@@ -35,6 +35,7 @@ class Seat:
     is_led: bool = False  # the parking driver of the server has the wheel
     orders: int = 0  # to park, in this race
     planned: PlannedWay | None = None  # of the task that the driver was given, once it is known
+    uses_item: bool = False  # a person beside the driver has pressed the item button
 
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""
@@ -61,6 +62,7 @@ class Seat:
         self.control, self.control_tick, self.answered_tick = STOP, -1, -1
         self.sequence, self.away_since, self.silence = 0, -1, FailsafeStage.FRESH
         self.is_led, self.orders, self.planned = False, 0, None
+        self.uses_item = False
 
     def receive(self, sequence: int, control: Control, tick: int) -> None:
         """Record the newest message of the driver, which arrived before a tick."""

@@ -57,6 +57,30 @@ def test_a_companion_cannot_drive(served: ServedRace) -> None:
         assert beside.refusal() == ("malformed", 4400)
 
 
+def test_a_companion_uses_the_item_of_its_kart_and_nothing_where_it_holds_none(
+    served: ServedRace,
+) -> None:
+    assert served.server is not None
+    player = served.server.session.world.players[0]
+    with Browser(served.base, DRIVE) as driver, Browser(served.base, BESIDE_1) as beside:
+        driver.send({"type": "ready", "ready": True})
+        beside.frame(b"RHUD")
+        player["held"][1] = 0
+        beside.send({"type": "use"})
+        answer = beside.word("use")
+        assert answer["reason"] == "the kart of seat 1 holds no item"
+        used = int(player["items_used"][1])
+        player["held"][1] = 1
+        for _ in range(600):  # a kart uses nothing before the start
+            if player["items_used"][1] == used + 1:
+                break
+            player["held"][1] = 1
+            beside.send({"type": "use"})
+            assert beside.word("use")["accepted"]
+            beside.frame(b"RSNP")
+        assert player["items_used"][1] == used + 1
+
+
 @pytest.mark.parametrize("kind", ["ready", "leave", "act"])
 def test_a_companion_asks_for_nothing_in_the_name_of_its_driver(
     served: ServedRace, kind: str

@@ -1,65 +1,22 @@
 """The page in a real browser: Debian's Chromium, which nothing here downloads."""
 
 import math
-import shutil
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
 
-pytest.importorskip("playwright", reason="playwright is not installed: pip install -e '.[test]'")
-
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
-
 from race_server.competition.launch import free_address
-from race_server.live.gateway.page import is_built
+from support.chromium import NEEDS_CHROMIUM, Page, Stage, chromium
 from support.courses import ring
-from support.served_race import ServedRace, gated, racing, record_race, wait_for_race
+from support.served_race import gated, racing, record_race, wait_for_race
+from support.servers import wait_until
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
-
-pytestmark = [
-    pytest.mark.net,
-    pytest.mark.skipif(not CHROMIUM, reason="no Chromium here: apt-get install chromium"),
-    pytest.mark.skipif(not is_built(), reason="the page is not built: make page"),
-]
+pytestmark = NEEDS_CHROMIUM
 
 KARTS = 8
 OWN = 7  # the seat that is driven from the page
-
-
-@dataclass
-class Stage:
-    """A race, its gateway, and the pages that look at it."""
-
-    served: ServedRace
-    browser: Browser
-    troubles: list[str] = field(default_factory=list)  # errors, and requests to other hosts
-
-    def open(self, place: str, width: int = 1024, height: int = 768) -> Page:
-        """Open a page in a separate browser context, as another person would."""
-        size = {"width": width, "height": height}
-        page = self.browser.new_context(viewport=size, locale="en").new_page()
-        page.on("console", self._record_message)
-        page.on("pageerror", lambda error: self.troubles.append(str(error)))
-        page.on("request", self._check_request)
-        page.goto(f"{self.served.base}#{place}&stats=1")
-        return page
-
-    def _record_message(self, message: ConsoleMessage) -> None:
-        if message.type in {"error", "warning"}:
-            self.troubles.append(message.text)
-
-    def _check_request(self, request: Request) -> None:
-        is_ours = request.url.startswith(
-            (self.served.base, self.served.base.replace("http", "ws", 1))
-        )
-        if not is_ours and not request.url.startswith("data:"):
-            self.troubles.append(f"asks for {request.url}")
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +25,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     address, folder = free_address(), tmp_path_factory.mktemp("recordings")
     with (
         pytest.MonkeyPatch.context() as patch,
-        sync_playwright() as play,
-        play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as browser,
+        chromium() as browser,
     ):
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
         course = ring(radius=4.0, half_width=0.7)
@@ -112,13 +68,6 @@ def stats(page: Page) -> dict[str, Any]:
 def karts(page: Page) -> dict[int, dict[str, float]]:
     """Return the karts as the page knows them, by seat."""
     return {int(kart["seat"]): kart for kart in stats(page)["karts"]}
-
-
-def wait_until(is_so: Callable[[], object], timeout_s: float = 60.0) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not is_so():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def drive_by_keys(page: Page, is_done: Callable[[], object], timeout_s: float) -> None:

@@ -4,40 +4,32 @@ The pictures are drawn in software, so that a graphics card is not needed: small
 """
 
 import math
-import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip("playwright", reason="playwright is not installed: pip install -e '.[test]'")
-
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
-
 from race_server.competition.launch import free_address
 from race_server.core.messages import Flag
-from race_server.live.gateway.page import is_built
-from support.served_race import ServedRace, gated, racing, record_race, wait_for_race
+from support import servers
+from support.chromium import NEEDS_CHROMIUM, Page, Stage, chromium
+from support.served_race import gated, racing, record_race, wait_for_race
 
 ROOT = Path(__file__).parents[2]
 IWER = ROOT / "web/node_modules/iwer/build/iwer.min.js"
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
 # WebGL in software; all else of the page without it, which is many times faster.
 DRAWS_IN_SOFTWARE = [
-    *("--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader"),
+    *("--enable-unsafe-swiftshader", "--use-angle=swiftshader"),
     *("--disable-gpu-rasterization", "--disable-gpu-compositing"),
 ]
 
 pytestmark = [
-    pytest.mark.net,
+    *NEEDS_CHROMIUM,
     pytest.mark.space,
-    pytest.mark.skipif(not CHROMIUM, reason="no Chromium here: apt-get install chromium"),
-    pytest.mark.skipif(not is_built(), reason="the page is not built: make page"),
     pytest.mark.skipif(not IWER.is_file(), reason="no emulated headset: npm ci in web/"),
 ]
 
@@ -51,71 +43,46 @@ if (location.hostname) {
 
 
 @dataclass
-class Stage:
-    """A race that two scripted karts drive, a recording of another, and pages that show them."""
+class SpaceStage(Stage):
+    """Pages that show a race in three dimensions, small ones, and a recording of another race."""
 
-    served: ServedRace
-    recording: str
-    browser: Browser
-    troubles: list[str] = field(default_factory=list)  # errors, and requests to other hosts
+    recording: str = ""
 
     @contextmanager
-    def open(self, place: str, *, width: int = 320, height: int = 240) -> Iterator[Page]:
-        size = {"width": width, "height": height}
-        page = self.browser.new_context(viewport=size, locale="en").new_page()
-        page.add_init_script(path=IWER)
-        page.add_init_script(HEADSET)
-        page.on("console", self._record_message)
-        page.on("pageerror", lambda error: self.troubles.append(str(error)))
-        page.on("request", self._check_request)
-        page.goto(f"{self.served.base}#{place}&stats=1")
+    def show(self, place: str) -> Iterator[Page]:
+        """Open a page and its third dimension; in software one left open takes the processor."""
+        page = self.open(place, 320, 240)
         show_space(page)
         yield page
         page.context.close()
 
-    def _record_message(self, message: ConsoleMessage) -> None:
-        # Software drawing says on each read that it is slow.
-        if message.type in {"error", "warning"} and "GPU stall" not in message.text:
-            self.troubles.append(message.text)
-
-    def _check_request(self, request: Request) -> None:
-        own = (self.served.base, self.served.base.replace("http", "ws", 1), "data:", "blob:")
-        if not request.url.startswith(own):
-            self.troubles.append(f"asks for {request.url}")
-
 
 @pytest.fixture(scope="module")
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SpaceStage]:
     address, folder = free_address(), tmp_path_factory.mktemp("recordings")
     with (
         pytest.MonkeyPatch.context() as patch,
-        sync_playwright() as play,
-        play.chromium.launch(
-            executable_path=CHROMIUM,
-            args=DRAWS_IN_SOFTWARE,
-            ignore_default_args=["--enable-gpu-rasterization"],
-        ) as browser,
+        chromium(DRAWS_IN_SOFTWARE, without=["--enable-gpu-rasterization"]) as browser,
     ):
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
         recording = record_race(folder).stem
         with racing(address) as server, gated(address, recordings=folder) as served:
             served.server = server
             wait_for_race(served)
-            yield Stage(served, recording, browser)
+            yield SpaceStage(served, browser, (IWER.read_text(), HEADSET), recording=recording)
 
 
 @pytest.fixture
-def watching(stage: Stage) -> Iterator[Page]:
+def watching(stage: SpaceStage) -> Iterator[Page]:
     """The live race in three dimensions."""
-    # Closed after each test: in software a page that is left open takes all of the processor.
-    with stage.open("watch") as page:
+    with stage.show("watch") as page:
         yield page
 
 
 @pytest.fixture
-def standing(stage: Stage) -> Iterator[Page]:
+def standing(stage: SpaceStage) -> Iterator[Page]:
     """A recording that stands still: every picture of it shows the same moment."""
-    with stage.open(f"replay={stage.recording}") as page:
+    with stage.show(f"replay={stage.recording}") as page:
         ticks = [-1, 0]
         while ticks[-2] != ticks[-1]:  # until it is played to its end
             time.sleep(1.0)
@@ -123,11 +90,7 @@ def standing(stage: Stage) -> Iterator[Page]:
         yield page
 
 
-def wait_until(is_so: Callable[[], object], timeout_s: float = 240.0) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not is_so():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+wait_until = partial(servers.wait_until, timeout_s=240.0)
 
 
 def click(page: Page, selector: str) -> None:
@@ -158,7 +121,9 @@ def follow(page: Page, seat: int) -> None:
     page.get_by_test_id("follow").select_option(str(seat))
 
 
-def test_a_headset_is_put_on_and_taken_off_again_and_again(stage: Stage, watching: Page) -> None:
+def test_a_headset_is_put_on_and_taken_off_again_and_again(
+    stage: SpaceStage, watching: Page
+) -> None:
     follow(watching, 0)
     for view, mode, pictures in (
         ("table", "immersive-ar", 600),
@@ -269,7 +234,7 @@ def test_the_same_motion_of_the_head_gives_the_same_pictures(standing: Page) -> 
     assert len(set(shown[0])) == 6
 
 
-def test_a_red_flag_hides_all_but_the_alert(stage: Stage, watching: Page) -> None:
+def test_a_red_flag_hides_all_but_the_alert(stage: SpaceStage, watching: Page) -> None:
     assert stage.served.server is not None
     session = stage.served.server.session
     follow(watching, 0)

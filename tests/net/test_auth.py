@@ -4,7 +4,7 @@ import io
 import json
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +61,7 @@ from race_server.storage.results.queries import races
 from race_server.storage.results.store import Store
 from race_server.storage.results.writer import Writer
 from race_server.tools.drills.deny import drill_deny
-from support.servers import running, waiting
+from support.servers import running, wait_until, waiting
 from support.sessions import session_on_ring
 
 SEAT, OTHER, SPECTATOR, STEWARD = roles_of(2)
@@ -526,13 +526,6 @@ def test_the_steward_stops_the_clock_and_starts_the_race_anew() -> None:
             marshal.decide("restart")
             wait_until(lambda: session.epoch == 2)
             assert session.seats[0].is_taken
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 @pytest.mark.net

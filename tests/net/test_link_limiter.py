@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -34,7 +34,7 @@ from race_server.net.wire.lobby import Join
 from race_server.tools.drills.flood import drill_flood
 from race_server.tools.drills.front import front_of, missing_front
 from race_server.tools.drills.intruder import Intruder
-from support.servers import running, waiting
+from support.servers import running, wait_until, waiting
 from support.sessions import session_on_ring
 
 PLACES = {"cup-seat-0": 2, "cup-seat-1": 2, "cup-spectator": 1, "cup-steward": 4}
@@ -62,13 +62,6 @@ def opened(
 
 def linked(server: RaceServer, keys: ClientKeys, address: str = "") -> ClientLink:
     return ClientLink(address or server.link.address, "cup", keys=keys, timeout_s=2.0)
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def is_answered(link: ClientLink) -> bool:

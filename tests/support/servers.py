@@ -1,6 +1,7 @@
 """A race server at work in a thread."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -63,3 +64,11 @@ def _at_work(server: RaceServer, work: Callable[[LiveServer], object]) -> Iterat
         yield live
     finally:
         live.stop()
+
+
+def wait_until(is_so: Callable[[], object], timeout_s: float = 60.0) -> None:
+    """Wait until a condition holds; it must before the time is over."""
+    deadline = time.monotonic() + timeout_s
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

@@ -241,6 +241,9 @@ class BrowserSession:
             self._player.handle(request)
         elif kind in {"ready", "park", "leave"} and self._driver_seat is not None:
             return await self._handle_driver(request, self._driver_seat)
+        elif kind == "use" and self._companion_seat is not None:
+            reason = await self._state.stewarding.use_item(self._companion_seat.number)
+            self._send(type="use", accepted=not reason, reason=reason)
         elif kind in {"act", "log"} and self._identity.role is Role.STEWARD:
             await self._handle_steward(request)
         else:

@@ -38,6 +38,7 @@ REQUESTS: dict[str, dict[str, Reader]] = {
     "ready": {"ready": read_bool},
     "park": {"park": read_bool},
     "leave": {},
+    "use": {},
     "act": {
         "id": partial(read_int, least=0, most=1 << 53, default=0),
         "act": partial(read_text, most=16),

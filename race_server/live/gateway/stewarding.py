@@ -31,11 +31,11 @@ class Stewarding:
         """Send a decision and return why it was refused, nothing where it was not."""
         if act not in ACTS:
             return f"a steward cannot {act!r}; choose one of {', '.join(ACTS)}"
-        try:
-            await self._ask(lambda client: client.decide(act, seat=seat, value=value), who)
-        except RaceError as error:
-            return str(error)
-        return ""
+        return await self._decide(act, seat, value, who)
+
+    async def use_item(self, seat: int) -> str:
+        """Press the item button of a seat for a person beside its driver; return as `decide`."""
+        return await self._decide("use", seat, 0.0, f"beside seat {seat}")
 
     async def log(self, who: str) -> list[str]:
         """Return the log of decisions, oldest first.
@@ -49,6 +49,13 @@ class Stewarding:
         """Close the link."""
         async with self._busy:
             self._drop()
+
+    async def _decide(self, act: str, seat: int, value: float, who: str) -> str:
+        try:
+            await self._ask(lambda client: client.decide(act, seat=seat, value=value), who)
+        except RaceError as error:
+            return str(error)
+        return ""
 
     async def _ask(self, ask: Callable[[StewardClient], Answer], who: str) -> Answer:
         async with self._busy:

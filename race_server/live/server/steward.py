@@ -143,6 +143,11 @@ class Steward:
             self._park_seat(seat, slot)
         return f"seats {', '.join(map(str, seats))} park" + (f" in slot {slot}" * (slot >= 0))
 
+    def _use(self, decision: Decision) -> str:
+        self._need_race()
+        self._session.race_control.use_item(decision.seat)
+        return f"item of seat {decision.seat} used"
+
     def _restart(self, _: Decision) -> str:
         self._need_race()
         self.wants_restart = True
@@ -164,4 +169,5 @@ _ACTS: dict[str, Callable[[Steward, Decision], str]] = {
     "open": Steward._open,
     "restart": Steward._restart,
     "park": Steward._park,
+    "use": Steward._use,
 }

@@ -101,6 +101,9 @@ export class Visit {
         if (told.accepted) this.isParking = told.park;
         this.parkRefusal = told.reason;
         return;
+      case 'use':
+        if (!told.accepted) this.notice = { type: 'notice', code: 'use', reason: told.reason };
+        return;
       case 'pong':
         this.clock.note(told.t, arrivedMs, told.server_us);
         this.roundTripMs = arrivedMs - told.t;

@@ -80,13 +80,30 @@ export interface ParkAnswer {
   reason: string;
 }
 
-export type Told = Welcome | Refused | Notice | ReadyAnswer | ParkAnswer | Acted | Log | Pong | Position;
+export interface UseAnswer {
+  type: 'use';
+  accepted: boolean;
+  reason: string;
+}
+
+export type Told =
+  | Welcome
+  | Refused
+  | Notice
+  | ReadyAnswer
+  | ParkAnswer
+  | UseAnswer
+  | Acted
+  | Log
+  | Pong
+  | Position;
 
 export type Request =
   | { type: 'follow'; seat: number; rays: boolean }
   | { type: 'rate'; rate: number }
   | { type: 'ready'; ready: boolean }
   | { type: 'park'; park: boolean }
+  | { type: 'use' }
   | { type: 'leave' }
   | { type: 'act'; act: string; seat: number; value: number; id: number }
   | { type: 'log' }
