@@ -202,7 +202,8 @@ def take_part(
         seat = persist(partial(take_seat, link, join))
         onboard = KartProgram(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
-        has_raced, welcome = False, seat.welcome
+        has_raced = False
+        welcome: Welcome | None = seat.welcome
         while welcome is not None:
             sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
             vehicle = welcome.briefing.vehicle

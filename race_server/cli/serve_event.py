@@ -8,7 +8,7 @@ from race_server.cli.serve_options import ServeOptions
 from race_server.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from race_server.competition.live_event import EventSpec
+    from race_server.competition.event_spec import EventSpec
     from race_server.competition.race_day.formats import Format
     from race_server.scenario.race import Scenario
 
@@ -25,7 +25,7 @@ def event_of(options: ServeOptions, *, needs_line: bool) -> "tuple[EventSpec, Sc
         ScenarioError: an option is wrong, or the event cannot be driven on all seats.
     """
     from race_server.competition.entrants import default_path, known_entrants
-    from race_server.competition.live_event import EventSpec, waiting_scenario
+    from race_server.competition.event_spec import EventSpec, waiting_scenario
     from race_server.competition.race_day.formats import format_named
     from race_server.competition.race_day.plan import DayPlan, teams_of
     from race_server.core.vehicle_presets import vehicle_named

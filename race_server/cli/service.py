@@ -15,14 +15,14 @@ from typing import Any
 
 from race_server.cli.document import print_document
 from race_server.cli.outcome import show_result
-from race_server.competition.event_state import EventState
-from race_server.competition.live_event import (
+from race_server.competition.event_spec import (
     EventSpec,
-    LiveEvent,
     begin_event,
     put_away,
     unfinished_event,
 )
+from race_server.competition.event_state import EventState
+from race_server.competition.live_event import LiveEvent
 from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.report import event_document
 from race_server.competition.race_day.table import print_tables

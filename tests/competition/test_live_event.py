@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from race_server.competition.event_state import read_event
-from race_server.competition.launch import free_address
-from race_server.competition.live_event import (
+from race_server.competition.event_spec import (
     EventSpec,
-    LiveEvent,
     begin_event,
     unfinished_event,
     waiting_scenario,
 )
+from race_server.competition.event_state import read_event
+from race_server.competition.launch import free_address
+from race_server.competition.live_event import LiveEvent
 from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.formats import Format, Races, TimeTrial, format_named
 from race_server.competition.race_day.formats.reader import format_of, read_format, words_of
