@@ -49,7 +49,7 @@ class PlantSetting:
 
 
 def run_plant(setting: PlantSetting) -> None:
-    """Drive one race with a plant: its safety side, and its body, in a process of their own."""
+    """Drive one race, or all of an event, with a plant, whose safety side is a process apart."""
     offset_s = random.Random(setting.seed).uniform(1e3, 1e6)  # no kart's clock shows the server's
     scenes: list[Scene] = []
 
@@ -60,7 +60,7 @@ def run_plant(setting: PlantSetting) -> None:
         return kart
 
     def each_turn(_program: KartProgram, _kart: Kart, now_s: float) -> bool:
-        scenes[0].turn(now_s)
+        scenes[-1].turn(now_s)
         return True
 
     take_part(
