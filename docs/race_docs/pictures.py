@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -30,8 +31,9 @@ KARTS = 8
 WINDOW: ViewportSize = {"width": 1280, "height": 720}
 # The animation: a moment each 6 ticks from when the lights go out, shown for 0.1 s.
 FIRST_TICK, STEP_TICKS, MOMENTS = 186, 6, 54
-SIZE = (440, 264)  # [px]
+WIDTH = 520  # [px]
 COLOURS = 96
+PATIENCE_S = 120.0
 
 
 def main() -> None:
@@ -84,13 +86,14 @@ def _page(base: str, folder: Path) -> Iterator[Page]:
         sync_playwright() as play,
         play.chromium.launch(executable_path=browser, args=ARGUMENTS) as chromium,
     ):
-        page = chromium.new_context(viewport=WINDOW, locale="en", bypass_csp=True).new_page()
-        page.set_default_timeout(120_000)
+        page = chromium.new_context(viewport=WINDOW, locale="en", color_scheme="dark").new_page()
+        page.set_default_timeout(1e3 * PATIENCE_S)
         page.goto(f"{base}#replay={recording.stem}&stats=1")
         page.get_by_test_id("play").get_by_text("Pause").click()
         page.get_by_test_id("play").get_by_text("Play").wait_for()
         page.get_by_test_id("space").dispatch_event("click")
-        page.wait_for_function("window.__race?.scene")
+        _wait(page, "!!window.__race?.scene")
+        page.evaluate("window.__race.scene.hold(2)")  # sharp, however slow it is
         yield page
 
 
@@ -109,20 +112,34 @@ def _seek(page: Page, tick: int) -> None:
         }""",
         tick,
     )
-    page.wait_for_function("(tick) => Math.abs(window.__race.tick - tick) < 2", arg=tick)
+    _wait(page, f"Math.abs(window.__race.tick - {tick}) < 2")
     frames = page.evaluate("window.__race.frames")
-    page.wait_for_function("(most) => window.__race.frames > most", arg=frames + 1)
+    _wait(page, f"window.__race.frames > {frames + 1}")
+
+
+def _wait(page: Page, condition: str) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(condition):
+        if time.monotonic() > deadline:
+            raise SystemExit(f"not drawn within {PATIENCE_S:g} s: {condition}")
+        time.sleep(0.05)
 
 
 def _scene(page: Page) -> Image.Image:
     """Return the picture in three dimensions alone."""
     picture = Image.open(BytesIO(page.get_by_test_id("scene").screenshot())).convert("RGB")
-    return picture.resize(SIZE, Image.Resampling.LANCZOS)
+    height = round(WIDTH * picture.height / picture.width)
+    return picture.resize((WIDTH, height), Image.Resampling.LANCZOS)
 
 
 def _animate(moments: list[Image.Image], path: Path) -> None:
     """Write pictures as an animation that begins again."""
-    palette = moments[len(moments) // 2].quantize(COLOURS)
+    some = moments[::9]
+    height = moments[0].height
+    all_colours = Image.new("RGB", (WIDTH, height * len(some)))
+    for number, one in enumerate(some):
+        all_colours.paste(one, (0, number * height))
+    palette = all_colours.quantize(COLOURS)
     shown = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in moments]
     shown[0].save(path, save_all=True, append_images=shown[1:], duration=100, loop=0)
 
