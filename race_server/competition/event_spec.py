@@ -23,7 +23,7 @@ class EventSpec:
     vehicle: str
     seed: int
     folder: Path  # of its file, and of the recordings
-    call_s: float  # a driver that is not ready so long after its call does not start
+    call_s: float  # a driver that is not ready by then, after its call, does not start
     review_s: float  # after each stage, and each round, stewards may still decide
     needs_line: bool = False
     numbers: Mapping[str, int] = field(default_factory=dict)  # of drivers, by their names

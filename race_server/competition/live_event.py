@@ -1,4 +1,4 @@
-"""An event on the network: calls each attempt and race, drives it, and writes down what came of it.
+"""An event on the network: calls each attempt and race, drives it, and writes its results down.
 
 `Day` says what comes next and what counts; here are the drivers, the clock and the file. A drive
 whose server was killed goes on; one that was stopped is driven again.

@@ -173,7 +173,7 @@ def test_a_server_that_is_killed_goes_on_where_it_was(
         served.run(kill_at_tick=240, race=race)
     assert len(read_event(tmp_path / "cup.event.json").records) == race
     records = served.run().records
-    # A driver that is made again knows nothing of before: it may brake for a moment.
+    # A driver that is made again has lost what it saw before: it may brake for a moment.
     first, again = whole[race].drives[0], records[race].drives[0]
     assert (again.team, again.place, again.laps) == (first.team, 1, 1)
     assert abs(again.time_us - first.time_us) < 500_000
