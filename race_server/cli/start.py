@@ -42,6 +42,13 @@ class StartOptions(RaceOptions):
             help="Number of karts that are played as real ones, by `race plant` processes."
         ),
     ] = 0
+    pedestrian: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Time at which a person steps in front of the first real kart [s]. Default: none.",
+        ),
+    ] = None
     listen: Annotated[
         str, typer.Option(help="Address to listen on. Default: a free port of 127.0.0.1.")
     ] = ""
@@ -120,6 +127,8 @@ def _drivers(options: StartOptions) -> tuple[str, ...]:
             f"--mixed {mixed}: choose at most {options.karts} karts, with --pace real and without "
             "--one-process"
         )
+    if options.pedestrian is not None and not mixed:
+        raise ScenarioError("--pedestrian steps in front of a real kart: add --mixed 1, or more")
     return names
 
 
@@ -128,13 +137,18 @@ def _spec(options: StartOptions, names: tuple[str, ...], *, page: bool) -> "Race
     from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, spread
 
     race = {field.name: getattr(options, field.name) for field in fields(RaceOptions)}
+    walks = options.pedestrian
+    incident = () if walks is None else ("--pedestrian", str(walks))
     return RaceSpec(
         serve=tuple(argv_of(ServeOptions(**race, fresh=True))),
         drivers=tuple(names[seat % len(names)] for seat in range(options.karts)),
         address=options.listen or free_address(),
         session=options.session,
         in_process=options.one_process,
-        real=tuple(TrackedSeat(seat) for seat in spread(options.mixed, options.karts)),
+        real=tuple(
+            TrackedSeat(seat, incident if number == 0 else ())
+            for number, seat in enumerate(spread(options.mixed, options.karts))
+        ),
         page=page,
         record=options.record,
     )
