@@ -14,7 +14,7 @@ from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, absent, record_of
 from race_server.core.messages import Event, Phase
 from race_server.errors import RecordingError, ScenarioError
-from race_server.live.server import RaceResult, RaceServer
+from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.logs import Log
 from race_server.scenario.race import ABSENT, Scenario
@@ -91,6 +91,11 @@ class LiveEvent:
         seats = [session.seats[self._seats[team.name]] for team in drive.grid]
         names = ", ".join(team.name for team in drive.grid)
         self._log.say("called", drive=drive.title, drivers=names)
+        if server.pace == REAL:
+            for seat in seats:
+                seat.is_ready = (
+                    False  # a person may have been ready long ago; programs say it again
+                )
         server.lobby.wait_until(lambda: all(map(self._is_ready, seats)), self._spec.call_s)
         if server.is_stopped:
             return None
@@ -98,7 +103,7 @@ class LiveEvent:
         if not there:
             return self._with_missing(RaceRecord("", ()), drive)
         for number in there:
-            session.seats[number].is_ready = number in server.local_drivers
+            session.seats[number].is_ready = False
         server.watchdog.rest()  # a course may take its time
         result = server.drive(self._lined_up(drive, set(there)))
         record = self._recorded(drive, result)
