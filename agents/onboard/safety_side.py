@@ -19,6 +19,8 @@ from race_server.core.messages import Control
 PERIOD_S = 0.01
 # Without the game's side for this long [s] it ends, its brakes on.
 ALONE_S = 10.0
+# … and once the kart has nothing more to do, this long.
+PATIENCE_S = 1.0
 
 
 class Hardware(Protocol):
@@ -103,8 +105,9 @@ class SafetySide:
             self.unit.drive(control, now_s)
 
     def is_alone(self, now_s: float) -> bool:
-        """Return whether the game's side has been silent for long."""
-        return self._heard.counter > 0 and now_s - self._heard.since_s > ALONE_S
+        """Return whether the game's side has been silent for long, or has nothing more to say."""
+        most_s = PATIENCE_S if self.is_through else ALONE_S
+        return self._heard.counter > 0 and now_s - self._heard.since_s > most_s
 
     def stop(self) -> None:
         """Leave the kart with its brakes on."""

@@ -45,6 +45,7 @@ class PlantSetting:
     caution: float = 0.6
     pedestrian_s: float | None = None
     cut_s: float | None = None
+    kill_at: float | None = None  # [m/s]
     report: Path | None = None
 
 
@@ -119,5 +120,5 @@ def _setup_of(
         place = x, y, heading
     return PlantSetup(
         *(vehicle, fence_of(sheet), sheet.borders, place, sensors, setting.seed, offset_s, is_lot),
-        *(setting.pedestrian_s, setting.cut_s, setting.report),
+        *(setting.pedestrian_s, setting.cut_s, setting.kill_at, setting.report),
     )

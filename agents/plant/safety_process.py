@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from race_agents.onboard.safety_side import PERIOD_S, Mailboxes, SafetySide
-from race_agents.plant.incident import IncidentLog, PersonIncident, RadioLoss
+from race_agents.plant.incident import GameLoss, IncidentLog, PersonIncident, RadioLoss
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Surroundings
 from race_agents.plant.sensors import Sensors
@@ -41,6 +41,7 @@ class PlantSetup:
     is_lot: bool
     pedestrian_s: float | None = None
     cut_s: float | None = None
+    kill_at: float | None = None  # [m/s]
     report: Path | None = None
 
 
@@ -56,7 +57,8 @@ def side_of(setup: PlantSetup, memory: Memory) -> tuple[SafetySide, IncidentLog]
         plant.find = sight.find
     person = PersonIncident(setup.pedestrian_s) if setup.pedestrian_s is not None else None
     radio_loss = RadioLoss(setup.cut_s) if setup.cut_s is not None else None
-    log = IncidentLog(plant, person, radio_loss)
+    game_loss = GameLoss(setup.kill_at) if setup.kill_at is not None else None
+    log = IncidentLog(plant, person, radio_loss, game_loss)
     unit = ControlUnit.of(setup.vehicle, setup.fence)
     return SafetySide(unit, plant, Mailboxes.over(memory), log.turn), log
 
