@@ -70,6 +70,10 @@ def plant(
     report: Annotated[
         Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
     ] = None,
+    black_box: Annotated[
+        Path | None,
+        typer.Option("--black-box", help="Keep each turn of the safety side in this MCAP file."),
+    ] = None,
 ) -> None:
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
     # Set before any kernel is imported: one kart needs no compiler.
@@ -101,5 +105,6 @@ def plant(
         cut_s=cut_link,
         kill_at=None if kill_game is None else kill_game / 3.6,
         report=report,
+        black_box=black_box,
     )
     run_plant(setting)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from race_agents.onboard.black_box import BlackBox
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.mailbox import Freshness, Mailbox, Memory, size_of
 from race_agents.unit.readings import Readings
@@ -67,6 +68,7 @@ class SafetySide:
     hardware: Hardware
     boxes: Mailboxes
     each_turn: Callable[["SafetySide", float], bool] = lambda _side, _now_s: True
+    box: BlackBox | None = None  # keeps each turn
     is_cut: bool = False  # a drill switches the radio off
     is_through: bool = False
     _heard: Freshness = field(default_factory=Freshness)
@@ -75,9 +77,12 @@ class SafetySide:
 
     def turn(self, now_s: float) -> None:
         """Sense, hear, decide, act, and tell."""
-        self.unit.sense(self.hardware.read(now_s))
+        readings = self.hardware.read(now_s)
+        self.unit.sense(readings)
         self._hear(now_s)
         self.hardware.act(self.unit.decide(now_s))
+        if self.box is not None:
+            self.box.note(readings, self.unit)
         self.is_through |= not self.each_turn(self, now_s)
         unit = self.unit
         report = Report(
@@ -112,3 +117,5 @@ class SafetySide:
     def stop(self) -> None:
         """Leave the kart with its brakes on."""
         self.hardware.act(Command())
+        if self.box is not None:
+            self.box.close()

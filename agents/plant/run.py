@@ -47,10 +47,11 @@ class PlantSetting:
     cut_s: float | None = None
     kill_at: float | None = None  # [m/s]
     report: Path | None = None
+    black_box: Path | None = None
 
 
 def run_plant(setting: PlantSetting) -> None:
-    """Drive one race with a plant: its safety side, and its body, in a process of their own."""
+    """Drive one race with a plant: its safety side, and its body, in a separate process."""
     offset_s = random.Random(setting.seed).uniform(1e3, 1e6)  # no kart's clock shows the server's
     scenes: list[Scene] = []
 
@@ -121,4 +122,5 @@ def _setup_of(
     return PlantSetup(
         *(vehicle, fence_of(sheet), sheet.borders, place, sensors, setting.seed, offset_s, is_lot),
         *(setting.pedestrian_s, setting.cut_s, setting.kill_at, setting.report),
+        black_box=setting.black_box,
     )
