@@ -11,7 +11,7 @@ PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
-.PHONY: race page check-page test test-slow test-space test-libraries check lint docs hooks setup schemas limits dist lock sbom audit clean
+.PHONY: race page check-page test test-slow test-space test-libraries check lint docs pictures hooks setup schemas limits dist lock sbom audit clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -54,6 +54,10 @@ test-libraries: $(VENV)/.installed-test
 	@$(BIN)/python tests/libraries/run.py
 
 check: lint check-page test test-slow
+
+# The pictures of the page in README and docs; needs Chromium. Minutes without a graphics card.
+pictures: $(VENV)/.installed-test page
+	@PYTHONPATH=docs $(BIN)/python -m race_docs.pictures
 
 # Warnings are errors. Nothing is read again from an earlier build: what pages name may have changed.
 docs: $(VENV)/.installed-test

@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -33,8 +33,9 @@ class TrainOptions:
     preset: Annotated[
         str,
         typer.Argument(
-            help="time-trial, time-trial-any, time-trial-ppo, race, full, report-b, parking-1, "
-            "parking-2, parking-2-karts, park, park-gate, park-lorry, or a .toml file of settings."
+            help="time-trial, time-trial-any, time-trial-ppo, race, full, two-teams, report-b, "
+            "parking-1, parking-2, parking-2-karts, park, park-gate, park-lorry, or a .toml file "
+            "of settings."
         ),
     ] = ""
     track_set: Annotated[
@@ -69,7 +70,7 @@ class TrainOptions:
         ),
     ] = ""
     algorithm: Annotated[
-        str, typer.Option(help="ppo, ppo-sb3, poca, sac, td3 or dqn. Default: the preset's.")
+        str, typer.Option(help="ppo, ppo-sb3, mappo, poca, sac, td3 or dqn. Default: the preset's.")
     ] = ""
     worlds: Annotated[
         int | None, typer.Option(help="Races that run in parallel. Default: the preset's.")
@@ -100,7 +101,8 @@ def train(options: TrainOptions) -> None:
     """Train a policy to drive or to park: `race train time-trial --minutes 5`."""
     with brought_by("train"):
         from race_agents.training import folder
-        from race_agents.training.run import train as train_it
+        from race_agents.training.run import train as train_one
+        from race_agents.training.together import train_together
     console = Console(stderr=True)
     if options.tensorboard:
         with brought_by("curves"):
@@ -115,16 +117,18 @@ def train(options: TrainOptions) -> None:
         warnings.catch_warnings(),
     ):
         warnings.filterwarnings("ignore", module="stable_baselines3")
-        outcome = train_it(
-            settings,
-            place,
-            resume=bool(options.resume),
-            tell=tell,
-            say=lambda text: console.print(text, soft_wrap=True),
-            tensorboard=options.tensorboard,
-        )
-    _show(outcome, settings, console, as_json=options.as_json)
-    if outcome.stopped:
+        options_of_run: dict[str, Any] = {
+            "resume": bool(options.resume),
+            "tell": tell,
+            "say": lambda text: console.print(text, soft_wrap=True),
+            "tensorboard": options.tensorboard,
+        }
+        if settings.policies:
+            outcomes = train_together(settings, place, **options_of_run)
+        else:
+            outcomes = [train_one(settings, place, **options_of_run)]
+    _show(outcomes, settings, console, as_json=options.as_json)
+    if any(outcome.stopped for outcome in outcomes):
         sys.exit(130)
 
 
@@ -261,25 +265,33 @@ def _ratings_in_words(news: "TrainingProgress") -> str:
 
 
 def _show(
-    outcome: "TrainingResult", settings: "Settings", console: Console, *, as_json: bool
+    outcomes: list["TrainingResult"], settings: "Settings", console: Console, *, as_json: bool
 ) -> None:
     if as_json:
-        print_document(
+        rows = [
             {
                 "run": outcome.folder.name,
                 "folder": str(outcome.folder),
                 "stopped": outcome.stopped,
                 **outcome.evaluation,
             }
-        )
+            for outcome in outcomes
+        ]
+        print_document({"policies": rows} if settings.policies else rows[0])
         return
+    for outcome in outcomes:
+        _show_marks(outcome, settings, console)
+
+
+def _show_marks(outcome: "TrainingResult", settings: "Settings", console: Console) -> None:
     from rich.table import Table
 
     from race_agents.training.folder import ways_to_drive
 
     known = ", ".join(outcome.evaluation["learned_on"])
     unseen = "under unseen seeds" if settings.parks else "on unseen courses"
-    title = f"the best policy {unseen}" + (f", but it learned on {known}" if known else "")
+    whose = f"the best {outcome.folder.name}" if settings.policies else "the best policy"
+    title = f"{whose} {unseen}" + (f", but it learned on {known}" if known else "")
     of_all = outcome.marks[-1]
     table = Table(of_all.courses.removesuffix("s"), title=title, title_justify="left")
     for column in (*of_all.heads, "return"):

@@ -20,7 +20,22 @@ What differs here, and why:
 import math
 
 from race_agents.drivers.follow_gap import middle_of_gap, nearest_deepest
-from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, widen_edges
+from race_agents.drivers.tentacle_search import (
+    ARCS,
+    BENDS,
+    CURVATURE,
+    FIRST_BIN,
+    FREE,
+    LENGTH,
+    SIDE,
+    arc_length,
+    find_nearest,
+    free_along,
+    place_points,
+    slide_window,
+    wall_along,
+)
+from race_agents.planning.scan import age_of_scan, fill_dropouts, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_server.core.kernel_driver import (
     DECISION,
@@ -46,17 +61,12 @@ GRIP_SCALE = PART_NUMBERS["grip_scale"]
 
 # The paper's figures; lengths [m] and speeds [m/s] of a car with WHEELBASE.
 WHEELBASE = 2.855
-CLASSES, SIDE = 16, 40  # speed classes; arcs on either side of the straight one
-SHORTEST, LONGER, EXTRA = 8.0, 33.5, 20.0
+CLASSES = 16
+SHORTEST, LONGER = 8.0, 33.5
 SLOWEST, FASTEST = 0.25, 10.0
 SPEED_POWER, RADIUS_POWER = 1.2, 0.9
 WIDEST = 0.6 * math.pi  # [rad] that the sharpest arc of the slowest class turns
-GROWTH = 1.15  # of the radius from one arc to the next
 
-# Half-widths of the classification and of the support area [body widths].
-CORE, SUPPORT = 0.6, 2.0
-BINS, WINDOW = 40, 3
-ENOUGH_WALL = 0.15  # body widths of wall within a window that make an obstacle
 SAFE_GAP = 0.8  # body lengths to keep when stopping in front of something
 SAFE_BRAKING = 3.0  # [m/s²]
 HALF_CLEAR = 10.0  # body lengths of free way at which the clearance is half of the worst
@@ -69,17 +79,6 @@ GAP_HALF, GAP_JUMP, GAP_DEEP = 0.4, 0.5, 0.9
 LEAD_S = 0.05
 BEND_SHARE, BRAKE_SHARE, END_SHARE = 0.75, 0.6, 0.65
 STOP_GAP = 0.7  # body lengths
-# What is found about an arc, by place in the row of numbers to work with.
-FREE, SUPPORT_FREE, WALL, LENGTH, CURVATURE, FIRST_BIN = range(6)
-
-
-@kernel
-def grown(factor: float, times: int) -> float:
-    """Return `factor` to the power of a whole number, to the same bits compiled or not."""
-    result = 1.0
-    for _ in range(times):
-        result *= factor
-    return result
 
 
 @kernel
@@ -131,74 +130,27 @@ def direction_after(curvature: float, length: float) -> float:
 
 
 @kernel
-def place_points(memory: Floats, rays: int, field: float, ahead: float, turn: float) -> None:
-    """Write the scan's points as seen from where the car will be: x ahead, then y to the left.
-
-    It will have driven `ahead` [m] and turned by `turn` [rad]. Their squared distances [m²] go
-    where the widened scan was: all arcs are searched by them.
-    """
-    dx, dy = ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn)
-    move_scan(memory, rays, field, dx, dy, turn)
-    for ray in range(rays):
-        x, y = memory[KEPT + 2 * rays + ray], memory[KEPT + 3 * rays + ray]
-        memory[KEPT + rays + ray] = x * x + y * y
+def least_turn(curvature: float, free: float, goal: float) -> float:
+    """Return how near to a direction [rad] an arc comes that is free for a length [m] at most."""
+    end = direction_after(curvature, free)
+    return abs(goal - min(max(goal, min(end, 0.0)), max(end, 0.0)))
 
 
 @kernel
-def search_arc(
-    memory: Floats, rays: int, step: float, side: float, bend: float, length: float, vehicle: Record
-) -> None:
-    """Write what the points say of one arc: free lengths of both areas and the wall [m].
-
-    bend: the curvature without its sign [1/m], which `side` is, 1 to the left; length: of the
-    arc [m]; step: angle between two rays [rad].
-    """
-    core, support, half = CORE * vehicle.width, SUPPORT * vehicle.width, 0.5 * vehicle.length
-    xs, ys, out = KEPT + 2 * rays, KEPT + 3 * rays, KEPT + 4 * rays
-    bins = out + FIRST_BIN
-    for index in range(BINS):
-        memory[bins + index] = 0.0
-    free, wall, squares = length, 0.0, KEPT + rays
-    # With m = κ (x² + y²) / 2 - y a point lies sqrt(1 + 2 κ m) / κ from the circle's centre: so
-    # most points are found to be far away without a root.
-    half_bend = 0.5 * bend
-    middle = half_bend * support * support
-    low, high = middle - support, middle + support
-    for ray in range(rays):
-        square, y = memory[squares + ray], side * memory[ys + ray]
-        off = half_bend * square - y
-        if off < low or off > high:
-            continue
-        x = memory[xs + ray]
-        along, lateral = x, abs(y)
-        if bend > 0.0:
-            along = math.atan2(bend * x, 1.0 - bend * y) / bend
-            lateral = abs(math.sqrt(1.0 + 2.0 * bend * off) - 1.0) / bend
-        if not 0.0 <= along <= length + half:
-            continue
-        ahead = max(along - half, 0.0)
-        if lateral < core:
-            free = min(free, ahead)
-        else:
-            weight = (support - lateral) / (support - core) * math.sqrt(square) * step
-            memory[bins + int(ahead / length * (BINS - 1))] += weight
-            wall += weight
-    memory[out + FREE] = free
-    memory[out + SUPPORT_FREE] = min(free, slide_window(memory, bins, vehicle.width) * length)
-    memory[out + WALL] = wall
+def most_wall(slack: float, body: float) -> float:
+    """Return the wall [m] whose flatness adds `slack` to the value of an arc."""
+    share = slack / FLATNESS
+    return body * math.log((1.0 + share) / (1.0 - share)) if share < 1.0 else math.inf
 
 
 @kernel
-def slide_window(memory: Floats, bins: int, width: float) -> float:
-    """Return the share of an arc before the first window with enough wall in it; 1 for none."""
-    total = 0.0
-    for index in range(BINS):
-        total += memory[bins + index]
-        if index >= WINDOW:
-            total -= memory[bins + index - WINDOW]
-        if total > ENOUGH_WALL * width:
-            return index / (BINS - 1)
-    return 1.0
+def least_of(memory: Floats, first: int, count: int) -> int:
+    """Return the place of the least of `count` numbers from `first` on, the first of equal ones."""
+    found = 0
+    for place in range(1, count):
+        if memory[first + place] < memory[first + found]:
+            found = place
+    return found
 
 
 @kernel
@@ -208,37 +160,59 @@ def choose_arc(
     """Write curvature, length and free length of the best arc; return whether it is drivable.
 
     now: the curvature that the wheels are turned to [1/m]; goal: the wanted direction [rad].
+
+    Walls beside an arc are only looked for while it may still be the best: what its free length
+    alone makes it worth is its value at best, and arcs are taken in the order of that.
     """
     out = KEPT + 4 * rays
+    bends = out + BENDS
+    # In place of what `find_nearest` finds.
+    bounds, frees = bends + ARCS, bends + 2 * ARCS
     wheelbase, body = vehicle.front_axle + vehicle.rear_axle, vehicle.length
     tightest = wheelbase / math.tan(vehicle.steering_limit)
     scale = wheelbase / WHEELBASE
     number = speed_class(speed)
     start = class_length(number, scale)
-    grip = vehicle.grip * GRAVITY
-    sharpest = max(class_radius(number, scale), tightest, speed * speed / grip)
+    sharpest = max(class_radius(number, scale), tightest, speed * speed / (vehicle.grip * GRAVITY))
     needed = stopping_length(speed, body)
-    drivable, best, longest = False, math.inf, -1.0
-    best_free, best_length, best_curvature = 0.0, 0.0, 0.0
-    for arc in range(2 * SIDE + 1):
-        # From hard left to straight to hard right.
-        rank, side = min(arc, 2 * SIDE - arc), 1.0 if arc <= SIDE else -1.0
-        bend = 0.0 if rank == SIDE else 1.0 / (sharpest * grown(GROWTH, rank))
-        length = start + scale * EXTRA * math.sqrt(rank / SIDE)
-        search_arc(memory, rays, step, side, bend, length, vehicle)
-        free, clear = memory[out + FREE], memory[out + SUPPORT_FREE]
-        can = free >= min(needed, length)
-        curvature = side * bend
+    find_nearest(memory, rays, sharpest, vehicle)
+    for arc in range(ARCS):
+        curvature, length = memory[bends + arc], arc_length(arc, start, scale)
+        along, aside = memory[bounds + arc], memory[frees + arc]
+        free = free_along(abs(curvature), along, aside, length, 0.5 * body)
+        value = CLEARANCE * clearance_of(free, length, body)
+        value += TRAJECTORY * least_turn(curvature, free, goal)
+        value += CHANGE * abs(curvature - now) * tightest
+        memory[bounds + arc] = value if free >= min(needed, length) else math.inf
+        memory[frees + arc] = -free
+    best, chosen = math.inf, -1
+    for _ in range(ARCS):
+        arc = least_of(memory, bounds, ARCS)
+        bound = memory[bounds + arc]
+        if bound == math.inf or bound > best:
+            break
+        memory[bounds + arc] = math.inf
+        curvature, length = memory[bends + arc], arc_length(arc, start, scale)
+        side = 1.0 if arc <= SIDE else -1.0
+        # A little more than that would do: sums are rounded.
+        most = most_wall(best - bound + 1e-9, body)
+        wall = wall_along(memory, rays, step, side, abs(curvature), length, most, vehicle)
+        if wall > most:
+            continue
+        share = slide_window(memory, out + FIRST_BIN, vehicle.width)
+        clear = min(-memory[frees + arc], share * length)
         value = CLEARANCE * clearance_of(clear, length, body)
-        value += FLATNESS * flatness_of(memory[out + WALL], body)
+        value += FLATNESS * flatness_of(wall, body)
         value += TRAJECTORY * abs(direction_after(curvature, clear) - goal)
         value += CHANGE * abs(curvature - now) * tightest
-        better = value < best if can else not drivable and free > longest
-        if better or (can and not drivable):
-            best, longest, drivable = value, free, drivable or can
-            best_free, best_length, best_curvature = free, length, curvature
-    memory[out + FREE], memory[out + LENGTH] = best_free, best_length
-    memory[out + CURVATURE] = best_curvature
+        if value < best or (value == best and arc < chosen):
+            best, chosen = value, arc
+    drivable = chosen >= 0
+    if not drivable:
+        chosen = least_of(memory, frees, ARCS)
+    memory[out + FREE] = -memory[frees + chosen]
+    memory[out + LENGTH] = arc_length(chosen, start, scale)
+    memory[out + CURVATURE] = memory[bends + chosen]
     return drivable
 
 

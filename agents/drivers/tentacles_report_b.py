@@ -21,7 +21,7 @@ Where the report is silent, this is ours:
 
 import math
 
-from race_agents.drivers.tentacles import grown
+from race_agents.drivers.tentacle_search import grown
 from race_agents.planning.scan import fill_dropouts, nearest
 from race_agents.planning.tactics import LIGHTS, SPEED, finish_decision, press_pedals
 from race_server.core.kernel_driver import (

@@ -23,7 +23,7 @@ from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_name
 from race_server.core.messages import Pose
 from race_server.core.observation import Observation
 from race_server.core.vehicles import Vehicle
-from race_server.errors import RaceError, WireError
+from race_server.errors import LinkError, RaceError, WireError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
@@ -39,6 +39,8 @@ PERIOD_S = 0.02  # a driver is asked, and a pose goes out, 50 times a second
 RETRY_S, GIVE_UP_S = 1.0, 10.0
 # What a kart says is said again as often as this, for as long as it lasts.
 SAY_AGAIN_S = 0.2
+# Between two races of an event it gives up after this time without an answer.
+AWAY_S = 60.0
 # The driver that parks, where none is named.
 VALET = "valet"
 
@@ -163,6 +165,33 @@ class KartProgram:
         with suppress(RaceError):  # the next silence asks again
             self.seat.ask_again()
 
+    def next_race(self, last: KnownKart) -> Welcome | None:
+        """Wait for the next race of an event, which has begun then; None where there is none.
+
+        last: the kart of the race before.
+
+        Raises:
+            LinkError: the server has gone.
+        """
+        epoch = last.hud.epoch if last.hud is not None else self.seat.welcome.epoch
+        welcome, asked, answered = self.seat.welcome, -math.inf, self.clock()
+        while welcome.stays:
+            now = self.clock()
+            if (heard := self.hear(now)) is not None and heard[0].epoch != epoch:
+                self.seat.receive(0.0)  # the newest of the race before
+                return welcome
+            if now - asked > RETRY_S:
+                asked = now
+                with suppress(LinkError):
+                    welcome = self.seat.ask_again()
+                    if welcome.stays:
+                        self.seat.act(topics.READY)
+                    answered = self.clock()
+            if now - answered > AWAY_S:
+                raise LinkError(f"no answer for {AWAY_S:g} s: the server has gone")
+            time.sleep(PERIOD_S)
+        return None
+
     def close(self) -> None:
         """Wait for the answer that is on its way."""
         if self._asking is not None:
@@ -186,14 +215,15 @@ def take_part(
     on_request: bool = False,
     each_turn: Callable[[KartProgram, Kart, float], bool] = lambda *_: True,
 ) -> None:
-    """Drive one race with a real kart, or park it.
+    """Drive one race with a real kart, all of an event, or park it.
 
-    driver: one that parks goes to its slot in a car park; any other races, and hands the wheel to
-    the one named by `valet` when the server orders the kart to park. caution: share of the tyres'
-    grip that the driver's briefing states, because a real kart rarely has the grip of its data
-    sheet. on_request: a driver that parks waits for an order of the server, too. each_turn: is
-    called after each turn of the game's side; the kart leaves once it returns False, or once its
-    safety side has nothing more to do.
+    kart_of: is called before each race, when the kart stands on its place on the grid. driver: one
+    that parks goes to its slot in a car park; any other races, and hands the wheel to the one named
+    by `valet` when the server orders the kart to park. caution: share of the tyres' grip that the
+    driver's briefing states, because a real kart rarely has the grip of its data sheet. on_request:
+    a driver that parks waits for an order of the server, too. each_turn: is called after each turn
+    of the game's side; the kart leaves once it returns False, or once its safety side has nothing
+    more to do.
 
     Raises:
         LinkError: no server.
@@ -204,18 +234,24 @@ def take_part(
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         join = Join(name[:32], driver.preset, wanted, tracked=True)
         seat = persist(partial(take_seat, link, join))
-        sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
-        vehicle = seat.welcome.briefing.vehicle
-        kart = kart_of(seat, sheet, link)
         onboard = KartProgram(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
-        known = replace(vehicle, grip=caution * vehicle.grip)
-        briefing = replace(seat.welcome.briefing, vehicle=known)
-        crew = _crew_of(driver, name, valet, briefing, seat.welcome, sheet)
-        if crew.parker is not None and not on_request:
-            crew.parker.take(seat.welcome.order)
-        persist(partial(seat.act, topics.READY))
-        _drive(crew, onboard, kart, KnownKart(vehicle), each_turn)
+        has_raced = False
+        welcome: Welcome | None = seat.welcome
+        while welcome is not None:
+            sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
+            vehicle = welcome.briefing.vehicle
+            kart, known = kart_of(seat, sheet, link), KnownKart(vehicle)
+            stated = replace(vehicle, grip=caution * vehicle.grip)
+            briefing = replace(welcome.briefing, vehicle=stated)
+            crew = _crew_of(driver, name, valet, briefing, welcome, sheet)
+            if crew.parker is not None and not on_request:
+                crew.parker.take(welcome.order)
+            if not has_raced:
+                persist(partial(seat.act, topics.READY))
+            _drive(crew, onboard, kart, known, each_turn)
+            has_raced, welcome = True, onboard.next_race(known)
+            persist = partial(insist, deadline=time.monotonic() + timeout_s)
 
 
 def _crew_of(

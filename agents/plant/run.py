@@ -51,18 +51,20 @@ class PlantSetting:
 
 
 def run_plant(setting: PlantSetting) -> None:
-    """Drive one race with a plant: its safety side, and its body, in a separate process."""
+    """Drive one race, or all of an event, with a plant, whose safety side is a process apart."""
     offset_s = random.Random(setting.seed).uniform(1e3, 1e6)  # no kart's clock shows the server's
     scenes: list[Scene] = []
 
     def kart_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartApart:
         setup = _setup_of(setting, seat, sheet, offset_s)
+        if scenes and (box := setup.black_box):  # each round of an event has one
+            setup = replace(setup, black_box=box.with_stem(f"{box.stem}-{len(scenes) + 1}"))
         kart = KartApart(SAFETY, setup, SCENE_BYTES)
         scenes.append(_scene_of(seat, link, kart, is_lot=setup.is_lot))
         return kart
 
     def each_turn(_program: KartProgram, _kart: Kart, now_s: float) -> bool:
-        scenes[0].turn(now_s)
+        scenes[-1].turn(now_s)
         return True
 
     take_part(

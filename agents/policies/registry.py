@@ -47,13 +47,18 @@ def policy_path(name: str) -> Path:
 
 
 def name_of(run: Path) -> str:
-    """Return the name by which a training run is found: its folder's, or the whole path."""
-    return run.name if run.absolute().parent == runs_folder().absolute() else str(run.absolute())
+    """Return the name by which a training run is found: its folder's, or the whole path.
+
+    One of several policies that learned together has that of its run in front, as in `duel-1/red`.
+    """
+    runs, whole = runs_folder().absolute(), run.absolute()
+    return whole.relative_to(runs).as_posix() if whole.is_relative_to(runs) else str(whole)
 
 
 def policy_names() -> list[str]:
     """Return the names of bundled policies and of runs that have one."""
-    runs = {path.parent.name for path in runs_folder().glob(f"*/{POLICY}")}
+    found = [path for runs in ("*", "*/*") for path in runs_folder().glob(f"{runs}/{POLICY}")]
+    runs = {name_of(path.parent) for path in found}
     return sorted(runs | {path.stem for path in SHIPPED.glob("*.onnx")})
 
 

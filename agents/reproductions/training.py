@@ -33,7 +33,7 @@ from race_server.errors import ScenarioError
 FORMAT = 1  # of the files; files of another format are made again
 
 # Tables of the settings that no training here uses: their keys and defaults are not in the digest.
-UNUSED = ("self_play", "warm_start", "evaluation", "goal")
+UNUSED = ("self_play", "warm_start", "evaluation", "goal", "policies")
 # Those that only trainings to park use.
 PARKING = ("curriculum", "cloning", "gail", "curiosity", "parking", "hurl")
 
@@ -99,6 +99,7 @@ def _check_plain(settings: Settings, preset: str) -> None:
         "self_play": settings.self_play.seats,
         "cloning": settings.cloning.demonstrations,
         "gail": settings.gail.demonstrations,
+        "policies": settings.policies,
     }
     if not settings.parks:
         aids = {"curriculum": settings.curriculum, "curiosity": settings.curiosity.bonus}

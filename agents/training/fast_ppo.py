@@ -74,7 +74,8 @@ class FastPpo(PPO):
         space: Any = self.action_space
         dones: Any = None
         for _ in range(n_rollout_steps):
-            actions, values, log_chances = self._draw(networks[0], seen)
+            known = self._known(env, seen)
+            actions, values, log_chances = self._draw(networks[0], known)
             after, rewards, dones, infos = env.step(np.clip(actions, space.low, space.high))
             self.num_timesteps += env.num_envs
             callback.update_locals(locals())
@@ -82,24 +83,33 @@ class FastPpo(PPO):
                 return False
             ended = np.flatnonzero(dones).tolist()
             self._update_info_buffer([infos[number] for number in ended])
-            self._value_what_was_cut(networks[0], rewards, [(n, infos[n]) for n in ended])
+            self._value_what_was_cut(networks[0], rewards, known, [(n, infos[n]) for n in ended])
             starts: Any = self._last_episode_starts
             rollout_buffer.add(
-                seen, actions, rewards, starts, *map(torch.from_numpy, (values, log_chances))
+                known, actions, rewards, starts, *map(torch.from_numpy, (values, log_chances))
             )
             self._last_episode_starts = dones
             self._last_obs = seen = after  # type: ignore[assignment]  # one box, hence one array
-        last = networks[0].critic.answer(torch.from_numpy(seen)).copy()
+        known = self._known(env, seen)
+        last = networks[0].critic.answer(torch.from_numpy(known)).copy()
         rollout_buffer.compute_returns_and_advantage(torch.from_numpy(last), dones)
         callback.update_locals(locals())
         callback.on_rollout_end()
         return True
 
-    def _draw(self, network: GaussianMlp, seen: Rows) -> tuple[Rows, Rows, Rows]:
+    def _known(self, env: Any, seen: Rows) -> Rows:
+        """Return what the critic knows (n, …): what the agents see (n, S), and perhaps more."""
+        return seen
+
+    def _known_at_last(self, known: Rows, numbers: list[int], last: Rows) -> Rows:
+        """Return what it knows of what agents saw last. known: (n, …) before that decision."""
+        return last
+
+    def _draw(self, network: GaussianMlp, known: Rows) -> tuple[Rows, Rows, Rows]:
         """Return actions (n, A), values (n,) and the logarithms of the actions' chances (n,)."""
-        rows = torch.from_numpy(seen)
+        rows = torch.from_numpy(known)
         log_spread = self.policy.log_std.data.numpy()
-        means = network.actor.answer(rows)
+        means = network.act(rows)
         shape = means.shape
         noise = torch.normal(torch.zeros(shape), torch.ones(shape)).numpy()
         actions = means + noise * np.exp(log_spread)
@@ -108,14 +118,20 @@ class FastPpo(PPO):
         return actions, network.critic.answer(rows)[:, 0].copy(), log_chances
 
     def _value_what_was_cut(
-        self, network: GaussianMlp, rewards: Rows, ended: list[tuple[int, dict[str, Any]]]
+        self,
+        network: GaussianMlp,
+        rewards: Rows,
+        known: Rows,
+        ended: list[tuple[int, dict[str, Any]]],
     ) -> None:
         """Add to rewards what episodes that time alone ended were still worth."""
         cut = [(n, info) for n, info in ended if info.get("TimeLimit.truncated", False)]
         if cut:
             last = np.stack([info["terminal_observation"] for _, info in cut])
-            worth = network.critic.answer(torch.from_numpy(last.astype(np.float32)))[:, 0]
-            rewards[[n for n, _ in cut]] += self.gamma * worth
+            numbers = [n for n, _ in cut]
+            rows = self._known_at_last(known, numbers, last.astype(np.float32))
+            worth = network.critic.answer(torch.from_numpy(rows))[:, 0]
+            rewards[numbers] += self.gamma * worth
 
     def train(self) -> None:
         """Take the gradient steps of one rollout."""
@@ -168,7 +184,7 @@ class FastPpo(PPO):
             cut = slice(edges[part], edges[part + 1])
             chosen = rows[cut]
             lesson = Lesson(
-                seen=buffer.observations[chosen].reshape(len(chosen), -1),
+                known=buffer.observations[chosen].reshape(len(chosen), -1),
                 acted=buffer.actions[chosen],
                 advantages=gains[cut],
                 returns=buffer.returns[chosen].ravel(),

@@ -121,6 +121,7 @@ def write_readme(
     folder: Path, settings: Settings, marks: list[Marks], evaluation: dict[str, Any]
 ) -> None:
     """Write a page on how to repeat a run, with its results."""
+    again, more = _again(folder, settings, evaluation)
     ways = "\n".join(f"    {way}" for way in ways_to_drive(folder, settings))
     text = f"""# {settings.title or folder.name}
 
@@ -129,11 +130,11 @@ Learned by {settings.algorithm.name} in {evaluation["steps"]} decisions and \
 
 Do it again, in this folder, {_likeness(settings, evaluation)}:
 
-    race train {CONFIG}
+    {again}
 
 Continue it, until it has learned for twice as long in all:
 
-    race train --resume {shlex.quote(name_of(folder))} {_twice(settings)}
+    {more}
 
 Drive it:
 
@@ -147,6 +148,20 @@ Drive it:
 {evaluation["decision_us"]:.0f} µs for a decision.
 """
     (folder / README).write_text(text, encoding="utf-8")
+
+
+def _again(folder: Path, settings: Settings, evaluation: dict[str, Any]) -> tuple[str, str]:
+    """Return the commands that do a run again, and that continue it."""
+    if "learned_with" not in evaluation:
+        run, more = name_of(folder), _twice(settings)
+        return f"race train {CONFIG}", f"race train --resume {shlex.quote(run)} {more}"
+    # With the settings of all that learned together, which stand above this folder.
+    whole = folder.absolute().parent
+    more = "--steps N" if settings.steps is not None else _twice(settings)
+    return (
+        f"race train {Path('..') / CONFIG}",
+        f"race train --resume {shlex.quote(name_of(whole))} {more}",
+    )
 
 
 def _exam_words(settings: Settings) -> str:

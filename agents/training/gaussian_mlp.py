@@ -35,7 +35,7 @@ class Layer:
 def layers_of(policy: Any) -> tuple[list[Layer], list[Layer]] | None:
     """Return the layers of actor and critic, None where they are not dense and apart."""
     fits = (
-        type(policy) is ActorCriticPolicy
+        isinstance(policy, ActorCriticPolicy)
         and type(policy.action_dist) is DiagGaussianDistribution
         and isinstance(policy.features_extractor, FlattenExtractor)
         and not policy.use_sde
@@ -111,9 +111,9 @@ class Stack:
 
 @dataclass(frozen=True)
 class Lesson:
-    """One part of a minibatch of PPO. Shapes: (n, S), (n, A), (n,)."""
+    """One part of a minibatch of PPO. Shapes: (n, what the critic knows), (n, A), (n,)."""
 
-    seen: Rows
+    known: Rows
     acted: Rows
     advantages: Rows
     returns: Rows
@@ -145,13 +145,18 @@ class GaussianMlp:
     def __init__(self, actor: list[Layer], critic: list[Layer], rows: int) -> None:
         self.actor, self.critic = Stack(actor, rows), Stack(critic, rows)
         self.spread_gradient = np.zeros(len(actor[-1].bias), np.float32)
+        self._seen = actor[0].weight.shape[1]  # the first numbers of what the critic knows
+
+    def act(self, known: torch.Tensor) -> Rows:
+        """Return the actor's answers (n, A) to what is seen, the first part of what is known."""
+        return self.actor.answer(known[:, : self._seen])
 
     def learn(self, lesson: Lesson, log_spread: Rows, weights: Weights) -> Told:
         """Fill the gradients of PPO's loss. log_spread: (A,) of the actions' deviations."""
         told, share = Told(), np.float32(lesson.share)
-        seen = torch.from_numpy(lesson.seen)
+        known = torch.from_numpy(lesson.known)
         spread: Any = np.exp(log_spread)
-        off: Rows = (lesson.acted - self.actor.answer(seen)) / spread
+        off: Rows = (lesson.acted - self.act(known)) / spread
         squares = off * off
         chances = -0.5 * squares.sum(axis=1) - np.float32((log_spread + HALF_LOG_TAU).sum())
         ratio_log = chances - lesson.log_chances
@@ -168,7 +173,7 @@ class GaussianMlp:
         told.policy_loss = -float(np.minimum(gain, clipped).sum()) * lesson.share
         told.change = float((ratio - 1.0 - ratio_log).sum()) * lesson.share
         told.clipped = float(is_outside.sum()) * lesson.share
-        error = self.critic.answer(seen)[:, 0] - lesson.returns
+        error = self.critic.answer(known)[:, 0] - lesson.returns
         told.value_loss = float(np.dot(error, error)) * lesson.share
         self.critic.learn((np.float32(2.0 * weights.value) * share * error)[:, None])
         return told

@@ -18,6 +18,7 @@ from race_agents.training.curriculum import Curriculum
 from race_agents.training.fast_ppo import FastPpo
 from race_agents.training.gail import Discriminator
 from race_agents.training.hurl import Foretelling, MixingBuffer
+from race_agents.training.mappo import Mappo
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.poca import Poca
 from race_agents.training.reward_wrapper import Judge, RewardWrapper, width_of
@@ -31,6 +32,7 @@ from race_server.errors import ScenarioError
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "ppo": FastPpo,
     "ppo-sb3": PPO,
+    "mappo": Mappo,
     "poca": Poca,
     "sac": SAC,
     "td3": TD3,
@@ -48,22 +50,27 @@ TD3_NOISE = 0.1
 
 
 def world_of(
-    settings: Settings, budget: Budget, around: Callable[[KartVecEnv], VecEnv] | None = None
+    settings: Settings,
+    budget: Budget,
+    around: Callable[[KartVecEnv], VecEnv] | None = None,
+    karts: KartVecEnv | None = None,
 ) -> Normaliser:
     """Return the karts that learn, with running means of their observations.
 
-    around: wrapper between the karts and the learner; default: the judges of the settings.
+    around: wrapper between the karts and the learner; default: the judges of the settings. karts:
+    default: all learners of a new batch.
 
     Raises:
         RaceError: the settings are not valid.
     """
-    karts = KartVecEnv(
-        training_task(settings),
-        worlds=settings.worlds,
-        seed=settings.seed,
-        threads=settings.threads,
-        curriculum=Curriculum(settings, budget) if settings.curriculum else None,
-    )
+    if karts is None:
+        karts = KartVecEnv(
+            training_task(settings),
+            worlds=settings.worlds,
+            seed=settings.seed,
+            threads=settings.threads,
+            curriculum=Curriculum(settings, budget) if settings.curriculum else None,
+        )
     shown = around(karts) if around is not None else _judged(settings, karts)
     rewards, gamma = settings.algorithm.normalise_reward, settings.gamma
     return Normaliser(shown, ObservationView.of(settings), norm_reward=rewards, gamma=gamma)
@@ -107,7 +114,7 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
             )
         options["replay_buffer_class"] = MixingBuffer
     options |= _options_of_team(settings, world)
-    if kind is FastPpo:
+    if issubclass(kind, FastPpo):
         options["threads"] = settings.threads
     network: dict[str, Any] = {
         "net_arch": list(settings.network.layers),
@@ -139,7 +146,7 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
 
 def _options(settings: Settings) -> dict[str, Any]:
     kind = CLASSES[settings.algorithm.name]
-    documented = PPO if kind is FastPpo else kind
+    documented = PPO if issubclass(kind, FastPpo) else kind
     known = [name for name in inspect.signature(documented).parameters if name not in _TAKEN]
     for key, value in settings.algorithm.options.items():
         if key not in known:

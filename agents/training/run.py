@@ -35,11 +35,13 @@ from race_agents.training.tasks import (
     validation_courses,
 )
 from race_server.core.seeds import RESUMED
+from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
 
 PARITY_STEPS = 200  # observations on which the file and the learner are compared
 TIMED = 2000  # decisions that are timed
+LEARNED_ON = "learned on as well, so the figures say nothing about unseen courses; choose others"
 
 
 @dataclass
@@ -60,8 +62,12 @@ def train(
     tell: Tell = lambda _: None,
     say: Callable[[str], None] = lambda _: None,
     tensorboard: bool = False,
+    karts: KartVecEnv | None = None,
+    company: tuple[str, ...] = (),
 ) -> TrainingResult:
     """Train, and write a complete folder; Ctrl-C ends the learning early, not the run.
+
+    karts: that learn; default: a new batch's. company: policies that learn in the same races.
 
     Raises:
         RaceError: the settings are not valid, or there is nothing to resume.
@@ -70,7 +76,7 @@ def train(
     for courses in (validation_courses(settings), final_courses(settings)):
         evaluation_tasks(settings, courses)  # a wrong name is refused now, not after hours
     warn_of_lidar(settings, say)
-    world = world_of(settings, budget)
+    world = world_of(settings, budget, karts=karts)
     learner = learner_of(
         settings, world, budget, str(place / "tensorboard") if tensorboard else None
     )
@@ -81,10 +87,7 @@ def train(
         best_score = _restored(settings, place, learner, world, budget, say)
     known = _learned_on(settings)
     if known:
-        say(
-            f"evaluation.final: {', '.join(known)}: learned on as well, so the figures say nothing "
-            "about unseen courses; choose others"
-        )
+        say(f"evaluation.final: {', '.join(known)}: {LEARNED_ON}")
     played = SelfPlay(settings, place, world, budget.done) if settings.self_play.seats else None
     folder.begin(place, settings)
     log = place / "tensorboard" / "race" if tensorboard else None
@@ -100,6 +103,7 @@ def train(
             "stopped": stopped,
             "resumed": resume,
             "learned_on": known,
+            **({"learned_with": list(company)} if company else {}),
         }
         # The latest is to resume from; the best is exported.
         load_checkpoint(place / BEST, learner, world, budget)

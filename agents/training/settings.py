@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from race_agents.training.parking_settings import HurlSettings, ParkingSettings
+from race_agents.training.policy_settings import PolicySettings
 from race_agents.training.settings_table import Table
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.envs.reality_gap import RealityGap
@@ -45,7 +46,7 @@ File = Annotated[str, AfterValidator(_absolute)]
 class Algorithm(Table):
     """The learning algorithm. `options` are those of its class, most of Stable-Baselines3's."""
 
-    name: Literal["ppo", "ppo-sb3", "poca", "sac", "td3", "dqn"] = "ppo"
+    name: Literal["ppo", "ppo-sb3", "mappo", "poca", "sac", "td3", "dqn"] = "ppo"
     learning_rate: float = Field(default=3e-4, gt=0.0)
     # At the end; falls evenly until then, from the moment the actor learns by reward.
     last_learning_rate: float | None = Field(default=None, ge=0.0)
@@ -297,6 +298,7 @@ class Settings(Table):
     lidar: Lidar = Lidar()
     gap: RealityGap = RealityGap()
     race: RaceSettings = RaceSettings()
+    policies: tuple[PolicySettings, ...] = ()  # none: one, of all learners
     parking: ParkingSettings = ParkingSettings()
     hurl: HurlSettings = HurlSettings()
     self_play: SelfPlaySettings = SelfPlaySettings()

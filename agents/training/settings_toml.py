@@ -13,7 +13,7 @@ from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
-ON_POLICY = ("ppo", "ppo-sb3", "poca")
+ON_POLICY = ("ppo", "ppo-sb3", "mappo", "poca")
 PRESETS = Path(__file__).parent / "presets"
 
 Words = dict[str, Any]
@@ -63,6 +63,7 @@ def settings_of(words: Words, source: str) -> Settings:
     _check_seats(settings, source)
     _check_discipline(settings, source)
     _check_team(settings, source)
+    _check_policies(settings, source)
     if settings.parks:
         _check_seeds(settings, source)
     is_discrete = settings.action == "discrete"
@@ -71,7 +72,7 @@ def settings_of(words: Words, source: str) -> Settings:
         raise ScenarioError(
             f"{source}: algorithm.name = {settings.algorithm.name!r} with action = "
             f"{settings.action!r}: dqn needs discrete actions, sac and td3 others, "
-            "ppo and poca take all"
+            "ppo and poca take all, mappo all but these"
         )
     return settings
 
@@ -128,14 +129,55 @@ def _check_team(settings: Settings, source: str) -> None:
         "choose ppo, or parking.lots": is_poca and several and not parks,
         "algorithm.name = 'poca' with parking.team: poca takes the mean of all rewards by itself; "
         "leave parking.team out": is_poca and team,
-        "algorithm.name = 'poca' with warm_start: its critic is of another kind than ppo's; leave "
-        "warm_start out": is_poca and settings.warm_start.is_wanted,
+        f"algorithm.name = {name!r} with warm_start: its critic is of another kind than ppo's; "
+        "leave warm_start out": name in {"poca", "mappo"} and settings.warm_start.is_wanted,
+        "algorithm.name = 'mappo' in a lot: it learns as well from vehicles that wait for others; "
+        "set parking.team = true, or choose poca": name == "mappo"
+        and parks
+        and several
+        and not team,
     }
     for sentence, is_wrong in wrong.items():
         if is_wrong:
             raise ScenarioError(
                 f"{source}: with race.learners = {settings.race.learners}, {sentence}"
             )
+
+
+def _check_policies(settings: Settings, source: str) -> None:
+    """Refuse what several policies that learn in the same races cannot have."""
+    policies = settings.policies
+    if not policies:
+        return
+    names, karts = [one.name for one in policies], sum(one.karts for one in policies)
+    vehicles = {one.vehicle or settings.vehicle for one in policies}
+    wrong = {
+        f"race.learners = {settings.race.learners}: their karts are {karts}; make them agree": (
+            settings.race.learners != karts
+        ),
+        "race.opponents = []: name drivers, which have the seats of the others where one policy is "
+        "evaluated": len(policies) > 1 and not settings.race.opponents,
+        f"names {', '.join(names)}: give each its own": len(set(names)) < len(names),
+        "parking.lots: several policies learn in races alone": settings.parks,
+        "self_play.seats, curriculum, gail, curiosity, warm_start or goal: leave these out": bool(
+            settings.self_play.seats
+            or settings.curriculum
+            or settings.gail.demonstrations
+            or settings.curiosity.bonus > 0.0
+            or settings.warm_start.is_wanted
+            or settings.warm_start.run
+            or settings.goal.model_dump(exclude_none=True)
+        ),
+        f"action = {settings.action!r} and the vehicles {', '.join(sorted(vehicles))}: advice is "
+        "in widths of one vehicle; choose one for all": settings.action == "residual"
+        and len(vehicles) > 1,
+        f"algorithm.name = {settings.algorithm.name!r}: choose ppo or mappo": (
+            settings.algorithm.name not in {"ppo", "ppo-sb3", "mappo"}
+        ),
+    }
+    for sentence, is_wrong in wrong.items():
+        if is_wrong:
+            raise ScenarioError(f"{source}: with policies, {sentence}")
 
 
 def _check_seeds(settings: Settings, source: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from race_agents.training.settings import Range, Settings
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import Vehicle
 from race_server.envs.parking import Parking
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.task import Task
@@ -154,10 +155,19 @@ def _scenario(settings: Settings, name: str, distance: Range | None = None) -> S
     return Scenario(
         course_named(name),
         karts=settings.race.karts,
-        vehicles=(vehicle_named(settings.vehicle),),
+        vehicles=_vehicles(settings),
         rules=_rules(settings.race.rules, LEARNING_RULES),
         lidar=sensor,
     )
+
+
+def _vehicles(settings: Settings) -> tuple[Vehicle, ...]:
+    """Return one vehicle for all karts, or one for each where policies have their own."""
+    names = [one.vehicle or settings.vehicle for one in settings.policies for _ in range(one.karts)]
+    names += [settings.vehicle] * (settings.race.karts - len(names))
+    if set(names) == {settings.vehicle}:
+        names = names[:1]
+    return tuple(vehicle_named(name) for name in names)
 
 
 def _parking_scenario(settings: Settings, name: str, distance: Range | None) -> Scenario:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.event import newest_event, show_event
 from race_server.cli.option_fields import argv_of, expand_options
 from race_server.cli.options import Unfit, drivers_for, known_drivers
 from race_server.cli.outcome import show_result
@@ -84,6 +85,8 @@ def start_session(options: StartOptions) -> None:
 
     names = _drivers(options)
     check_pace(options.pace)
+    if options.format and options.races > 1:
+        raise ScenarioError("--format and --races: an event has its races already, leave one out")
     key_of(topics.SNAPSHOT, options.session)  # a name that is not valid raises
     _check_results(options.results)
     console = Console(stderr=options.as_json)
@@ -96,6 +99,8 @@ def start_session(options: StartOptions) -> None:
     document = run_race(spec, console)
     if options.as_json:
         print_document(document)
+    elif options.format:
+        show_event(newest_event(options.record, options.session), Console())
     else:
         show_result(document, options.place, options.laps, options.session)
 

@@ -1,5 +1,7 @@
 """The state of whole races as numbers: what a critic may know that no kart sees."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from gymnasium import spaces
 
@@ -37,3 +39,16 @@ def global_states(world: World) -> Float32s:
     karts = np.stack(columns, axis=-1).reshape(len(bodies), -1)
     ticks = world.races["tick"][:, None]
     return np.concatenate([ticks, karts], axis=1).astype(np.float32)
+
+
+def own_states(world: World, karts: Sequence[int]) -> Float32s:
+    """Return the states of all races as each of some karts has them, shape (W · karts, S).
+
+    The numbers of the kart itself come first, then those of the others in their order.
+    """
+    states, count = global_states(world), world.bodies.shape[1]
+    ticks, parts = states[:, :1], states[:, 1:].reshape(len(states), count, -1)
+    orders = [[own, *(k for k in range(count) if k != own)] for own in karts]
+    # (W, karts, K, numbers of a kart)
+    seen = parts[:, orders].reshape(len(states) * len(karts), -1)
+    return np.concatenate([np.repeat(ticks, len(karts), axis=0), seen], axis=1)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from race_server.envs.batch import Batch, Curriculum
+from race_server.envs.global_state import own_states
 from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.envs.vector import after_an_episode
@@ -53,8 +54,12 @@ class KartVecEnv(VecEnv):
         self.seed(seed)  # the first reset begins with it, as after a call of `seed`
         self.curriculum = curriculum
         self._decisions = 0
-        self._begun = time.monotonic()
         self._actions: Array = np.zeros(0)
+        self._since()
+
+    def _since(self) -> None:
+        """Count the time of episodes from now on."""
+        self._begun = time.monotonic()
 
     def reset(self) -> Array:
         """Begin new races and return what all karts see, shape (n, size)."""
@@ -86,6 +91,14 @@ class KartVecEnv(VecEnv):
         """Which karts are in an episode, and not waiting for the others', shape (n,)."""
         active: NDArray[np.bool_] = self.batch.buffers.idle.ravel() == 0
         return active
+
+    @property
+    def race_states(self) -> Array:
+        """What is known of the race of each kart, shape (n, S): see `global_state.names_of`.
+
+        The tick is followed by its own kart, then by all others in the order of their numbers.
+        """
+        return own_states(self.batch.world, range(self.batch.learners))
 
     def step_async(self, actions: Array) -> None:
         """Take the actions of all karts, shape (n, A)."""
@@ -132,7 +145,10 @@ class KartVecEnv(VecEnv):
         return self.batch.observations.reshape(self.num_envs, -1).copy()
 
     def _last_words(self, number: int, *, truncated: bool) -> dict[str, Any]:
-        w, k = divmod(number, self.batch.learners)
+        return self._told(*divmod(number, self.batch.learners), truncated=truncated)
+
+    def _told(self, w: int, k: int, *, truncated: bool) -> dict[str, Any]:
+        """Return what is told of an episode that ended, of kart k in world w."""
         episode = self.batch.episode_of(w, k)
         episode["t"] = round(time.monotonic() - self._begun, 6)
         return {

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from race_server.core.messages import Event, Flag
 from race_server.core.stages.standings import rank
 from race_server.core.state import World
+from race_server.errors import Reason, SeatError
 from race_server.session.event_log import EventLog
 from race_server.session.interventions import Intervention, InterventionKind, carry_out
 from race_server.session.journal_entries import JournalEntries
@@ -80,6 +81,17 @@ class RaceControl:
         """
         check_slot(self._world, self._seats.taken_one(number).number, slot)
         self.intervene(InterventionKind.PARK, number, float(slot))
+
+    def use_item(self, number: int) -> None:
+        """Press the item button of a kart for one tick, for a person beside its driver.
+
+        Raises:
+            SeatError: the seat is not taken, or its kart holds no item.
+        """
+        seat = self._seats.taken_one(number)
+        if not self._world.players["held"][0, number]:
+            raise SeatError(f"the kart of seat {number} holds no item", Reason.DECISION)
+        seat.uses_item = True
 
     def hand_wheel(self, number: int, *, to_server: bool) -> None:
         """Let the parking driver of the server drive the kart of a seat, or its driver again."""

@@ -35,7 +35,7 @@ class Seat:
     is_led: bool = False  # the parking driver of the server has the wheel
     orders: int = 0  # to park, in this race
     planned: PlannedWay | None = None  # of the task that the driver was given, once it is known
-    uses_item: bool = False  # somebody beside the driver has pressed the item button
+    uses_item: bool = False  # a person beside the driver has pressed the item button
 
     def fits(self, secret: int) -> bool:
         """Return whether a secret is that of the seat's driver."""

@@ -31,7 +31,7 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
     [
         (
             "algorithm.name=ppoo",
-            "algorithm.name = 'ppoo': input should be 'ppo', 'ppo-sb3', 'poca', 'sac'",
+            "algorithm.name = 'ppoo': input should be 'ppo', 'ppo-sb3', 'mappo', 'poca'",
         ),
         ("worlds=0", "worlds = 0: input should be greater than or equal to 1"),
         ("wolds=3", "wolds = 3: no such key; known here are action, algorithm"),

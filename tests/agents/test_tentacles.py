@@ -5,8 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from race_agents.drivers import tentacles, tentacles_report_b
-from race_agents.drivers.tentacles import FREE, clearance_of, flatness_of, place_points, search_arc
+from race_agents.drivers import tentacle_search, tentacles, tentacles_report_b
+from race_agents.drivers.tentacle_search import (
+    find_nearest,
+    free_along,
+    place_points,
+    slide_window,
+    wall_along,
+)
+from race_agents.drivers.tentacles import clearance_of, flatness_of
 from race_agents.drivers.tentacles_report_b import (
     ARCS,
     STRAIGHT,
@@ -18,11 +25,15 @@ from race_agents.drivers.tentacles_report_b import (
     move_off,
 )
 from race_server.core.kernel_driver import KEPT, memory_size
+from race_server.core.messages import Control
+from race_server.core.observation import Observation, layout_of
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import vehicle_record
+from support.briefings import briefing
 
 FIELD = math.radians(200.0)
 RAYS = 201
+CAR = vehicle_record(TT02)[0]
 
 # The arcs of the report
 
@@ -117,12 +128,20 @@ def test_no_wall_is_flat() -> None:
     assert 0.9 < flatness_of(2.0, 0.45) < 1.0
 
 
-def found_along(ranges: np.ndarray, side: float, bend: float, length: float) -> np.ndarray:
+def memory_of(ranges: np.ndarray) -> np.ndarray:
     memory = np.zeros(memory_size(RAYS))
     memory[KEPT : KEPT + RAYS] = ranges
     place_points(memory, RAYS, FIELD, 0.0, 0.0)
-    search_arc(memory, RAYS, math.radians(1.0), side, bend, length, vehicle_record(TT02)[0])
-    return memory[KEPT + 4 * RAYS :]
+    return memory
+
+
+def free_of(ranges: np.ndarray, arc: int, length: float, sharpest: float = 0.79) -> float:
+    """Return how much [m] is free of one of the arcs whose sharpest have a radius [m]."""
+    memory = memory_of(ranges)
+    find_nearest(memory, RAYS, sharpest, CAR)
+    arcs = KEPT + 4 * RAYS + tentacle_search.BENDS + arc
+    bend, along, aside = memory[arcs : arcs + 3 * ARCS : ARCS]
+    return free_along(abs(bend), along, aside, length, 0.5 * TT02.length)
 
 
 def corridor(ahead: float, side: float) -> np.ndarray:
@@ -134,22 +153,80 @@ def corridor(ahead: float, side: float) -> np.ndarray:
 
 
 def test_a_wall_ahead_is_met_half_a_body_before_the_middle() -> None:
-    found = found_along(corridor(2.0, 1.0), 1.0, 0.0, 3.0)
-    assert found[FREE] == pytest.approx(2.0 - 0.225)
+    assert free_of(corridor(2.0, 1.0), STRAIGHT, 3.0) == pytest.approx(2.0 - 0.225)
 
 
 def test_walls_beside_are_in_the_support_area_but_do_not_stop() -> None:
-    found = found_along(corridor(8.0, 0.3), 1.0, 0.0, 3.0)
-    assert found[FREE] == 3.0
-    assert found[tentacles.WALL] > 0.3
-    assert found[tentacles.SUPPORT_FREE] < 0.5
+    ranges = corridor(8.0, 0.3)
+    assert free_of(ranges, STRAIGHT, 3.0) == 3.0
+    memory = memory_of(ranges)
+    wall = wall_along(memory, RAYS, math.radians(1.0), 1.0, 0.0, 3.0, math.inf, CAR)
+    assert wall > 0.3
+    assert slide_window(memory, KEPT + 4 * RAYS + tentacle_search.FIRST_BIN, TT02.width) < 0.5 / 3.0
 
 
 def test_an_opening_to_the_left_is_taken() -> None:
     # A wall 0.8 m ahead, another on the right; to the left nothing.
     ranges = corridor(0.8, 1.0)
     ranges[101 + 20 :] = 8.0
-    left = found_along(ranges, 1.0, 1.0 / 0.79, 1.0)[FREE]
-    right = found_along(ranges, -1.0, 1.0 / 0.79, 1.0)[FREE]
-    assert left == 1.0
-    assert right < 0.9
+    assert free_of(ranges, 0, 1.0) == 1.0
+    assert free_of(ranges, ARCS - 1, 1.0) < 0.9
+
+
+def plainly_free(ranges: np.ndarray, curvature: float, length: float) -> float:
+    """Return the free length [m] of an arc by asking every point for its place along it."""
+    angles, free = np.radians(np.arange(-100.0, 101.0)), length
+    for x, y in zip(ranges * np.cos(angles), ranges * np.sin(angles), strict=True):
+        along, lateral = x, abs(y)
+        if curvature:
+            to_left, bend = math.copysign(1.0, curvature) * y, abs(curvature)
+            along = math.atan2(bend * x, 1.0 - bend * to_left) / bend
+            lateral = abs(math.hypot(bend * x, 1.0 - bend * to_left) - 1.0) / bend
+        if 0.0 <= along <= length + 0.225 and lateral < 0.6 * TT02.width:
+            free = min(free, max(along - 0.225, 0.0))
+    return free
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_arc_ends_where_its_first_point_is(seed: int) -> None:
+    ranges = np.random.default_rng(seed).uniform(0.05, 3.0, RAYS)
+    for arc in range(ARCS):
+        curvature = tentacle_search.arc_curvature(arc, 0.79)
+        length = tentacle_search.arc_length(arc, 0.72, 0.09)
+        plain = plainly_free(ranges, curvature, length)
+        assert free_of(ranges, arc, length) == pytest.approx(plain, abs=1e-9)
+
+
+# Steering, throttle and brake that the search of every arc for every point decided on.
+DECIDED = [
+    (3.0, 0.6, 2.0, (-0.09858203543733496, 1.0, 0.0)),
+    (1.2, 0.6, 1.5, (0.09475107936880046, 1.0, 0.0)),
+    (6.0, 0.8, 4.0, (-0.08359321320423724, 1.0, 0.0)),
+    (2.0, 0.25, 1.0, (0.336825302223019, 1.0, 0.0)),
+    (0.5, 0.2, 6.0, (0.11362833334701977, 0.0, 1.0)),
+    (1.0, 0.5, 8.0, (-0.06393448284558681, 0.0, 1.0)),
+]
+
+
+@pytest.mark.parametrize(("ahead", "side", "speed", "decided"), DECIDED)
+def test_arcs_that_cannot_win_are_left_out_and_the_choice_stays(
+    ahead: float, side: float, speed: float, decided: tuple[float, float, float]
+) -> None:
+    control = decision(ahead, side, speed)
+    assert (control.steering, control.throttle, control.brake) == pytest.approx(decided, abs=1e-9)
+
+
+def decision(ahead: float, side: float, speed: float) -> Control:
+    """Return what is decided in a corridor that is wider on the right, with a box in it."""
+    ranges = corridor(ahead, side)
+    ranges[:100] *= 1.7
+    ranges[70:78] = np.minimum(ranges[70:78], 0.9)
+    layout = layout_of("lidar", RAYS)
+    values = np.zeros(layout.size, np.float32)
+    values[layout.slices["lidar"]] = ranges
+    told = {"speed": speed, "steering": 0.1, "yaw_rate": 0.3 * speed, "speed_cap": 20.0}
+    for part, value in {**told, "grip_scale": 1.0}.items():
+        values[layout.slices[part]] = value
+    driver = tentacles.Tentacles()
+    driver.reset(briefing("lidar", lidar_field=FIELD))
+    return driver.act(Observation(0, layout, values))

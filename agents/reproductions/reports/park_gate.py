@@ -1,4 +1,4 @@
-"""Several cars and one gate: paid each for itself, paid together, and MA-POCA."""
+"""Several cars and one gate: paid each for itself, paid together, MAPPO and MA-POCA."""
 
 from race_agents.reproductions.plan import (
     Column,
@@ -13,6 +13,7 @@ SIZES = (2, 4, 8)
 _WAYS = (
     ("PPO, own reward", ("algorithm.name=ppo",)),
     ("PPO, team reward", ("algorithm.name=ppo", "parking.team=true")),
+    ("MAPPO, team reward", ("algorithm.name=mappo", "parking.team=true")),
     ("MA-POCA", ("algorithm.name=poca",)),
 )
 ALL_PARKED = Column("all_parked", "all parked, %", 1, of="rounds")
@@ -47,8 +48,9 @@ REPRODUCTION = Reproduction(
         "learns from as many decisions of cars, those of cars that wait for the others included.",
         "PPO with its own reward leaves out what a car decides once it is done. PPO with the team "
         "reward, the mean of all, learns on from cars that are done, until the last is: absorbing "
-        "states. MA-POCA has the same reward, a critic that attends to the cars on their way, and "
-        "a baseline for each that knows the actions of the others.",
+        "states. MAPPO is the same with a critic that knows the state of the lot. MA-POCA has "
+        "the same reward, a critic that attends to the cars on their way, and a baseline for each "
+        "that knows the actions of the others.",
         "An exam draws other slots and starts than any training. The seeds of rows are the same.",
     ),
 )

@@ -12,6 +12,8 @@ from typing import Any
 
 from numba.core import caching
 
+from race_server.core.kernels.inner_library import InnerCacheImpl
+
 try:
     import fcntl
 except ImportError:  # Windows: every process compiles for itself
@@ -60,3 +62,9 @@ class DiskCache(_FunctionCache):  # type: ignore[misc]
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+class InnerDiskCache(DiskCache):
+    """The cache of a function that only other kernels call."""
+
+    _impl_class = InnerCacheImpl

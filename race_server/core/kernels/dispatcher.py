@@ -13,7 +13,8 @@ from typing import Any
 import numba
 from numba.core.registry import CPUDispatcher
 
-from race_server.core.kernels.disk_cache import DiskCache
+from race_server.core.kernels.disk_cache import DiskCache, InnerDiskCache
+from race_server.core.kernels.inner_library import InnerCompiler
 
 _Dispatcher: Any = CPUDispatcher  # numba is untyped
 
@@ -26,8 +27,8 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         numba.config.CACHE_DIR = cache  # type: ignore[attr-defined]  # untyped setting
         self._settings = {"nopython": True, **settings}
         inner = {**self._settings, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        super().__init__(function, targetoptions=inner)
-        self._cache = DiskCache(function)
+        super().__init__(function, targetoptions=inner, pipeline_class=InnerCompiler)
+        self._cache = InnerDiskCache(function)
 
     @cached_property
     def entry(self) -> Any:

@@ -34,7 +34,7 @@ class Stewarding:
         return await self._decide(act, seat, value, who)
 
     async def use_item(self, seat: int) -> str:
-        """Press the item button of a seat for somebody beside its driver; return as `decide`."""
+        """Press the item button of a seat for a person beside its driver; return as `decide`."""
         return await self._decide("use", seat, 0.0, f"beside seat {seat}")
 
     async def log(self, who: str) -> list[str]:

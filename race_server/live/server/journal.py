@@ -52,7 +52,11 @@ class Journal:
         if recorder is None:
             return None
         journal = cls(logbook, session, frame, recorder)
-        session.journal_standing_decisions()
+        # What was decided before the race began, and still holds.
+        for act in session.seats.closings(session.tick):
+            session.journal.add(act)
+        for granted in session.replay_guard.granted(session.tick):
+            session.journal.add(granted)
         recorder.record(session.journal.drain())
         borders, at = session.scenario.course.borders, recorder.time_of(0)
         recorder.write(SCENE, 0, partial(course_scene, borders, at))

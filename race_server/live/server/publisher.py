@@ -68,7 +68,7 @@ class Publisher:
 
     def publish_seats(self, *, but: Container[int]) -> None:
         """Send every seat whose driver is there its observation, and what acts on its kart."""
-        for seat in self._session.seats.taken():
+        for seat in self._session.lined_up():
             if seat.is_present and seat.number not in but:
                 self._publish_observation(seat)
                 self._publish_hud(seat)
@@ -275,7 +275,7 @@ def standings_of(session: Session) -> StandingsFrame:
 
 def links_of(session: Session) -> LinksFrame:
     """Return the state of each driver's link now."""
-    taken, tick, trackers = session.seats.taken(), session.tick, session.tracked_karts.trackers
+    taken, tick, trackers = session.lined_up(), session.tick, session.tracked_karts.trackers
     statuses = session.world.bodies["status"][0]
     rows = np.zeros(len(taken), LINK)
     for row, seat in zip(rows, taken, strict=True):

@@ -145,7 +145,7 @@ class Steward:
 
     def _use(self, decision: Decision) -> str:
         self._need_race()
-        self._session.use_item(decision.seat)
+        self._session.race_control.use_item(decision.seat)
         return f"item of seat {decision.seat} used"
 
     def _restart(self, _: Decision) -> str:

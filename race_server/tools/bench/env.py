@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 
 from race_server.core.clock import SUBSTEPS
+from race_server.core.driver import driver_named
 from race_server.core.state import Floats
+from race_server.core.suitability import suited
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER
 from race_server.envs.compatible.racetrack import RacetrackCompatible, racetrack_compatible_vector
@@ -25,7 +27,7 @@ from race_server.tools.bench.rates import (
     vector_rate,
 )
 
-TRACK, WORLDS, KARTS = "covapsy-train-2023", 64, 8
+TRACK, VEHICLE, WORLDS, KARTS = "covapsy-train-2023", "tt02", 64, 8
 LIDAR = ("lidar", "lidar_before", "speed", "steering")
 # Sensors that are read at every decision: twice as often as in a race, the slowest case.
 DECISION_HZ = 20
@@ -69,6 +71,7 @@ def bench_env(*, cores: int = 1, seconds: float = 2.0) -> dict[str, Any]:
             for name, spent in state_times(race_batch(worlds=worlds)).items()
         },
         "ratios": {f"{a}_over_{b}": ratio(figures[a], figures[b]) for a, b in pairs},
+        "learner_among_seven": _among_seven(seconds),
         "profile": _profile(),
         "notes": {
             "course": TRACK,
@@ -187,6 +190,16 @@ def _one_highway(env: Any, seconds: float) -> float:
         return np.clip([turn - 0.1 * aside], -1.0, 1.0)
 
     return replay_rate(env, act, is_over, seconds)
+
+
+def _among_seven(seconds: float) -> dict[str, float]:
+    """Return decisions per second of one learner among seven karts of each compiled driver."""
+    names = [name for name in suited(VEHICLE) if hasattr(driver_named(name), "decide_all")]
+    tasks = {name: race_task(TRACK, karts=KARTS, learners=1, opponents=(name,)) for name in names}
+    return {
+        name: round(batch_rate(Batch(task, worlds=WORLDS, after=REENTER), driving, seconds))
+        for name, task in tasks.items()
+    }
 
 
 def _profile() -> dict[str, float]:

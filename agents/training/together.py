@@ -1,0 +1,143 @@
+"""Several policies that learn in the same races, each into the folder of a run."""
+
+import threading
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from race_agents.training import folder
+from race_agents.training.callback import Tell, TrainingProgress
+from race_agents.training.lines import Say
+from race_agents.training.run import TrainingResult, train
+from race_agents.training.seats import OtherEnded, Seats, SharedRaces
+from race_agents.training.settings import Settings
+
+WAIT_S = 0.2  # between two looks at what a person types
+
+
+def settings_of_each(settings: Settings) -> tuple[Settings, ...]:
+    """Return the settings of each policy as if it learned alone, among scripted drivers.
+
+    So it is evaluated: the seats of the other policies belong to `race.opponents`, too.
+    """
+    learners, steps = settings.race.learners, settings.steps
+    return tuple(
+        settings.model_copy(
+            update={
+                "title": f"{settings.title or 'Policies'}: {one.name}",
+                "policies": (),
+                "steps": None if steps is None else max(steps * one.karts // learners, 1),
+                "vehicle": one.vehicle or settings.vehicle,
+                "observation": one.observation or settings.observation,
+                "reward": one.reward or settings.reward,
+                "race": settings.race.model_copy(update={"learners": one.karts}),
+            }
+        )
+        for one in settings.policies
+    )
+
+
+@dataclass
+class Company:
+    """Policies on their way: one batch, a thread for each."""
+
+    settings: Settings
+    place: Path
+    options: dict[str, Any]  # of `train`
+    tell: Tell
+    say: Say
+    results: dict[int, TrainingResult] = field(default_factory=dict)
+    errors: list[BaseException] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Build the races.
+
+        Raises:
+            RaceError: the settings are not valid.
+        """
+        self.races = SharedRaces(self.settings)
+        count = range(len(self.settings.policies))
+        self.seats = [Seats(self.races, self.settings, number) for number in count]
+
+    def learn(self, number: int, own: Settings) -> None:
+        """Train one policy, in its thread."""
+        turns, name = self.races.turns, self.settings.policies[number].name
+        home = self.place / name
+        turns.wait(number)
+        try:
+            if not turns.failed:
+                home.mkdir(exist_ok=True)
+                self.results[number] = self._trained(number, own, home)
+        except OtherEnded:
+            pass
+        except BaseException as error:  # it is raised where the training was asked for
+            self.errors.append(error)
+            turns.failed = True
+            if not self.options["resume"]:
+                folder.abandon(home)
+        finally:
+            self.races.leave(number, self.seats[number].karts)
+
+    def _trained(self, number: int, own: Settings, home: Path) -> TrainingResult:
+        name, names = home.name, [one.name for one in self.settings.policies]
+        return train(
+            own,
+            home,
+            tell=lambda news: self.tell(_named(news, name, shows=number == 0)),
+            say=lambda text: self.say(f"{name}: {text}"),
+            karts=self.seats[number],
+            company=tuple(other for other in names if other != name),
+            **self.options,
+        )
+
+
+def train_together(
+    settings: Settings,
+    place: Path,
+    *,
+    resume: bool = False,
+    tell: Tell = lambda _: None,
+    say: Say = lambda _: None,
+    tensorboard: bool = False,
+) -> list[TrainingResult]:
+    """Train all policies of settings, each into a folder of its name in `place`.
+
+    Ctrl-C ends the learning of all early, not the run.
+
+    Raises:
+        RaceError: the settings are not valid, or there is nothing to resume.
+    """
+    options = {"resume": resume, "tensorboard": tensorboard}
+    company = Company(settings, place, options, tell, say)
+    if not resume:
+        folder.begin(place, settings)
+    threads = [
+        threading.Thread(target=company.learn, args=(number, own), daemon=True)
+        for number, own in enumerate(settings_of_each(settings))
+    ]
+    for thread in threads:
+        thread.start()
+    _await(threads, company.races)
+    company.races.batch.close()
+    if company.errors:
+        raise company.errors[0]
+    if resume:
+        folder.begin(place, settings)
+    return [company.results[number] for number in sorted(company.results)]
+
+
+def _await(threads: list[threading.Thread], races: SharedRaces) -> None:
+    """Wait for all threads; the first Ctrl-C stops the learning, the second leaves at once."""
+    while any(thread.is_alive() for thread in threads):
+        try:
+            for thread in threads:
+                thread.join(WAIT_S)
+        except KeyboardInterrupt:
+            if races.turns.stopped:
+                raise
+            races.turns.stopped = True
+
+
+def _named(news: TrainingProgress, name: str, *, shows: bool) -> TrainingProgress:
+    """Return the progress of one policy, with its name where it would be taken for another's."""
+    return replace(news, stage=name if shows or news.marks is not None else news.stage)
