@@ -70,7 +70,8 @@ class BlackBox:
     def note(self, readings: Readings, unit: ControlUnit) -> None:
         """Hand a turn over; where the disk has stopped it is left out."""
         if self._queue.backlog < MOST_WAITING:
-            self._queue.put((time.time_ns(), turn_of(readings, unit)))
+            at_ns = round(NANOSECONDS * readings.time_s)  # by the clock of the kart
+            self._queue.put((at_ns, turn_of(readings, unit)))
 
     def close(self) -> None:
         """Write what is left, and end the file."""
