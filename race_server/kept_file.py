@@ -32,7 +32,10 @@ def write_together(files: Mapping[Path, bytes]) -> None:
     aside = {path: path.with_name(f"{path.name}.part") for path in files}
     try:
         for path, data in files.items():
-            aside[path].write_bytes(data)
+            with aside[path].open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())  # else a power cut may leave an empty file of that name
         for path in filter(Path.is_dir, files):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         for path in files:

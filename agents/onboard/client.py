@@ -1,9 +1,10 @@
 """The program of a real kart: takes a seat, reports poses, applies controls, keeps the kart safe.
 
-`KartProgram` is the kart's end of the link; `ControlUnit` decides. The kart's body, a real one or
-the plant, is a `Hardware`. Nothing in the control loop waits for the network.
+This is the game's side: link, driver, report. `KartProgram` is the kart's end of the link. What
+moves and keeps safe is the other side, `race_agents.onboard.safety_side`, in a process of its own.
 """
 
+import math
 import threading
 import time
 from collections import deque
@@ -11,51 +12,65 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
 
 from race_agents.onboard.crew import Crew
-from race_agents.onboard.grounds import fence_of
+from race_agents.onboard.kart import Kart
 from race_agents.onboard.parker import PRESET, Parker
-from race_agents.unit.control_unit import ControlUnit
-from race_agents.unit.readings import Readings
-from race_agents.unit.safety import Command
-from race_server.core.clock import Pacer
+from race_agents.unit.records import Floats, Report, Word
+from race_server.core.alert import Alert, DangerStage
+from race_server.core.clock import MICROSECONDS, Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
-from race_server.core.messages import Control, Flag, Trust
+from race_server.core.messages import Pose
 from race_server.core.observation import Observation
-from race_server.errors import RaceError, WireError
+from race_server.core.vehicles import Vehicle
+from race_server.errors import LinkError, RaceError, WireError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
+from race_server.net.wire.alert import AlertFrame, encode_alert
 from race_server.net.wire.drive import HudFrame, decode_hud
 from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
 from race_server.net.wire.parking import OrderFrame
 from race_server.net.wire.pose import PoseFrame, encode_pose
 
-PERIOD_S = 0.02  # the control unit decides, and a pose goes out, 50 times a second
+PERIOD_S = 0.02  # a driver is asked, and a pose goes out, 50 times a second
 # After the link broke the kart asks for its seat as often as this, and gives up after this time.
 RETRY_S, GIVE_UP_S = 1.0, 10.0
+# What a kart says is said again as often as this, for as long as it lasts.
+SAY_AGAIN_S = 0.2
+# Between two races of an event it gives up after this time without an answer.
+AWAY_S = 60.0
 # The driver that parks, where none is named.
 VALET = "valet"
 
 Clock = Callable[[], float]
+Send = Callable[[bytes], None]
 
 
-class Hardware(Protocol):
-    """A kart's body: sensors, actuators, and who holds the wheel."""
+@dataclass
+class KnownKart:
+    """What the game's side knows of its kart."""
 
-    def read(self, now_s: float) -> Readings:
-        """Return what the sensors give now."""
+    vehicle: Vehicle
+    hud: HudFrame | None = None
+    hud_s: float = 0.0  # when it came
+    report: Report = field(default_factory=Report)
 
-    def act(self, command: Command) -> None:
-        """Move the actuators."""
+    def pose(self) -> Pose | None:
+        """Return where the kart says that it is."""
+        return self.report.pose
 
-    def hands(self, control: Control | None, now_s: float) -> Control | None:
-        """Return what comes from wheel and pedals now, if anything new does.
+    @property
+    def ranges(self) -> Floats | None:
+        """What its lidar sees [m], None where it has none."""
+        return self.report.ranges
 
-        control: what the driver decided on, None if it has seen nothing new.
-        """
+    def echo_us(self, now_s: float) -> int:
+        """Return the server's clock as the newest message had it, and the time since [µs]."""
+        if self.hud is None:
+            return 0
+        return self.hud.monotonic_us + round((now_s - self.hud_s) * MICROSECONDS)
 
 
 @dataclass
@@ -67,9 +82,17 @@ class KartProgram:
     delay_s: float = 0.0  # added each way, to play a slow link
     is_cut: bool = False  # as if the radio were off
     sequence: int = 0
-    _up: deque[tuple[float, bytes]] = field(default_factory=deque)
+    alerts: int = 0  # sent so far
+    _up: deque[tuple[float, Send, bytes]] = field(default_factory=deque)
     _down: deque[tuple[float, bytes]] = field(default_factory=lambda: deque(maxlen=64))
     _asking: threading.Thread | None = None
+    _stamp_us: int = -1  # of the newest pose that was sent
+    _said: Alert | None = None
+    _said_s: float = -math.inf
+
+    def __post_init__(self) -> None:
+        """Get ready to send alerts beside poses."""
+        self._send_alert = self.seat.sender(topics.ALERT)
 
     def store(self, data: bytes) -> None:
         """Take a message from the server; called by the transport's thread."""
@@ -98,23 +121,36 @@ class KartProgram:
         """Return the newest order to park, if one has arrived."""
         return None if self.is_cut else self.seat.receive_order()
 
-    def tell(self, unit: ControlUnit, now_s: float) -> None:
-        """Send the pose, and what was sent before and is due."""
-        pose, hud = unit.pose(), unit.hud
-        if pose is not None and hud is not None:
-            self.sequence += 1
+    def tell(self, kart: KnownKart, now_s: float) -> None:
+        """Send the pose, what the kart has to say, and what was sent before and is due."""
+        pose, hud = kart.pose(), kart.hud
+        if hud is not None:
+            self._say(kart.report.alert, hud.epoch, now_s)
+        if pose is not None and hud is not None and pose.stamp_us != self._stamp_us:
+            self.sequence, self._stamp_us = self.sequence + 1, pose.stamp_us
             told = PoseFrame(
                 epoch=hud.epoch,
                 sequence=self.sequence,
                 acknowledged=hud.sequence,
-                pose=replace(pose, echo_us=unit.echo_us(now_s)),
-                buttons=unit.buttons,
+                pose=replace(pose, echo_us=kart.echo_us(now_s)),
+                buttons=kart.report.buttons,
             )
-            self._up.append((now_s + self.delay_s, encode_pose(told)))
+            self._up.append((now_s + self.delay_s, self.seat.send, encode_pose(told)))
         while self._up and self._up[0][0] <= now_s:
-            _, data = self._up.popleft()
+            _, send, data = self._up.popleft()
             if not self.is_cut:
-                self.seat.send(data)
+                send(data)
+
+    def _say(self, alert: Alert, epoch: int, now_s: float) -> None:
+        """Send an alert if it says something new, and again for as long as it lasts."""
+        is_new = self._said is None or alert.gist != self._said.gist
+        lasts = alert.danger.stage > DangerStage.NONE and now_s - self._said_s > SAY_AGAIN_S
+        if not is_new and not lasts:
+            return
+        self._said, self._said_s = alert, now_s
+        self.alerts += 1
+        data = encode_alert(AlertFrame(epoch, self.alerts, alert))
+        self._up.append((now_s + self.delay_s, self._send_alert, data))
 
     def ask_again(self) -> None:
         """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex.
@@ -129,6 +165,33 @@ class KartProgram:
         with suppress(RaceError):  # the next silence asks again
             self.seat.ask_again()
 
+    def next_race(self, last: KnownKart) -> Welcome | None:
+        """Wait for the next race of an event, which has begun then; None where there is none.
+
+        last: the kart of the race before.
+
+        Raises:
+            LinkError: the server has gone.
+        """
+        epoch = last.hud.epoch if last.hud is not None else self.seat.welcome.epoch
+        welcome, asked, answered = self.seat.welcome, -math.inf, self.clock()
+        while welcome.stays:
+            now = self.clock()
+            if (heard := self.hear(now)) is not None and heard[0].epoch != epoch:
+                self.seat.receive(0.0)  # the newest of the race before
+                return welcome
+            if now - asked > RETRY_S:
+                asked = now
+                with suppress(LinkError):
+                    welcome = self.seat.ask_again()
+                    if welcome.stays:
+                        self.seat.act(topics.READY)
+                    answered = self.clock()
+            if now - answered > AWAY_S:
+                raise LinkError(f"no answer for {AWAY_S:g} s: the server has gone")
+            time.sleep(PERIOD_S)
+        return None
+
     def close(self) -> None:
         """Wait for the answer that is on its way."""
         if self._asking is not None:
@@ -137,7 +200,7 @@ class KartProgram:
 
 def take_part(
     driver: Driver,
-    hardware_of: Callable[[ClientSeat, CourseSheet, ClientLink], Hardware],
+    kart_of: Callable[[ClientSeat, CourseSheet, ClientLink], Kart],
     *,
     name: str,
     address: str,
@@ -150,15 +213,17 @@ def take_part(
     caution: float = 1.0,
     valet: str = VALET,
     on_request: bool = False,
-    each_turn: Callable[[KartProgram, ControlUnit, float], bool] | None = None,
+    each_turn: Callable[[KartProgram, Kart, float], bool] = lambda *_: True,
 ) -> None:
-    """Drive one race with a real kart, or park it.
+    """Drive one race with a real kart, all of an event, or park it.
 
-    driver: one that parks goes to its slot in a car park; any other races, and hands the wheel to
-    the one named by `valet` when the server orders the kart to park. caution: share of the tyres'
-    grip that the driver's briefing states, because a real kart rarely has the grip of its data
-    sheet. on_request: a driver that parks waits for an order of the server, too. each_turn: is
-    called after each decision; the kart leaves once it returns False.
+    kart_of: is called before each race, when the kart stands on its place on the grid. driver: one
+    that parks goes to its slot in a car park; any other races, and hands the wheel to the one named
+    by `valet` when the server orders the kart to park. caution: share of the tyres' grip that the
+    driver's briefing states, because a real kart rarely has the grip of its data sheet. on_request:
+    a driver that parks waits for an order of the server, too. each_turn: is called after each turn
+    of the game's side; the kart leaves once it returns False, or once its safety side has nothing
+    more to do.
 
     Raises:
         LinkError: no server.
@@ -169,19 +234,24 @@ def take_part(
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         join = Join(name[:32], driver.preset, wanted, tracked=True)
         seat = persist(partial(take_seat, link, join))
-        sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
-        vehicle = seat.welcome.briefing.vehicle
-        unit = ControlUnit.of(vehicle, fence_of(sheet))
-        hardware = hardware_of(seat, sheet, link)
         onboard = KartProgram(seat, clock, delay_s)
         link.listen(topics.HUD, onboard.store, seat.number)
-        known = replace(vehicle, grip=caution * vehicle.grip)
-        briefing = replace(seat.welcome.briefing, vehicle=known)
-        crew = _crew_of(driver, name, valet, briefing, seat.welcome, sheet)
-        if crew.parker is not None and not on_request:
-            crew.parker.take(seat.welcome.order)
-        persist(partial(seat.act, topics.READY))
-        _drive(crew, onboard, unit, hardware, each_turn or _until_home)
+        has_raced = False
+        welcome: Welcome | None = seat.welcome
+        while welcome is not None:
+            sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
+            vehicle = welcome.briefing.vehicle
+            kart, known = kart_of(seat, sheet, link), KnownKart(vehicle)
+            stated = replace(vehicle, grip=caution * vehicle.grip)
+            briefing = replace(welcome.briefing, vehicle=stated)
+            crew = _crew_of(driver, name, valet, briefing, welcome, sheet)
+            if crew.parker is not None and not on_request:
+                crew.parker.take(welcome.order)
+            if not has_raced:
+                persist(partial(seat.act, topics.READY))
+            _drive(crew, onboard, kart, known, each_turn)
+            has_raced, welcome = True, onboard.next_race(known)
+            persist = partial(insist, deadline=time.monotonic() + timeout_s)
 
 
 def _crew_of(
@@ -198,33 +268,18 @@ def _crew_of(
     return Crew(driver, parker, races_first)
 
 
-def _until_home(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
-    """Go on until the race is over for this kart and it stands."""
-    del onboard, now_s
-    return not is_home(unit)
-
-
-def is_home(unit: ControlUnit) -> bool:
-    """Return whether the kart was ordered to stop after the start, and stands."""
-    hud = unit.hud
-    if hud is None or hud.trust is Trust.SUSPENDED or hud.flag is Flag.RED:
-        return False
-    told = hud.lights_s == 0.0 and hud.speed_cap == 0.0
-    return told and unit.fusion is not None and abs(unit.fusion.state[3]) < 0.05
-
-
 def _drive(
     crew: Crew,
     onboard: KartProgram,
-    unit: ControlUnit,
-    hardware: Hardware,
-    goes_on: Callable[[KartProgram, ControlUnit, float], bool],
+    kart: Kart,
+    known: KnownKart,
+    goes_on: Callable[[KartProgram, Kart, float], bool],
 ) -> None:
     """Turn 50 times a second; however the loop ends, the kart is left with its brakes on."""
     try:
-        _turn(crew, onboard, unit, hardware, goes_on)
+        _turn(crew, onboard, kart, known, goes_on)
     finally:
-        hardware.act(Command())
+        kart.close()
         crew.close()
         onboard.close()
 
@@ -232,28 +287,30 @@ def _drive(
 def _turn(
     crew: Crew,
     onboard: KartProgram,
-    unit: ControlUnit,
-    hardware: Hardware,
-    goes_on: Callable[[KartProgram, ControlUnit, float], bool],
+    kart: Kart,
+    known: KnownKart,
+    goes_on: Callable[[KartProgram, Kart, float], bool],
 ) -> None:
-    pacer = Pacer(PERIOD_S)
+    pacer, word = Pacer(PERIOD_S), Word()
     pacer.start()
     heard_s = asked = onboard.clock()
-    while unit.hud is None or onboard.clock() - heard_s < GIVE_UP_S:
+    while known.hud is None or onboard.clock() - heard_s < GIVE_UP_S:
         now = onboard.clock()
-        unit.sense(hardware.read(now))
         if (heard := onboard.hear(now)) is not None:
-            unit.hear(*heard)
+            known.hud, known.hud_s = heard
+            word = replace(word, orders=known.hud, heard_s=known.hud_s)
             heard_s = asked = now
-        decided = crew.act(onboard.see(), onboard.receive_order(), unit, now)
-        control = hardware.hands(decided, now)
-        if control is not None:
-            unit.drive(control, now)
-        hardware.act(unit.decide(now))
-        onboard.tell(unit, now)
-        if not goes_on(onboard, unit, now):
+        decided = crew.act(onboard.see(), onboard.receive_order(), known, now)
+        if decided is not None:
+            word = replace(word, control=decided, decisions=word.decisions + 1)
+        kart.tell(word, now)
+        kart.turn(now)
+        if (report := kart.report()) is not None:
+            known.report, onboard.is_cut = report, onboard.is_cut or report.is_cut
+        onboard.tell(known, now)
+        if known.report.is_through or not goes_on(onboard, kart, now):
             return
-        if now - asked > RETRY_S and not onboard.is_cut and unit.hud is not None:
+        if now - asked > RETRY_S and not onboard.is_cut and known.hud is not None:
             asked = now
             onboard.ask_again()
         pacer.wait()

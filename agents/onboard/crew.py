@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from race_agents.onboard.parker import Parker
-from race_agents.unit.control_unit import STOP, ControlUnit
+from race_agents.onboard.parker import KartState, Parker
+from race_agents.unit.control_unit import STOP
 from race_server.core.driver import Driver
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
@@ -23,7 +23,7 @@ class Crew:
         self,
         seen: Observation | None,
         order: OrderFrame | None,
-        unit: ControlUnit,
+        kart: KartState,
         now_s: float,
     ) -> Control | None:
         """Return the decision of the driver that has the wheel, None if there is nothing new.
@@ -36,7 +36,7 @@ class Crew:
         if parker is not None:
             parker.take(order)
             if parker.has_order and (self._is_home or not self.races_first):
-                return parker.act(unit, now_s)
+                return parker.act(kart, now_s)
         if self.racer is None:
             return STOP
         return self.racer.act(seen) if seen is not None else None

@@ -9,12 +9,13 @@ import math
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 
-from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.orders import Orders
 from race_server.core.driver import Briefing, Driver, ParkingDriver
-from race_server.core.messages import Control
+from race_server.core.messages import Control, Pose
 from race_server.core.observation import Layout, Observation, layout_of
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Floats
@@ -28,6 +29,25 @@ PRESET = "lot_lidar"
 # An answer is waited for this long [s] at most, once: a fifth of a turn of the control unit.
 # Without that it would come a turn later, and on a busy machine too late.
 MOMENT_S = 0.004
+
+
+class KartState(Protocol):
+    """What is known of a kart: the control unit itself, or what it told."""
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """Its figures."""
+
+    @property
+    def hud(self) -> Orders | None:
+        """The newest orders of the server."""
+
+    @property
+    def ranges(self) -> Floats | None:
+        """What its lidar sees [m]."""
+
+    def pose(self) -> Pose | None:
+        """Return where it is."""
 
 
 class Parker:
@@ -64,14 +84,14 @@ class Parker:
         """Whether the kart is to park."""
         return self._known >= (0, 0)
 
-    def act(self, unit: ControlUnit, now_s: float) -> Control | None:
+    def act(self, kart: KartState, now_s: float) -> Control | None:
         """Return the driver's newest answer, None where it is thinking, or nothing is due.
 
         Raises:
             DriverError: the driver failed.
         """
         if self._asked is None:
-            seen = observation_of(unit, self._layout) if now_s >= self._due_s else None
+            seen = observation_of(kart, self._layout) if now_s >= self._due_s else None
             if seen is None:
                 return None
             self._due_s = max(self._due_s + self._step_s, now_s)
@@ -95,15 +115,15 @@ class Parker:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 
-def observation_of(unit: ControlUnit, layout: Layout) -> Observation | None:
+def observation_of(kart: KartState, layout: Layout) -> Observation | None:
     """Return what a kart knows of itself, None as long as it does not know its place or sees.
 
     layout: of the preset `lot_lidar`. What a kart cannot know is 0.
     """
-    pose, hud, ranges = unit.pose(), unit.hud, unit.ranges
+    pose, hud, ranges = kart.pose(), kart.hud, kart.ranges
     if pose is None or hud is None or ranges is None:
         return None
-    x, y = middle_of(pose.x, pose.y, pose.heading, unit.vehicle)
+    x, y = middle_of(pose.x, pose.y, pose.heading, kart.vehicle)
     parts: dict[str, float | Floats] = {
         "lidar": ranges,
         "speed": pose.speed,

@@ -15,8 +15,7 @@ from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, Surroundings, gap_to
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.control_unit import ControlUnit
-from race_agents.unit.danger import Stage
-from race_agents.unit.safety import Cause
+from race_server.core.alert import Cause, DangerStage
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.vehicles import Vehicle
 
@@ -134,12 +133,12 @@ def _arrange(case: Case, around: Surroundings, until_s: float) -> None:
 
 def _note(case: Case, outcome: Outcome, plant: Plant, unit: ControlUnit, now_s: float) -> None:
     body, stage = plant.body, unit.danger.stage
-    if stage >= Stage.WARN:
+    if stage >= DangerStage.WARN:
         outcome.warned_s = min(outcome.warned_s, now_s)
     if unit.command.brake >= 1.0 and unit.command.cause & Cause.OBSTACLE:
         outcome.braked_s = min(outcome.braked_s, now_s)
         outcome.warned_s = min(outcome.warned_s, now_s)
-    if stage >= Stage.INFORM:
+    if stage >= DangerStage.INFORM:
         outcome.seen_s = min(outcome.seen_s, now_s)
     if case.radius is not None:
         gap = gap_to(plant.around.people[0], body)

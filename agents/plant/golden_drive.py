@@ -12,7 +12,8 @@ from race_agents.plant.radar import ERRS, Floats, Person, Surroundings
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.fence import CourseFence
-from race_agents.unit.golden import Orders, Turn
+from race_agents.unit.golden import Turn
+from race_agents.unit.orders import GivenOrders
 from race_server.core.messages import Control
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
@@ -50,7 +51,7 @@ def golden_turns(
         turn = Turn(
             plant.read(now_s),
             Control(wanted.steering, wanted.throttle, wanted.brake),
-            Orders(min(cap, 99.0), 1.0),
+            GivenOrders(min(cap, 99.0), 1.0),
         )
         turns.append(turn)
         unit.sense(turn.readings)

@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from race_agents.onboard.client import KartProgram, is_home
+from race_agents.onboard.safety_side import SafetySide
 from race_agents.plant.body import Body
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Person, gap_to
 from race_agents.unit.control_unit import ControlUnit
-from race_agents.unit.danger import Stage
-from race_agents.unit.safety import Cause
-from race_server.core.messages import RayHit
+from race_server.core.alert import Cause, DangerStage
 
 STANDS = 0.03  # [m/s] slower than this is standing
-# The person steps out where this share of the way that the kart needs to stop is left.
-ROOM = 1.3
+# The person is on the way where this share of the way that the kart needs to stop is left, and
+# walks there from this many kart widths beside it, for this long [s].
+ROOM, ASIDE_WIDTHS, WALK_S = 1.3, 1.3, 1.2
 STAY_S = 2.0  # a person stays this long once the kart stands
 WATCH_S = 3.0  # a kart without radio is watched this long once it stands
 # A kart that is ordered to slow down has a second to react, then brakes with this at least [m/s²].
@@ -51,7 +50,7 @@ class FastestSpeed:
 
 @dataclass
 class PersonIncident:
-    """A person on the track, and how the kart met it."""
+    """A person who walks onto the track and stands there, and how the kart met it."""
 
     after_s: float  # of racing
     person: Person | None = None
@@ -59,6 +58,7 @@ class PersonIncident:
     is_over: bool = False
     _fastest: FastestSpeed = field(default_factory=FastestSpeed)
     _stood_s: float = math.inf
+    _walked_s: float = 0.0  # until this time of racing
 
     def turn(self, plant: Plant, unit: ControlUnit, raced_s: float) -> None:
         """Step out, be met, walk away."""
@@ -69,6 +69,7 @@ class PersonIncident:
             if is_fast:
                 self._step_out(plant, unit, raced_s)
             return
+        self._walk(raced_s)
         body, figures = plant.body, self.figures
         figures["least_gap_m"] = min(figures["least_gap_m"], gap_to(self.person, body))
         if unit.command.cause & Cause.OBSTACLE and "braked_after_s" not in figures:
@@ -89,6 +90,16 @@ class PersonIncident:
             self._walk_away(plant)
             self.is_over = True
 
+    def _walk(self, raced_s: float) -> None:
+        """Walk on to the kart's way, and stand there."""
+        assert self.person is not None
+        person, arrives_s = self.person, self.figures["at_s"] + WALK_S
+        seconds = min(raced_s, arrives_s) - self._walked_s
+        self._walked_s = raced_s
+        person.x, person.y = person.x + person.vx * seconds, person.y + person.vy * seconds
+        if raced_s >= arrives_s:
+            person.vx = person.vy = 0.0
+
     def _walk_away(self, plant: Plant) -> None:
         plant.around.people.clear()
         plant.throttle = None
@@ -99,6 +110,7 @@ class PersonIncident:
         way = body.speed * limits.reaction_s + body.speed**2 / (2.0 * limits.braking)
         radius = 0.15 * body.vehicle.length
         ahead = limits.nose - body.vehicle.rear_axle + ROOM * way + limits.stand_off + radius
+        ahead += body.speed * WALK_S
         curvature = math.tan(body.steering) / body.vehicle.wheelbase
         middle = body.heading + 0.5 * curvature * ahead
         x, y = body.x + ahead * math.cos(middle), body.y + ahead * math.sin(middle)
@@ -108,10 +120,14 @@ class PersonIncident:
         stray = math.remainder(course - body.heading - turned, 2.0 * math.pi)
         if abs(stray) > MOST_STRAY or abs(turned) > MOST_BEND:
             return
-        person = Person(x, y, radius)
-        if not is_view_clear(person, body, plant.around.others):
+        if not is_view_clear(Person(x, y, radius), body, plant.around.others):
             return
-        self.person = person
+        aside = ASIDE_WIDTHS * body.vehicle.width  # to the right of the way
+        right = body.heading + turned - 0.5 * math.pi
+        cos, sin = math.cos(right), math.sin(right)
+        pace = aside / WALK_S
+        person = Person(x + aside * cos, y + aside * sin, radius, -pace * cos, -pace * sin)
+        self.person, self._walked_s = person, raced_s
         plant.around.people.append(self.person)
         plant.throttle = 1.0
         self.figures = {
@@ -156,13 +172,13 @@ class RadioLoss:
     _from: tuple[float, float] = (0.0, 0.0)
     _stood_s: float = math.inf
 
-    def turn(self, plant: Plant, unit: ControlUnit, onboard: KartProgram, raced_s: float) -> None:
+    def turn(self, plant: Plant, side: SafetySide, raced_s: float) -> None:
         """Switch off, and measure how the kart comes to a stop with the foot down."""
         body = plant.body
-        if not onboard.is_cut:
+        if not side.is_cut:
             if not self._fastest.is_fast(body) or raced_s < self.after_s:
                 return
-            onboard.is_cut = True
+            side.is_cut = True
             plant.throttle = 1.0
             self._from = body.x, body.y
             self.figures = {"at_s": raced_s, "speed": body.speed, "driver_throttle": 1.0}
@@ -175,7 +191,7 @@ class RadioLoss:
             self.figures["stood_after_s"] = raced_s - self.figures["at_s"]
             straight = math.hypot(body.x - self._from[0], body.y - self._from[1])
             self.figures["stopped_within_m"] = straight
-            self.figures["cause"] = [flag.name for flag in Cause if flag & unit.command.cause]
+            self.figures["cause"] = [flag.name for flag in Cause if flag & side.unit.command.cause]
         self.is_over = raced_s - self._stood_s > WATCH_S
 
 
@@ -188,7 +204,7 @@ class IncidentLog:
     radio_loss: RadioLoss | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     alerts: list[dict[str, Any]] = field(default_factory=list)  # what the kart warned of, and did
-    _stage: Stage = Stage.NONE
+    _stage: DangerStage = DangerStage.NONE
     _green_s: float = math.inf
     _orders: list[list[float]] = field(default_factory=list)  # cap, since, worst excess
     _cap: float = math.inf
@@ -198,8 +214,9 @@ class IncidentLog:
     _longest_turn_s: float = 0.0
     _pauses: int = 0
 
-    def turn(self, onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+    def turn(self, side: SafetySide, now_s: float) -> bool:
         """Note one decision; False once this kart has nothing more to do."""
+        unit = side.unit
         self._longest_turn_s = max(self._longest_turn_s, now_s - self._turned_s)
         self._pauses += now_s - self._turned_s > PAUSE_S
         self._turned_s = now_s
@@ -215,10 +232,10 @@ class IncidentLog:
         if self.person is not None and raced_s > 0.0:
             self.person.turn(self.plant, unit, raced_s)
         if self.radio_loss is not None and raced_s > 0.0:
-            self.radio_loss.turn(self.plant, unit, onboard, raced_s)
-            if onboard.is_cut:
+            self.radio_loss.turn(self.plant, side, raced_s)
+            if side.is_cut:
                 return not self.radio_loss.is_over
-        return raced_s < 1.0 or not is_home(unit)
+        return raced_s < 1.0 or not unit.is_home
 
     def _note_place(self, unit: ControlUnit) -> None:
         if (pose := unit.pose()) is not None:
@@ -229,18 +246,22 @@ class IncidentLog:
         """Note what the kart saw, each time that a danger comes a stage further."""
         danger, before = unit.danger, self._stage
         self._stage = danger.stage
-        if danger.stage < Stage.WARN or danger.stage <= before or len(self.alerts) >= MOST_ALERTS:
+        if (
+            danger.stage < DangerStage.WARN
+            or danger.stage <= before
+            or len(self.alerts) >= MOST_ALERTS
+        ):
             return
         self.alerts.append(
             {
                 "at_s": round(raced_s, 2),
                 "stage": danger.stage.name.lower(),
-                "kind": RayHit(danger.kind).name.lower(),
+                "kind": danger.kind.name.lower(),
                 "bearing_deg": round(math.degrees(danger.bearing), 1),
                 "distance_m": round(danger.distance, 2),
                 "time_s": round(danger.time_s, 2),
                 "needed": round(danger.needed, 2),
-                "action": danger.action.name.lower(),
+                "advice": danger.advice.name.lower(),
             }
         )
 

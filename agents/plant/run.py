@@ -1,24 +1,28 @@
 """One plant in one race: its place on the grid, its view of the others, its report."""
 
-import json
 import random
 import time
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
-from race_agents.onboard.client import VALET, take_part
-from race_agents.plant.incident import IncidentLog, PersonIncident, RadioLoss
-from race_agents.plant.kart import Plant
-from race_agents.plant.radar import Surroundings
+from race_agents.onboard.client import VALET, KartProgram, take_part
+from race_agents.onboard.grounds import fence_of
+from race_agents.onboard.kart import Kart, KartApart
+from race_agents.onboard.safety_side import Mailboxes
+from race_agents.plant.safety_process import PlantSetup
 from race_agents.plant.scene import Scene
 from race_agents.plant.sensors import Sensors
+from race_agents.plant.sight import SCENE_BYTES, mailbox_over
 from race_server.core.driver import driver_named
 from race_server.errors import DriverError
 from race_server.live.client.seat import ClientSeat
 from race_server.net.auth.keys import ClientKeys
-from race_server.net.transport import ClientLink
+from race_server.net.transport import ClientLink, Mailbox
+from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet
 
+SAFETY = "race_agents.plant.safety_process"
 # [rad] deviation of the heading that two antennas tell.
 HEADING_DEVIATION = 0.01
 
@@ -45,44 +49,54 @@ class PlantSetting:
 
 
 def run_plant(setting: PlantSetting) -> None:
-    """Drive one race with a plant and write its report."""
-    chance = random.Random(setting.seed)
-    offset_s = chance.uniform(1e3, 1e6)  # no kart's clock shows the server's time
-    logs: list[IncidentLog] = []
+    """Drive one race, or all of an event, with a plant, whose safety side is a process apart."""
+    offset_s = random.Random(setting.seed).uniform(1e3, 1e6)  # no kart's clock shows the server's
+    scenes: list[Scene] = []
 
-    def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant:
-        plant = _plant_for(setting, seat, sheet, link)
-        person = PersonIncident(setting.pedestrian_s) if setting.pedestrian_s is not None else None
-        radio_loss = RadioLoss(setting.cut_s) if setting.cut_s is not None else None
-        logs.append(IncidentLog(plant, person, radio_loss))
-        return plant
+    def kart_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartApart:
+        setup = _setup_of(setting, seat, sheet, offset_s)
+        kart = KartApart(SAFETY, setup, SCENE_BYTES)
+        scenes.append(_scene_of(seat, link, kart, is_lot=setup.is_lot))
+        return kart
 
-    try:
-        take_part(
-            driver_named(setting.driver),
-            hardware_of,
-            name=f"real {setting.driver}",
-            address=setting.address,
-            session=setting.session,
-            keys=setting.keys,
-            wanted=setting.seat,
-            timeout_s=setting.patience_s,
-            delay_s=setting.delay_s,
-            caution=setting.caution,
-            valet=setting.valet,
-            on_request=setting.on_request,
-            clock=lambda: time.monotonic() + offset_s,
-            each_turn=lambda *turn: logs[0].turn(*turn),
-        )
-    finally:
-        if setting.report is not None and logs:
-            setting.report.write_text(json.dumps(logs[0].summary()))
+    def each_turn(_program: KartProgram, _kart: Kart, now_s: float) -> bool:
+        scenes[-1].turn(now_s)
+        return True
+
+    take_part(
+        driver_named(setting.driver),
+        kart_of,
+        name=f"real {setting.driver}",
+        address=setting.address,
+        session=setting.session,
+        keys=setting.keys,
+        wanted=setting.seat,
+        timeout_s=setting.patience_s,
+        delay_s=setting.delay_s,
+        caution=setting.caution,
+        valet=setting.valet,
+        on_request=setting.on_request,
+        clock=lambda: time.monotonic() + offset_s,
+        each_turn=each_turn,
+    )
 
 
-def _plant_for(
-    setting: PlantSetting, seat: ClientSeat, sheet: CourseSheet, link: ClientLink
-) -> Plant:
-    """Return the plant: on its place on the grid, or in a car park where its round begins.
+def _scene_of(seat: ClientSeat, link: ClientLink, kart: KartApart, *, is_lot: bool) -> Scene:
+    """Return what passes on to a plant what is around it."""
+    snapshots, lots = Mailbox(), Mailbox()
+    link.listen(topics.SNAPSHOT, snapshots.put)
+    if is_lot:
+        link.listen(topics.LOT, lots.put)
+    return Scene(
+        *(seat.number, mailbox_over(kart.memory, Mailboxes.size())),
+        *(partial(snapshots.take, 0.0), partial(lots.take, 0.0) if is_lot else None),
+    )
+
+
+def _setup_of(
+    setting: PlantSetting, seat: ClientSeat, sheet: CourseSheet, offset_s: float
+) -> PlantSetup:
+    """Return a plant: on its place on the grid, or in a car park where its round begins.
 
     Raises:
         DriverError: its vehicle draws trailers.
@@ -91,7 +105,6 @@ def _plant_for(
     vehicle, briefing, sensors = welcome.briefing.vehicle, welcome.briefing, setting.sensors
     if vehicle.trailers:
         raise DriverError(f"{vehicle.name} draws trailers, which no plant has: choose another one")
-    around = Surroundings(sheet.borders)
     if is_lot or len(sheet.slots):
         sensors = replace(
             sensors,
@@ -100,10 +113,11 @@ def _plant_for(
             lidar_reach=briefing.lidar_reach,
             heading_deviation=HEADING_DEVIATION,
         )
-    scene = Scene(link, seat.number, around, is_lot=is_lot)
-    if is_lot:
-        plant = Plant.of(vehicle, around, (0.0, 0.0, 0.0), sensors, setting.seed, scene.look)
-        plant.find = scene.find
-        return plant
-    x, y, heading = (float(value) for value in sheet.grid[seat.number])
-    return Plant.of(vehicle, around, (x, y, heading), sensors, setting.seed, scene.look)
+    place = None
+    if not is_lot:
+        x, y, heading = (float(value) for value in sheet.grid[seat.number])
+        place = x, y, heading
+    return PlantSetup(
+        *(vehicle, fence_of(sheet), sheet.borders, place, sensors, setting.seed, offset_s, is_lot),
+        *(setting.pedestrian_s, setting.cut_s, setting.report),
+    )

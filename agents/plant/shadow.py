@@ -2,8 +2,8 @@
 
 Each kart of a recording is followed as if it were a real one: a radar that errs looks at the others
 and at the borders from where it was, and the reflex is asked. It has no effect, so the end of
-each moment is known: full brakes are *false* where the kart then touched nothing and was not about
-to, though no brake helped.
+each moment is known: an act is *false* where the kart then touched nothing and did not come close
+to anything, though no brake helped, and where by the true places no slower kart was in its way.
 """
 
 import math
@@ -16,10 +16,11 @@ import numpy as np
 from race_agents.plant.body import Body
 from race_agents.plant.radar import ERRS, Floats, RadarErrors, Surroundings, scan
 from race_agents.plant.row import Row
-from race_agents.unit.danger import Danger, Stage, assess
+from race_agents.unit.danger import pivot_of, worst_ahead
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.objects import Objects
-from race_agents.unit.safety import Limits, watch_obstacles
+from race_agents.unit.safety import Limits, way_along
+from race_server.core.alert import Danger, DangerStage
 from race_server.core.messages import Phase, Status
 from race_server.core.vehicles import Vehicle
 from race_server.errors import RecordingError
@@ -36,6 +37,11 @@ APART_S = 1.0
 # A brake was right if within this time [s] the kart came nearer than this [m] to something, while
 # approaching it.
 SOON_S, CLOSE = 1.5, 0.35
+# A speed that changes by more than this between two snapshots is that of a collision [m/s].
+BLOW = 2.0
+# A kart that drives slower by this [m/s] is in the way of one that has to stop or wait for it,
+# within the way to stop and a warning before that [s], and this much room beside [m].
+SLOWER, BEFORE_S, ROOM = 3.0, 1.0, 0.3
 SLOW = 2.0  # [m/s] slower than this a kart is not raced
 
 
@@ -46,7 +52,7 @@ class Act:
     path: str
     tick: int
     seat: int
-    stage: Stage
+    stage: DangerStage
     speed: float
     danger: Danger
     is_false: bool
@@ -59,7 +65,7 @@ class Shadow:
     metres: float = 0.0
     acts: list[Act] = field(default_factory=list)
 
-    def count(self, stage: Stage, *, false_only: bool = False) -> int:
+    def count(self, stage: DangerStage, *, false_only: bool = False) -> int:
         """Return how often a stage was called for."""
         return sum(act.stage is stage and (act.is_false or not false_only) for act in self.acts)
 
@@ -75,9 +81,9 @@ class Follower:
     errors: RadarErrors = ERRS
     objects: Objects = field(default_factory=Objects)
     _motion: EgoMotion = field(default_factory=EgoMotion)
-    _until: dict[Stage, float] = field(default_factory=dict)
+    _until: dict[DangerStage, float] = field(default_factory=dict)
 
-    def look(self, row: np.void, others: Floats, now_s: float) -> tuple[Stage, Danger] | None:
+    def look(self, row: np.void, others: Floats, now_s: float) -> tuple[DangerStage, Danger] | None:
         """Take one snapshot; return what begins now, if something does.
 
         row: this kart; others: (n, 5) x, y, heading and velocity of the others.
@@ -90,16 +96,15 @@ class Follower:
         self.objects.look(echoes, self._motion.take(speed, body.lateral_speed), SCAN_S)
         wanted = math.tan(float(row["steering"])) / self.vehicle.wheelbase
         now = float(row["yaw_rate"]) / speed if speed > SLOW else wanted
-        danger = assess(self.objects.tracks, speed, now, wanted, self.limits)
+        sensed = self.objects.tracks, self.objects.loose
+        pivot = pivot_of(slide, float(row["yaw_rate"]), self.limits) if speed > SLOW else 0.0
+        danger = worst_ahead(*sensed, speed, now, wanted, self.limits, pivot=pivot)
         stage = danger.stage
-        seen = self.objects.loose
-        if watch_obstacles(seen, speed, now, wanted, self.limits).brake > 0.0:
-            stage = Stage.FULL
-        if stage < Stage.WARN or speed < SLOW:
+        if stage < DangerStage.WARN or speed < SLOW:
             return None
         begins = self._until.get(stage, -math.inf) < now_s
-        for each in Stage:
-            if Stage.WARN <= each <= stage:
+        for each in DangerStage:
+            if DangerStage.WARN <= each <= stage:
                 self._until[each] = now_s + APART_S
         return (stage, danger) if begins else None
 
@@ -152,7 +157,10 @@ def _follow(
             if begun is not None:
                 stage, danger = begun
                 later = frames[number : number + round(SOON_S / SCAN_S)]
-                is_false = not _came_close(later, seat, vehicles[seat], course.borders)
+                is_right = _is_blocked(row, others[near], vehicles[seat], followers[seat].limits)
+                is_false = not is_right and not _came_close(
+                    later, seat, vehicles[seat], course.borders
+                )
                 result.acts.append(
                     Act(path.name, frame.tick, seat, stage, float(row["speed"]), danger, is_false)
                 )
@@ -183,16 +191,37 @@ def _rows(karts: np.ndarray) -> Floats:
     return np.stack([karts["x"], karts["y"], karts["heading"], vx, vy], axis=1).astype(np.float64)
 
 
+def _is_blocked(row: np.void, others: Floats, vehicle: Vehicle, limits: Limits) -> bool:
+    """Return whether a slower kart truly is on the arc of this one, within its way to stop.
+
+    others: (n, 5) as of `Follower.look`.
+    """
+    speed, heading = float(row["speed"]), float(row["heading"])
+    cos, sin = math.cos(heading), math.sin(heading)
+    dx, dy = others[:, 0] - float(row["x"]), others[:, 1] - float(row["y"])
+    curvature = float(row["yaw_rate"]) / max(speed, SLOW)
+    along, aside = way_along(dx * cos + dy * sin, dy * cos - dx * sin, curvature)
+    ways = heading + curvature * along
+    paces = others[:, 3] * np.cos(ways) + others[:, 4] * np.sin(ways)
+    stop = speed * (limits.reaction_s + BEFORE_S) + speed**2 / (2.0 * limits.braking)
+    beside = 0.5 * (vehicle.length + vehicle.width) + ROOM
+    is_near = (along > 0.0) & (along < stop + vehicle.length) & (np.abs(aside) < beside)
+    return bool((is_near & (paces < speed - SLOWER)).any())
+
+
 def _came_close(
     frames: Sequence[SnapshotFrame], seat: int, vehicle: Vehicle, borders: Floats
 ) -> bool:
     """Return whether a kart came close to another one, or to a border, in some snapshots."""
-    around = Surroundings(borders)
+    around, speed = Surroundings(borders), math.nan
     for frame in frames:
         karts = frame.karts
         own = karts[karts["seat"] == seat]
         if not len(own):
             return False
+        before, speed = speed, float(own["speed"][0])
+        if abs(speed - before) > BLOW:
+            return True
         rows = _rows(karts[karts["seat"] != seat])
         x, y, heading = (float(own[name][0]) for name in ("x", "y", "heading"))
         mine = _discs(x, y, heading, vehicle)
@@ -226,7 +255,7 @@ def rows(found: Shadow) -> list[Row]:
     """Return the table of shadow mode."""
     km = max(found.metres / 1000.0, 1e-9)
     note = f"{found.metres / 1000.0:.1f} km of all karts"
-    false = found.count(Stage.FULL, false_only=True)
+    false = found.count(DangerStage.FULL, false_only=True)
     return [
         Row(
             "false full brakes in recorded races",
@@ -236,17 +265,17 @@ def rows(found: Shadow) -> list[Row]:
             note=f"{false} in {note}",
         ),
         Row(
-            "full brakes before something came close",
+            "full brakes for what was there",
             "per 1,000 km",
-            1000.0 * (found.count(Stage.FULL) - false) / km,
+            1000.0 * (found.count(DangerStage.FULL) - false) / km,
             least=0.0,
             note=note,
         ),
         Row(
-            "warnings in recorded races",
+            "false warnings in recorded races",
             "per 10 km",
-            10.0 * found.count(Stage.WARN) / km,
+            10.0 * found.count(DangerStage.WARN, false_only=True) / km,
             most=1.0,
-            note=note,
+            note=f"{found.count(DangerStage.WARN)} warnings in {note}",
         ),
     ]

@@ -6,12 +6,18 @@ never raise it.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.danger import NO_DANGER, Danger, Stage, assess, watch_danger
+from race_agents.unit.danger import (
+    NO_DANGER,
+    nearest_of,
+    pivot_of,
+    watch_danger,
+    worst_ahead,
+)
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
@@ -29,6 +35,7 @@ from race_agents.unit.safety import (
     watch_creeping,
     watch_driver,
     watch_fence,
+    watch_game,
     watch_link,
     watch_obstacles,
     watch_place,
@@ -36,7 +43,8 @@ from race_agents.unit.safety import (
     watch_speed,
 )
 from race_server.core import codes
-from race_server.core.messages import Button, Control, Pose, Source
+from race_server.core.alert import Advice, Alert, Danger, DangerStage
+from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
 from race_server.core.vehicles import Vehicle
 
 MICROSECONDS = 1_000_000
@@ -71,12 +79,14 @@ class ControlUnit:
     _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
+    _game_s: float | None = None  # when the program beside was last heard; None: there is none
     _driver: Control = STOP
     _driver_s: float = -math.inf
     _time_s: float = 0.0
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
     _is_braking: bool = False  # the reflex began to brake for something and is not through
+    _met: Danger = NO_DANGER  # what it braked fully for last
     _met_s: float = -math.inf  # when a person was last seen in the way, or near
 
     @classmethod
@@ -87,6 +97,10 @@ class ControlUnit:
     def hear(self, hud: Orders, now_s: float) -> None:
         """Take what the game wants of this kart."""
         self.hud, self._hud_s = hud, now_s
+
+    def hear_game(self, now_s: float) -> None:
+        """Note that the program which brings orders and driver is alive: it has to go on."""
+        self._game_s = now_s
 
     def drive(self, control: Control, now_s: float) -> None:
         """Take what the driver wants."""
@@ -157,12 +171,12 @@ class ControlUnit:
         if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
             now = float(self.fusion.state[YAW_RATE]) / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
-        self.danger = assess(self.objects.tracks, speed, now, will, self.limits)
         return [
             self._watch_ahead(now, will, speed),
             watch_danger(self.danger),
             watch_driver(now_s - self._driver_s, self.limits),
             watch_link(now_s - self._hud_s, self.hud.valid_s, self.limits),
+            watch_game(now_s - (now_s if self._game_s is None else self._game_s), self.limits),
             watch_speed(speed, self.limits),
             watch_fence(self.fence.beyond(x, y), self.limits),
             watch_place(self.fusion.deviation, self.limits),
@@ -174,20 +188,23 @@ class ControlUnit:
         A driver that releases the pedal, or backs away, may try again. For another kart, which
         drives on, the brakes are on only while it is in danger.
         """
+        sensed = self.objects.tracks, self.loose
+        pivot = self._pivot(speed)
+        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits, pivot=pivot)
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
-        verdict = watch_obstacles(self.loose, speed, now, will, self.limits)
         still = self.echoes.without_karts()
-        danger = self.danger if self.danger.stage is Stage.FULL else NO_DANGER
-        if verdict.brake > 0.0 or danger is not NO_DANGER:
+        if danger.stage is DangerStage.FULL:
             alone = watch_obstacles(still, speed, now, will, self.limits).brake > 0.0
             self._is_braking |= alone or danger.kind in PEOPLE
             people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
             if people.brake > 0.0 or danger.kind in PEOPLE:
                 self._met_s = self._time_s
+            self._met = danger
             return STOP_FOR_OBSTACLE
         if self._is_braking and speed > STANDS:
+            self.danger = self._met
             return STOP_FOR_OBSTACLE
         if self._driver.throttle <= 0.0:
             self._is_braking = False
@@ -197,13 +214,36 @@ class ControlUnit:
             held = self._hold(watch_restart(still, self.limits))
             self._is_braking = held.brake > 0.0
         near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
-        return held if held.brake > 0.0 else near
+        verdict = held if held.brake > 0.0 else near
+        if verdict.brake > 0.0:
+            self.danger = self._what_is_waited_for()
+        return verdict
+
+    def _pivot(self, speed: float) -> float:
+        if self.fusion is None or speed < ROLLS:
+            return 0.0
+        slide, yaw_rate = (float(self.fusion.state[at]) for at in (SLIDE, YAW_RATE))
+        return pivot_of(slide, yaw_rate, self.limits)
+
+    def _what_is_waited_for(self) -> Danger:
+        """Return what a kart that stands waits for: the nearest thing, or what it braked for."""
+        things = self.echoes.without_borders()
+        if len(things.x):
+            return nearest_of(things, self.limits, Advice.WAIT)
+        return replace(self._met, advice=Advice.WAIT)
 
     def _hold(self, held: Verdict) -> Verdict:
         """Hold a kart for a while after the last person in front was seen."""
         if held.brake > 0.0:
             self._met_s = self._time_s
         return STOP_FOR_OBSTACLE if self._time_s - self._met_s < UNSEEN_S else Verdict()
+
+    def alert(self) -> Alert:
+        """Return what the kart has to say: what it sees ahead, and what it does by itself."""
+        cause, stage = self.command.cause, self.danger.stage
+        if cause:
+            stage = max(stage, DangerStage.EASE)
+        return Alert(round(self._time_s * MICROSECONDS), replace(self.danger, stage=stage), cause)
 
     def pose(self) -> Pose | None:
         """Return the pose of the kart's centre of gravity, as it is sent to the server.
@@ -233,11 +273,14 @@ class ControlUnit:
             source=self._source if lost_s < FIX_S else Source.DEAD_RECKONING,
         )
 
-    def echo_us(self, now_s: float) -> int:
-        """Return the server's clock as the newest message had it, and the time since [µs]."""
-        if self.hud is None:
-            return 0
-        return self.hud.monotonic_us + round((now_s - self._hud_s) * MICROSECONDS)
+    @property
+    def is_home(self) -> bool:
+        """Whether the kart was ordered to stop after the start, and stands."""
+        hud = self.hud
+        if hud is None or hud.trust is Trust.SUSPENDED or hud.flag is Flag.RED:
+            return False
+        told = hud.lights_s == 0.0 and hud.speed_cap == 0.0
+        return told and self.fusion is not None and abs(self.fusion.state[SPEED]) < STANDS
 
     @property
     def buttons(self) -> Button:

@@ -10,50 +10,27 @@ the motor off and brakes a little, *full* is full brakes. A warning is due 0.95 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.objects import BORN, Track
-from race_agents.unit.safety import STOP_FOR_OBSTACLE, STRAIGHT, Cause, Limits, Verdict, way_along
+from race_agents.unit.safety import (
+    STOP_FOR_OBSTACLE,
+    STRAIGHT,
+    Echoes,
+    Limits,
+    Verdict,
+    in_the_way,
+    way_along,
+)
 from race_server.core import codes
+from race_server.core.alert import Advice, Cause, Danger, DangerStage
+from race_server.core.messages import RayHit
 
 Floats = NDArray[np.float64]
-
-
-class Stage(IntEnum):
-    """How far a danger has come."""
-
-    NONE = 0
-    INFORM = 1
-    WARN = 2
-    EASE = 3
-    FULL = 4
-
-
-class Action(IntEnum):
-    """What the driver should do."""
-
-    NONE = 0
-    BRAKE = 1
-    STEER_LEFT = 2
-    STEER_RIGHT = 3
-    WAIT = 4  # the kart stands: something is in front of it
-
-
-@dataclass(frozen=True)
-class Danger:
-    """The worst that is ahead."""
-
-    stage: Stage = Stage.NONE
-    kind: int = codes.NOTHING  # RayHit
-    bearing: float = 0.0  # [rad] from straight ahead, left positive
-    distance: float = math.inf  # [m] from the front bumper
-    time_s: float = math.inf  # until they meet
-    needed: float = 0.0  # [m/s²] of braking
-    action: Action = Action.NONE
 
 
 NO_DANGER = Danger()
@@ -68,6 +45,8 @@ EASING = Verdict(brake=0.3, motor=0.0, cause=Cause.OBSTACLE)
 # The future is looked at in these steps, this far [s].
 STEP_S, FORESEEN_S = 0.1, 4.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
+# Slower than this [rad/s] a kart drives straight on, whatever its axle does.
+TURNS = 0.15
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35
 # A person is known after this many scans, and until then may walk [m/s], but no farther than [m].
@@ -80,10 +59,66 @@ KEPT = 0.6
 PASSED = 0.8
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
 SLOWS = 2.0
-# People count from this scan on, karts once it is known how they move.
+# People count from this scan on, at first only while they are seen; karts once it is known how
+# they move.
 SEEN = 2
 # Where there is room on one side within this time [s] steering is told.
 ROOM = 0.3
+
+
+def worst_ahead(
+    tracks: Sequence[Track],
+    loose: Echoes,
+    speed: float,
+    now: float,
+    wanted: float,
+    limits: Limits,
+    *,
+    pivot: float = 0.0,
+) -> Danger:
+    """Return the worst that is ahead: of the objects, or of the echoes that the reflex brakes for.
+
+    loose: echoes that are of no kart whose way is known; pivot: see `pivot_of`; the rest as of
+    `assess`.
+    """
+    if pivot:
+        limits = replace(limits, nose=limits.nose - pivot)
+        tracks = [replace(track, state=track.state - (pivot, 0.0, 0.0, 0.0)) for track in tracks]
+        loose = replace(loose, x=loose.x - pivot)
+    danger = assess(tracks, speed, now, wanted, limits)
+    if danger.stage is DangerStage.FULL:
+        return danger
+    met = in_the_way(loose, speed, now, wanted, limits)
+    return nearest_of(loose.kept(met), limits, Advice.BRAKE) if met.any() else danger
+
+
+def pivot_of(slide: float, yaw_rate: float, limits: Limits) -> float:
+    """Return how far ahead of the rear axle the body does not move aside [m].
+
+    There its arc begins: the axle itself slides out of a bend near the limit of the tyres.
+    slide: [m/s] of the rear axle to the left.
+    """
+    if abs(yaw_rate) < TURNS:
+        return 0.0
+    return max(-limits.nose, min(-slide / yaw_rate, limits.nose))
+
+
+def nearest_of(echoes: Echoes, limits: Limits, advice: Advice) -> Danger:
+    """Return the danger that the nearest of some echoes is, for which the kart brakes fully."""
+    x = echoes.x - limits.nose
+    far = np.hypot(x, echoes.y)
+    nearest = int(np.argmin(far))
+    distance, closing = float(far[nearest]), float(echoes.closing[nearest])
+    comes = closing > CREEP
+    return Danger(
+        DangerStage.FULL,
+        RayHit(int(echoes.kinds[nearest])),
+        math.atan2(float(echoes.y[nearest]), float(x[nearest])),
+        distance,
+        distance / closing if comes else math.inf,
+        _needed(closing, distance, 0.0) if comes else 0.0,
+        advice,
+    )
 
 
 def assess(
@@ -96,7 +131,8 @@ def assess(
     worst = NO_DANGER
     for track in tracks:
         is_kart = track.kind == codes.KART_HIT
-        if track.scans < (BORN if is_kart else SEEN):
+        is_young = track.scans < BORN
+        if track.scans < SEEN or (is_young and (is_kart or track.missed)):
             continue
         both = [danger_of(track, speed, curvature, limits) for curvature in (now, wanted)]
         # Who steers past a kart passes it; a person on either way is in danger.
@@ -110,12 +146,53 @@ def _severity(danger: Danger) -> tuple[int, float]:
 
 
 def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> Danger:
-    """Return how dangerous one object is along one arc at this speed."""
+    """Return how dangerous one object is along one arc at this speed.
+
+    A kart that drives follows the course as its own driver does, or goes straight on: it is in
+    danger where both would be met.
+    """
     if speed < CREEP:
         return NO_DANGER
-    x, y = float(track.state[0]), float(track.state[1])
-    vx, vy = track.velocity
+    straight = _meeting(track, _straight_on(track, curvature), speed, limits)
+    if straight is NO_DANGER or not _drives(track) or abs(curvature) < STRAIGHT:
+        return straight
+    turning = _meeting(track, _along_with(track, curvature), speed, limits)
+    return min(straight, turning, key=_severity)
+
+
+def _drives(track: Track) -> bool:
+    return track.kind == codes.KART_HIT and not track.stands
+
+
+class Foreseen(NamedTuple):
+    """Where an object will be at `TIMES`, in the frame of an arc, and how fast it goes along it."""
+
+    along: Floats  # (T,) [m]
+    aside: Floats  # (T,) [m] to the left
+    pace: float  # [m/s] now
+
+
+def _straight_on(track: Track, curvature: float) -> Foreseen:
+    """Return where an object is that keeps its velocity over ground."""
+    x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
     along, aside = _beside_arc(x + vx * TIMES, y + vy * TIMES, curvature)
+    way = curvature * float(along[0])
+    return Foreseen(along, aside, vx * math.cos(way) + vy * math.sin(way))
+
+
+def _along_with(track: Track, curvature: float) -> Foreseen:
+    """Return where an object is that turns as the arc does."""
+    x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
+    along, aside = _beside_arc(np.array([x]), np.array([y]), curvature)
+    way = curvature * float(along[0])
+    pace, leaves = vx * math.cos(way) + vy * math.sin(way), vy * math.cos(way) - vx * math.sin(way)
+    return Foreseen(along[0] + pace * TIMES, aside[0] + leaves * TIMES, pace)
+
+
+def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> Danger:
+    """Return how dangerous an object is that moves as foreseen."""
+    x, y = float(track.state[0]), float(track.state[1])
+    along, aside, _ = foreseen
     near = np.abs(aside) < limits.half_width + _margin(track, limits)
     gap = along - limits.nose - speed * TIMES  # from the bumper, if the kart drives on
     length = limits.nose + 0.5  # behind the bumper until nothing can be touched
@@ -126,47 +203,50 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
         return NO_DANGER
     first = int(np.argmax(meets))
     time_s = float(TIMES[first])
-    pace, room = _approach(track, speed, float(along[first]), limits)
+    pace, room = _approach(track, foreseen, speed, float(along[first]), limits)
     needed = _needed(pace, room, limits.reaction_s)
     soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= limits.braking
     stage = _stage(track, time_s, needed, soon=soon, limits=limits)
     bearing = math.atan2(y, x - limits.nose)
     return Danger(
         stage,
-        track.kind,
+        RayHit(track.kind),
         bearing,
         max(math.hypot(x, y) - limits.nose, 0.0),
         time_s,
         needed,
-        _action(stage, float(aside[first]), limits),
+        _advice(stage, float(aside[first]), limits),
     )
 
 
-def _margin(track: Track, limits: Limits) -> Floats:
+def _margin(track: Track, limits: Limits) -> Floats | float:
     """Return how far beside the way an object still counts, at each of `TIMES` [m].
 
     People get a berth. A person that has just come into view nearby may walk towards the way for
-    as long as nothing is known of it.
+    as long as nothing is known of it. Karts race side by side: one that drives gets none.
     """
-    if track.kind == codes.KART_HIT:
-        return np.minimum(track.unsure * TIMES, MOST_UNSURE)
+    if _drives(track):
+        return -limits.spare
     unsure = np.minimum(track.unsure * TIMES, MOST_UNSURE)
+    if track.kind == codes.KART_HIT:
+        return unsure
     if track.scans < KNOWN and track.began < limits.near:
         unsure = np.minimum(WALK * TIMES, MOST_STEP)
     return limits.berth + unsure
 
 
-def _approach(track: Track, speed: float, meeting: float, limits: Limits) -> tuple[float, float]:
+def _approach(
+    track: Track, foreseen: Foreseen, speed: float, meeting: float, limits: Limits
+) -> tuple[float, float]:
     """Return the speed that braking has to take off [m/s], and the room that there is for it [m].
 
     meeting: how far along the arc the object is met [m].
     """
-    x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
-    leaves = max((x * vx + y * vy) / max(math.hypot(x, y), 1e-6), 0.0)
-    if track.stands or track.kind != codes.KART_HIT:
+    if not _drives(track):
         # It stands, comes, or crosses: the kart stops before the place where they would meet.
         return speed, meeting - limits.nose - limits.stand_off
-    gap = math.hypot(x, y) - limits.nose - KEPT
+    leaves = max(foreseen.pace, 0.0)
+    gap = float(foreseen.along[0]) - limits.nose - KEPT
     if track.slowing > SLOWS:  # it will stand somewhere ahead
         return speed, gap + leaves * leaves / (2.0 * track.slowing)
     return max(speed - leaves, 0.0), gap
@@ -179,29 +259,31 @@ def _needed(pace: float, room: float, after_s: float) -> float:
     return pace * pace / (2.0 * max(room - pace * after_s, 0.05))
 
 
-def _stage(track: Track, time_s: float, needed: float, *, soon: bool, limits: Limits) -> Stage:
+def _stage(
+    track: Track, time_s: float, needed: float, *, soon: bool, limits: Limits
+) -> DangerStage:
     """Return how far a danger has come. soon: full brakes are due within `AHEAD_S`."""
-    if track.kind == codes.KART_HIT and not track.stands:
+    if _drives(track):
         # Racing is close: only braking counts, not time, and what is usual of it.
         if needed >= limits.promised:
-            return Stage.FULL
+            return DangerStage.FULL
         if needed >= EASE_SHARE * limits.promised:
-            return Stage.EASE
-        return Stage.WARN if needed >= WARN_SHARE * limits.promised else Stage.INFORM
+            return DangerStage.EASE
+        return DangerStage.WARN if needed >= WARN_SHARE * limits.promised else DangerStage.INFORM
     if needed >= limits.braking:
-        return Stage.FULL
+        return DangerStage.FULL
     if time_s < EASE_S and needed >= 0.5 * limits.braking:
-        return Stage.EASE
-    return Stage.WARN if soon or time_s < WARN_S else Stage.INFORM
+        return DangerStage.EASE
+    return DangerStage.WARN if soon or time_s < WARN_S else DangerStage.INFORM
 
 
-def _action(stage: Stage, aside: float, limits: Limits) -> Action:
+def _advice(stage: DangerStage, aside: float, limits: Limits) -> Advice:
     """Return what helps: braking, or early on steering to the side where there is more room."""
-    if stage < Stage.WARN:
-        return Action.NONE
-    if stage >= Stage.EASE or abs(aside) < ROOM * limits.half_width:
-        return Action.BRAKE
-    return Action.STEER_RIGHT if aside > 0.0 else Action.STEER_LEFT
+    if stage < DangerStage.WARN:
+        return Advice.NONE
+    if stage >= DangerStage.EASE or abs(aside) < ROOM * limits.half_width:
+        return Advice.BRAKE
+    return Advice.STEER_RIGHT if aside > 0.0 else Advice.STEER_LEFT
 
 
 def _beside_arc(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]:
@@ -214,6 +296,6 @@ def _beside_arc(x: Floats, y: Floats, curvature: float) -> tuple[Floats, Floats]
 
 def watch_danger(danger: Danger) -> Verdict:
     """Return what a danger allows: nothing but a word, no motor, or full brakes."""
-    if danger.stage is Stage.FULL:
+    if danger.stage is DangerStage.FULL:
         return STOP_FOR_OBSTACLE
-    return EASING if danger.stage is Stage.EASE else Verdict()
+    return EASING if danger.stage is DangerStage.EASE else Verdict()

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.fence import CourseFence
 from race_agents.unit.motion import SIZE
+from race_agents.unit.orders import GivenOrders
 from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Echoes
-from race_server.core.messages import Control, Flag, Source, Trust
+from race_server.core.messages import Control, Source
 from race_server.core.vehicles import Vehicle
 
 Floats = NDArray[np.float64]
@@ -43,29 +44,12 @@ ECHOES = ("row", "x", "y", "closing", "kind")
 
 
 @dataclass(frozen=True)
-class Orders:
-    """Orders of the game in a vector."""
-
-    speed_cap: float
-    thrust_scale: float
-    epoch: int = 1
-    tick: int = 1
-    sequence: int = 1
-    grip_scale: float = 1.0
-    valid_s: float = 0.5
-    monotonic_us: int = 0
-    lights_s: float = 0.0
-    flag: Flag = Flag.GREEN
-    trust: Trust = Trust.TRUSTED
-
-
-@dataclass(frozen=True)
 class Turn:
     """One turn of the loop: what comes in."""
 
     readings: Readings
     control: Control
-    orders: Orders
+    orders: GivenOrders
 
 
 def run(vehicle: Vehicle, fence: CourseFence, turns: Sequence[Turn]) -> Floats:
@@ -196,5 +180,5 @@ def _turn_of(told: dict[str, float], echoes: list[Floats] | None) -> Turn:
             beacons=beacons,
         ),
         Control(told["driver_steering"], told["driver_throttle"], told["driver_brake"]),
-        Orders(told["speed_cap"], told["thrust_scale"]),
+        GivenOrders(told["speed_cap"], told["thrust_scale"]),
     )

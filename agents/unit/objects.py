@@ -10,7 +10,7 @@ that is carried along by the kart's own speed and turning, which never jumps as 
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,8 @@ OUTLINE = 0.5  # [m] by which the middle of the echoes of a kart moves about
 RESTLESS, DRIVEN = 0.7, 2.0
 FIRST_SPEED = 3.0  # [m/s] deviation of what a thing may do when it is first seen
 MOST_TRACKS = 24
+# Nobody runs faster than this [m/s] on a course: such an echo is of a kart.
+RUNS = 5.0
 # What moves away more slowly than this [m/s] stands.
 STANDS = 1.0
 # A speed across the ray below this many deviations is none; of karts, whose outline comes into view
@@ -97,6 +99,7 @@ class Objects:
 
     def look(self, echoes: Echoes, ego: Ego, dt: float) -> None:
         """Take a scan, `dt` seconds after the one before."""
+        echoes = taken_for_karts(echoes, ego)
         self._earlier = deque((moved(each, ego, dt) for each in self._earlier), maxlen=SCANS)
         self.seen = confirmed(echoes, self._earlier)
         self._earlier.append(echoes)
@@ -148,6 +151,14 @@ class Objects:
         self.tracks.append(Track(state, spread, kind, half, number=self._born, began=far))
 
 
+def taken_for_karts(echoes: Echoes, ego: Ego) -> Echoes:
+    """Return echoes of which those that are too fast to be of people are of karts."""
+    far = np.maximum(np.hypot(echoes.x, echoes.y), 1e-6)
+    own = (ego.speed * echoes.x + ego.aside * echoes.y) / far
+    runs = echoes.may_be_people & (np.abs(own - echoes.closing) > RUNS)
+    return replace(echoes, kinds=np.where(runs, codes.KART_HIT, echoes.kinds).astype(np.uint8))
+
+
 def moved(echoes: Echoes, ego: Ego, dt: float) -> Echoes:
     """Return where echoes are a scan later: nearer by their closing speed, turned by the kart."""
     far = np.maximum(np.hypot(echoes.x, echoes.y), 1e-6)
@@ -182,7 +193,11 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
         votes[0] += (near & ~thing).any(axis=1) & ~(near & thing).any(axis=1)
     around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
     kept = (times >= 1) | (around.sum(axis=0) >= BESIDE)
-    doubtful = is_thing & (votes[0] + around[0] > 2 * (votes[1] + around[1]) + 1)
+    for_border, for_thing = votes + around
+    # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
+    # for a border, two others have to.
+    least = np.where(for_border > 0, np.maximum(for_border, 2), 1)
+    doubtful = is_thing & (for_thing < least)
     kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, earlier, nears, beside)).astype(
         np.uint8
     )

@@ -1,5 +1,6 @@
 """What the game wants of a kart, in the shape in which its control unit reads it."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from race_server.core.messages import Flag, Trust
@@ -51,3 +52,20 @@ class Orders(Protocol):
     @property
     def trust(self) -> Trust:
         """How its poses are taken."""
+
+
+@dataclass(frozen=True)
+class GivenOrders:
+    """Orders as plain numbers."""
+
+    speed_cap: float
+    thrust_scale: float
+    epoch: int = 1
+    tick: int = 1
+    sequence: int = 1
+    grip_scale: float = 1.0
+    valid_s: float = 0.5
+    monotonic_us: int = 0
+    lights_s: float = 0.0
+    flag: Flag = Flag.GREEN
+    trust: Trust = Trust.TRUSTED

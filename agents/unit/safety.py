@@ -8,12 +8,12 @@ faster than what is returned here.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core import codes
+from race_server.core.alert import Cause
 from race_server.core.messages import Control
 from race_server.core.vehicles import GRAVITY, Vehicle
 
@@ -25,19 +25,9 @@ GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
 CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
+# So many echoes of a border block a way: a single one may be off aside by its bearing.
+BLOCKS = 2
 STRAIGHT = 1e-4  # [1/m] bends flatter than this are driven as straight lines
-
-
-class Cause(IntFlag):
-    """What made the reflex act."""
-
-    NONE = 0
-    OBSTACLE = 1  # something will be hit unless the kart brakes now
-    DRIVER = 2  # the driver has let go
-    LINK = 4  # the server is silent
-    SPEED = 8  # faster than this kart may ever be
-    FENCE = 16  # outside the course
-    LOST = 32  # the kart does not know where it is
 
 
 @dataclass(frozen=True)
@@ -62,6 +52,8 @@ class Limits:
     fence: float  # [m] beyond the kerb that are no danger yet
     coast_s: float = 0.3  # the driver's input is older: no motor
     let_go_s: float = 0.8  # … and older than this: stop
+    game_coast_s: float = 0.1  # the program beside is silent: no motor
+    game_stop_s: float = 0.15  # … and longer than this: stop
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> "Limits":
@@ -196,7 +188,15 @@ def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np
 def watch_obstacles(
     echoes: Echoes, speed: float, now: float, wanted: float, limits: Limits
 ) -> Verdict:
-    """Brake for what stands in the way.
+    """Brake for what stands in the way, see `in_the_way`."""
+    must_brake = in_the_way(echoes, speed, now, wanted, limits).any()
+    return STOP_FOR_OBSTACLE if bool(must_brake) else Verdict()
+
+
+def in_the_way(
+    echoes: Echoes, speed: float, now: float, wanted: float, limits: Limits
+) -> NDArray[np.bool_]:
+    """Return which echoes the kart must brake for fully, shape (n,).
 
     now, wanted: curvature [1/m] that the kart drives, and that its driver steers to. Whatever
     stands on one of these two ways counts, be it a person or a thing; a kart counts on both. The
@@ -204,20 +204,18 @@ def watch_obstacles(
     leads past it.
     """
     if not len(echoes.x):
-        return Verdict()
+        return np.zeros(0, np.bool_)
     is_border, is_kart = echoes.kinds == codes.BORDER, echoes.kinds == codes.KART_HIT
     drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
-    is_free = ~is_border & ~is_kart
-    if bool(((drives | will) & is_free).any()):
-        return STOP_FOR_OBSTACLE
-    if bool((drives & will & is_kart).any()):  # who steers past a kart passes it
-        return STOP_FOR_OBSTACLE
-    if not (drives & is_border).any() or not (will & is_border).any():
-        return Verdict()
+    is_met = (drives | will) & ~is_border
+    is_met &= ~is_kart | (drives & will)  # who steers past a kart passes it
+    walls = (drives | will) & is_border
+    if (drives & is_border).sum() < BLOCKS or (will & is_border).sum() < BLOCKS:
+        return is_met
     for curvature in ways_out(speed, limits):
-        if not (is_in_danger(echoes, curvature, limits) & is_border).any():
-            return Verdict()
-    return STOP_FOR_OBSTACLE
+        if (is_in_danger(echoes, curvature, limits) & is_border).sum() < BLOCKS:
+            return is_met
+    return is_met | walls
 
 
 def ways_out(speed: float, limits: Limits) -> list[float]:
@@ -254,6 +252,13 @@ def watch_driver(age_s: float, limits: Limits) -> Verdict:
     if age_s > limits.let_go_s:
         return Verdict(brake=GENTLE, motor=0.0, cause=Cause.DRIVER)
     return Verdict(motor=0.0, cause=Cause.DRIVER) if age_s > limits.coast_s else Verdict()
+
+
+def watch_game(age_s: float, limits: Limits) -> Verdict:
+    """Coast, then stop, when nothing comes from the program that brings orders and driver."""
+    if age_s > limits.game_stop_s:
+        return Verdict(brake=GENTLE, motor=0.0, cause=Cause.GAME)
+    return Verdict(motor=0.0, cause=Cause.GAME) if age_s > limits.game_coast_s else Verdict()
 
 
 def watch_link(age_s: float, valid_s: float, limits: Limits) -> Verdict:

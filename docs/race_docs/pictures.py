@@ -55,7 +55,7 @@ def main() -> None:
 def _record(folder: Path) -> None:
     words = ["serve", "--listen", free_address(), "--track", "colline-1100", "--vehicle", "kart-60"]
     words += ["--karts", str(KARTS), "--fill", "raceline,pure_pursuit", "--laps", "1"]
-    words += ["--pace", "lockstep", "--one-process", "--once", "--review", "0", "--seed", "4"]
+    words += ["--pace", "lockstep", "--one-process", "--once", "--wait-for", "0", "--seed", "4"]
     words += ["--record", str(folder), "--results", str(folder / "results.sqlite")]
     subprocess.run([RACE, *words], check=True, stdout=subprocess.DEVNULL)
 
@@ -68,12 +68,7 @@ def _gateway(folder: Path) -> Iterator[str]:
     with subprocess.Popen([RACE, *words], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         try:
-            text = ""
-            for line in process.stdout:
-                text += line
-                if line.startswith("}"):
-                    break
-            yield json.loads(text)["watch"].partition("#")[0]
+            yield str(json.loads(process.stdout.readline())["base"])
         finally:
             process.terminate()
 
@@ -89,10 +84,11 @@ def _page(base: str, folder: Path) -> Iterator[Page]:
         sync_playwright() as play,
         play.chromium.launch(executable_path=browser, args=ARGUMENTS) as chromium,
     ):
-        page = chromium.new_context(viewport=WINDOW, locale="en").new_page()
+        page = chromium.new_context(viewport=WINDOW, locale="en", bypass_csp=True).new_page()
         page.set_default_timeout(120_000)
         page.goto(f"{base}#replay={recording.stem}&stats=1")
         page.get_by_test_id("play").get_by_text("Pause").click()
+        page.get_by_test_id("play").get_by_text("Play").wait_for()
         page.get_by_test_id("space").dispatch_event("click")
         page.wait_for_function("window.__race?.scene")
         yield page
@@ -113,7 +109,7 @@ def _seek(page: Page, tick: int) -> None:
         }""",
         tick,
     )
-    page.wait_for_function("(tick) => Math.abs(window.__race.tick - tick) < 1", arg=tick)
+    page.wait_for_function("(tick) => Math.abs(window.__race.tick - tick) < 2", arg=tick)
     frames = page.evaluate("window.__race.frames")
     page.wait_for_function("(most) => window.__race.frames > most", arg=frames + 1)
 

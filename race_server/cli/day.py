@@ -8,13 +8,13 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import Results, VehicleName, known_drivers, names_in
-from race_server.errors import ScenarioError
+from race_server.cli.options import Results, VehicleName, known_drivers
+from race_server.cli.serve_event import TRACKS, tracks_for
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
-    from race_server.competition.race_day.day import DayPlan
     from race_server.competition.race_day.ledger import Ledger
+    from race_server.competition.race_day.plan import DayPlan
 
 TEAMS = (
     "raceline",
@@ -26,13 +26,16 @@ TEAMS = (
     "unstuck:follow_gap",
     "avoider",
 )
-TRACKS = "covapsy-base,covapsy-train-2023,covapsy-test-2023"
 
 
 def day(
     format_name: Annotated[
         str,
-        typer.Option("--format", help="2023: classified by the last race. 2025: by points."),
+        typer.Option(
+            "--format",
+            help="2023: classified by the last race. 2025: by points. Or time-trial, or a .toml "
+            "file.",
+        ),
     ] = "2023",
     seed: Annotated[int, typer.Option(help="Seed of all random draws of the day.")] = 1,
     drivers: Annotated[
@@ -54,9 +57,9 @@ def day(
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race day: qualification, races, and the final classification."""
-    from race_server.competition.race_day.day import DayPlan, check_day_plan, teams_of
     from race_server.competition.race_day.formats import format_named
     from race_server.competition.race_day.picture import check_picture, draw_picture
+    from race_server.competition.race_day.plan import DayPlan, teams_of
     from race_server.competition.race_day.report import day_document
     from race_server.competition.race_day.table import print_tables
     from race_server.core.vehicle_presets import vehicle_named
@@ -65,10 +68,10 @@ def day(
     chosen = format_named(format_name)
     names = known_drivers(drivers or ",".join(TEAMS))
     car = vehicle_named(vehicle)
-    files = _tracks_for(chosen.letters, tracks, format_name)
+    files = tracks_for(chosen, tracks)
     courses = {letter: load_course(name) for letter, name in files.items()}
     plan = DayPlan(chosen, teams_of(names), courses, car, seed)
-    check_day_plan(plan)
+    plan.check()
     if sheet is not None:
         check_picture(sheet)
     console = Console(stderr=True)
@@ -84,7 +87,7 @@ def day(
 
 def _run(plan: "DayPlan", results: str, console: Console) -> "Ledger":
     """Run a race day with a progress bar and return its ledger."""
-    from race_server.competition.race_day.day import drives_in, run_day
+    from race_server.competition.race_day.day import run_day
     from race_server.core.kernels.jit import is_compiled
     from race_server.storage.results.keeper import Keeper
     from race_server.storage.results.writer import writer_for
@@ -100,26 +103,10 @@ def _run(plan: "DayPlan", results: str, console: Console) -> "Ledger":
             TimeElapsedColumn(),
         )
         with Progress(*columns, console=console, transient=True) as progress:
-            task = progress.add_task("preparing", total=drives_in(plan))
+            task = progress.add_task("preparing", total=plan.drives())
 
             def tell(title: str) -> None:
                 is_first = progress.tasks[0].description == "preparing"
                 progress.update(task, description=title, advance=0 if is_first else 1)
 
             return run_day(plan, Keeper(writer) if writer else None, tell)
-
-
-def _tracks_for(letters: str, tracks: str, format_name: str) -> dict[str, str]:
-    """Return the track of each letter that a format needs.
-
-    Raises:
-        ScenarioError: there are fewer tracks than the format needs.
-    """
-    names = names_in(tracks)
-    places = ["ABCDEFGHIJ".index(letter) for letter in letters]
-    if places and max(places) >= len(names):
-        raise ScenarioError(
-            f"--tracks names {len(names)}: format {format_name} needs "
-            f"{max(places) + 1}, for tracks {', '.join(letters)}"
-        )
-    return {letter: names[place] for letter, place in zip(letters, places, strict=True)}

@@ -12,8 +12,11 @@ from race_server.cli import (
     coach,
     day,
     drill,
+    drill_evening,
     drive,
     drivers,
+    entrants,
+    event,
     gateway,
     keys,
     limit,
@@ -56,7 +59,10 @@ app.add_typer(track.app, name="track")
 app.add_typer(lot.app, name="lot")
 app.add_typer(bench.app, name="bench")
 app.add_typer(drill.app, name="drill")
+drill.app.command()(drill_evening.evening)
 app.add_typer(results.app, name="results")
+app.add_typer(event.app, name="event")
+app.add_typer(entrants.app, name="entrants")
 app.add_typer(keys.app, name="keys")
 app.add_typer(admin.app, name="admin")
 # Other packages add commands, or groups of commands; `bench.plan` is one in the group `bench`.

@@ -9,6 +9,7 @@ import typer
 from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
+from race_server.cli.serve_event import event_of
 from race_server.cli.serve_options import OPEN_ADDRESS, VALET, ServeOptions, check_pace
 from race_server.errors import KeysError, ResultsError, ScenarioError
 from race_server.logs import Log
@@ -88,7 +89,11 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     check_pace(options.pace)
     fillers = known_drivers(options.fill)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
-    scenario = _scenario(options, fillers, inside, log)
+    event = None
+    if options.format:
+        event, scenario = event_of(options, needs_line=_needs_line(fillers, inside))
+    else:
+        scenario = _scenario(options, fillers, inside, log)
     valets = _valets(options) if options.lot else ()
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
@@ -114,6 +119,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         valet=options.valet,
         measures=bool(options.lot),
         apart=None if options.one_process else _apart(address, session, held, fillers, options),
+        event=event,
     )
 
 
@@ -159,10 +165,7 @@ def _scenario(
 
     inside: fillers that may be imported into this process.
     """
-    from race_server.core.driver import driver_named
-    from race_server.core.observation import wants_line
     from race_server.core.vehicle_presets import vehicle_named
-    from race_server.live.driver_processes import preset_of
     from race_server.scenario.parking import parking_scenario
     from race_server.scenario.race import Rules, Scenario
     from race_server.scenario.raceline.attach import with_line
@@ -192,15 +195,23 @@ def _scenario(
         rules=rules,
         seed=options.seed,
     )
-    presets = (
-        driver_named(name).preset if name in inside else preset_of(name)
-        for name in dict.fromkeys(fillers)
-    )
-    wanted = any(wants_line(preset) for preset in list(presets))
-    scenario = with_line(scenario, solve=wanted)
+    scenario = with_line(scenario, solve=_needs_line(fillers, inside))
     if scenario.line and scenario.line.note:
         log.warn(scenario.line.note)
     return scenario
+
+
+def _needs_line(fillers: tuple[str, ...], inside: tuple[str, ...]) -> bool:
+    """Return whether a filler observes the reference line. inside: may be imported here."""
+    from race_server.core.driver import driver_named
+    from race_server.core.observation import wants_line
+    from race_server.live.driver_processes import preset_of
+
+    presets = [
+        driver_named(name).preset if name in inside else preset_of(name)
+        for name in dict.fromkeys(fillers)
+    ]
+    return any(wants_line(preset) for preset in presets)
 
 
 def _valets(options: ServeOptions) -> tuple[str, ...]:

@@ -45,6 +45,41 @@ class RaceOptions:
             "--lot the one that the car park is made for."
         ),
     ] = ""
+    format: Annotated[
+        str,
+        typer.Option(
+            help="Serve an event in place of single races: time-trial, 2023, 2025, or a .toml "
+            "file. It goes on where it was when the server is started again."
+        ),
+    ] = ""
+    tracks: Annotated[
+        str,
+        typer.Option(
+            help="With --format: comma-separated courses for tracks A, B and C. Default: --track "
+            "for a format with one track."
+        ),
+    ] = ""
+    attempts: Annotated[
+        int, typer.Option(min=0, help="With --format time-trial: attempts of each driver.")
+    ] = 0
+    start: Annotated[
+        str,
+        typer.Option(
+            help="With --format time-trial: flying, with a lap before those that are timed, or "
+            "standing. Default: flying."
+        ),
+    ] = ""
+    attempt_limit: Annotated[
+        float,
+        typer.Option(min=0.0, help="With --format time-trial: seconds for an attempt."),
+    ] = 0.0
+    call_limit: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="With --format: seconds to get ready; a driver that is not there does not start.",
+        ),
+    ] = 60.0
     karts: Annotated[int, typer.Option(min=1, max=64, help="Number of seats.")] = 8
     laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3
     seed: Annotated[int, typer.Option(help="Seed of every random draw in the race.")] = 1
@@ -116,7 +151,8 @@ class ServeOptions(RaceOptions):
         float,
         typer.Option(
             min=0.0,
-            help="With --once: seconds after the race in which stewards may still add penalties.",
+            help="With --once: seconds after the race in which stewards may still add penalties; "
+            "with --format after each stage, and each round of races.",
         ),
     ] = 0.0
     result: Annotated[
@@ -152,7 +188,7 @@ class ServeOptions(RaceOptions):
     ] = ""
     fresh: Annotated[
         bool,
-        typer.Option("--fresh", help="Do not resume a race whose server was killed."),
+        typer.Option("--fresh", help="Do not resume a race whose server was killed, or an event."),
     ] = False
     guard: Annotated[
         bool,

@@ -15,6 +15,17 @@ from typing import Any
 
 from race_server.cli.document import print_document
 from race_server.cli.outcome import show_result
+from race_server.competition.event_spec import (
+    EventSpec,
+    begin_event,
+    put_away,
+    unfinished_event,
+)
+from race_server.competition.event_state import EventState
+from race_server.competition.live_event import LiveEvent
+from race_server.competition.race_day.day import Day
+from race_server.competition.race_day.report import event_document
+from race_server.competition.race_day.table import print_tables
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.errors import KeysError, RaceError, RecordingError
@@ -36,7 +47,7 @@ from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.writer import writer_for
 from race_server.storage.whole_file import write_whole
-from race_server.terminal import say
+from race_server.terminal import Console, say
 
 
 @dataclass(frozen=True)
@@ -62,6 +73,7 @@ class Service:
     valet: str = VALET  # driver that parks on request
     measures: bool = False  # who parks from outside, against the plan of that driver
     apart: DriverCommand | None = None  # how fillers run that are kept apart; None: inside
+    event: EventSpec | None = None  # in place of single races
     suspects: Suspects = field(default_factory=Suspects)  # shared with the supervisor
 
 
@@ -112,7 +124,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
             measures=service.measures,
         )
         stack.callback(server.watchdog.rest)
-        stopped = _stop_on_signals(server, is_guarded=service.is_guarded)
+        _stop_on_signals(server, is_guarded=service.is_guarded)
         title = race.scenario.course.title
         for seat in service.suspects.barred():
             log.warn("left out: its driver hung or crashed the server", seat=seat)
@@ -122,18 +134,63 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
 
             port = stack.enter_context(exposed(server, service.metrics))
             log.say("metrics", address=f"http://{LOOPBACK}:{port}/metrics")
-        while not stopped:
-            outcome = (
-                server.resume(*resumed) if resumed else server.run(min(service.awaited, karts))
-            )
-            resumed = None
-            if outcome is None:
-                return
-            _publish_result(outcome.as_json(), race, service, log)
-            if service.once:
-                server.see_off(service.review)
-                return
-            server.reopen()
+        if service.event is None:
+            _serve_single_races(server, service, log, resumed)
+            return
+        if fresh and not replaces:
+            put_away(service.event, service.session, log)
+        _serve_events(server, service, service.event, log, resumed)
+
+
+Resumed = tuple[Recording, list[Event]]
+
+
+def _serve_single_races(
+    server: RaceServer, service: Service, log: Log, resumed: Resumed | None
+) -> None:
+    race = server.session
+    awaited = min(service.awaited, len(race.seats))
+    while not server.is_stopped:
+        outcome = server.resume(*resumed) if resumed else server.run(awaited)
+        resumed = None
+        if outcome is None:
+            return
+        _publish_result(outcome.as_json(), race, service, log)
+        if service.once:
+            server.see_off(service.review)
+            return
+        server.reopen()
+
+
+def _serve_events(
+    server: RaceServer,
+    service: Service,
+    spec: EventSpec,
+    log: Log,
+    resumed: Resumed | None,
+) -> None:
+    """Serve one event after the other until stopped; one that has begun goes on."""
+
+    def publish(day: Day, state: EventState) -> None:
+        if service.result is not None:
+            with _survived(log, f"the event is not in {service.result}; make room"):
+                write_whole(service.result, json.dumps(event_document(day, state)))
+        with _survived(log, "the result is not printed"):
+            if state.is_final and service.as_json:
+                print_document(event_document(day, state))
+            elif state.is_final:
+                print_tables(day.plan, day.ledger, Console())
+
+    awaited = min(service.awaited, len(server.session.seats))
+    while not server.is_stopped:
+        state = unfinished_event(spec, service.session, log) or begin_event(server, spec, awaited)
+        if state is None or not LiveEvent(server, spec, state, log, publish).run(resumed):
+            return
+        resumed = None
+        if service.once:
+            server.see_off(service.review)
+            return
+        server.reopen()
 
 
 def _listening(service: Service, seats: int) -> ServerLink:
@@ -212,7 +269,7 @@ def _resumed(
     return session, (recording, events)
 
 
-def _stop_on_signals(server: RaceServer, *, is_guarded: bool) -> list[int]:
+def _stop_on_signals(server: RaceServer, *, is_guarded: bool) -> None:
     """End the race at the next tick on Ctrl-C or SIGTERM; its result is still written.
 
     A second signal ends the process at once. Below a supervisor that is its duty: a Ctrl-C reaches
@@ -229,4 +286,3 @@ def _stop_on_signals(server: RaceServer, *, is_guarded: bool) -> list[int]:
 
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
-    return received

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.event import newest_event, show_event
 from race_server.cli.option_fields import argv_of, expand_options
 from race_server.cli.options import Unfit, drivers_for, known_drivers
 from race_server.cli.outcome import show_result
@@ -41,6 +42,13 @@ class StartOptions(RaceOptions):
             help="Number of karts that are played as real ones, by `race plant` processes."
         ),
     ] = 0
+    pedestrian: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Time at which a person steps in front of the first real kart [s]. Default: none.",
+        ),
+    ] = None
     listen: Annotated[
         str, typer.Option(help="Address to listen on. Default: a free port of 127.0.0.1.")
     ] = ""
@@ -77,6 +85,8 @@ def start_session(options: StartOptions) -> None:
 
     names = _drivers(options)
     check_pace(options.pace)
+    if options.format and options.races > 1:
+        raise ScenarioError("--format and --races: an event has its races already, leave one out")
     key_of(topics.SNAPSHOT, options.session)  # a name that is not valid raises
     _check_results(options.results)
     console = Console(stderr=options.as_json)
@@ -89,6 +99,8 @@ def start_session(options: StartOptions) -> None:
     document = run_race(spec, console)
     if options.as_json:
         print_document(document)
+    elif options.format:
+        show_event(newest_event(options.record, options.session), Console())
     else:
         show_result(document, options.place, options.laps, options.session)
 
@@ -115,6 +127,8 @@ def _drivers(options: StartOptions) -> tuple[str, ...]:
             f"--mixed {mixed}: choose at most {options.karts} karts, with --pace real and without "
             "--one-process"
         )
+    if options.pedestrian is not None and not mixed:
+        raise ScenarioError("--pedestrian steps in front of a real kart: add --mixed 1, or more")
     return names
 
 
@@ -123,13 +137,18 @@ def _spec(options: StartOptions, names: tuple[str, ...], *, page: bool) -> "Race
     from race_server.competition.launch import RaceSpec, TrackedSeat, free_address, spread
 
     race = {field.name: getattr(options, field.name) for field in fields(RaceOptions)}
+    walks = options.pedestrian
+    incident = () if walks is None else ("--pedestrian", str(walks))
     return RaceSpec(
         serve=tuple(argv_of(ServeOptions(**race, fresh=True))),
         drivers=tuple(names[seat % len(names)] for seat in range(options.karts)),
         address=options.listen or free_address(),
         session=options.session,
         in_process=options.one_process,
-        real=tuple(TrackedSeat(seat) for seat in spread(options.mixed, options.karts)),
+        real=tuple(
+            TrackedSeat(seat, incident if number == 0 else ())
+            for number, seat in enumerate(spread(options.mixed, options.karts))
+        ),
         page=page,
         record=options.record,
     )

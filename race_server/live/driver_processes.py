@@ -89,6 +89,9 @@ class DriverProcesses:
     def __exit__(self, *_: object) -> None:
         self.end()
 
+    def __contains__(self, seat: object) -> bool:
+        return seat in self._running
+
     def fill(self, session: Session, names: Sequence[str]) -> set[int]:
         """Start a process for each free seat whose driver is not trusted; return these seats.
 
@@ -98,11 +101,12 @@ class DriverProcesses:
         for seat in session.seats.vacant() if self.command and names else ():
             name = names[seat.number % len(names)]
             if not is_trusted(name):
-                self._start(name, seat.number)
+                self.start(name, seat.number)
                 started.add(seat.number)
         return started
 
-    def _start(self, name: str, seat: int) -> None:
+    def start(self, name: str, seat: int) -> None:
+        """Start the process of a driver that takes a seat."""
         assert self.command is not None
         stderr = tempfile.NamedTemporaryFile(prefix="driver-")  # noqa: SIM115  # ends with it
         process = subprocess.Popen(

@@ -106,6 +106,15 @@ class LocalDrivers:
             self._session.come_back(seat)
             self._get_ready(name, driver_named(name), self._session.seats[seat])
 
+    def renew(self) -> None:
+        """Make each driver again for a race in which it takes part; one that fails is away."""
+        for seat in self._session.lined_up():
+            if seat.number in self._locals:
+                try:
+                    self.readmit(seat.driver, seat.number)
+                except DriverError:
+                    self._session.drop(seat.number)
+
     def answer(self, seat: int) -> bytes:
         """Return a driver's control for its observation now: the same bytes as over the network.
 

@@ -31,7 +31,7 @@ from race_server.scenario.track.route import pack_route
 from race_server.scenario.track.walls import fence_of, pack_walls
 
 MOST_KARTS = 64
-# In place of the sensors of a kart: no driver has it.
+# In place of the sensors of a kart, or of its place on the grid: it does not take part.
 ABSENT = -1
 # A tick that never comes.
 NEVER = 2**62
@@ -67,11 +67,21 @@ class Rules:
 
 
 @dataclass(frozen=True)
+class Occasion:
+    """What a race is of an event: an attempt, a heat, a final."""
+
+    event: str  # its name, different for each event
+    format: str  # the name of its format
+    title: str  # of the attempt or race, different for each of the event
+
+
+@dataclass(frozen=True)
 class Scenario:
     """One race: where, who, and by which rules.
 
     line: along which drivers may race; see `race_server.scenario.raceline.attach`. level: how well
-    a vehicle has to park, on a course with slots; as its lot says, unless given.
+    a vehicle has to park, on a course with slots; as its lot says, unless given. occasion: of a
+    race of an event.
     """
 
     course: Course
@@ -82,9 +92,11 @@ class Scenario:
     radar: Radar = field(default_factory=Radar)
     fitted: tuple[int, ...] = (codes.LIDAR | codes.RADAR,)  # sensors; one for all, or one each
     seed: int = 0
-    grid_order: tuple[int, ...] = field(default=())  # grid place of each kart; empty: in order
+    # Grid place of each kart, ABSENT for one that does not take part; empty: all, in order.
+    grid_order: tuple[int, ...] = field(default=())
     line: ReferenceLine | None = None
     level: Level | None = None
+    occasion: Occasion | None = None
 
     def vehicle_of(self, kart: int) -> Vehicle:
         """Return the vehicle of a kart."""
@@ -160,6 +172,8 @@ def _check(scenario: Scenario) -> None:
     karts, course, rules = scenario.karts, scenario.course, scenario.rules
     if not 1 <= karts <= MOST_KARTS:
         raise ScenarioError(f"{karts} karts: choose 1 to {MOST_KARTS}")
+    if scenario.grid_order:
+        karts = 1 + max(scenario.grid_order)  # places that are needed
     if karts > len(course.grid) and not is_lot(course):
         raise ScenarioError(
             f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
@@ -224,7 +238,7 @@ def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:
         seen[w] = 0
     for k in range(scenario.karts):
         place = scenario.grid_order[k] if scenario.grid_order else k
-        fitted = scenario.fitted[k % len(scenario.fitted)]
+        fitted = ABSENT if place == ABSENT else scenario.fitted[k % len(scenario.fitted)]
         _put_on_grid(world, w, k, place, fitted)
         _clear_parker(world, w, k, scenario)
     if is_lot(scenario.course):

@@ -1,5 +1,7 @@
 """The observations of the seats of a session."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from race_server.core import codes
@@ -8,7 +10,7 @@ from race_server.core.stages.observe import observe_karts
 from race_server.core.state import Float32s, World
 from race_server.scenario.race import ABSENT
 from race_server.scenario.sensors import sensors_for
-from race_server.session.seats import Seat, Seats
+from race_server.session.seats import Seat
 
 NO_PRESET = -1  # of a seat without a driver
 
@@ -25,11 +27,12 @@ class Observations:
         size = max(layout.size for layout in self._layouts)
         self._values: Float32s = np.zeros((1, seats, size), np.float32)
 
-    def begin(self, seats: Seats) -> None:
-        """Begin a race: every taken seat observes what its preset names."""
+    def begin(self, seats: Iterable[Seat]) -> None:
+        """Begin a race: every seat that takes part observes what its preset names."""
         names = list(PRESETS)
+        self._presets[:] = NO_PRESET
         for seat in seats:
-            self._presets[seat.number] = names.index(seat.preset) if seat.is_taken else NO_PRESET
+            self._presets[seat.number] = names.index(seat.preset)
 
     def show(self, seat: int, preset: str) -> None:
         """Let a seat observe what a preset names; "" for nothing."""

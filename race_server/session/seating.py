@@ -1,5 +1,6 @@
 """Which seat of a session a driver is given."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from race_server.core.observation import PRESETS
@@ -20,12 +21,25 @@ class Newcomer:
     owns: bool = False
 
 
-def held_seat(newcomer: Newcomer, seats: Seats) -> Seat | None:
+def known_seat(
+    newcomer: Newcomer, seats: Seats, racing: Sequence[Seat], *, in_event: bool
+) -> Seat | None:
     """Return the seat that a newcomer has already, or resumes with a new secret.
 
+    racing: the seats that take part in the race that is on; in_event: all drivers have their seats.
+
     Raises:
-        SeatError: its observation preset is unknown.
+        SeatError: its observation preset is unknown, or it is no driver of the event.
     """
+    seat = _held_seat(newcomer, seats)
+    if seat is None and in_event:
+        seat = _returning_seat(newcomer, seats, racing)
+    if seat is not None:
+        seat.come_back()
+    return seat
+
+
+def _held_seat(newcomer: Newcomer, seats: Seats) -> Seat | None:
     if newcomer.preset not in PRESETS:
         known = ", ".join(PRESETS)
         raise SeatError(
@@ -59,3 +73,33 @@ def free_seat(newcomer: Newcomer, seats: Seats, *, is_lobby: bool, takes_tracked
     if newcomer.tracked and not takes_tracked:
         raise SeatError("a real kart cannot wait for others; serve with --pace real")
     return seats.free_one(wanted)
+
+
+def _returning_seat(newcomer: Newcomer, seats: Seats, racing: Sequence[Seat]) -> Seat:
+    """Return the seat of a driver of an event whose program was started again.
+
+    It is known by its name, or in a session with keys by its seat.
+    """
+    for seat in seats.taken():
+        own = newcomer.wanted == seat.number if newcomer.owns else newcomer.driver == seat.driver
+        if not own or seat.is_present or newcomer.wanted not in {-1, seat.number}:
+            continue
+        seats.check_open(seat.number)
+        if newcomer.tracked != seat.is_tracked:
+            kinds = ("simulated", "a real one")
+            raise SeatError(
+                f"the kart of seat {seat.number} is {kinds[seat.is_tracked]} in this event, "
+                f"not {kinds[newcomer.tracked]}"
+            )
+        if seat in racing and newcomer.preset != seat.preset:
+            raise SeatError(
+                f"seat {seat.number} drives now with observation {seat.preset!r}, not "
+                f"{newcomer.preset!r}; come back when it is over",
+                Reason.OBSERVATION,
+            )
+        seat.preset, seat.key = newcomer.preset, key_of(newcomer.secret)
+        return seat
+    raise SeatError(
+        f"an event is on, and no {newcomer.driver!r} of it is away: its drivers are those that "
+        "were there when it began"
+    )

@@ -12,9 +12,8 @@ from race_server.core.observation import Layout, layout_of
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.state import Float32s, Floats, World, digest
 from race_server.core.step import advance, place_karts
-from race_server.credentials import key_of
 from race_server.errors import Reason, WireError
-from race_server.scenario.race import Scenario, line_up_race, make_world
+from race_server.scenario.race import ABSENT, Scenario, line_up_race, make_world
 from race_server.session.controls import Controls
 from race_server.session.event_log import EventLog
 from race_server.session.failsafe import STOP
@@ -23,8 +22,8 @@ from race_server.session.journal_entries import Entry, Inputs, JournalEntries
 from race_server.session.observations import Observations, fitted_for
 from race_server.session.parking import has_lot, standing_orders_of
 from race_server.session.race_control import RaceControl
-from race_server.session.replay_guard import Granted, ReplayGuard
-from race_server.session.seating import Newcomer, free_seat, held_seat
+from race_server.session.replay_guard import ReplayGuard
+from race_server.session.seating import Newcomer, free_seat, known_seat
 from race_server.session.seats import Seat, Seats
 from race_server.session.standings import table_of
 from race_server.session.tracked.karts import Placements, TrackedKarts
@@ -40,6 +39,8 @@ class Session:
     phase: Phase = Phase.LOBBY
     epoch: int = 0
     takes_tracked: bool = True  # where the world waits for drivers no real kart can take part
+    is_event: bool = False  # drivers stay after a race
+    keeps_seats: bool = False  # the event has begun: its drivers have their seats to its end
     journal: JournalEntries = field(default_factory=JournalEntries)
     replay_guard: ReplayGuard = field(default_factory=ReplayGuard)  # of requests that were granted
     event_log: EventLog = field(default_factory=EventLog)
@@ -50,12 +51,19 @@ class Session:
     race_control: RaceControl = field(init=False)
 
     def __post_init__(self) -> None:
-        """Build the world once; each start puts it back."""
-        scenario = self.scenario
-        self.seats = Seats(scenario.karts)
+        """Begin with free seats."""
+        self.seats = Seats(self.scenario.karts)
+        self.prepare(self.scenario)
+
+    def prepare(self, scenario: Scenario) -> None:
+        """Build the world of the next races, on as many seats; each start puts it back."""
+        self.scenario = scenario
         self.world = make_world(scenario)
         self.standing_orders = standing_orders_of(self.world)
         self.tracked_karts = TrackedKarts(scenario.course)
+        for seat in self.seats.taken():
+            if seat.is_tracked:
+                self.tracked_karts.admit(seat.number, scenario.vehicle_of(seat.number))
         parts = self.world, self.seats, self.event_log, self.journal
         self.race_control = RaceControl(*parts, self.leave)
         self._controls = Controls(scenario, self.decision_ticks)
@@ -76,18 +84,18 @@ class Session:
     ) -> Seat:
         """Give a driver a seat, or the one that it already has.
 
-        secret: chosen by the driver; it is given the same seat again, so a join whose answer was
-        lost may be repeated. owns: the wanted seat is known to be the driver's, which may then
-        take it with a new secret once its old link is gone. tracked: a real kart.
+        secret: chosen by the driver; the same one is given the same seat again. owns: the wanted
+        seat is known to be the driver's, which may take it with a new secret once its old link is
+        gone. tracked: a real kart.
 
         Raises:
             SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
                 kart can take part.
         """
         newcomer = Newcomer(driver, preset, wanted, secret, tracked, owns)
-        if held := held_seat(newcomer, self.seats):
-            held.come_back()
-            return held
+        racing = self.lined_up() if self.is_on else []
+        if known := known_seat(newcomer, self.seats, racing, in_event=self.keeps_seats):
+            return known
         is_lobby = self.phase is Phase.LOBBY
         seat = free_seat(newcomer, self.seats, is_lobby=is_lobby, takes_tracked=self.takes_tracked)
         seat.assign(driver, preset, secret, is_tracked=tracked)
@@ -106,7 +114,7 @@ class Session:
     def leave(self, number: int) -> None:
         """Free a seat in the lobby; in a race its kart stops and is out."""
         seat = self.seat(number)
-        if self.is_on:
+        if self.is_on and seat in self.lined_up():
             self.race_control.intervene(InterventionKind.WITHDRAW, number)
             seat.is_present = False
             seat.control = STOP
@@ -126,12 +134,11 @@ class Session:
         """Record that a driver is there again."""
         self.seat(number).come_back()
 
-    def grant(self, secret: int, serial: int) -> None:
-        """Record a request that was granted, so that copies of it are refused."""
-        self.replay_guard.record(key_of(secret), serial)
-        self.journal.add(Granted(self.tick, key_of(secret), serial))
-
     def _free(self, number: int) -> None:
+        """Free a seat; in an event it stays its driver's, which may come back."""
+        if self.keeps_seats:
+            self.seats[number].is_present = self.seats[number].is_ready = False
+            return
         self.seats.free(number)
         self.tracked_karts.dismiss(number)
 
@@ -151,16 +158,18 @@ class Session:
         """Return whether a race is on and the kart of a seat is still in it."""
         return self.is_on and int(self.world.bodies["status"][0, number]) == codes.RACING
 
+    def lined_up(self) -> list[Seat]:
+        """Return the taken seats that take part in the race, or in the next one."""
+        order = self.scenario.grid_order
+        return [seat for seat in self.seats.taken() if not order or order[seat.number] != ABSENT]
+
     def can_start(self) -> bool:
         """Return whether the lobby has drivers and all of them are ready."""
         taken = self.seats.taken()
         return self.phase is Phase.LOBBY and bool(taken) and all(seat.is_ready for seat in taken)
 
     def start(self, now_us: int = 0) -> None:
-        """Put the karts on the grid and begin the countdown of a new epoch.
-
-        now_us: the time of the clock by which real karts are followed.
-        """
+        """Line up and count down in a new epoch. now_us: of the clock that real karts are on."""
         self.epoch += 1
         self.journal.drain()
         self.race_control.is_paused = False
@@ -169,7 +178,7 @@ class Session:
         for seat in self.seats:
             seat.line_up()
         self._controls.clear()
-        self._observations.begin(self.seats)
+        self._observations.begin(self.lined_up())
         self.event_log.begin(self.world)
         self.tracked_karts.begin(self.world, now_us)
         self._enter_phase(Phase.COUNTDOWN)
@@ -177,7 +186,7 @@ class Session:
     def reopen(self) -> None:
         """Go back to the lobby after a race; the seats of drivers that have gone are free."""
         for seat in list(self.seats):
-            seat.is_ready = False
+            seat.is_ready &= self.keeps_seats  # in an event long before it is their turn
             if not seat.is_present:
                 self._free(seat.number)
         self._enter_phase(Phase.LOBBY)
@@ -292,13 +301,6 @@ class Session:
 
     # What a recording holds
 
-    def journal_standing_decisions(self) -> None:
-        """Put into the journal what was decided before the race began and still holds."""
-        for act in self.seats.closings(self.tick):
-            self.journal.add(act)
-        for granted in self.replay_guard.granted(self.tick):
-            self.journal.add(granted)
-
     def repeat(self, entry: Entry) -> None:
         """Apply an entry of a recording."""
         if isinstance(entry, Inputs):
@@ -335,9 +337,9 @@ class Session:
         return layout_of(preset, self.scenario.lidar.rays)
 
     def standings(self) -> list[Standing]:
-        """Return one row for each taken seat, best place first."""
-        rows = [row for row in self.table() if self.seats[row.seat].is_taken]
-        return sorted(rows, key=lambda row: row.rank)
+        """Return one row for each seat that takes part, best place first."""
+        there = {seat.number for seat in self.lined_up()}
+        return sorted((row for row in self.table() if row.seat in there), key=lambda row: row.rank)
 
     def table(self) -> list[Standing]:
         """Return one row for each seat, taken or not."""

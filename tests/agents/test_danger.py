@@ -10,11 +10,12 @@ from race_agents.plant.encounter import ADULT, KMH, Case, meet
 from race_agents.plant.matrices import WALKS, _ahead, _crosses
 from race_agents.plant.radar import ERRS
 from race_agents.plant.sensors import Sensors
-from race_agents.unit.danger import Action, Danger, Stage, danger_of, watch_danger
+from race_agents.unit.danger import danger_of, watch_danger
 from race_agents.unit.ego import Ego, EgoMotion
 from race_agents.unit.objects import Objects, Track
 from race_agents.unit.safety import STOP_FOR_OBSTACLE, Echoes, Limits, Verdict
 from race_server.core import codes
+from race_server.core.alert import Advice, Danger, DangerStage
 from race_server.core.vehicle_presets import KART_60
 
 LIMITS = Limits.of(KART_60)
@@ -91,9 +92,14 @@ def track_at(
 
 @pytest.mark.parametrize(
     ("distance", "stage"),
-    [(60.0, Stage.NONE), (34.0, Stage.INFORM), (24.0, Stage.WARN), (11.0, Stage.FULL)],
+    [
+        (60.0, DangerStage.NONE),
+        (34.0, DangerStage.INFORM),
+        (24.0, DangerStage.WARN),
+        (11.0, DangerStage.FULL),
+    ],
 )
-def test_a_danger_comes_in_stages(distance: float, stage: Stage) -> None:
+def test_a_danger_comes_in_stages(distance: float, stage: DangerStage) -> None:
     # 10 m/s and 5.15 m/s²: 9.7 m to stop, 2 m of reaction, half a metre to stand off.
     assert danger_of(track_at(distance, 0.0), 10.0, 0.0, LIMITS).stage is stage
 
@@ -102,28 +108,28 @@ def test_who_will_have_left_the_way_is_no_danger_and_who_walks_into_it_is_one() 
     # At 10 m/s the kart is there in 1.5 s: who walks 1.5 m/s is 2.2 m farther by then.
     leaves = danger_of(track_at(15.0, 1.3, vy=1.5), 10.0, 0.0, LIMITS)
     enters = danger_of(track_at(15.0, -2.2, vy=1.5), 10.0, 0.0, LIMITS)
-    assert leaves.stage is Stage.NONE
-    assert enters.stage >= Stage.WARN
+    assert leaves.stage is DangerStage.NONE
+    assert enters.stage >= DangerStage.WARN
 
 
 def test_a_kart_ahead_that_brakes_hard_is_braked_for_before_it_is_close() -> None:
     ahead = track_at(3.0, 0.0, vx=10.0, kind=codes.KART_HIT)
-    assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is Stage.NONE
+    assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is DangerStage.NONE
     ahead.state[2], ahead.slowing = 8.0, 6.0
-    assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is Stage.FULL
+    assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is DangerStage.FULL
 
 
 def test_the_bearing_is_to_the_left_where_somebody_stands_left() -> None:
     danger = danger_of(track_at(10.0, 1.0), 10.0, 0.0, LIMITS)
     assert danger.bearing == pytest.approx(0.1, abs=0.01)
     assert danger.distance == pytest.approx(10.0, abs=0.3)
-    assert danger.action is Action.BRAKE
+    assert danger.advice is Advice.BRAKE
 
 
 def test_only_the_last_stage_brakes_fully() -> None:
-    assert watch_danger(Danger(Stage.WARN)) == Verdict()
-    assert watch_danger(Danger(Stage.EASE)).motor == 0.0
-    assert watch_danger(Danger(Stage.FULL)) == STOP_FOR_OBSTACLE
+    assert watch_danger(Danger(DangerStage.WARN)) == Verdict()
+    assert watch_danger(Danger(DangerStage.EASE)).motor == 0.0
+    assert watch_danger(Danger(DangerStage.FULL)) == STOP_FOR_OBSTACLE
 
 
 @pytest.mark.parametrize("speed", [20.0, 50.0])

@@ -17,7 +17,6 @@ from race_agents.unit.fence import CourseFence
 from race_agents.unit.motion import antenna_at, antenna_jacobian, drive_on, jacobian_of
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import (
-    Cause,
     Echoes,
     Limits,
     Verdict,
@@ -33,7 +32,8 @@ from race_agents.unit.safety import (
     way_along,
 )
 from race_server.core import codes
-from race_server.core.messages import Control, Event, EventKind, Status, Trust
+from race_server.core.alert import Advice, Cause, DangerStage
+from race_server.core.messages import Control, Event, EventKind, RayHit, Status, Trust
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.core.vehicle_presets import KART_30, KART_60, TT02
@@ -381,10 +381,22 @@ def test_a_kart_that_stood_for_a_person_waits_who_then_stands_where_no_beam_reac
     )
     unit.echoes = unit.loose = person
     assert unit._watch_ahead(0.0, 0.0, 2.0).brake == 1.0
+    seen = unit.alert().danger
+    assert (seen.stage, seen.kind) == (DangerStage.FULL, RayHit.OBSTACLE)
+    assert (seen.distance, seen.bearing, seen.time_s) == (1.0, 0.0, 0.5)
     unit.echoes = unit.loose = Echoes.nothing()
     for later_s, brake in ((0.1, 1.0), (UNSEEN_S - 0.2, 1.0), (0.2, 0.0)):
         unit._time_s += later_s
         assert unit._watch_ahead(0.0, 0.0, 0.0).brake == brake
+        assert (unit.alert().danger.advice is Advice.WAIT) == (brake == 1.0)
+
+
+def test_a_kart_that_hears_nothing_says_that_it_slows_down_for_that() -> None:
+    loop = Loop("kart").run(4.0)
+    loop.unit.decide(loop.unit._time_s + 1.0)
+    alert = loop.unit.alert()
+    assert (alert.danger.stage, alert.danger.kind) == (DangerStage.EASE, RayHit.NOTHING)
+    assert Cause.LINK in alert.cause
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,8 @@ from race_agents.sensing.bus import (
 from race_agents.sensing.gnss import GnssReader
 from race_agents.sensing.place import LocalFrame
 from race_agents.sensing.uwb import UwbReader
-from race_agents.unit.safety import Cause, Command
+from race_agents.unit.safety import Command
+from race_server.core.alert import Cause
 from race_server.core.messages import Source
 
 HALL = LocalFrame(48.8, 2.3)

@@ -10,16 +10,12 @@ from typer.testing import CliRunner
 
 from race_server.cli.main import app
 from race_server.competition.race_day import race as race_module
-from race_server.competition.race_day.day import (
-    DayPlan,
-    check_day_plan,
-    drives_in,
-    run_day,
-    teams_of,
-)
+from race_server.competition.race_day.day import run_day
 from race_server.competition.race_day.formats import Format, Obstacles, Races, TimeTrial
 from race_server.competition.race_day.picture import check_picture
-from race_server.competition.race_day.race import LocalRace, Team
+from race_server.competition.race_day.plan import DayPlan, teams_of
+from race_server.competition.race_day.race import LocalRace
+from race_server.competition.race_day.record import Team
 from race_server.competition.race_day.report import day_document
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
@@ -189,7 +185,7 @@ def test_a_whole_day_goes_from_qualification_to_podium_whoever_fails() -> None:
     assert document["podium"] == ["circler", "circler 2", "circler 3"]
     places = [(row["place"], row["team"]) for row in document["classification"]]
     assert places[3:] == [(None, "raiser"), (None, "forgetful")]
-    assert len(heard) == drives_in(plan) == 2 * 5 + 3
+    assert len(heard) == plan.drives() == 2 * 5 + 3
     assert heard[0] == "Qualification: circler, attempt 1"
     assert heard[-1] == "Race 3, track A"
 
@@ -221,7 +217,7 @@ def test_every_race_and_lap_of_the_day_is_in_the_results(tmp_path: Path) -> None
 def test_a_course_without_room_for_a_race_is_refused_before_anything_runs() -> None:
     plan = plan_of(*["circler"] * 11, form=Format("x", "X", (Races("Race", "A", 1, most=11),)))
     with pytest.raises(ScenarioError, match="ring has 10 places on its grid, race needs 11"):
-        check_day_plan(plan)
+        plan.check()
 
 
 def test_obstacles_of_a_trial_are_the_same_for_all_and_other_with_another_seed() -> None:
@@ -262,7 +258,10 @@ def test_an_unknown_driver_is_refused_with_the_known_ones() -> None:
 
 
 def test_an_unknown_format_is_refused_with_the_known_ones() -> None:
-    assert call("--format", "1999") == "format '1999' is unknown; choose one of 2023, 2025"
+    assert (
+        call("--format", "1999")
+        == "format '1999' is unknown; choose one of 2023, 2025, time-trial, or a .toml file"
+    )
 
 
 def test_a_list_without_a_driver_is_refused() -> None:

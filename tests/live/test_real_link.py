@@ -8,8 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from race_agents.onboard.client import KartProgram, is_home, take_part
+from race_agents.onboard.client import KartProgram, take_part
 from race_agents.onboard.grounds import fence_of
+from race_agents.onboard.kart import KartHere
+from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.body import Body
 from race_agents.plant.incident import FastestSpeed, is_view_clear
 from race_agents.plant.kart import Plant
@@ -49,11 +51,13 @@ class Gentle:
         return Control(0.0, 0.3 if seen.scalar("lights") == 0.0 else 0.0)
 
 
-def hardware_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> Plant:
+def kart_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartHere:
     del link
     x, y, heading = (float(value) for value in sheet.grid[seat.number])
     vehicle = seat.welcome.briefing.vehicle
-    return Plant.of(vehicle, Surroundings(sheet.borders), (x, y, heading), Sensors(), seed=1)
+    plant = Plant.of(vehicle, Surroundings(sheet.borders), (x, y, heading), Sensors(), seed=1)
+    unit = ControlUnit.of(vehicle, fence_of(sheet))
+    return KartHere(SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size()))))
 
 
 def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent() -> None:
@@ -62,20 +66,20 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
     with ServerLink(address, "race", 1) as link:
         server = RaceServer(session, link, REAL)
 
-        def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+        def turn(onboard: KartProgram, kart: KartHere, now_s: float) -> bool:
             del now_s
             tracker = session.tracked_karts.trackers[0]
             if tracker.trust is Trust.TRUSTED and session.tick > 90:
                 seen.setdefault("trusted", (onboard.sequence, tracker.clock.delay_us))
                 onboard.is_cut = True
             if onboard.is_cut:
-                seen["command"] = unit.command
+                seen["command"] = kart.side.unit.command
             return tracker.trust is not Trust.DOUBTFUL or "trusted" not in seen
 
         with running(server, drivers=1):
             take_part(
                 Gentle(),
-                hardware_of,
+                kart_of,
                 name="real",
                 address=address,
                 delay_s=0.05,
@@ -99,15 +103,15 @@ def test_the_control_loop_turns_on_while_the_kart_asks_for_its_seat(
     turns: list[float] = []
     with ServerLink(address, "race", 1) as link, running(RaceServer(session, link), 1) as live:
 
-        def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+        def turn(onboard: KartProgram, kart: KartHere, now_s: float) -> bool:
             del onboard
-            if unit.hud is not None and not turns:
+            if kart.side.unit.hud is not None and not turns:
                 live.server.stop()  # the link stays, and no request is answered
-            if unit.hud is not None:
+            if kart.side.unit.hud is not None:
                 turns.append(now_s)
             return len(turns) < 40
 
-        take_part(Gentle(), hardware_of, name="real", address=address, each_turn=turn)
+        take_part(Gentle(), kart_of, name="real", address=address, each_turn=turn)
     # 40 turns of 20 ms, in which a request waits for 0.8 s.
     assert max(later - now for now, later in pairwise(turns)) < 0.5
 
@@ -121,20 +125,20 @@ def test_a_real_kart_stands_through_a_pause_and_drives_on_after_it(
     paused_at: list[float] = []
     with ServerLink(address, "race", 1) as link, running(RaceServer(session, link), 1):
 
-        def turn(onboard: KartProgram, unit: ControlUnit, now_s: float) -> bool:
+        def turn(onboard: KartProgram, kart: KartHere, now_s: float) -> bool:
             del onboard
-            if unit.hud is None or session.tick < 3:
+            if kart.side.unit.hud is None or session.tick < 3:
                 return True
             if not paused_at:
                 session.race_control.pause()
                 paused_at.append(now_s)
             elif now_s > paused_at[0] + 1.0:
                 session.race_control.pause(is_paused=False)
-            if may_drive[-1:] != [unit.hud.speed_cap > 0.0]:
-                may_drive.append(unit.hud.speed_cap > 0.0)
-            return may_drive != [True, False, True] and not is_home(unit)
+            if may_drive[-1:] != [kart.side.unit.hud.speed_cap > 0.0]:
+                may_drive.append(kart.side.unit.hud.speed_cap > 0.0)
+            return may_drive != [True, False, True] and not kart.side.unit.is_home
 
-        take_part(Gentle(), hardware_of, name="real", address=address, each_turn=turn)
+        take_part(Gentle(), kart_of, name="real", address=address, each_turn=turn)
     assert may_drive == [True, False, True]
 
 
@@ -205,7 +209,7 @@ def test_the_fence_of_a_course_is_its_kerb() -> None:
 def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
     address = free_address()
     with ServerLink(address, "race", 2) as link, ClientLink(address, "race") as client:
-        link.expect_poses({1})
+        link.expect_tracked({1})
         send = [client.sender(seat, "nobody's", topics.POSE) for seat in (0, 1)]
         deadline = time.monotonic() + 5.0
         while not link.dropped and time.monotonic() < deadline:
@@ -213,7 +217,7 @@ def test_poses_are_heard_on_the_seats_of_real_karts_only() -> None:
                 pose(b"rubbish")
             time.sleep(0.02)
         assert {seat for _, seat in link.dropped} == {1}
-        link.expect_poses(())
+        link.expect_tracked(())
         time.sleep(0.1)
         before = link.dropped.copy()
         send[1](b"rubbish")

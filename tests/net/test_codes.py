@@ -5,23 +5,24 @@ from enum import IntEnum, IntFlag
 
 import pytest
 
-from race_server.core import codes, messages
+from race_server.core import alert, codes, messages
 from race_server.net.wire.generate import PACKAGE, TARGET
 from race_server.session.failsafe import FailsafeStage
 from race_server.session.interventions import InterventionKind
 
 PYTHON: dict[str, type[IntEnum] | type[IntFlag]] = {
     name: enumeration
-    for name, enumeration in vars(messages).items()
+    for module in (messages, alert)
+    for name, enumeration in vars(module).items()
     if isinstance(enumeration, type)
     and issubclass(enumeration, IntEnum | IntFlag)
-    and enumeration.__module__ == messages.__name__
+    and enumeration.__module__ == module.__name__
 }
 PYTHON |= {"FailsafeStage": FailsafeStage, "InterventionKind": InterventionKind}
 # Of the schemas alone: the default of a field must be a member.
 ONLY_IN_SCHEMAS = {"EventKind": {"NONE": 0}, "InterventionKind": {"NONE": 0}}
 # Of Python alone: flatc gives no name to the empty set of bits.
-ONLY_IN_PYTHON = {"Button": {"NONE": 0}}
+ONLY_IN_PYTHON = {"Button": {"NONE": 0}, "Cause": {"NONE": 0}}
 
 
 def numbers_in_schemas(name: str) -> dict[str, int]:

@@ -14,6 +14,7 @@ import pytest
 from race_server.core.messages import Button, EventKind, Flag, Phase, PoseFault, Source, Trust
 from race_server.net.wire import (
     admin,
+    alert,
     drive,
     journal,
     line,
@@ -58,6 +59,8 @@ def digest(data: bytes) -> bytes:
 AGAIN: dict[str, Callable[[bytes], bytes]] = {
     "control": lambda data: drive.encode_control(drive.decode_control(data)),
     "pose": lambda data: poses.encode_pose(poses.decode_pose(data)),
+    "alert": lambda data: alert.encode_alert(alert.decode_alert(data)),
+    "alerts": lambda data: alert.encode_alerts(alert.decode_alerts(data)),
     "observation": observation,
     "hud": lambda data: drive.encode_hud(drive.decode_hud(data)),
     "snapshot": lambda data: spectate.SnapshotWriter().write(spectate.decode_snapshot(data)),
@@ -123,6 +126,7 @@ RECORDED = {
     "spectate.Events": "events",
     "spectate.Standings": "standings",
     "spectate.Lot": "lot",
+    "spectate.Alerts": "alerts",
 }
 
 

@@ -2,6 +2,7 @@
 
 import filecmp
 import json
+import math
 import random
 import struct
 from collections.abc import Callable
@@ -13,18 +14,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from race_server.core.messages import (
-    Button,
-    Control,
-    Flag,
-    Phase,
-    Pose,
-    Source,
-    Standing,
-)
+from race_server.core.alert import Alert, Danger
+from race_server.core.messages import Button, Control, Flag, Phase, Pose, Source, Standing
 from race_server.core.vehicle_presets import LORRY, TT02
 from race_server.errors import SeatError, WireError
 from race_server.net.wire import admin, drive, line, links, lobby, parking, rays, spectate, topics
+from race_server.net.wire import alert as alerts
 from race_server.net.wire import pose as poses
 from race_server.net.wire.generate import PAGE_TARGET, TARGET, generate, generate_page
 from race_server.net.wire.strict import root_of
@@ -459,3 +454,16 @@ def test_structs_in_numpy_are_as_long_as_in_the_schemas() -> None:
     assert drive.CONTROL.size == 28
     assert poses.POSE.size == 72
     assert links.LINK.itemsize == 12
+    assert (alerts.ALERT.size, alerts.ROW.itemsize) == (40, 24)
+
+
+def test_what_is_not_there_is_told_as_infinitely_far() -> None:
+    nothing = alerts.AlertFrame(1, 1, Alert(5))
+    assert alerts.decode_alert(alerts.encode_alert(nothing)) == nothing
+
+
+@pytest.mark.parametrize("bearing", [math.nan, 4.0])
+def test_an_alert_out_of_range_is_refused(bearing: float) -> None:
+    seen = alerts.AlertFrame(1, 1, Alert(5, Danger(bearing=bearing)))
+    with pytest.raises(WireError, match="out of range"):
+        alerts.decode_alert(alerts.encode_alert(seen))

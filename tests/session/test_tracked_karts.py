@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from race_server.core import codes
+from race_server.core.alert import Alert, Cause, Danger, DangerStage
 from race_server.core.messages import (
     Button,
     Control,
     EventKind,
     Pose,
     PoseFault,
+    RayHit,
     Retirement,
     Status,
     Trust,
@@ -425,3 +427,16 @@ def test_a_real_kart_whose_driver_leaves_is_out() -> None:
     session.leave(0)
     drive(session, real, 2)
     assert session.world.bodies["status"][0, 0] == Status.RETIRED
+
+
+def test_what_a_real_kart_says_holds_for_a_second_and_changes_no_world() -> None:
+    session, _ = mixed()
+    alerts, before = session.tracked_karts.alerts, session.digest()
+    brakes = Alert(0, Danger(DangerStage.FULL, RayHit.PERSON, 0.0, 4.0), Cause.OBSTACLE)
+    alerts.receive(0, 1, brakes, arrived_us=0)
+    assert (alerts.has_news(0), alerts.by_seat) == (True, {0: brakes})
+    assert not alerts.has_news(900_000)
+    assert (alerts.has_news(1_100_000), alerts.by_seat) == (True, {})
+    with pytest.raises(WireError, match="again"):
+        alerts.receive(0, 1, brakes, arrived_us=0)
+    assert session.digest() == before

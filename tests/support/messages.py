@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.driver import Briefing
 from race_server.core.level import Level
 from race_server.core.messages import (
@@ -17,6 +18,7 @@ from race_server.core.messages import (
     Phase,
     PlannedWay,
     PoseFault,
+    RayHit,
     Standing,
     Status,
     Timing,
@@ -43,6 +45,12 @@ def lot_snapshot() -> spectate.SnapshotFrame:
     people = np.array([(1.5, -2.5, 0.25), (0.0, 4.0, 0.5)], parking.WALKER)
     return replace(snapshot(), walkers=people)
 
+
+ALERT = Alert(
+    99,
+    Danger(DangerStage.FULL, RayHit.PERSON, 0.25, 4.5, 0.75, 6.5, Advice.BRAKE),
+    Cause.OBSTACLE | Cause.LINK,
+)
 
 EVENTS = [
     Event(1, 60, EventKind.LAP, 3, 2, 17_000_000, Cleanness.UNCLEAN),

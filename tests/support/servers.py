@@ -51,7 +51,7 @@ def running(
 @contextmanager
 def waiting(server: RaceServer, drivers: int) -> Iterator[LiveServer]:
     """Wait in the lobby for drivers; stop it at the end of the block."""
-    with _at_work(server, lambda _: server.wait_in_lobby(drivers)) as live:
+    with _at_work(server, lambda _: server.lobby.wait_for(drivers)) as live:
         yield live
 
 

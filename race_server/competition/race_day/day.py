@@ -1,123 +1,145 @@
-"""A race day: all stages of a format in order."""
+"""An event as it goes: its attempts and races in order, and the ledger so far.
 
-import hashlib
-from collections.abc import Callable, Mapping, Sequence
+The same for an event inside one process (`run_day`) and one on the network
+(`race_server.competition.live_event`).
+"""
+
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 
-from race_server.competition.race_day.formats import Format, Races, TimeTrial
-from race_server.competition.race_day.ledger import Heat, Label, Ledger, RacesResult, TrialResult
-from race_server.competition.race_day.obstacles import with_obstacles
-from race_server.competition.race_day.points import groups_in_order, mixed_groups, place_points
-from race_server.competition.race_day.qualify import run_trial
-from race_server.competition.race_day.race import LocalRace, Team, rehearse
+from race_server.competition.race_day.formats import Races, TimeTrial
+from race_server.competition.race_day.ledger import Heat, Label, Ledger, RacesResult
+from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.points import place_points
+from race_server.competition.race_day.qualify import trial_result
+from race_server.competition.race_day.race import LocalRace, rehearse
+from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
 from race_server.core.driver import driver_named
 from race_server.core.observation import wants_line
-from race_server.core.vehicles import Vehicle
 from race_server.errors import DriverError, ScenarioError
-from race_server.scenario.race import Rules, Scenario
-from race_server.scenario.raceline.attach import with_line
-from race_server.scenario.track.check import check_course
-from race_server.scenario.track.course import Course
+from race_server.scenario.race import Occasion, Scenario
 from race_server.storage.results.keeper import Keeper
-
-# The rules say 2 m for cars of 0.45 m; other vehicles in proportion.
-WRONG_WAY_LENGTHS = 2.0 / 0.45
-# From this share of the top speed a hit from behind counts as deliberate: 1 m/s for the 1/10 car.
-RAM_SHARE = 0.1
 
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class DayPlan:
-    """A race day before it begins."""
+class Drive:
+    """An attempt or a race that is to be driven."""
 
-    format: Format
-    teams: tuple[Team, ...]
-    courses: Mapping[str, Course]  # by letter
-    vehicle: Vehicle
-    seed: int
-
-    @property
-    def session(self) -> str:
-        """Session name of the day in the results."""
-        return f"day-{self.format.name}-{self.seed}"
-
-    def rules(self, stage: TimeTrial | Races) -> Rules:
-        """Return the rules of a stage: no items, no rescue, removal as in the real event."""
-        limit = stage.failure_s if isinstance(stage, TimeTrial) else stage.limit_s * stage.laps
-        return Rules(
-            laps=stage.laps,
-            items=False,
-            catch_up=False,
-            stuck_s=0.0,
-            stopped_limit_s=10.0,
-            wrong_way_removal=WRONG_WAY_LENGTHS * self.vehicle.length,
-            ram_speed=RAM_SHARE * self.vehicle.top_speed,
-            limit_s=limit,
-        )
-
-    def course_of(self, stage: TimeTrial) -> Course:
-        """Return the course of a time trial, with its obstacles."""
-        course = self.courses[stage.track]
-        if stage.obstacles is None:
-            return course
-        return with_obstacles(course, stage.obstacles, self.vehicle, self.seed_of(stage.name))
-
-    def seed_of(self, *words: str) -> int:
-        """Return the seed of one part of the day, different for each."""
-        text = "/".join([str(self.seed), *words])
-        return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "big")
+    title: str
+    session: str  # name in the results of a day in one process
+    grid: tuple[Team, ...]  # pole position first
+    scenario: Scenario
+    block: str  # until the next block begins its results may change: they order no grid before
 
 
-def teams_of(drivers: Sequence[str]) -> tuple[Team, ...]:
-    """Return a team for each driver, named after it; the second of a kind is numbered 2."""
-    seen: dict[str, int] = {}
-    teams = []
-    for driver in drivers:
-        seen[driver] = seen.get(driver, 0) + 1
-        number = f" {seen[driver]}" if seen[driver] > 1 else ""
-        teams.append(Team(driver + number, driver))
-    return tuple(teams)
+class Day:
+    """An event: the drive that comes next, and what became of those before."""
 
+    def __init__(self, plan: DayPlan, event: str = "", records: Iterable[RaceRecord] = ()) -> None:
+        """Begin, or go on after the drives with these records. event: its name, empty for none."""
+        self.plan, self.event = plan, event or plan.session
+        self._scenarios: dict[tuple[str, str, int], Scenario] = {}
+        self._begin()
+        for record in records:
+            self.add(record)
 
-def drives_in(plan: DayPlan) -> int:
-    """Return how many attempts and races the day has."""
-    count = 0
-    for stage in plan.format.stages:
-        if isinstance(stage, TimeTrial):
-            count += stage.attempts * len(plan.teams)
-        else:
-            groups = _groups(stage, list(plan.teams))
-            count += stage.rounds * len(stage.tracks) * len(groups)
-    return count
+    def _begin(self) -> None:
+        self.ledger = Ledger(self.plan.format, self.plan.teams)
+        self.records: list[RaceRecord] = []
+        self._blocks: list[str] = []  # of the drives so far
+        self._drives = self._run()
+        self.next: Drive | None = next(self._drives, None)
 
+    def add(self, record: RaceRecord) -> None:
+        """Record the drive that was next."""
+        assert self.next is not None
+        self._blocks.append(self.next.block)
+        self.records.append(record)
+        try:
+            self.next = self._drives.send(record)
+        except StopIteration:
+            self.next = None
 
-def check_day_plan(plan: DayPlan) -> None:
-    """Check before the first race that every stage can be run.
+    def amend(self, number: int, record: RaceRecord) -> None:
+        """Replace the record of a drive, and all that follows from it. number: from 0.
 
-    Raises:
-        ScenarioError: there are no teams, a course cannot be lapped by the vehicle, or has no
-            room for a race or an obstacle.
-    """
-    if not plan.teams:
-        raise ScenarioError("a race day needs drivers: give one or more")
-    for course in plan.courses.values():
-        for issue in check_course(course, plan.vehicle):
-            if issue.level == "error":
-                raise ScenarioError(f"{course.name} cannot be used on this day: {issue.what}")
-    for stage in plan.format.stages:
-        if isinstance(stage, TimeTrial):
-            plan.course_of(stage)
-            continue
-        most = max(len(group) for group in _groups(stage, list(plan.teams)))
+        Raises:
+            ScenarioError: its stage, or its round of races, is over: others were grouped by it.
+        """
+        if self._blocks[number] != self._blocks[-1]:
+            raise ScenarioError(f"{self._blocks[number]} is over, and {self._blocks[-1]} has begun")
+        records = [*self.records[:number], record, *self.records[number + 1 :]]
+        self._begin()
+        for one in records:
+            self.add(one)
+
+    def _run(self) -> Generator[Drive, RaceRecord, None]:
+        for stage in self.plan.format.stages:
+            if isinstance(stage, TimeTrial):
+                yield from self._run_trial(stage)
+            else:
+                self.ledger.stages.append(RacesResult(stage, ()))
+                for turn in range(1, stage.rounds + 1):
+                    yield from self._run_round(stage, turn)
+
+    def _run_trial(self, stage: TimeTrial) -> Generator[Drive, RaceRecord, None]:
+        """Run the attempts of every team, all first ones before the second ones."""
+        plan = self.plan
+        attempts: dict[str, list[TeamResult]] = {team.name: [] for team in plan.teams}
+        for number in range(1, stage.attempts + 1):
+            for team in plan.teams:
+                common = self._scenario(stage, stage.track, 1)
+                title = f"{stage.name}: {team.name}, attempt {number}"
+                scenario = plan.attempt(stage, common, team.name, number)
+                session = f"{plan.session}-{_slug(stage.name)}"
+                record = yield self._drive(title, session, [team], scenario, stage.name)
+                attempts[team.name].append(record.drives[0])
+                done = trial_result(stage, common.course, attempts)
+                if number == 1 and team is plan.teams[0]:
+                    self.ledger.stages.append(done)
+                self.ledger.stages[-1] = done
+
+    def _run_round(self, stage: Races, turn: int) -> Generator[Drive, RaceRecord, None]:
+        """Run the races of one round. The groups stay together; the grid follows the standings."""
+        plan, ledger = self.plan, self.ledger
+        groups = plan.groups(stage, ledger.order())
         for letter in stage.tracks:
-            course = plan.courses[letter]
-            if len(course.grid) < most:
-                raise ScenarioError(
-                    f"{course.name} has {len(course.grid)} places on its grid, "
-                    f"{stage.name.lower()} needs {most}; choose another track or fewer drivers"
-                )
+            for number, group in enumerate(groups, start=1):
+                title = stage.name + (f" {number}" if len(groups) > 1 else "")
+                title += f", round {turn}" if stage.rounds > 1 else ""
+                grid = [team for team in ledger.order() if team in group]
+                common = self._scenario(stage, letter, len(grid))
+                scenario = replace(common, seed=plan.seed_of(title, letter))
+                session, block = f"{plan.session}-{_slug(title)}", f"{stage.name} {turn}"
+                said = f"{title}, track {letter}"
+                record = yield self._drive(said, session, grid, scenario, block)
+                points = {
+                    drive.team: place_points(drive.place, stage.points, stage.finishing)
+                    for drive in record.drives
+                }
+                label = Label(title, turn, number)
+                names = record.grid or tuple(team.name for team in grid)
+                heat = Heat(label, letter, common.course, names, record, points)
+                result = ledger.stages[-1]
+                assert isinstance(result, RacesResult)
+                ledger.stages[-1] = replace(result, heats=(*result.heats, heat))
+
+    def _scenario(self, stage: TimeTrial | Races, letter: str, karts: int) -> Scenario:
+        """Return what all races of a stage on one track share; solved lines are kept."""
+        key = stage.name, letter, karts
+        if key not in self._scenarios:
+            plan = self.plan
+            course = plan.course_of(stage) if isinstance(stage, TimeTrial) else plan.courses[letter]
+            self._scenarios[key] = plan.scenario(stage, course, karts)
+        return self._scenarios[key]
+
+    def _drive(
+        self, title: str, session: str, grid: list[Team], scenario: Scenario, block: str
+    ) -> Drive:
+        occasion = Occasion(self.event, self.plan.format.name, title)
+        return Drive(title, session, tuple(grid), replace(scenario, occasion=occasion), block)
 
 
 def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:
@@ -126,30 +148,22 @@ def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:
     Raises:
         ScenarioError: a stage cannot be run.
     """
-    check_day_plan(plan)
+    plan.check()
+    plan = replace(plan, needs_line=any(_wants_line(team.driver) for team in plan.teams))
     _rehearse(plan)
-    ledger = Ledger(plan.format, plan.teams)
-    for stage in plan.format.stages:
-        if isinstance(stage, TimeTrial):
-            ledger.stages.append(_run_trial(plan, stage, keeper, tell))
-        else:
-            ledger.stages.append(RacesResult(stage, ()))
-            for turn in range(1, stage.rounds + 1):
-                _run_round(plan, stage, turn, ledger, keeper, tell)
-    return ledger
+    day = Day(plan)
+    while (drive := day.next) is not None:
+        tell(drive.title)
+        race = LocalRace(drive.session, drive.scenario, keeper)
+        day.add(race.run(drive.grid, drive.scenario.seed))
+    return day.ledger
 
 
 def _rehearse(plan: DayPlan) -> None:
     stage = plan.format.stages[0]
     course = plan.courses[plan.format.letters[0]]
-    scenario = _scenario(plan, stage, course, min(len(course.grid), len(plan.teams)))
-    rehearse([team.driver for team in plan.teams], scenario)
-
-
-def _scenario(plan: DayPlan, stage: TimeTrial | Races, course: Course, karts: int) -> Scenario:
-    """Return one race of a stage, with the reference line if a driver needs it."""
-    scenario = Scenario(course, karts, vehicles=(plan.vehicle,), rules=plan.rules(stage))
-    return with_line(scenario, solve=any(_wants_line(team.driver) for team in plan.teams))
+    karts = min(len(course.grid), len(plan.teams))
+    rehearse([team.driver for team in plan.teams], plan.scenario(stage, course, karts))
 
 
 def _wants_line(driver: str) -> bool:
@@ -157,59 +171,6 @@ def _wants_line(driver: str) -> bool:
         return wants_line(driver_named(driver).preset)
     except DriverError:  # recorded as an incident when its turn comes
         return False
-
-
-def _run_trial(plan: DayPlan, stage: TimeTrial, keeper: Keeper | None, tell: Tell) -> TrialResult:
-    course = plan.course_of(stage)
-    scenario = _scenario(plan, stage, course, 1)
-    race = LocalRace(f"{plan.session}-{_slug(stage.name)}", scenario, keeper)
-    return run_trial(
-        stage, course, race, plan.teams, lambda attempt: plan.seed_of(stage.name, attempt), tell
-    )
-
-
-def _run_round(
-    plan: DayPlan, stage: Races, turn: int, ledger: Ledger, keeper: Keeper | None, tell: Tell
-) -> None:
-    """Run the races of one round. The groups stay together; the grid follows the standings."""
-    groups = _groups(stage, ledger.order())
-    for letter in stage.tracks:
-        for number, group in enumerate(groups, start=1):
-            title = stage.name + (f" {number}" if len(groups) > 1 else "")
-            title += f", round {turn}" if stage.rounds > 1 else ""
-            tell(f"{title}, track {letter}")
-            grid = [team for team in ledger.order() if team in group]
-            heat = _run_heat(plan, stage, grid, letter, Label(title, turn, number), keeper)
-            result = ledger.stages[-1]
-            assert isinstance(result, RacesResult)
-            ledger.stages[-1] = replace(result, heats=(*result.heats, heat))
-
-
-def _run_heat(
-    plan: DayPlan,
-    stage: Races,
-    grid: list[Team],
-    letter: str,
-    label: Label,
-    keeper: Keeper | None,
-) -> Heat:
-    course = plan.courses[letter]
-    scenario = _scenario(plan, stage, course, len(grid))
-    race = LocalRace(f"{plan.session}-{_slug(label.title)}", scenario, keeper)
-    record = race.run(grid, plan.seed_of(label.title, letter))
-    points = {
-        drive.team: place_points(drive.place, stage.points, stage.finishing)
-        for drive in record.drives
-    }
-    return Heat(label, letter, course, tuple(team.name for team in grid), record, points)
-
-
-def _groups(stage: Races, teams: list[Team]) -> list[list[Team]]:
-    """Return the teams of each race; `teams` in order of the standings."""
-    chosen = teams[: stage.qualified or None]
-    if stage.mixed:
-        return mixed_groups(chosen, stage.most)
-    return groups_in_order(chosen, stage.most, stage.least)
 
 
 def _slug(words: str) -> str:

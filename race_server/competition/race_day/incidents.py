@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from race_server.core.clock import seconds_of
-from race_server.core.messages import Event, EventKind, Retirement, Standing, Status
+from race_server.core.messages import Cleanness, Event, EventKind, Retirement, Standing, Status
 from race_server.scenario.race import Rules
 
 # Characters of an error in a remark, at most.
@@ -19,6 +19,9 @@ class Incidents:
         self._failed: dict[int, str] = {}
         self._removed: dict[int, Retirement] = {}
         self._punished: dict[int, list[str]] = {}
+        self._stewards_us: dict[int, int] = {}
+        self._faults: dict[int, list[str]] = {}  # since the last lap
+        self._deleted: dict[int, list[tuple[int, str]]] = {}
 
     def record_failure(self, seat: int, failure: str) -> None:
         """Record how a driver failed, on one short line."""
@@ -27,7 +30,7 @@ class Incidents:
         self._failed[seat] = line[: MOST_LETTERS - 1] + "…" if too_long else line
 
     def record_events(self, events: Sequence[Event]) -> None:
-        """Record retirements and penalties."""
+        """Record retirements, penalties, and the laps that do not count."""
         for event in events:
             if event.kind is EventKind.RETIRED:
                 self._removed[event.kart] = Retirement(event.other)
@@ -35,6 +38,24 @@ class Incidents:
                 cause = EventKind(event.other).name.lower().replace("_", " ")
                 words = f"+{seconds_of(event.value):g} s {cause}"
                 self._punished.setdefault(event.kart, []).append(words)
+                if event.other == EventKind.PENALTY:
+                    given_us = self._stewards_us.get(event.kart, 0) + event.value
+                    self._stewards_us[event.kart] = given_us
+            elif event.kind is EventKind.LAP:
+                faults = self._faults.pop(event.kart, [])
+                if event.detail == Cleanness.UNCLEAN:
+                    why = ", ".join(dict.fromkeys(faults)) or "left the course"
+                    self._deleted.setdefault(event.kart, []).append((event.other, why))
+            elif words := _fault(event):
+                self._faults.setdefault(event.kart, []).append(words)
+
+    def deleted(self, seat: int) -> list[tuple[int, str]]:
+        """Return the laps of a seat that do not count: their numbers from 1, and why."""
+        return self._deleted.get(seat, [])
+
+    def stewards_us(self, seat: int) -> int:
+        """Return the sum [µs] of the penalties that stewards gave a seat."""
+        return self._stewards_us.get(seat, 0)
 
     def of(self, row: Standing, rules: Rules) -> str:
         """Return the remark on a standing."""
@@ -48,6 +69,18 @@ class Incidents:
         return [
             f"did not start: {words}" if seat in self.absent else f"{words}, lap {row.laps + 1}"
         ]
+
+
+def _fault(event: Event) -> str:
+    """Return why the lap of an event's kart does not count any more, "" if it still does."""
+    words = {
+        EventKind.CONTACT_WALL: "touched a border",
+        EventKind.SHORT_CUT: f"left out gate {event.other}",
+        EventKind.RESCUED: "was rescued",
+        EventKind.OFF_TRACK: "left the course",
+        EventKind.POSE: "was not seen for a while",
+    }
+    return words.get(event.kind, "")
 
 
 def _removal(reason: Retirement, rules: Rules) -> str:

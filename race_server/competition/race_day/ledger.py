@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from race_server.competition.race_day.formats.format import Format, Races, TimeTrial
-from race_server.competition.race_day.race import RaceRecord, Team, TeamResult
+from race_server.competition.race_day.formats.format import LAP, Format, Races, TimeTrial
+from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
 from race_server.scenario.track.course import Course
 
 
@@ -163,16 +163,23 @@ class Ledger:
         return list(ranked.values())
 
     def _classified(self) -> set[str]:
-        """Return the teams that finished: with points any race or trial, else the last race."""
-        if not self.format.has_points:
+        """Return the teams that finished: with points any race or trial, else the last race.
+
+        Before the first race is driven the trials decide.
+        """
+        if not self.format.has_points and self.heats():
             last = [stage for stage in self.stages if isinstance(stage, RacesResult)][-1:]
             heats = [heat for stage in last for heat in stage.heats]
             return {d.team for heat in heats for d in heat.record.drives if d.place > 0}
         raced = {d.team for heat in self.heats() for d in heat.record.drives if d.place > 0}
         timed = {
-            row.team
-            for trial in self.trials()
-            for row in trial.rows
-            if any(drive.place > 0 for drive in row.attempts)
+            row.team for trial in self.trials() for row in trial.rows if has_time(trial.stage, row)
         }
         return raced | timed
+
+
+def has_time(stage: TimeTrial, row: TrialRow) -> bool:
+    """Return whether an attempt of a team counts."""
+    if stage.counts == LAP:
+        return row.time_us < round(stage.failure_s * 1e6)
+    return any(drive.place > 0 for drive in row.attempts)

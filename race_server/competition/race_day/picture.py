@@ -4,9 +4,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import FinalRow, Ledger
-from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
+from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.tables import (
+    NOT_CLASSIFIED,
+    DayTable,
+    heading,
+    subtitle,
+    tables_of,
+)
 from race_server.errors import ScenarioError
 from race_server.pictures import save
 from race_server.scenario.track.course import Course
@@ -100,7 +106,7 @@ def _draw_head(page: Any, plan: DayPlan) -> None:
                 page.fill(
                     [x, x + squares, x + squares, x], [y, y, y + squares, y + squares], color=_PAPER
                 )
-    _write(page, MARGIN, 0.40, f"{plan.format.title} race day", size=20, weight="bold", color="w")
+    _write(page, MARGIN, 0.40, heading(plan), size=20, weight="bold", color="w")
     _write(page, MARGIN, 0.66, subtitle(plan), size=SMALL + 0.5, color="#c3c9d1")
 
 

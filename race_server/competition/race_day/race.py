@@ -1,14 +1,15 @@
 """One race with all its drivers in this process, in lock-step: each tick waits for them all."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
 from race_server.competition.race_day.incidents import Incidents
+from race_server.competition.race_day.record import RaceRecord, Team, record_of
 from race_server.competition.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import driver_named
-from race_server.core.messages import Phase, Status
+from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.net.wire.drive import ControlFrame, decode_control
@@ -22,39 +23,6 @@ Answer = TypeVar("Answer")
 DECISION_S = 2.0
 # Time to get ready [s]: a driver may have a model to load.
 READY_S = 30.0
-
-
-@dataclass(frozen=True)
-class Team:
-    """A participant: a unique name and an installed driver."""
-
-    name: str
-    driver: str
-
-
-@dataclass(frozen=True)
-class TeamResult:
-    """Result of one team in one race."""
-
-    team: str
-    place: int  # in the race, from 1; 0: not classified
-    laps: int
-    time_us: int  # penalties included; 0: not finished
-    best_lap_us: int  # 0: no lap
-    lap_times_us: tuple[int, ...]
-    penalty_us: int
-    wall_contacts: int
-    kart_contacts: int
-    warnings: int
-    remark: str
-
-
-@dataclass(frozen=True)
-class RaceRecord:
-    """A finished race: its results, best first, and the digest of its last tick."""
-
-    digest: str
-    drives: tuple[TeamResult, ...]
 
 
 class LocalRace:
@@ -83,7 +51,8 @@ class LocalRace:
                 self._advance(incidents)
         finally:
             self._close_book()
-        record = self._record(teams, incidents)
+        names = {seat: team.name for seat, team in enumerate(teams)}
+        record = record_of(session, names, incidents)
         session.reopen()
         for taken in [seat for seat in session.seats if seat.is_taken]:
             session.leave(taken.number)
@@ -123,30 +92,6 @@ class LocalRace:
     def _close_book(self) -> None:
         if self._keeper:
             self._keeper.end(self._session)
-
-    def _record(self, teams: Sequence[Team], incidents: Incidents) -> RaceRecord:
-        session = self._session
-        racers = session.world.racers[0]
-        drives = []
-        for row in session.standings():
-            racer = racers[row.seat]
-            has_finished = row.status is Status.FINISHED
-            drives.append(
-                TeamResult(
-                    team=teams[row.seat].name,
-                    place=row.rank if has_finished else 0,
-                    laps=row.laps,
-                    time_us=row.race_time_us,
-                    best_lap_us=row.best_lap_us,
-                    lap_times_us=row.lap_times_us,
-                    penalty_us=row.penalty_us,
-                    wall_contacts=int(racer.wall_contacts),
-                    kart_contacts=int(racer.contacts),
-                    warnings=int(racer.warnings),
-                    remark=incidents.of(row, session.scenario.rules),
-                )
-            )
-        return RaceRecord(session.digest(), tuple(drives))
 
 
 def _control(local_drivers: LocalDrivers, seat: int) -> ControlFrame:

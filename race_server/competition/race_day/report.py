@@ -2,9 +2,11 @@
 
 from typing import Any
 
-from race_server.competition.race_day.day import DayPlan
+from race_server.competition.event_state import EventState
+from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.ledger import FinalRow, Heat, Ledger, TrialResult
-from race_server.competition.race_day.race import TeamResult
+from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.record import TeamResult
 from race_server.core.clock import seconds_of
 from race_server.scenario.track.course import Course
 
@@ -28,6 +30,20 @@ def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
         "stages": stages,
         "classification": [_final(row) for row in rows],
         "podium": [row.team for row in rows if 1 <= row.place <= 3],
+    }
+
+
+def event_document(day: Day, state: EventState) -> dict[str, Any]:
+    """Return an event on the network so far: its tables as those of a day, and what comes next."""
+    numbers = {one.team: one.number for one in state.entrants if one.number}
+    return {
+        "event": state.name,
+        "begun_at": state.begun_at,
+        "is_final": state.is_final,
+        "driven": len(day.records),
+        "next": day.next.title if day.next else None,
+        "numbers": numbers,
+        **day_document(day.plan, day.ledger),
     }
 
 

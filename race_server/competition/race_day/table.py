@@ -3,9 +3,15 @@
 from rich.table import Table
 from rich.text import Text
 
-from race_server.competition.race_day.day import DayPlan
 from race_server.competition.race_day.ledger import Ledger
-from race_server.competition.race_day.tables import NOT_CLASSIFIED, DayTable, subtitle, tables_of
+from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.tables import (
+    NOT_CLASSIFIED,
+    DayTable,
+    heading,
+    subtitle,
+    tables_of,
+)
 from race_server.terminal import Console
 
 _STEPS = ("gold3", "grey74", "orange3")
@@ -13,7 +19,7 @@ _STEPS = ("gold3", "grey74", "orange3")
 
 def print_tables(plan: DayPlan, ledger: Ledger, console: Console) -> None:
     """Print all tables of a day and its podium."""
-    console.print(Text(f"{plan.format.title} race day", style="bold"))
+    console.print(Text(heading(plan), style="bold"))
     console.print(Text(subtitle(plan), style="dim"))
     for table in tables_of(plan, ledger):
         console.print()

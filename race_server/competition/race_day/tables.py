@@ -1,9 +1,12 @@
 """The tables of a race day as texts, for terminal and picture."""
 
 from dataclasses import dataclass
+from functools import partial
 
-from race_server.competition.race_day.day import DayPlan
+from race_server.competition.race_day.formats import LAP, Races, TimeTrial
 from race_server.competition.race_day.ledger import Heat, Ledger, RacesResult, TrialResult
+from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.record import TeamResult
 from race_server.core.clock import lap_text
 
 NONE = "–"
@@ -47,20 +50,36 @@ def trial_table(trial: TrialResult) -> DayTable:
     rows = []
     for place, row in enumerate(trial.rows, start=1):
         times = [
-            lap_text(time) if drive.place else "failed"
+            lap_text(time) if _counts(stage, time, drive) else "failed"
             for time, drive in zip(row.times_us, row.attempts, strict=True)
         ]
+        times += [NONE] * (stage.attempts - len(times))
         points = [str(row.points)] if has_points else []
         touches = "/".join(str(drive.wall_contacts) for drive in row.attempts)
-        remarks = " / ".join(dict.fromkeys(d.remark for d in row.attempts if d.remark))
-        rows.append(
-            (str(place), row.team, *times, lap_text(row.time_us), touches, *points, remarks)
+        remarks = " / ".join(
+            dict.fromkeys(filter(None, map(partial(_remark, stage), row.attempts)))
         )
+        best = lap_text(row.time_us) if row.attempts and _is_shown(stage, row.time_us) else NONE
+        rows.append((str(place), row.team, *times, best, touches, *points, remarks))
     boxes = len(trial.course.obstacles)
-    where = f"{trial.course.title}, {stage.laps} laps, " + (
-        f"{boxes} obstacles" if boxes else "empty"
-    )
+    laps = f"{stage.laps} lap" + ("s" if stage.laps > 1 else "")
+    where = f"{trial.course.title}, {laps}, " + (f"{boxes} obstacles" if boxes else "empty")
     return DayTable(f"{stage.name} · {where}", tuple(columns), tuple(rows))
+
+
+def _is_shown(stage: TimeTrial, time_us: int) -> bool:
+    """Return whether the time of a failure is shown as such: where laps count it is none."""
+    return stage.counts != LAP or time_us < round(stage.failure_s * 1e6)
+
+
+def _counts(stage: TimeTrial, time_us: int, drive: TeamResult) -> bool:
+    return _is_shown(stage, time_us) if stage.counts == LAP else drive.place > 0
+
+
+def _remark(stage: TimeTrial, drive: TeamResult) -> str:
+    """Return the remark on an attempt; where laps count, with those that do not."""
+    gone = [f"lap {lap.number} {lap.why}" for lap in drive.deleted if stage.counts == LAP]
+    return "; ".join(filter(None, [drive.remark, *gone]))
 
 
 def heat_table(heat: Heat, *, has_points: bool) -> DayTable:
@@ -127,6 +146,8 @@ def final_table(ledger: Ledger) -> DayTable:
     """Return the final classification."""
     has_points = ledger.format.has_points
     decides = "points" if has_points else "qualifying"
+    if not ledger.heats():
+        decides = "points" if has_points else "time"
     rows = []
     for row in ledger.classification():
         figure = str(row.points) if has_points else lap_text(row.qualifying_us)
@@ -144,6 +165,12 @@ def final_table(ledger: Ledger) -> DayTable:
 
 def _place(place: int) -> str:
     return str(place) if place > 0 else NOT_CLASSIFIED
+
+
+def heading(plan: DayPlan) -> str:
+    """Return the title of an event."""
+    is_day = any(isinstance(stage, Races) for stage in plan.format.stages)
+    return f"{plan.format.title} race day" if is_day else plan.format.title
 
 
 def subtitle(plan: DayPlan) -> str:

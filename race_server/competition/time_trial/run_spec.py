@@ -7,10 +7,12 @@ from itertools import product
 import numpy as np
 
 from race_server.competition.time_trial.gaps import DECISION_TICKS, NONE, Gap
+from race_server.core.kernels.rng import EPISODE_STREAM, bits
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.core.vehicles import Vehicle
 from race_server.envs.presets import task_on
+from race_server.envs.rounds import SEED_SHIFT
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
@@ -21,6 +23,8 @@ from race_server.second.highway_itself import NAME as ITSELF
 FLYING, STANDING = "flying", "standing"
 STARTS = (FLYING, STANDING)
 
+# Number of the round that a batch begins with.
+FIRST_ROUND = 1
 # A kart that stands for longer is out [s]: the rule of the 1/10 race.
 STOPPED_S = 10.0
 # No lap takes longer than at this share of the top speed: 0.25 m/s for the 1/10 car.
@@ -136,6 +140,11 @@ def task_of(spec: RunSpec, course: Course, preset: str, line: ReferenceLine | No
 def _rival(spec: RunSpec) -> str:
     """Return the driver of the others; highway-env itself drives its own, so it is not asked."""
     return "pure_pursuit" if spec.simulator.startswith(ITSELF) else "highway_idm"
+
+
+def world_seed(seed: int) -> int:
+    """Return the seed of the world in which the run of a seed is driven: that of its one round."""
+    return int(bits(seed, EPISODE_STREAM, FIRST_ROUND, 0)) >> SEED_SHIFT
 
 
 def on_the_mark(course: Course, vehicle: Vehicle, seed: int) -> Floats:

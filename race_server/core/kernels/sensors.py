@@ -100,16 +100,17 @@ def disturb(
     seed: int,
     stream: int,
     tick: int,
-    kart: int,
+    place: int,
 ) -> None:
     """Add noise of deviation `noise` [m] to ranges (R,); a share `dropout` of them becomes 0.
 
-    reach: largest range [m]; seed, stream, tick, kart: of the random numbers, see `rng`.
+    reach: largest range [m]; seed, stream, tick, and the kart's place on the grid: of the random
+    numbers, see `rng`. By its place a kart alone on pole measures the same, whatever its seat.
     """
     if noise <= 0.0 and dropout <= 0.0:
         return
     for ray in range(len(ranges)):
-        counter = kart * RAYS_LIMIT + ray
+        counter = place * RAYS_LIMIT + ray
         if dropout > 0.0 and uniform(seed, stream, tick, -1 - counter) < dropout:
             ranges[ray] = 0.0
         elif noise > 0.0:

@@ -65,7 +65,8 @@ def scan_lidar(world: World, w: int, k: int) -> None:
     fan = Fan(x, y, cos, sin, rays, sensors.lidar_field, sensors.lidar_reach)
     _scan(world, w, k, fan, ranges, world.sight.radar_kinds[w, k, :0])  # a lidar has no kinds
     noise, dropout = sensors.lidar_noise, sensors.lidar_dropout
-    disturb(ranges, fan.reach, noise, dropout, race.seed, LIDAR_STREAM, race.tick, k)
+    place = world.racers[w, k].grid_place
+    disturb(ranges, fan.reach, noise, dropout, race.seed, LIDAR_STREAM, race.tick, place)
     note_sightings(world, w, k, fan, ranges)
 
 
@@ -77,7 +78,8 @@ def scan_radar(world: World, w: int, k: int) -> None:
     x, y, cos, sin = _pose_of(world.bodies[w, k], sensors.radar_ahead)
     fan = Fan(x, y, cos, sin, rays, sensors.radar_field, sensors.radar_reach)
     _scan(world, w, k, fan, ranges, world.sight.radar_kinds[w, k])
-    disturb(ranges, fan.reach, sensors.radar_noise, 0.0, race.seed, RADAR_STREAM, race.tick, k)
+    place, noise = world.racers[w, k].grid_place, sensors.radar_noise
+    disturb(ranges, fan.reach, noise, 0.0, race.seed, RADAR_STREAM, race.tick, place)
     note_sightings(world, w, k, fan, ranges)
 
 

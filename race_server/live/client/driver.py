@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 
 from race_server.core.driver import Briefing, Driver
@@ -37,7 +38,7 @@ def run_driver(
     timing: ClientTiming | None = None,
     on_turn: Callable[[], None] = lambda: None,
 ) -> Briefing:
-    """Drive one race to its end and return the briefing that the driver had.
+    """Drive one race to its end, or all of an event, and return the briefing of the last.
 
     Args:
         driver: what decides.
@@ -65,23 +66,22 @@ def run_driver(
     with connect(timeout_s=timeout_s) as link:
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         seat = persist(partial(take_seat, link, Join(name[:MOST_NAME], driver.preset, wanted)))
-        briefing = seat.welcome.briefing
-        call_driver(name, "reset", partial(driver.reset, briefing))
+        call_driver(name, "reset", partial(driver.reset, seat.welcome.briefing))
         stats = link_stats or LinkStats()
         if link_stats is not None:
             _record_events(link, seat.number, link_stats)
-        begin = partial(DriverLoop, driver, name, briefing, seat.layout, stats, raw=raw)
         catch_up = partial(_catch_up, seat.number, stats)
         fresh_link = partial(connect, timeout_s=timing.fresh_link_s)
+        begin = partial(DriverLoop, driver, name, layout=seat.layout, link_stats=stats, raw=raw)
+        begin = partial(begin, give_up_s=timing.give_up_s)
         with Reconnect(seat, fresh_link, catch_up, timing.fresh_link_s) as reconnect:
             try:
                 persist(partial(_get_ready, seat, stats))
-                loop = begin(give_up_s=timing.give_up_s, now_s=time.monotonic())
-                _answer_all(loop, seat, reconnect, stats, on_observation, timing, on_turn)
+                races = _Races(seat, reconnect, stats, on_observation, timing, on_turn)
+                return races.drive(driver, name, begin)
             except DriverError:
                 seat.act(topics.LEAVE)
                 raise
-        return briefing
 
 
 def _get_ready(seat: ClientSeat, link_stats: LinkStats) -> None:
@@ -109,40 +109,84 @@ def _catch_up(seat: int, link_stats: LinkStats, link: ClientLink, deadline: floa
         receive(insist(partial(link.ask, topics.RECENT), deadline))
 
 
-def _answer_all(
-    loop: DriverLoop,
-    seat: ClientSeat,
-    reconnect: Reconnect,
-    link_stats: LinkStats,
-    on_observation: Callable[[LinkStats], None],
-    timing: ClientTiming,
-    on_turn: Callable[[], None],
-) -> None:
-    """Answer observations until the race is over for this kart."""
-    loop.on_order(seat.welcome.order)
-    while True:
-        on_turn()
-        frame = seat.receive(timing.observation_timeout_s)
-        link_stats.reconnects += reconnect.finish()
-        now_s = time.monotonic()
-        if frame is None:
-            loop.on_silence(now_s)
-            if loop.has_begun and reconnect.begin():
+@dataclass
+class _Races:
+    """The races of one driver: one, or those of an event."""
+
+    seat: ClientSeat
+    reconnect: Reconnect
+    link_stats: LinkStats
+    on_observation: Callable[[LinkStats], None]
+    timing: ClientTiming
+    on_turn: Callable[[], None]
+    epoch: int = -1  # of the last race that is over for this kart
+    is_over: bool = False  # the event
+
+    def drive(self, driver: Driver, name: str, begin: Callable[..., DriverLoop]) -> Briefing:
+        """Drive all races, and return the briefing of the last; the driver was reset already.
+
+        Raises:
+            DriverError: the driver raised.
+        """
+        briefing = self.seat.welcome.briefing
+        self._answer(begin(briefing=briefing, now_s=time.monotonic()))
+        while (following := self._following()) is not None:
+            briefing = following
+            call_driver(name, "reset", partial(driver.reset, briefing))
+            with suppress(LinkError):  # reported again below
+                self.seat.act(topics.READY)
+            self._answer(begin(briefing=briefing, now_s=time.monotonic()))
+        return briefing
+
+    def _answer(self, loop: DriverLoop) -> None:
+        """Answer observations until the race is over for this kart, or the event is."""
+        seat, link_stats = self.seat, self.link_stats
+        loop.on_order(seat.welcome.order)
+        while not self.is_over:
+            self.on_turn()
+            frame = seat.receive(self.timing.observation_timeout_s)
+            link_stats.reconnects += self.reconnect.finish()
+            now_s = time.monotonic()
+            if frame is None:
+                loop.on_silence(now_s)
+                if loop.has_begun and self.reconnect.begin():
+                    continue
+                with suppress(LinkError):  # a lobby that has not started yet sends nothing
+                    self._ask_again(loop)
                 continue
-            with suppress(LinkError):  # a lobby that has not started yet sends nothing
-                seat.ask_again()
-                link_stats.reconnects += loop.has_begun
-            continue
-        loop.on_order(seat.receive_order())
-        answer = loop.on_frame(frame, now_s)
-        if answer is None:
-            continue
-        loop.on_sent(answer, time.monotonic())
-        seat.answer(answer.epoch, answer.sequence, answer.tick, answer.control)
-        on_observation(link_stats)
-        if answer.is_last:
-            link_stats.wait_for_outcome(timing.outcome_s)
+            if frame.epoch == self.epoch:
+                loop.on_sign(now_s)  # others still race
+                continue
+            loop.on_order(seat.receive_order())
+            answer = loop.on_frame(frame, now_s)
+            if answer is None:
+                continue
+            loop.on_sent(answer, time.monotonic())
+            seat.answer(answer.epoch, answer.sequence, answer.tick, answer.control)
+            self.on_observation(link_stats)
+            if answer.is_last:
+                link_stats.wait_for_outcome(self.timing.outcome_s)
+                self.epoch = answer.epoch
+                return
+
+    def _ask_again(self, loop: DriverLoop) -> None:
+        """Ask for the seat; between two races of an event report ready to a server that forgot."""
+        welcome = self.seat.ask_again()
+        self.link_stats.reconnects += loop.has_begun
+        if loop.has_begun:
             return
+        loop.on_sign(time.monotonic())
+        if self.epoch >= 0:
+            self.is_over = not welcome.stays
+        if welcome.stays:
+            self.seat.act(topics.READY)
+
+    def _following(self) -> Briefing | None:
+        """Return the briefing for the next race of an event, None where there is none."""
+        if self.is_over or not self.seat.welcome.stays:
+            return None
+        welcome = insist(self.seat.ask_again, time.monotonic() + self.timing.give_up_s)
+        return welcome.briefing if welcome.stays else None
 
 
 class KartClient:

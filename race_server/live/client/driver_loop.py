@@ -84,6 +84,10 @@ class DriverLoop:
         """Whether an observation was received yet; a lobby sends none."""
         return self._epoch >= 0
 
+    def on_sign(self, now_s: float) -> None:
+        """Record that the server is there, though it sends no observation of a new race."""
+        self._last_s = now_s
+
     def on_silence(self, now_s: float) -> None:
         """Do nothing as long as it is worth waiting.
 

@@ -9,6 +9,7 @@ from race_server.errors import WireError
 from race_server.live.client.clock_offset import ClockOffset
 from race_server.live.client.event_stream import EventStream
 from race_server.net.wire import topics
+from race_server.net.wire.alert import AlertsFrame, decode_alerts
 from race_server.net.wire.line import decode_line
 from race_server.net.wire.links import decode_links
 from race_server.net.wire.lobby import CourseSheet, decode_course, decode_rules
@@ -32,6 +33,7 @@ _DECODERS: dict[Topic, Callable[[bytes], Any]] = {
     topics.TABLE: decode_standings,
     topics.LINKS: decode_links,
     topics.LOT: decode_lot,
+    topics.ALERTS: decode_alerts,
     topics.EVENTS: decode_events,
     topics.RECENT: decode_events,
     topics.COURSE: decode_course,
@@ -58,6 +60,7 @@ class RaceView:
         self.standings: StandingsFrame | None = None
         self.course: CourseSheet | None = None
         self.lot: LotFrame | None = None  # of a car park
+        self.alerts: AlertsFrame | None = None  # of real karts
         self.events = EventStream(most_events)
         self.offset = ClockOffset()
         self.damaged = 0  # messages that could not be decoded
@@ -86,6 +89,8 @@ class RaceView:
             self.course = message
         if topic is topics.LOT:
             self.lot = message
+        if topic is topics.ALERTS:
+            self.alerts = message
         return Update()
 
     def _receive_snapshot(self, frame: SnapshotFrame, now_s: float) -> Update:
@@ -106,7 +111,7 @@ class RaceView:
         is_other = self.epoch >= 0
         if is_other:
             self.offset.restart()
-        self.epoch, self.snapshot, self.lot = epoch, None, None
+        self.epoch, self.snapshot, self.lot, self.alerts = epoch, None, None, None
         self.events.begin(epoch)
         return is_other
 

@@ -84,6 +84,10 @@ class ClientSeat:
         """Send a control that answers the observation of a tick."""
         self.send(encode_control(ControlFrame(epoch, sequence, tick, _within(control))))
 
+    def sender(self, topic: topics.Topic) -> Callable[[bytes], None]:
+        """Return a function that sends messages of another topic of this seat."""
+        return self.link.sender(self.number, badge_of(self.welcome.secret), topic)
+
     def act(self, topic: topics.Topic, *, ready: bool = True) -> None:
         """Report to the server that this seat is ready, or leaves.
 

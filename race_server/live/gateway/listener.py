@@ -13,7 +13,10 @@ from race_server.net.wire.topics import Topic
 
 # What is asked for once a race is there, in this order; and what is received from then on.
 ASKED = (topics.COURSE, topics.RULES, topics.LINE, topics.TABLE, topics.RECENT)
-RECEIVED = (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LINKS, topics.LOT)
+RECEIVED = (
+    *(topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LINKS, topics.LOT),
+    topics.ALERTS,
+)
 
 # A topic with its message; None with a sentence where the race has gone.
 Receive = Callable[[Topic | None, bytes], None]

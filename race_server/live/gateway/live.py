@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from race_server.live.client.race_view import RaceView, Update
-from race_server.live.gateway.audience import LINKS, LOT, STANDINGS, Audience, Viewer
+from race_server.live.gateway.audience import ALERTS, LINKS, LOT, STANDINGS, Audience, Viewer
 from race_server.live.gateway.frames import (
     EVENTS_PER_FRAME,
     MAX_WHOLE_FRAMES,
@@ -23,7 +23,7 @@ from race_server.net.wire.topics import Topic
 
 # What a new viewer is sent before the events, and after them.
 FIRST = (topics.COURSE, topics.RULES, topics.LINE, topics.STANDINGS)
-THEN = (topics.LINKS, topics.LOT, topics.SNAPSHOT)
+THEN = (topics.LINKS, topics.LOT, topics.ALERTS, topics.SNAPSHOT)
 # Messages that are kept for new viewers and published when they change; of some only the newest
 # counts for a browser that reads slowly.
 _NEWEST = {
@@ -31,6 +31,7 @@ _NEWEST = {
     topics.TABLE: STANDINGS,
     topics.LINKS: LINKS,
     topics.LOT: LOT,
+    topics.ALERTS: ALERTS,
 }
 _ALL = frozenset({topics.COURSE, topics.RULES, topics.LINE})
 # Events that are remembered: as many as `EventFrames` holds.

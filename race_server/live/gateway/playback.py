@@ -18,12 +18,14 @@ from race_server.live.gateway.frames import RecordedEventFrames, event_frames, f
 from race_server.live.gateway.limits import GatewayTiming
 from race_server.live.gateway.rays import RayCaster
 from race_server.live.gateway.requests import Request
+from race_server.net.wire.alert import decode_alerts
 from race_server.net.wire.line import encode_line
 from race_server.net.wire.lobby import encode_course, encode_rules
 from race_server.net.wire.parking import LotFrame, decode_lot
 from race_server.net.wire.rays import encode_rays
 from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import SnapshotFrame, decode_snapshot, decode_standings
+from race_server.storage.recording.channels import ALERTS as ALERT_LINES
 from race_server.storage.recording.channels import LOTS, SNAPSHOTS
 from race_server.storage.recording.channels import STANDINGS as TABLES
 from race_server.storage.recording.scenario_codec import unpack_scenario
@@ -57,6 +59,7 @@ class Player:
         self._snapshot: SnapshotFrame | None = None
         self._caster: RayCaster | None = None
         self._has_lot = False
+        self._has_real_karts = any(row.is_tracked for row in recording.start.seats)
         self._lot: LotFrame | None = None  # of a car park
 
     def handle(self, request: Request) -> None:
@@ -123,10 +126,11 @@ class Player:
 
     async def _jump(self, tick: int) -> None:
         """Send the state at a tick, and all events until then."""
-        table, lot, snapshot, events = await self._run_in_pool(
+        table, lot, alerts, snapshot, events = await self._run_in_pool(
             lambda: (
                 self._recording.newest(TABLES, tick),
                 self._recording.newest(LOTS, tick) if self._has_lot else None,
+                self._recording.newest(ALERT_LINES, tick) if self._has_real_karts else None,
                 self._recording.newest(SNAPSHOTS, tick),
                 self._event_frames.frames(bisect_right(self._ticks, tick)),
             )
@@ -138,6 +142,8 @@ class Player:
             outbox.send(table.data)
         if lot is not None and self._decode_lot(lot):
             outbox.send(lot.data)
+        if alerts is not None and _is_sound(decode_alerts, alerts):
+            outbox.send(alerts.data)
         for frame in events:
             outbox.send_frame(frame)
         if snapshot is not None and self._decode_snapshot(snapshot):
@@ -169,6 +175,10 @@ class Player:
             outbox.send_newest(STANDINGS, frame_of(table.data))
         if lot is not None and self._decode_lot(lot):
             outbox.send_newest(LOT, frame_of(lot.data))
+        # Each of them: at a high speed a short one would be missed.
+        for alerts in (moment for moment in found if moment.kind is ALERT_LINES):
+            if _is_sound(decode_alerts, alerts):
+                outbox.send(alerts.data)
         if snapshot is not None and self._decode_snapshot(snapshot):
             outbox.send_newest(SNAPSHOT, frame_of(snapshot.data))
             self._send_rays()

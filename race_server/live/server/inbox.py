@@ -1,10 +1,12 @@
 """What the server receives over its link, dispatched to what it concerns."""
 
-from race_server.errors import WireError
+from race_server.errors import Reason, WireError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters
 from race_server.live.server.requests import RequestHandler
 from race_server.net.transport import ServerLink
+from race_server.net.wire import topics
+from race_server.net.wire.alert import decode_alert
 from race_server.net.wire.drive import decode_control
 from race_server.net.wire.pose import decode_pose
 from race_server.session import Session
@@ -30,9 +32,11 @@ class Inbox:
         self._requests.shut_revoked(self._local_drivers)
         for seat, data in self._link.receive_controls():
             self.receive_control(seat, data)
-        self._link.expect_poses(self._session.tracked_karts.trackers.keys())
-        for seat, data, arrived_us in self._link.receive_poses():
+        self._link.expect_tracked(self._session.tracked_karts.trackers.keys())
+        for seat, data, arrived_us in self._link.receive_tracked(topics.POSE):
             self._receive_pose(seat, data, arrived_us)
+        for seat, data, arrived_us in self._link.receive_tracked(topics.ALERT):
+            self._receive_alert(seat, data, arrived_us)
         for request in self._link.receive_requests():
             self._requests.answer(request)
         for seat, is_there in self._link.receive_presence():
@@ -69,3 +73,16 @@ class Inbox:
             )
         except WireError as error:
             self._counters.refused.record(error.reason, seat)
+
+    def _receive_alert(self, seat: int, data: bytes, arrived_us: int) -> None:
+        try:
+            frame = decode_alert(data)
+            self._check_epoch(frame.epoch)
+            alerts = self._session.tracked_karts.alerts
+            alerts.receive(seat, frame.sequence, frame.alert, arrived_us)
+        except WireError as error:
+            self._counters.refused.record(error.reason, seat)
+
+    def _check_epoch(self, epoch: int) -> None:
+        if epoch != (now := self._session.epoch):
+            raise WireError(f"alert for epoch {epoch}, this is epoch {now}", Reason.EPOCH)

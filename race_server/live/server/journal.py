@@ -11,7 +11,14 @@ from race_server.net.wire.spectate import decode_snapshot, encode_events
 from race_server.net.wire.topics import Topic
 from race_server.session import Session
 from race_server.storage.queue import Ticket
-from race_server.storage.recording.channels import EVENTS, LOTS, SCENE, SNAPSHOTS, STANDINGS
+from race_server.storage.recording.channels import (
+    ALERTS,
+    EVENTS,
+    LOTS,
+    SCENE,
+    SNAPSHOTS,
+    STANDINGS,
+)
 from race_server.storage.recording.header import header_of
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
@@ -45,7 +52,11 @@ class Journal:
         if recorder is None:
             return None
         journal = cls(logbook, session, frame, recorder)
-        session.journal_standing_decisions()
+        # What was decided before the race began, and still holds.
+        for act in session.seats.closings(session.tick):
+            session.journal.add(act)
+        for granted in session.replay_guard.granted(session.tick):
+            session.journal.add(granted)
         recorder.record(session.journal.drain())
         borders, at = session.scenario.course.borders, recorder.time_of(0)
         recorder.write(SCENE, 0, partial(course_scene, borders, at))
@@ -84,6 +95,8 @@ class Journal:
             recorder.write(STANDINGS, tick, payload)
         elif topic is topics.LOT:
             recorder.write(LOTS, tick, payload)
+        elif topic is topics.ALERTS:
+            recorder.write(ALERTS, tick, payload)
 
     def _draw(self, snapshot: bytes, at: int) -> bytes:
         """Return a snapshot as a scene. at: time [ns since 1970]."""

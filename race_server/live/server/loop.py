@@ -1,17 +1,17 @@
 """The race server: receives from the seats, advances the race, publishes. Read `run` first."""
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from race_server.core.clock import Pacer, ticks_of
 from race_server.core.messages import Event
-from race_server.errors import DriverError, Reason, SeatError
+from race_server.errors import Reason, SeatError
 from race_server.live.driver_processes import DriverProcesses
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters, Refusals
 from race_server.live.server.inbox import Inbox
+from race_server.live.server.lobby import Lobby
 from race_server.live.server.persistence import Persistence
 from race_server.live.server.publisher import Publisher
 from race_server.live.server.requests import RequestHandler
@@ -26,6 +26,7 @@ from race_server.live.suspects import Suspects
 from race_server.live.watchdog import Watchdog
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
+from race_server.scenario.race import Scenario
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
@@ -63,7 +64,7 @@ class RaceServer:
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
         self._session_log = SessionLog(session, self.counters, self.log, timing)
-        self._local_drivers = inside = LocalDrivers(session, self.suspects)
+        self.local_drivers = inside = LocalDrivers(session, self.suspects)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
         self._wheels = Wheels(session, inside, self.counters, self.suspects, self.valet)
         self._yardstick = Yardstick(session, inside, self.valet if self.measures else "")
@@ -74,7 +75,9 @@ class RaceServer:
         self._requests = RequestHandler(
             session, self.link, self._steward, self._wheels, refused, announced, timing.show_up_s
         )
-        self.inbox = Inbox(session, self.link, self._requests, self._local_drivers, self.counters)
+        self.inbox = Inbox(session, self.link, self._requests, self.local_drivers, self.counters)
+        drivers = inside, self.processes
+        self.lobby = Lobby(session, self.link, drivers, timing, self._tend)
         self._result: RaceResult | None = None  # of the last race, until the next one begins
         self._stop = False
 
@@ -88,20 +91,13 @@ class RaceServer:
         Raises:
             DriverError: there are fillers, and no driver at all.
         """
-        self.wait_in_lobby(drivers)
-        self._fill()
-        self.wait_in_lobby(drivers)
-        return None if self._stop else self._begin_again(self.race())
+        self.lobby.gather(drivers, self.fillers)
+        return None if self.is_stopped else self._begin_again(self.race())
 
-    def _fill(self) -> None:
-        """Give the free seats to the drivers of the server, and wait until they are ready."""
-        if self._stop:
-            return
-        apart = self.processes.fill(self.session, self.fillers)
-        self._local_drivers.fill(self.fillers, but=apart)
-        self._wait_until(lambda: not self.processes.are_coming(self.session))
-        if self.fillers and not self._stop and not self.session.seats.taken():
-            raise DriverError(f"no driver of {', '.join(self.fillers)} can take part; see the log")
+    def drive(self, scenario: Scenario) -> RaceResult:
+        """Race in an event: drivers keep their seats, those inside begin as if made for it."""
+        self.session.prepare(scenario)
+        return self._begin_again(self.race())
 
     def _begin_again(self, result: RaceResult) -> RaceResult:
         """Race again with the same drivers each time that the steward restarts the race."""
@@ -110,7 +106,8 @@ class RaceServer:
             self.reopen()
             for seat in self.session.seats:
                 seat.is_ready = seat.is_taken
-            self._fill()
+            if not self.session.keeps_seats:
+                self.lobby.fill(self.fillers)
             result = self.race()
         return result
 
@@ -118,59 +115,36 @@ class RaceServer:
         """End the race at the next tick; what was driven counts."""
         self._stop = True
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the server was told to stop."""
+        return self._stop
+
     def reopen(self) -> None:
-        """Go back to the lobby after a race; the seats that were filled are free again."""
+        """Go back to the lobby after a race; the seats that were filled are free again.
+
+        In an event all drivers stay.
+        """
         self.session.reopen()
-        self._local_drivers.clear()
-        for seat in self.processes.end():
-            self.session.drop(seat)
+        if not self.session.keeps_seats:
+            self.local_drivers.clear()
+            for seat in self.processes.end():
+                self.session.drop(seat)
         self._publisher.publish_standings()
 
     def see_off(self, review_s: float = 0.0) -> None:
-        """Send drivers the end until they have gone: on a bad network the first message is lost.
-
-        review_s: for at least this long stewards may change the result.
-        """
-        begun, again, timing = time.monotonic(), 0.0, self.timing
-        limit_s = max(timing.see_off_s, review_s)
-        while not self._stop and (now := time.monotonic()) < begun + limit_s:
-            self.poll()
-            is_reviewed = now >= begun + review_s
-            linked = (seat for seat in self.session.seats.taken() if seat.is_present)
-            if is_reviewed and all(seat.number in self._local_drivers for seat in linked):
-                return
-            if now > again:
-                again = now + timing.repeat_s
-                self._publish_observations()
-            self.link.wait(timing.poll_s)
-
-    def wait_in_lobby(self, drivers: int) -> None:
-        """Serve the lobby until `drivers` seats are taken and all their drivers are ready."""
-
-        def can_start() -> bool:
-            self.counters.refused.record_dropped(self.link.dropped)
-            self._requests.free_deserted_seats()
-            taken = len(self.session.seats.taken())
-            return taken >= drivers and (taken == 0 or self.session.can_start())
-
-        self._wait_until(can_start)
-
-    def _wait_until(self, is_so: Callable[[], bool], timeout_s: float = math.inf) -> None:
-        """Receive until a condition holds, the time is over, or the server is stopped."""
-        deadline = time.monotonic() + timeout_s
-        while not self._stop and time.monotonic() < deadline:
-            self.poll()
-            if is_so():
-                return
-            self.link.wait(self.timing.poll_s)
+        """Send drivers the end until they have gone; stewards may change it for `review_s` [s]."""
+        self.lobby.see_off(self._publish_observations, review_s)
 
     def race(self) -> RaceResult:
         """Run one race from the countdown to the last kart's finish."""
         self._result = None
         self._wheels.clear()
+        if self.session.keeps_seats:
+            self.local_drivers.renew()
         self.session.start(_now_us())
         self._yardstick.begin()
-        self._persistence.open(self.pace, self._local_drivers)
+        self._persistence.open(self.pace, self.local_drivers)
         return self._race_on(list(self.session.event_log.recent))
 
     def resume(self, recording: Recording, events: list[Event]) -> RaceResult:
@@ -181,14 +155,14 @@ class RaceServer:
         self._persistence.resume(recording)
         for row in recording.start.seats:
             if row.is_local:
-                self._local_drivers.readmit(row.driver, row.number)
+                self.local_drivers.readmit(row.driver, row.number)
             else:
                 # As it is now: a driver that was sent away has none.
                 self.link.holders.admit(row.number, self.session.seats[row.number].key)
         if self.pace == LOCKSTEP:
             # The world must not run away from drivers that are coming back.
-            taken = self.session.seats.taken
-            self._wait_until(lambda: all(seat.is_present for seat in taken()), self.timing.answer_s)
+            drive = self.session.lined_up
+            self.lobby.wait_until(lambda: all(s.is_present for s in drive()), self.timing.answer_s)
         self.session.tracked_karts.resume(self.session.world, _now_us())
         self._wheels.resume()
         return self._begin_again(self._race_on(events))
@@ -287,7 +261,7 @@ class RaceServer:
             self._publisher.order_stop(_now_us())
             if time.monotonic() > again:
                 again = time.monotonic() + self.timing.repeat_s
-                self._publisher.repeat(self.session.seats, but=self._local_drivers)
+                self._publisher.repeat(self.session.seats, but=self.local_drivers)
             self.link.wait(self.timing.poll_s)
 
     def advance(self, ticks: int) -> None:
@@ -328,7 +302,7 @@ class RaceServer:
             if now > again:
                 again = now + self.timing.repeat_s
                 late = [self.session.seats[number] for number in waiting]
-                self._publisher.repeat(late, but=self._local_drivers)
+                self._publisher.repeat(late, but=self.local_drivers)
             self.link.wait(0.05)
 
     def poll(self) -> None:
@@ -338,10 +312,17 @@ class RaceServer:
         self._session_log.poll(self.counters.turned_at)
         self.inbox.drain()
 
+    def _tend(self) -> bool:
+        """Receive while no race is on; return whether the server goes on."""
+        self.poll()
+        self.counters.refused.record_dropped(self.link.dropped)
+        self._requests.free_deserted_seats()
+        return not self._stop
+
     def _publish_observations(self) -> None:
         """Send every seat its observation, and let the local drivers answer at once."""
         self.session.observe()
-        self._publisher.publish_seats(but=self._local_drivers)
+        self._publisher.publish_seats(but=self.local_drivers)
         self._wheels.drive(self.inbox.receive_control)
 
 

@@ -15,6 +15,7 @@ from race_server.live.server.timing import ServerTiming
 from race_server.live.server.trailers import trailers_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire import topics
+from race_server.net.wire.alert import AlertsFrame, encode_alerts
 from race_server.net.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
 from race_server.net.wire.links import LINK, LinksFrame, encode_links
 from race_server.net.wire.parking import encode_lot, encode_order
@@ -67,7 +68,7 @@ class Publisher:
 
     def publish_seats(self, *, but: Container[int]) -> None:
         """Send every seat whose driver is there its observation, and what acts on its kart."""
-        for seat in self._session.seats.taken():
+        for seat in self._session.lined_up():
             if seat.is_present and seat.number not in but:
                 self._publish_observation(seat)
                 self._publish_hud(seat)
@@ -92,6 +93,7 @@ class Publisher:
         """
         if now_us < self._order_stop_us:
             return
+        self._publish_alerts()
         self._order_stop_us = now_us + round(0.1 * self._orders_s * MICROSECONDS)
         tracked = self._session.tracked_karts
         tracked.give_orders(self._session.world, now_us, is_paused=True)
@@ -115,15 +117,27 @@ class Publisher:
         self._link.publish(topics.OBSERVATION, data, seat.number)
 
     def publish_snapshot(self) -> None:
-        """Send the race as spectators see it now."""
+        """Send the race as spectators see it now, and what is new of real karts."""
         self._publish(topics.SNAPSHOT, self._snapshots.write(snapshot_of(self._session)))
+        self._publish_alerts()
+
+    def _publish_alerts(self, *, again: bool = False) -> None:
+        """Send what real karts see and do where that has changed, or again."""
+        tracked = self._session.tracked_karts
+        if tracked.alerts.has_news(time.monotonic_ns() // 1000) or (again and tracked.trackers):
+            frame = AlertsFrame(self._session.epoch, self._session.tick, tracked.alerts.by_seat)
+            self._publish(topics.ALERTS, encode_alerts(frame))
 
     def publish_standings(self) -> None:
-        """Send the standings, and while a race is on the state of its drivers' links."""
+        """Send the standings, and while a race is on the state of its drivers' links.
+
+        What real karts see is sent again with them.
+        """
         self._publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
         if has_lot(self._session.world):
             self._publish(topics.LOT, encode_lot(lot_of(self._session, self._ways())))
             self.publish_orders()
+        self._publish_alerts(again=True)
         if self._session.is_on:
             self._publish(topics.LINKS, encode_links(links_of(self._session)))
 
@@ -261,7 +275,7 @@ def standings_of(session: Session) -> StandingsFrame:
 
 def links_of(session: Session) -> LinksFrame:
     """Return the state of each driver's link now."""
-    taken, tick, trackers = session.seats.taken(), session.tick, session.tracked_karts.trackers
+    taken, tick, trackers = session.lined_up(), session.tick, session.tracked_karts.trackers
     statuses = session.world.bodies["status"][0]
     rows = np.zeros(len(taken), LINK)
     for row, seat in zip(rows, taken, strict=True):

@@ -31,6 +31,7 @@ from race_server.net.wire.sheets import LOCKSTEP, course_sheet, line_sheet, rule
 from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.session import Session
 from race_server.session.parking import parks_from_start
+from race_server.session.replay_guard import Granted
 from race_server.session.seats import Seat
 
 
@@ -145,7 +146,7 @@ class RequestHandler:
             owns=self._link.is_open and request.seat >= 0,
             tracked=join.tracked,
         )
-        session.grant(join.secret, join.serial)
+        self._grant(join.secret, join.serial)
         self._link.holders.admit(seat.number, seat.key)
         if session.phase is Phase.LOBBY and seat.number not in self._linked:
             self._expected[seat.number] = time.monotonic()
@@ -157,7 +158,7 @@ class RequestHandler:
         if not seat.fits(act.secret):
             raise SeatError(f"seat {act.seat} is not yours: the secret does not fit", Reason.SECRET)
         self._session.replay_guard.check(key_of(act.secret), act.serial)
-        self._session.grant(act.secret, act.serial)
+        self._grant(act.secret, act.serial)
         if request.topic is topics.LEAVE:
             self._session.leave(act.seat)
         elif request.topic is topics.PARK and act.ready:
@@ -167,6 +168,12 @@ class RequestHandler:
         else:
             seat.is_ready = act.ready
         return encode_reply("")
+
+    def _grant(self, secret: int, serial: int) -> None:
+        """Record a request that is granted, so that copies of it are refused."""
+        session, key = self._session, key_of(secret)
+        session.replay_guard.record(key, serial)
+        session.journal.add(Granted(session.tick, key, serial))
 
     def _decide(self, payload: bytes) -> bytes:
         decision = decode_decision(payload)
@@ -180,7 +187,8 @@ class RequestHandler:
         session = self._session
         briefing = briefing_for(session, seat)
         order = order_frame_of(session, seat) if parks_from_start(session.world) else None
-        return Welcome(briefing, secret, session.epoch, session.scenario.lidar.rays, order)
+        rays, stays = session.scenario.lidar.rays, session.is_event
+        return Welcome(briefing, secret, session.epoch, rays, order, stays)
 
 
 def _agreed(named: int, claimed: int) -> int:

@@ -67,7 +67,8 @@ class SessionLog:
                     log.warn("dropped: its link is gone", seat=seat.number, driver=who)
                 else:
                     log.say("gone after its race", seat=seat.number, driver=who)
-            stands = bool(driver) and races and seat.silence is FailsafeStage.STOPPED
+            is_racing = races and statuses[seat.number] == codes.RACING
+            stands = bool(driver) and is_racing and seat.silence is FailsafeStage.STOPPED
             if stands and not known.stands and seat.is_present and seat.control_tick >= 0:
                 log.warn("silent: its kart stands", seat=seat.number, driver=who)
             known.driver, known.is_present, known.stands = driver, seat.is_present, stands
@@ -75,8 +76,8 @@ class SessionLog:
     def _poll_phase(self, log: Log) -> None:
         phase = self._session.phase
         if phase is not self._phase and phase is Phase.COUNTDOWN:
-            taken = sum(seat.is_taken for seat in self._session.seats)
-            log.say("race started", epoch=self._session.epoch, karts=taken)
+            karts = len(self._session.lined_up())
+            log.say("race started", epoch=self._session.epoch, karts=karts)
         self._phase = phase
 
     def _sum_up(self, log: Log) -> None:

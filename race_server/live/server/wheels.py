@@ -54,7 +54,7 @@ class Wheels:
         if has_lot(self._session.world):
             self._lead_finished()
             self._local_drivers.traffic.watch(self._session.world, 0)
-        for seat in self._session.seats.taken():
+        for seat in self._session.lined_up():
             if seat.number in self._local_drivers:
                 self._drive_locally(seat.number, receive)
         if self._valets:

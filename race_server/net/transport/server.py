@@ -39,6 +39,7 @@ STALLED_S, GIVEN_UP_S = 2.0, 30.0
 _WITHOUT_BADGE = {
     topics.CONTROL: Reason.CONTROL_BADGE,
     topics.POSE: Reason.POSE_BADGE,
+    topics.ALERT: Reason.ALERT_BADGE,
 }
 # More unanswered requests on one key are dropped, and time out.
 MOST_QUERIES = 8
@@ -113,7 +114,7 @@ class ServerLink(Link):
         self._turn = 0  # where the next round of answers begins
         self._publishers: dict[tuple[str, int], Any] = {}
         self._controls = [self._inputs_of(seat, real_time) for seat in range(seats)]
-        self._poses: dict[int, Inputs] = {}  # of real karts, by seat
+        self._tracked: dict[tuple[int, Topic], Inputs] = {}  # of real karts, by seat
         self._kept: list[Any] = [self._subscribe_queries(topic) for topic in topics.QUERIES]
         self._kept.append(self._subscribe_presence())
         self._owners = {common_name(session_name, seat_name(seat)): seat for seat in range(seats)}
@@ -275,25 +276,22 @@ class ServerLink(Link):
             for data, _ in inputs.receive():
                 yield seat, data
 
-    def expect_poses(self, seats: Collection[int]) -> None:
-        """Receive poses on these seats and no others: no flood where no real kart sits."""
-        for seat in seats:
-            if seat not in self._poses:
-                subscribe, check = (
-                    self._subscriber(topics.POSE, seat),
-                    self._check(topics.POSE, seat),
-                )
-                self._poses[seat] = QueuedInputs(subscribe, check, self._arrived.set)
-        for seat in self._poses.keys() - set(seats):
-            self._poses.pop(seat).close()
+    def expect_tracked(self, seats: Collection[int]) -> None:
+        """Receive from real karts on these seats and no others: no flood where none sits."""
+        wanted = {(seat, topic) for seat in seats for topic in (topics.POSE, topics.ALERT)}
+        for seat, topic in wanted - self._tracked.keys():
+            inputs = self._subscriber(topic, seat), self._check(topic, seat)
+            self._tracked[seat, topic] = QueuedInputs(*inputs, self._arrived.set)
+        for key in self._tracked.keys() - wanted:
+            self._tracked.pop(key).close()
 
-    def receive_poses(self) -> Iterator[tuple[int, bytes, int]]:
-        """Yield the newest poses of each seat since the last call, oldest first.
+    def receive_tracked(self, topic: Topic) -> Iterator[tuple[int, bytes, int]]:
+        """Yield the newest poses, or alerts, of each real kart since the last call, oldest first.
 
         The third number is when each arrived [µs] by `time.monotonic`.
         """
-        for seat in sorted(self._poses):
-            for data, arrived_us in self._poses[seat].receive():
+        for seat in sorted(seat for seat, kind in self._tracked if kind is topic):
+            for data, arrived_us in self._tracked[seat, topic].receive():
                 yield seat, data, arrived_us
 
     def receive_requests(self) -> Iterable[Request]:

@@ -24,8 +24,7 @@ from race_server.net.wire.strict import U32, root_of
 # Must be equal on both ends; raised with every incompatible change.
 PROTOCOL = 2
 I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
-BRIEFING_ID, REPLY_ID = b"RBRF", b"RRPL"
-MOST_BRIEFING = 1 << 18
+BRIEFING_ID, REPLY_ID, MOST_BRIEFING = b"RBRF", b"RRPL", 1 << 18
 MOST_TEXTS = 256  # in a list: items, rules, figures of a vehicle
 _DAMAGE = (
     *(struct.error, TypeError, ValueError, IndexError, AttributeError, KeyError),
@@ -80,6 +79,7 @@ class Welcome:
     epoch: int
     lidar_rays: int
     order: OrderFrame | None = None  # only in a car park
+    stays: bool = False  # an event: more races are to come
 
 
 @dataclass(frozen=True)
@@ -212,6 +212,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
     BriefingTable.AddLidarReach(builder, briefing.lidar_reach)
     if order:
         BriefingTable.AddOrder(builder, order)
+    BriefingTable.AddStays(builder, welcome.stays)
     for name, offset in texts.items():
         getattr(BriefingTable, f"Add{name}")(builder, offset)
     builder.Finish(BriefingTable.End(builder), BRIEFING_ID)
@@ -251,9 +252,9 @@ def decode_welcome(data: bytes) -> Welcome:
             lidar_field=root.LidarField(),
             lidar_reach=root.LidarReach(),
         )
-        asked = table.table(13)
-        order = read_order(asked) if asked else None
-        return Welcome(briefing, root.Secret(), root.Epoch(), root.LidarRays(), order)
+        order = read_order(asked) if (asked := table.table(13)) else None
+        seat = root.Secret(), root.Epoch(), root.LidarRays()
+        return Welcome(briefing, *seat, order, bool(root.Stays()))
     except _DAMAGE as error:
         raise WireError(f"briefing is damaged: {error}") from error
 

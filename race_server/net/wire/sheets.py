@@ -7,7 +7,7 @@ import numpy as np
 
 from race_server.core.vehicles import numbers_of
 from race_server.net.wire.line import LineSheet
-from race_server.net.wire.lobby import CourseSheet
+from race_server.net.wire.lobby import CourseSheet, Floats
 
 if TYPE_CHECKING:
     # Scenarios import kernels, and so a compiler, which clients do not need.
@@ -28,7 +28,7 @@ def course_sheet(scenario: "Scenario") -> CourseSheet:
         kerb=course.kerb,
         borders=course.borders,
         gates=course.gates,
-        grid=course.grid,
+        grid=_grid_of(scenario),
         boxes=course.spots,
         grass=course.grass,
         obstacles=np.array(boxes).reshape(-1, 5),
@@ -38,6 +38,16 @@ def course_sheet(scenario: "Scenario") -> CourseSheet:
         kart_ahead=vehicle.box_offset,
         slots=np.zeros((0, 5)) if course.lot is None else course.lot.slots,
     )
+
+
+def _grid_of(scenario: "Scenario") -> Floats:
+    """Return the places (S, 3) on the grid; row by row those of the seats, where they differ."""
+    grid, order = scenario.course.grid, scenario.grid_order
+    if not order:
+        return grid
+    free = [place for place in range(len(grid)) if place not in order] or [0]
+    places = [place if place >= 0 else free[0] for place in order]
+    return np.concatenate([grid[places], grid[free[1:]]])
 
 
 # Of a vehicle's numbers those that decide on which arc it drives.

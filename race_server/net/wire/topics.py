@@ -49,6 +49,8 @@ class Topic:
 CONTROL_HZ = 120.0
 # Twice the highest rate of a real kart.
 POSE_HZ = 200.0
+# A kart tells what changed in each turn of its loop at most.
+ALERT_HZ = 200.0
 # Twice the highest rates of `ClientLink`: for one client's own keys, and for what all may ask.
 QUERY_HZ = 200.0
 SHARED_HZ = 20.0
@@ -56,6 +58,10 @@ SHARED_HZ = 20.0
 
 CONTROL = Topic("in/{seat}", "ControlMessage", b"RCTL", "up", "20 Hz", 256, True, True, CONTROL_HZ)
 POSE = Topic("pose/{seat}", "PoseMessage", b"RPOS", "up", "10–100 Hz", 256, True, True, POSE_HZ)
+ALERT = Topic(
+    *("alert/{seat}", "AlertMessage", b"RALR", "up", "as it changes, 5 Hz while it lasts"),
+    *(256, False, True, ALERT_HZ),
+)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 ORDER = Topic("order/{seat}", "ParkingOrder", b"RORD", "down", "2 Hz", 262144, True, False)
@@ -63,6 +69,7 @@ SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, Tru
 EVENTS = Topic("out/events", "Events", b"REVT", "out", "as they happen", 65536, False, True)
 STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, True, True)
 LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
+ALERTS = Topic("out/alerts", "Alerts", b"RALS", "out", "as they change, 2 Hz", 4096, True, True)
 LOT = Topic("out/lot", "Lot", b"RLOT", "out", "2 Hz", 131072, True, True)
 
 # The seat is in the key, so that access rules distinguish seats; `any` for any free one.
@@ -103,6 +110,7 @@ ALIVE = Topic("alive/{seat}/{badge}", "liveliness token", b"", "up", "", 0, Fals
 TOPICS = (
     CONTROL,
     POSE,
+    ALERT,
     OBSERVATION,
     HUD,
     ORDER,
@@ -110,6 +118,7 @@ TOPICS = (
     EVENTS,
     STANDINGS,
     LINKS,
+    ALERTS,
     LOT,
     JOIN,
     READY,

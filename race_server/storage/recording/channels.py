@@ -51,10 +51,11 @@ SNAPSHOTS = ChannelKind("out/snapshot", "spectate.Snapshot")
 EVENTS = ChannelKind("out/events", "spectate.Events")
 STANDINGS = ChannelKind("out/standings", "spectate.Standings")
 LOTS = ChannelKind("out/lot", "spectate.Lot")
+ALERTS = ChannelKind("out/alerts", "spectate.Alerts")
 # What Foxglove draws, see `scene.py`.
 SCENE = ChannelKind("scene", "foxglove.SceneUpdate", "json")
 
 CHANNELS = (
     *(START, INPUTS, PLACEMENTS, ACTS, GRANTED, DIGEST, LAPS),
-    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, SCENE),
+    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, SCENE),
 )

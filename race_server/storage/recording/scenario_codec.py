@@ -10,7 +10,7 @@ import numpy as np
 from race_server.core.level import Level
 from race_server.core.vehicles import vehicle_in
 from race_server.errors import RecordingError
-from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.race import Occasion, Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Course, Obstacle
 from race_server.scenario.track.limits import check_sizes
@@ -39,6 +39,7 @@ def pack_scenario(scenario: Scenario) -> tuple[str, bytes]:
         "seed": scenario.seed,
         "grid_order": scenario.grid_order,
         "level": scenario.level and asdict(scenario.level),
+        "occasion": scenario.occasion and asdict(scenario.occasion),
     }
     words["course"]["obstacles"] = [asdict(one) for one in scenario.course.obstacles]
     lot = scenario.course.lot
@@ -98,7 +99,7 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
         course["obstacles"] = tuple(Obstacle(**one) for one in course["obstacles"])
         course["sectors"] = tuple(course["sectors"])
         lot = course.pop("lot", None)
-        level = words.get("level")
+        level, occasion = words.get("level"), words.get("occasion")
         line = words["line"] and ReferenceLine(**words["line"], **_of("line", arrays))
         whole = Course(**course, lot=lot and _lot_of(lot, arrays), **_of("course", arrays))
         check_sizes(whole)
@@ -114,6 +115,7 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
             grid_order=tuple(words["grid_order"]),
             line=line or None,
             level=Level(**level) if level else None,
+            occasion=Occasion(**occasion) if occasion else None,
         )
     # Whatever the damage makes json, zip and numpy trip over.
     except Exception as error:

@@ -20,6 +20,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError, WireError
 from race_server.net.wire.journal import StartFrame, decode_digest, decode_start
 from race_server.storage.recording.channels import (
+    ALERTS,
     DIGEST,
     EVENTS,
     LOTS,
@@ -42,7 +43,7 @@ from race_server.storage.recording.reader import NANOSECONDS, learn
 KEPT_CHUNKS = 8
 # Chunks to search backwards for the standings, which are written twice a second.
 LOOK_BACK = 64
-_SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS)}
+_SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 from race_server.core.messages import PoseFault, Trust
 from race_server.errors import WireError
+from race_server.net.wire.alert import decode_alerts
 from race_server.net.wire.journal import (
     decode_acts,
     decode_digest,
@@ -21,6 +22,7 @@ from race_server.net.wire.spectate import decode_events, decode_snapshot, decode
 from race_server.session.interventions import InterventionKind
 from race_server.storage.recording.channels import (
     ACTS,
+    ALERTS,
     DIGEST,
     EVENTS,
     GRANTED,
@@ -134,6 +136,14 @@ def _lot(data: bytes) -> Words:
     return words | ({"ways": ways} if ways else {})
 
 
+def _alerts(data: bytes) -> Words:
+    frame = decode_alerts(data)
+    return {
+        "tick": frame.tick,
+        "alerts": [{"seat": seat, **alert.as_json()} for seat, alert in frame.alerts.items()],
+    }
+
+
 _READERS: dict[str, Callable[[bytes], Words]] = {
     START.key: _start,
     INPUTS.key: _inputs,
@@ -146,5 +156,6 @@ _READERS: dict[str, Callable[[bytes], Words]] = {
     EVENTS.key: _events,
     STANDINGS.key: _standings,
     LOTS.key: _lot,
+    ALERTS.key: _alerts,
     SCENE.key: json.loads,
 }

@@ -11,9 +11,10 @@ from race_server.storage.results.queries import Row
 _NUMBERS = ("race", "race_laps", "seed", "seat", "rank", "lap", "time_us")
 _WORDS = ("started_at", "session", "track", "track_digest", "vehicle", "pace", "rules_version")
 _MORE_WORDS = ("server_version", "ended", "driver", "driver_version", "status", "sectors")
+_OF_AN_EVENT = ("event", "format", "title")
 TYPES = {
     **dict.fromkeys(_NUMBERS, "int64"),
-    **dict.fromkeys((*_WORDS, *_MORE_WORDS), "string"),
+    **dict.fromkeys((*_WORDS, *_MORE_WORDS, *_OF_AN_EVENT), "string"),
     "is_clean": "bool_",
 }
 

@@ -70,7 +70,8 @@ def utc_now() -> str:
 
 def _race_of(session: Session, pace: str, started_at: str) -> Race:
     scenario = session.scenario
-    entries = tuple(_entry_of(session, seat) for seat in session.seats if seat.is_taken)
+    entries = tuple(_entry_of(session, seat) for seat in session.lined_up())
+    occasion = scenario.occasion
     vehicles = dict.fromkeys(entry.vehicle for entry in entries)
     return Race(
         started_at=started_at,
@@ -84,6 +85,9 @@ def _race_of(session: Session, pace: str, started_at: str) -> Race:
         rules_version=rules_version(scenario.rules),
         server_version=__version__,
         entries=entries,
+        event=occasion.event if occasion else "",
+        format=occasion.format if occasion else "",
+        title=occasion.title if occasion else "",
     )
 
 

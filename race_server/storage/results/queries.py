@@ -18,7 +18,7 @@ MOST_TRACE_BYTES = 1 << 24
 
 _RACES = """
     select race.id, started_at, session, track, track_digest, race.vehicle, laps, pace, seed,
-        rules_version, server_version, digest, ended,
+        rules_version, server_version, digest, ended, event, format, title,
         (select count(*) from lap where lap.race = race.id) as laps_driven,
         (select min(time_us) from lap where lap.race = race.id) as best_lap_us
     from race
@@ -45,7 +45,8 @@ _BEST = """
 """
 _LAPS = """
     select race.id as race, started_at, session, track, track_digest, entry.vehicle, laps as
-        race_laps, pace, seed, rules_version, server_version, ended, lap.seat, driver,
+        race_laps, pace, seed, rules_version, server_version, ended, event, format,
+        title, lap.seat, driver,
         driver_version, rank, status, number as lap, time_us, sectors, is_clean
     from lap join entry using (race, seat) join race on race.id = lap.race
     order by race.id, lap.number, lap.seat

@@ -92,7 +92,13 @@ _PARKING = (
     "alter table entry add column way real",
     "alter table entry add column moves integer",
 )
-MIGRATIONS = (_TABLES, _INDICES, _TRACES, _PARKING)
+# Of a race of an event: the name of the event, that of its format, and which race of it.
+_EVENTS = (
+    "alter table race add column event text not null default ''",
+    "alter table race add column format text not null default ''",
+    "alter table race add column title text not null default ''",
+)
+MIGRATIONS = (_TABLES, _INDICES, _TRACES, _PARKING, _EVENTS)
 
 # What SQLite reports, what that means, and the way out.
 _OTHER_FILE = "name another with --results FILE, or race without: --results none"

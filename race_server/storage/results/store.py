@@ -4,7 +4,7 @@ import json
 import sqlite3
 import zlib
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Self
 
@@ -43,6 +43,9 @@ class Race:
     rules_version: str
     server_version: str
     entries: tuple[Entry, ...]
+    event: str = ""  # this and the rest: of a race of an event, see `scenario.race.Occasion`
+    format: str = ""
+    title: str = ""
     is_taken_up: bool = False  # a server that was killed has begun it
 
 
@@ -64,6 +67,10 @@ class Outcome:
     ended: str  # FINISHED or STOPPED
     standings: tuple[Standing, ...]
 
+
+# Fields of a race that are no columns of its table, and those that are empty without an event.
+_NO_COLUMNS = ("entries", "is_taken_up")
+_OF_AN_EVENT = ("event", "format", "title")
 
 Change = Race | Lap | Trace | Outcome
 
@@ -134,11 +141,11 @@ class Store:
             ).fetchone()
             if begun is not None:
                 return int(begun[0])
-        values = astuple(race)[:-2]
+        left_out = _NO_COLUMNS if race.event else (*_NO_COLUMNS, *_OF_AN_EVENT)
+        names = [field.name for field in fields(race) if field.name not in left_out]
         number = self._connection.execute(
-            "insert into race (started_at, session, track, track_digest, vehicle, laps, pace, "
-            "seed, rules_version, server_version) values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            values,
+            f"insert into race ({', '.join(names)}) values ({', '.join('?' * len(names))})",
+            [getattr(race, name) for name in names],
         ).lastrowid
         assert number is not None
         self._connection.executemany(

@@ -94,7 +94,7 @@ def latency(karts: int, seconds: float) -> dict[str, Any]:
         clients = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             server = RaceServer(session, link)
-            server.wait_in_lobby(karts)
+            server.lobby.wait_for(karts)
             begun, cpu = time.perf_counter(), time.process_time()
             result = server.race()
             spent = (time.process_time() - cpu) / (time.perf_counter() - begun)

@@ -16,11 +16,13 @@ from functools import partial
 import zenoh
 
 from race_server.competition.launch import START_S
+from race_server.core.alert import Alert, Danger, DangerStage
 from race_server.core.messages import Control, Pose
 from race_server.credentials import badge_of
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
+from race_server.net.wire.alert import AlertFrame, decode_alert, encode_alert
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.net.wire.lobby import Join
 from race_server.net.wire.pose import PoseFrame, decode_pose, encode_pose
@@ -56,7 +58,7 @@ def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> No
     sys.stdin.readline()
     chance = random.Random(seed)
     epoch = insiders[0].welcome.epoch + 1
-    control, pose = _control_of(epoch), _pose_of(epoch)
+    control, pose, alert = _control_of(epoch), _pose_of(epoch), _alert_of(epoch)
     with zenoh.open(_plain_config(address)) as outside:
         puts = [
             *_forgeries(outside, control, range(honest), chance),
@@ -64,6 +66,8 @@ def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> No
             *_forgeries(outside, pose, range(honest + 2), chance),
             *(Way(kind, insiders[0].send) for kind in (control, pose)),
             *(Way(kind, insiders[1].send) for kind in (pose, control)),
+            *_forgeries(outside, alert, range(honest + 2), chance),
+            Way(alert, insiders[1].sender(topics.ALERT)),
         ]
         _send_all(puts, list(_asks(outside)), outside, messages, rate, chance)
     for insider in insiders:
@@ -94,6 +98,11 @@ def _control_of(epoch: int) -> Inbound:
 def _pose_of(epoch: int) -> Inbound:
     pose = encode_pose(PoseFrame(epoch, 1 << 30, 0, Pose(1, 1.0, 1.0, 0.5, 2.0)))
     return Inbound(topics.POSE, pose, decode_pose)
+
+
+def _alert_of(epoch: int) -> Inbound:
+    alert = encode_alert(AlertFrame(epoch, 1 << 30, Alert(1, Danger(DangerStage.FULL))))
+    return Inbound(topics.ALERT, alert, decode_alert)
 
 
 def _forgeries(

@@ -11,6 +11,7 @@ import flatbuffers
 import numpy as np
 from mcap.opcode import Opcode
 
+from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.driver import Briefing
 from race_server.core.level import Level
 from race_server.core.messages import (
@@ -21,6 +22,7 @@ from race_server.core.messages import (
     Phase,
     Pose,
     PoseFault,
+    RayHit,
     Standing,
     Status,
     Trust,
@@ -34,6 +36,7 @@ from race_server.live.gateway.limits import GatewayLimits
 from race_server.live.gateway.requests import REQUESTS, read_request
 from race_server.net.wire import (
     admin,
+    alert,
     drive,
     journal,
     line,
@@ -56,6 +59,11 @@ from race_server.tools.drills.bombs import MEGABYTE, chunk, crowd, record, zeros
 TEXT_BYTES = GatewayLimits().text_bytes
 # The longest message that is made for a decoder which takes longer ones.
 MOST_MADE = 1 << 16
+SEEN = Alert(
+    99,
+    Danger(DangerStage.FULL, RayHit.PERSON, 0.25, 4.5, 0.75, 6.5, Advice.BRAKE),
+    Cause.OBSTACLE | Cause.LINK,
+)
 
 
 @dataclass(frozen=True)
@@ -98,6 +106,7 @@ def inbound() -> tuple[Inbound, ...]:
     return (
         Inbound(topics.CONTROL, drive.encode_control(control), drive.decode_control),
         Inbound(topics.POSE, pose.encode_pose(pose.PoseFrame(1, 7, 3, placed)), pose.decode_pose),
+        Inbound(topics.ALERT, alert.encode_alert(alert.AlertFrame(1, 7, SEEN)), alert.decode_alert),
         Inbound(topics.JOIN, join, lobby.decode_join),
         Inbound(topics.READY, act, lobby.decode_seat_act),
         Inbound(topics.LEAVE, act, lobby.decode_seat_act),
@@ -179,6 +188,8 @@ def _of_races() -> Iterator[Decoder]:
     row = np.array([(-1, 0, 3, 0, 0, b""), (50, 7, 0, 2, 5, b"")], links.LINK)
     frame = links.LinksFrame(2, 600, row)
     yield _client(links.encode_links(frame), links.decode_links, topics.LINKS.most_bytes)
+    said = alert.encode_alerts(alert.AlertsFrame(2, 600, {3: SEEN}))
+    yield _client(said, alert.decode_alerts, topics.ALERTS.most_bytes)
     order = ParkingOrder(Slot(1.0, 2.0, 0.5, 3.0, 2.0), Level(), np.ones((4, 4)), np.ones((2, 5)))
     asked = parking.encode_order(parking.OrderFrame(2, 1, order))
     yield _client(asked, parking.decode_order, topics.ORDER.most_bytes)

@@ -8,6 +8,7 @@ import { drawPeople, drawPlans, drawPrediction, drawRound, drawWays } from './lo
 import { drawNames, namesOn } from './names';
 import { drawBoxes, drawHazards, drawRays, drawTrails } from './objects';
 import { type MapColours, mapColours } from './palette';
+import { drawSeen } from './seen';
 import { Surface } from './surface';
 
 // More pixels than this cost time and show no more.
@@ -115,6 +116,7 @@ export class TrackMap {
     drawTrailers(top, frame.trailers, style);
     drawKarts(top, frame.karts, style);
     camera.apply(top, ratio);
+    drawSeen(top, frame.karts, race.alerts, body, pixel);
     if (choice.ahead) drawPrediction(top, race, frame, followed, pixel);
     if (choice.names) drawNames(top, frame.karts, namesOn(race, frame, followed), style);
   }

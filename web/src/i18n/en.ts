@@ -306,7 +306,23 @@ export const en = {
     refused: (why: string) => `Not parked: ${why}`,
     keys: 'Arrows or WASD drive · Space brakes · stand in the green slot',
   },
+  kartAlerts: {
+    hits: ['', 'wall', 'obstacle', 'hazard', 'kart', 'person'],
+    ahead: 'ahead',
+    left: 'on the left',
+    right: 'on the right',
+    seen: (what: string, metres: string, side: string) => `${what} ${metres} m ${side}`,
+    // By bit of their number, from the second on: the first is what is in the way.
+    causes: ['driver let go', 'no radio', 'too fast', 'outside the course', 'place not known', 'program silent'],
+    doing: { stages: ['', 'sees', 'warns', 'slows down', 'brakes'], waits: 'waits' },
+    advices: ['', 'Brake', 'Steer left', 'Steer right', 'Wait'],
+    own: (doing: string, reason: string) => `Your kart ${doing}: ${reason}`,
+    warns: (advice: string, reason: string) => `${advice}: ${reason}`,
+    told: (who: string, doing: string, reason: string) => `${who}: kart ${doing}: ${reason}`,
+  },
   alerts: {
+    kartBrakes: '', // what the kart says
+    kartWarns: '',
     danger: 'Danger ahead',
     kart: 'Slow kart ahead',
     wrongWay: 'Wrong way',

@@ -4,11 +4,13 @@ import type { EventFrame } from '../wire/frames';
 import { EventKind } from '../wire/tables';
 import { clockText, lapText, secondsText } from '../i18n/figures';
 import type { Words } from '../i18n/en';
+import { type ToldAlert, doingOf, reasonOf, toneOf as toneOfAlert } from './alerts';
 
 export type Tone = 'plain' | 'good' | 'warning' | 'danger';
 
 export interface Message {
   sequence: number;
+  tick: number;
   at: string; // race clock
   tone: Tone;
   text: string;
@@ -50,10 +52,24 @@ export function messageOf(event: EventFrame, cast: Cast, words: Words): Message 
   if (!text) return null;
   return {
     sequence: event.sequence,
+    tick: event.tick,
     at: clockText((event.tick - cast.startTick) / 60),
     tone: toneOf(event),
     text,
     seat: event.kart,
+  };
+}
+
+/** Returns what a real kart said as a message. */
+export function messageOfAlert({ tick, number, alert }: ToldAlert, cast: Cast, words: Words): Message {
+  const who = cast.name(alert.seat);
+  return {
+    sequence: number,
+    tick,
+    at: clockText((tick - cast.startTick) / 60),
+    tone: toneOfAlert(alert),
+    text: words.kartAlerts.told(who, doingOf(alert, words), reasonOf(alert, words)),
+    seat: alert.seat,
   };
 }
 

@@ -1,10 +1,10 @@
 // Warnings for a driver.
 
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
-import { Flag, KartFlag, Phase, Status } from '../wire/tables';
+import { DangerStage, Flag, KartFlag, Phase, Status } from '../wire/tables';
 
 export type Alert =
-  'red' | 'wrongWay' | 'link' | 'yellow' | 'stuck' | 'danger' | 'kart' | 'offTrack';
+  'kartBrakes' | 'kartWarns' | 'red' | 'wrongWay' | 'link' | 'yellow' | 'stuck' | 'danger' | 'kart' | 'offTrack';
 
 export interface Watch {
   own: KartFrame;
@@ -13,6 +13,7 @@ export interface Watch {
   lapLength: number; // [m]
   kartLength: number; // [m]
   linkMs: number; // age of what the driver sees
+  stage: DangerStage; // what the kart itself says, where it is a real one
 }
 
 // Limits of what counts as ahead of a driver: time [s], and a least distance [lengths].
@@ -26,8 +27,10 @@ export const BAD_LINK_MS = 300;
 
 /** Returns the warnings to show, the most urgent first. */
 export function alertsFor(watch: Watch): Alert[] {
-  const { own, frame, flag, linkMs } = watch;
+  const { own, frame, flag, linkMs, stage } = watch;
   const alerts: Alert[] = [];
+  if (stage >= DangerStage.EASE) alerts.push('kartBrakes');
+  else if (stage === DangerStage.WARN) alerts.push('kartWarns');
   if (linkMs > BAD_LINK_MS) alerts.push('link');
   if (frame.phase !== Phase.RUNNING || own.status !== Status.RACING) return alerts;
   if (flag === Flag.RED) alerts.push('red');

@@ -2,11 +2,13 @@
 // snapshot is plain data for the drawing loop; what people read is reactive and changes slowly.
 
 import type {
+  AlertsFrame,
   BriefingFrame,
   EventFrame,
   EventsFrame,
   Frame,
   HudFrame,
+  KartAlert,
   KartFrame,
   LotFrame,
   RaysFrame,
@@ -19,6 +21,7 @@ import { TICKS_PER_SECOND } from './clock';
 import { SnapshotBuffer } from './buffer';
 import { Course } from './course';
 import { InputAges } from './ages';
+import { type ToldAlert, isNews } from './alerts';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
 import { type Rig, rigOf } from './rig';
@@ -31,6 +34,7 @@ import { Ways } from './ways';
 // Interval of updates of text and tables [ms].
 const READ_MS = 250;
 const MOST_EVENTS = 400;
+const MOST_TOLD = 100;
 // Until this long after the lights karts count as before the timing line [ticks].
 const EARLY_TICKS = 5 * TICKS_PER_SECOND;
 // A race that a server resumes starts a few ticks earlier; further back it is another race.
@@ -65,6 +69,8 @@ export class Race {
   rows = $state.raw<readonly Row[]>([]);
   headline = $state.raw<Headline | null>(null);
   hud = $state.raw<HudFrame | null>(null);
+  alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
+  toldAlerts = $state.raw<readonly ToldAlert[]>([]); // what they said, oldest first
   briefing = $state.raw<BriefingFrame | null>(null);
 
   readonly buffer: SnapshotBuffer;
@@ -78,6 +84,7 @@ export class Race {
   private ages = new InputAges();
   private epoch = -1; // of the snapshots
   private told = -1; // epoch of the events
+  private lastTold = 0; // number of the newest alert: below zero, where events have none
   private readMs = -Infinity;
   private seen = new Set<number>();
 
@@ -108,6 +115,8 @@ export class Race {
         return;
       case 'links':
         return this.ages.take(frame);
+      case 'alerts':
+        return this.takeAlerts(frame);
       case 'lot':
         this.lot = frame;
         return;
@@ -170,11 +179,13 @@ export class Race {
     this.clearances.clear();
     this.endedS.clear();
     this.rays = null;
+    this.alerts = new Map();
   }
 
   private forgetEvents(): void {
     this.sectors = new Sectors();
     this.events = [];
+    this.toldAlerts = [];
     this.seen = new Set();
   }
 
@@ -260,6 +271,14 @@ export class Race {
     }
     const all = [...this.events, ...fresh].sort((one, other) => one.sequence - other.sequence);
     this.events = all.slice(-MOST_EVENTS);
+  }
+
+  private takeAlerts(frame: AlertsFrame): void {
+    const fresh = frame.karts.filter((alert) => isNews(alert, frame.tick, this.toldAlerts));
+    this.alerts = new Map(frame.karts.map((alert) => [alert.seat, alert]));
+    if (!fresh.length) return;
+    const told = fresh.map((alert) => ({ tick: frame.tick, number: --this.lastTold, alert }));
+    this.toldAlerts = [...this.toldAlerts, ...told].slice(-MOST_TOLD);
   }
 
   private read(frame: SnapshotFrame, nowMs: number): void {

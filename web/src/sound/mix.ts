@@ -64,7 +64,7 @@ const URGENT: Tone[] = [0, 0.14, 0.28].map((after) => ({
   after,
 }));
 const MILD: Tone[] = [{ from: 760, to: 760, seconds: 0.12, after: 0 }];
-const URGENT_ALERTS: readonly Alert[] = ['red', 'wrongWay', 'danger', 'kart', 'link'];
+const URGENT_ALERTS: readonly Alert[] = ['kartBrakes', 'kartWarns', 'red', 'wrongWay', 'danger', 'kart', 'link'];
 
 /** Returns the tones for what happened to a kart. */
 export function tonesOfEvent(event: EventFrame, seat: number): readonly Tone[] {

@@ -8,12 +8,14 @@ import type {
   EventFrame,
   Frame,
   HazardFrame,
+  KartAlert,
   KartFrame,
   Rectangle,
   StandingFrame,
   TrailerFrame,
 } from './frames';
 import {
+  Alerts,
   Briefing,
   Course,
   Events,
@@ -50,6 +52,7 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RLIN: readLine,
   RRAY: readRays,
   RLNK: readLinks,
+  RALS: readAlerts,
   RLOT: readLot,
   RHUD: readHud,
   RBRF: readBriefing,
@@ -325,6 +328,27 @@ function readLinks(buffer: ByteBuffer): Frame {
     return [link.seat(), link.age()];
   });
   return { kind: 'links', ages: new Map(pairs) };
+}
+
+function readAlerts(buffer: ByteBuffer): Frame {
+  const table = Alerts.getRootAsAlerts(buffer);
+  const karts = rowsOf(table.kartsLength(), (row) => readAlert(table, row));
+  return { kind: 'alerts', tick: table.tick(), karts };
+}
+
+function readAlert(table: Alerts, row: number): KartAlert {
+  const kart = table.karts(row)!;
+  return {
+    seat: kart.seat(),
+    stage: kart.stage(),
+    cause: kart.cause(),
+    hit: kart.kind(),
+    advice: kart.advice(),
+    bearing: kart.bearing(),
+    distance: kart.distance(),
+    time: kart.time(),
+    needed: kart.needed(),
+  };
 }
 
 function readHud(buffer: ByteBuffer): Frame {

@@ -1,6 +1,16 @@
 // Messages of the gateway as plain data. SI units; angles in radians, left positive.
 
-import type { Ending, EventKind, Flag, Merit, Phase, RayHit, Status } from './tables';
+import type {
+  Advice,
+  DangerStage,
+  Ending,
+  EventKind,
+  Flag,
+  Merit,
+  Phase,
+  RayHit,
+  Status,
+} from './tables';
 
 export interface KartFrame {
   seat: number;
@@ -221,6 +231,25 @@ export interface LinksFrame {
   ages: Map<number, number>; // [ms] of each seat's input, -1 where none is expected
 }
 
+/** What a real kart says that it sees, and does by itself. */
+export interface KartAlert {
+  seat: number;
+  stage: DangerStage;
+  cause: number; // bits of Cause
+  hit: RayHit; // what is in the way
+  advice: Advice;
+  bearing: number; // from straight ahead
+  distance: number; // [m] from the middle of the front bumper, 0 where nothing is in the way
+  time: number; // [s] until they meet, 0 where they do not
+  needed: number; // [m/s²] of braking
+}
+
+export interface AlertsFrame {
+  kind: 'alerts';
+  tick: number;
+  karts: KartAlert[];
+}
+
 export interface EffectFrame {
   item: number;
   remaining: number; // [s]
@@ -258,6 +287,7 @@ export type Frame =
   | LineFrame
   | RaysFrame
   | LinksFrame
+  | AlertsFrame
   | LotFrame
   | HudFrame
   | BriefingFrame;

@@ -1,5 +1,18 @@
 // What the page uses of the code that flatc generates: enumerations, readers and writers.
-export { Button, Ending, EventKind, Flag, KartFlag, Merit, Phase, RayHit, Status } from './generated/codes.js';
+export {
+  Advice,
+  Button,
+  Cause,
+  DangerStage,
+  Ending,
+  EventKind,
+  Flag,
+  KartFlag,
+  Merit,
+  Phase,
+  RayHit,
+  Status,
+} from './generated/codes.js';
 export { Control } from './generated/drive/control.js';
 export { ControlMessage } from './generated/drive/control-message.js';
 export { Hud } from './generated/drive/hud.js';
@@ -7,6 +20,7 @@ export { Briefing } from './generated/session/briefing.js';
 export { Course } from './generated/session/course.js';
 export { Line } from './generated/session/line.js';
 export { Rules } from './generated/session/rules.js';
+export { Alerts } from './generated/spectate/alerts.js';
 export { Events } from './generated/spectate/events.js';
 export { Lot } from './generated/spectate/lot.js';
 export { Links } from './generated/spectate/links.js';

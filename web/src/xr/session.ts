@@ -8,7 +8,7 @@ import type { Sky } from '../scene/sky';
 import type { SceneView } from '../scene/view';
 import type { World } from '../scene/world';
 import type { KartFrame, SnapshotFrame } from '../wire/frames';
-import { KartFlag } from '../wire/tables';
+import { DangerStage, KartFlag } from '../wire/tables';
 import { Alignment } from './alignment';
 import { Curtain } from './curtain';
 import { fromSeat, type Matrix, onTable } from './frames';
@@ -248,7 +248,8 @@ export class Headset {
   private findDoubt(frame: SnapshotFrame, own: KartFrame | null): Doubt {
     return doubtOf({
       kartFlags: own ? own.flags : KartFlag.DOUBTFUL,
-      ...{ deviation: 0, quality: 1, brakesItself: false },
+      ...{ deviation: 0, quality: 1 },
+      brakesItself: own !== null && this.visit.race.alerts.get(own.seat)?.stage === DangerStage.FULL,
       ageMs: this.ageMs(),
       flag: this.visit.race.flagIn(frame),
     });

@@ -1,6 +1,12 @@
-"""The format of a race day: stages in order, as plain data."""
+"""The format of an event: stages in order, as plain data."""
 
 from dataclasses import dataclass
+
+from race_server.competition.time_trial.run_spec import STANDING
+
+# What counts of an attempt in a time trial: the time of all its laps, or its best clean lap.
+RUN, LAP = "run", "lap"
+COUNTED = (RUN, LAP)
 
 
 @dataclass(frozen=True)
@@ -17,12 +23,14 @@ class TimeTrial:
 
     name: str
     track: str  # a letter
-    laps: int = 2
+    laps: int = 2  # that are timed
     attempts: int = 2
     failure_s: float = 120.0  # the time of an attempt that failed; none may take longer
     obstacles: Obstacles | None = None
     best_points: int = 0  # for the fastest team, falling evenly …
     least_points: int = 0  # … to this for the slowest
+    counts: str = RUN  # of an attempt, see COUNTED; where it is the lap, `race trial`'s rules hold
+    start: str = STANDING  # or FLYING, with a lap before those that are timed
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,11 @@
 
 /* eslint-disable @typescript-eslint/no-unused-vars, @typescript-eslint/no-explicit-any, @typescript-eslint/no-non-null-assertion */
 
+export { Advice } from './codes/advice.js';
 export { Button } from './codes/button.js';
+export { Cause } from './codes/cause.js';
 export { Cleanness } from './codes/cleanness.js';
+export { DangerStage } from './codes/danger-stage.js';
 export { Ending } from './codes/ending.js';
 export { EventKind } from './codes/event-kind.js';
 export { FailsafeStage } from './codes/failsafe-stage.js';

@@ -2,6 +2,8 @@
 
 /* eslint-disable @typescript-eslint/no-unused-vars, @typescript-eslint/no-explicit-any, @typescript-eslint/no-non-null-assertion */
 
+export { Alert } from './drive/alert.js';
+export { AlertMessage } from './drive/alert-message.js';
 export { Control } from './drive/control.js';
 export { ControlMessage } from './drive/control-message.js';
 export { Effect } from './drive/effect.js';

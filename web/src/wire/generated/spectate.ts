@@ -2,12 +2,14 @@
 
 /* eslint-disable @typescript-eslint/no-unused-vars, @typescript-eslint/no-explicit-any, @typescript-eslint/no-non-null-assertion */
 
+export { Alerts } from './spectate/alerts.js';
 export { Block } from './spectate/block.js';
 export { Event } from './spectate/event.js';
 export { Events } from './spectate/events.js';
 export { Goal } from './spectate/goal.js';
 export { Hazard } from './spectate/hazard.js';
 export { Kart } from './spectate/kart.js';
+export { KartAlert } from './spectate/kart-alert.js';
 export { Link } from './spectate/link.js';
 export { Links } from './spectate/links.js';
 export { Lot } from './spectate/lot.js';

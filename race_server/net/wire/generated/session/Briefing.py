@@ -172,8 +172,15 @@ class Briefing(object):
             return obj
         return None
 
+    # Briefing
+    def Stays(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(32))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def BriefingStart(builder):
-    builder.StartObject(14)
+    builder.StartObject(15)
 
 def Start(builder):
     BriefingStart(builder)
@@ -279,6 +286,12 @@ def BriefingAddOrder(builder, order):
 
 def AddOrder(builder, order):
     BriefingAddOrder(builder, order)
+
+def BriefingAddStays(builder, stays):
+    builder.PrependBoolSlot(14, stays, 0)
+
+def AddStays(builder, stays):
+    BriefingAddStays(builder, stays)
 
 def BriefingEnd(builder):
     return builder.EndObject()

@@ -123,8 +123,13 @@ order(obj?:ParkingOrder):ParkingOrder|null {
   return offset ? (obj || new ParkingOrder()).__init(this.bb!.__indirect(this.bb_pos + offset), this.bb!) : null;
 }
 
+stays():boolean {
+  const offset = this.bb!.__offset(this.bb_pos, 32);
+  return offset ? !!this.bb!.readInt8(this.bb_pos + offset) : false;
+}
+
 static startBriefing(builder:flatbuffers.Builder) {
-  builder.startObject(14);
+  builder.startObject(15);
 }
 
 static addSeat(builder:flatbuffers.Builder, seat:number) {
@@ -222,6 +227,10 @@ static addLidarReach(builder:flatbuffers.Builder, lidarReach:number) {
 
 static addOrder(builder:flatbuffers.Builder, orderOffset:flatbuffers.Offset) {
   builder.addFieldOffset(13, orderOffset, 0);
+}
+
+static addStays(builder:flatbuffers.Builder, stays:boolean) {
+  builder.addFieldInt8(14, +stays, +false);
 }
 
 static endBriefing(builder:flatbuffers.Builder):flatbuffers.Offset {

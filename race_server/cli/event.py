@@ -1,0 +1,130 @@
+"""`race event show | list`: an event on the network, at any moment and from any program."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from race_server.cli.document import AsJson, print_document
+from race_server.errors import ScenarioError
+from race_server.terminal import Console
+
+app = typer.Typer(
+    help="Events that are served: the classification so far, and the sheet for the wall.",
+    no_args_is_help=True,
+)
+
+Record = Annotated[
+    str,
+    typer.Option(
+        help="Folder of recordings, in which events are kept. Default: $RACE_SERVER_RECORDINGS, "
+        "else ~/.local/share/race-server/recordings."
+    ),
+]
+
+
+@app.command()
+def show(
+    event: Annotated[
+        str, typer.Argument(help="A file of `race event list`. Default: the newest.")
+    ] = "",
+    sheet: Annotated[
+        Path | None,
+        typer.Option(help="Draw the tables into this .png, .svg or .pdf file."),
+    ] = None,
+    record: Record = "",
+    as_json: AsJson = False,
+) -> None:
+    """Show an event as it stands: all attempts and races so far, and the classification."""
+    from race_server.competition.event_state import read_event
+    from race_server.competition.race_day.day import Day
+    from race_server.competition.race_day.picture import check_picture, draw_picture
+    from race_server.competition.race_day.report import event_document
+
+    path = Path(event) if event else newest_event(record)
+    state = read_event(path)
+    if sheet is not None:
+        check_picture(sheet)
+    day = Day(state.plan(), state.name, state.records)
+    if as_json:
+        print_document(event_document(day, state))
+    else:
+        show_event(path, Console())
+    if sheet is not None:
+        draw_picture(day.plan, day.ledger, sheet)
+
+
+def show_event(path: Path, console: Console) -> None:
+    """Print the tables of the event in a file, and what comes next.
+
+    Raises:
+        ScenarioError: it cannot be read.
+    """
+    from race_server.competition.event_state import read_event
+    from race_server.competition.race_day.day import Day
+    from race_server.competition.race_day.table import print_tables
+
+    state = read_event(path)
+    day = Day(state.plan(), state.name, state.records)
+    print_tables(day.plan, day.ledger, console)
+    if not state.is_final:
+        following = f", next: {day.next.title}" if day.next else ""
+        console.print(f"provisional{following}", style="dim", soft_wrap=True)
+
+
+@app.command("list")
+def list_events(record: Record = "", as_json: AsJson = False) -> None:
+    """List events, newest first."""
+    from race_server.competition.event_state import read_event
+
+    states = [(path, read_event(path)) for path in _files(record)]
+    rows = [
+        {
+            "file": str(path),
+            "format": state.format.name,
+            "begun_at": state.begun_at,
+            "drivers": len(state.entrants),
+            "driven": len(state.records),
+            "is_final": state.is_final,
+        }
+        for path, state in states
+    ]
+    if as_json:
+        print_document(rows)
+        return
+    table = Table("begun (UTC)", "format", "drivers", "driven", "final", "file", box=None)
+    for row, (path, state) in zip(rows, states, strict=True):
+        when = state.begun_at[:16].replace("T", " ")
+        final = "yes" if state.is_final else "no"
+        figures = (str(row["drivers"]), str(row["driven"]), final)
+        table.add_row(when, state.format.name, *figures, path.name)
+    Console().print(table)
+
+
+def newest_event(record: str, session: str = "") -> Path:
+    """Return the file of the event that was written last. session: "" for any.
+
+    Raises:
+        ScenarioError: there is none.
+    """
+    return _files(record, session)[0]
+
+
+def _files(record: str, session: str = "") -> list[Path]:
+    """Return the files of all events, the newest first."""
+    from race_server.competition.event_state import SUFFIX
+    from race_server.storage.recording.logbook import folder_of
+
+    folder = folder_of(record)
+    found = sorted(folder.glob(f"{session}*{SUFFIX}"), key=_written) if folder else []
+    if not found:
+        raise ScenarioError(
+            f"no event in {folder}: serve one with `race serve --format`, or name another folder "
+            "with --record"
+        )
+    return found[::-1]
+
+
+def _written(path: Path) -> float:
+    return path.stat().st_mtime

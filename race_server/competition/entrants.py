@@ -1,0 +1,126 @@
+"""Entrants of a club: a number for each name, kept over events.
+
+The file is CSV with the columns `number` and `name`. A name keeps its number, and a number its
+name; that of a driver who left is free only once its row is taken out of the file by hand.
+"""
+
+import csv
+import io
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from race_server.errors import ScenarioError
+from race_server.net.wire.strict import MOST_NAME
+from race_server.scenario.text_files import read_text
+from race_server.storage.whole_file import write_whole
+
+VARIABLE = "RACE_SERVER_ENTRANTS"
+COLUMNS = ("number", "name")
+MOST_BYTES, MOST_NUMBER = 1 << 20, 9999
+
+
+@dataclass(frozen=True)
+class Import:
+    """What a file brings: all entrants from now on, or what is wrong, row by row."""
+
+    entrants: dict[str, int]  # number by name
+    added: int
+    faults: tuple[str, ...] = ()
+
+
+def default_path() -> Path:
+    """Return where the entrants of this user are kept."""
+    if named := os.environ.get(VARIABLE):
+        return Path(named).expanduser()
+    data = Path(os.environ.get("XDG_DATA_HOME", ""))
+    home = data if data.is_absolute() else Path.home() / ".local" / "share"
+    return home / "race-server" / "entrants.csv"
+
+
+def known_entrants(path: Path) -> dict[str, int]:
+    """Return the numbers that are kept, by name; none where there is no file.
+
+    Raises:
+        ScenarioError: the file cannot be read, or a row of it is wrong.
+    """
+    if not path.exists():
+        return {}
+    found = read_entrants(path, {})
+    if found.faults:
+        raise ScenarioError(f"{path}: {found.faults[0]}")
+    return found.entrants
+
+
+def read_entrants(path: Path, known: dict[str, int]) -> Import:
+    """Return the entrants of a CSV file together with those that are known.
+
+    A row without a number gets the lowest that is free.
+
+    Raises:
+        ScenarioError: the file cannot be read, or lacks the columns.
+    """
+    text = read_text(path, MOST_BYTES, ScenarioError).removeprefix("\N{ZERO WIDTH NO-BREAK SPACE}")
+    try:
+        rows = list(csv.DictReader(io.StringIO(text), strict=True))
+        columns = set(csv.DictReader(io.StringIO(text)).fieldnames or ())
+    except csv.Error as error:
+        raise ScenarioError(f"{path}: no CSV: {error}") from error
+    if not set(COLUMNS) <= columns:
+        raise ScenarioError(f"{path}: its first row must name the columns number and name")
+    entrants, faults = dict(known), []
+    seen: dict[str, int] = {}
+    waiting = []
+    for line, row in enumerate(rows, start=2):
+        name, digits = (row["name"] or "").strip(), (row["number"] or "").strip()
+        fault = _fault(name, digits, entrants, seen)
+        if fault:
+            faults.append(f"row {line}: {fault}")
+        elif digits:
+            entrants[name] = int(digits)
+        elif name not in entrants:
+            waiting.append(name)
+        seen.setdefault(name, line)
+    for name in waiting:
+        taken = set(entrants.values())
+        entrants[name] = next(n for n in range(1, MOST_NUMBER + 2) if n not in taken)
+    return Import(entrants, len(entrants) - len(known), tuple(faults))
+
+
+def _fault(name: str, digits: str, entrants: dict[str, int], seen: dict[str, int]) -> str:
+    """Return what is wrong with a row, "" for nothing."""
+    if not name or len(name) > MOST_NAME or not name.isprintable():
+        return f"name {name[:MOST_NAME]!r}: give 1 to {MOST_NAME} printable characters"
+    if name in seen:
+        return f"name {name!r} stands in row {seen[name]} already; take one of the two out"
+    if not digits:
+        return ""
+    if not digits.isascii() or not digits.isdigit() or not 1 <= int(digits) <= MOST_NUMBER:
+        return f"number {digits[:20]!r} of {name}: give a whole number from 1 to {MOST_NUMBER}"
+    number = int(digits)
+    if entrants.get(name, number) != number:
+        return f"{name} has number {entrants[name]} already, not {number}; leave its number out"
+    holder = next((one for one, taken in entrants.items() if taken == number), name)
+    if holder != name:
+        return f"number {number} of {name} is that of {holder}; choose another, or leave it out"
+    return ""
+
+
+def write_entrants(path: Path, entrants: dict[str, int]) -> None:
+    """Write the entrants by number.
+
+    Raises:
+        ScenarioError: the file cannot be written.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    table.writerows(sorted((number, name) for name, number in entrants.items()))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, text.getvalue())
+    except OSError as error:
+        raise ScenarioError(
+            f"entrants cannot be written to {path} ({error.strerror or error}); name another file "
+            f"with ${VARIABLE}"
+        ) from error

@@ -1,0 +1,112 @@
+"""An event that is to be served, and how it begins or is found again."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from race_server.competition.event_state import Entrant, EventFile, EventState
+from race_server.competition.race_day.formats import Format
+from race_server.competition.race_day.plan import DayPlan, teams_of
+from race_server.errors import ScenarioError
+from race_server.live.server import RaceServer
+from race_server.logs import Log
+from race_server.scenario.race import ABSENT, Scenario
+from race_server.storage.results.keeper import utc_now
+
+
+@dataclass(frozen=True)
+class EventSpec:
+    """An event that is to be served."""
+
+    format: Format
+    tracks: Mapping[str, str]  # names of the courses by letter
+    vehicle: str
+    seed: int
+    folder: Path  # of its file, and of the recordings
+    call_s: float  # a driver that is not ready so long after its call does not start
+    review_s: float  # after each stage, and each round, stewards may still decide
+    needs_line: bool = False
+    numbers: Mapping[str, int] = field(default_factory=dict)  # of drivers, by their names
+
+
+def waiting_scenario(plan: DayPlan, seats: int) -> Scenario:
+    """Return what stands in the world of an event until its first race. seats: of the session."""
+    letter = plan.format.letters[0]
+    course = plan.courses[letter]
+    order = [place if place < len(course.grid) else ABSENT for place in range(seats)]
+    scenario = plan.scenario(plan.format.stages[0], course, 1)
+    return replace(scenario, karts=seats, grid_order=tuple(order))
+
+
+def begin_event(server: RaceServer, spec: EventSpec, awaited: int) -> EventState | None:
+    """Wait for the drivers of a new event; None where the server is stopped meanwhile.
+
+    Raises:
+        DriverError: the server is to fill seats, and no driver can take part.
+        ScenarioError: the event cannot be driven by as many.
+    """
+    session = server.session
+    session.is_event = True
+    server.lobby.gather(awaited, server.fillers)
+    if server.is_stopped:
+        return None
+    seats, numbers = session.seats.taken(), spec.numbers
+    known = {name: f"{number} {name}" for name, number in numbers.items()}
+    teams = teams_of([known.get(seat.driver, seat.driver) for seat in seats])
+    entrants = tuple(
+        Entrant(
+            seat=seat.number,
+            team=team.name,
+            driver=seat.driver,
+            preset=seat.preset,
+            key=seat.key.hex(),
+            number=numbers.get(seat.driver, 0),
+            is_local=seat.number in server.local_drivers,
+            is_apart=seat.number in server.processes,
+            is_tracked=seat.is_tracked,
+        )
+        for seat, team in zip(seats, teams, strict=True)
+    )
+    begun_at = utc_now()
+    state = EventState(
+        name=f"{session.name} {begun_at}",
+        begun_at=begun_at,
+        format=spec.format,
+        tracks=dict(spec.tracks),
+        vehicle=spec.vehicle,
+        seed=spec.seed,
+        pace=server.pace,
+        needs_line=spec.needs_line,
+        entrants=entrants,
+        epoch=session.epoch,
+    )
+    state.plan().check()
+    return state
+
+
+def unfinished_event(spec: EventSpec, session: str, log: Log) -> EventState | None:
+    """Return the event of a session that has begun and is not over, None where there is none.
+
+    Raises:
+        ScenarioError: it is of another format, or cannot be read.
+    """
+    state = EventFile(spec.folder, session).read()
+    if state is None:
+        return None
+    if state.format.name != spec.format.name:
+        raise ScenarioError(
+            f"the event {state.name} is not over and has format {state.format.name}: go on with "
+            f"--format {state.format.name}, or begin another one with --fresh"
+        )
+    done = f"{len(state.records)} of {state.plan().drives()}"
+    log.warn("going on with an event", name=state.name, driven=done)
+    return state
+
+
+def put_away(spec: EventSpec, session: str, log: Log) -> None:
+    """Keep an event that has begun under another name, so that another one begins."""
+    file = EventFile(spec.folder, session)
+    state = file.read()
+    if state is not None:
+        file.put_away(state)
+        log.warn("an unfinished event does not go on", name=state.name)

@@ -1,0 +1,158 @@
+"""An event on the network as its file holds it: enough to go on after any interruption."""
+
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from race_server.competition.race_day.formats import Format
+from race_server.competition.race_day.formats.reader import format_of, words_of
+from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.record import DeletedLap, RaceRecord, Team, TeamResult
+from race_server.core.vehicle_presets import vehicle_named
+from race_server.errors import RaceError, ScenarioError
+from race_server.scenario.track.load import load_course
+from race_server.storage.whole_file import write_whole
+
+VERSION = 1
+SUFFIX = ".event.json"
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A driver of an event and its seat."""
+
+    seat: int
+    team: str  # its number and name in all tables, different for each
+    driver: str  # as it joined
+    preset: str  # what it observes
+    key: str  # of its secret, in hexadecimal digits
+    number: int = 0  # by which spectators know it; 0: none
+    is_local: bool = False  # inside the server
+    is_apart: bool = False  # a process that the server starts
+    is_tracked: bool = False  # a real kart
+
+
+@dataclass(frozen=True)
+class EventState:
+    """An event so far."""
+
+    name: str
+    begun_at: str  # UTC, ISO 8601
+    format: Format
+    tracks: dict[str, str]  # names of the courses by letter
+    vehicle: str
+    seed: int
+    pace: str
+    needs_line: bool
+    entrants: tuple[Entrant, ...]
+    epoch: int = 0  # of the last race
+    records: tuple[RaceRecord, ...] = ()  # of the attempts and races so far
+    is_final: bool = False
+
+    def plan(self) -> DayPlan:
+        """Return the event as it was planned.
+
+        Raises:
+            RaceError: a course or the vehicle does not exist any more.
+        """
+        return DayPlan(
+            format=self.format,
+            teams=tuple(Team(one.team, one.driver) for one in self.entrants),
+            courses={letter: load_course(name) for letter, name in self.tracks.items()},
+            vehicle=vehicle_named(self.vehicle),
+            seed=self.seed,
+            needs_line=self.needs_line,
+            waits=self.pace == "lockstep",
+        )
+
+    def words(self) -> dict[str, Any]:
+        """Return the event as plain data."""
+        plain = asdict(replace(self, format=Format("", "", ())))
+        form = {"name": self.format.name, **words_of(self.format)}
+        return {"version": VERSION, **plain, "format": form}
+
+
+class EventFile:
+    """The file of the event of a session, beside its recordings."""
+
+    def __init__(self, folder: Path, session: str) -> None:
+        """Name the file; nothing is read or written."""
+        self.path = folder / f"{session}{SUFFIX}"
+
+    def read(self) -> EventState | None:
+        """Return the event that has begun and is not over, None where there is none.
+
+        Raises:
+            ScenarioError: it cannot be read.
+        """
+        return read_event(self.path) if self.path.exists() else None
+
+    def write(self, state: EventState) -> None:
+        """Write the event; one that is over gets the time of its begin as its name.
+
+        Raises:
+            RaceError: the file cannot be written.
+        """
+        try:
+            write_whole(self.path, json.dumps(state.words(), indent=1))
+        except OSError as error:
+            raise RaceError(
+                f"the event cannot be written to {self.path} ({error.strerror or error}); make "
+                "room and start the server again: it goes on from the last attempt or race written"
+            ) from error
+        if state.is_final:
+            self.put_away(state)
+
+    def put_away(self, state: EventState) -> None:
+        """Keep an event that is over, or does not go on, under a name of its time."""
+        session = self.path.name.removesuffix(SUFFIX)
+        stamp = "".join(c for c in state.begun_at[:19] if c.isalnum())
+        self.path.replace(self.path.with_name(f"{session}-{stamp}{SUFFIX}"))
+
+
+def read_event(path: Path) -> EventState:
+    """Return the event in a file.
+
+    Raises:
+        ScenarioError: it cannot be read, is damaged, or of a newer race-server.
+    """
+    try:
+        words = json.loads(path.read_text(encoding="utf-8"))
+        version = words.pop("version")
+        if version > VERSION:
+            raise ScenarioError(
+                f"event {path} is of a newer race-server (version {version}, this one knows "
+                f"{VERSION}); update race-server"
+            )
+        form = words.pop("format")
+        name = form.pop("name")
+        return EventState(
+            **words
+            | {
+                "format": format_of(name, form, str(path)),
+                "entrants": tuple(Entrant(**one) for one in words["entrants"]),
+                "records": tuple(_record(one) for one in words["records"]),
+            }
+        )
+    except OSError as error:
+        raise ScenarioError(f"event {path} cannot be read: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ScenarioError(
+            f"event {path} is damaged ({type(error).__name__}: {error}); move it away, or begin "
+            "another event with --fresh"
+        ) from error
+
+
+def _record(words: dict[str, Any]) -> RaceRecord:
+    drives = tuple(
+        TeamResult(
+            **one
+            | {
+                "lap_times_us": tuple(one["lap_times_us"]),
+                "deleted": tuple(DeletedLap(**lap) for lap in one["deleted"]),
+            }
+        )
+        for one in words["drives"]
+    )
+    return RaceRecord(words["digest"], drives, tuple(words["grid"]))

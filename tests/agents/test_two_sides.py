@@ -1,0 +1,145 @@
+"""The two sides of a kart's program, and the mailboxes between them."""
+
+import math
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from race_agents.onboard.safety_side import Mailboxes, SafetySide
+from race_agents.plant.encounter import FreeRun, OpenPlace
+from race_agents.plant.kart import Plant
+from race_agents.plant.radar import Surroundings
+from race_agents.plant.sensors import Sensors
+from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.mailbox import CRC, HEAD, Freshness, Mailbox, size_of
+from race_agents.unit.orders import GivenOrders
+from race_agents.unit.records import Report, Word
+from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
+from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
+from race_server.core.vehicle_presets import KART_60
+
+
+def test_the_newest_message_is_read_and_a_half_written_one_is_none() -> None:
+    memory = bytearray(size_of(8))
+    box = Mailbox(memory, 8)
+    assert box.read() is None
+    box.write(b"one", 1.0)
+    box.write(b"two", 2.0)
+    mail = box.read()
+    assert mail is not None
+    assert (mail.counter, mail.time_s, mail.data) == (2, 2.0, b"two")
+    # The third goes where the first was. A writer that is killed within it leaves the second one.
+    box.write(b"three", 3.0)
+    slot = HEAD.size + 8 + CRC.size
+    memory[slot + HEAD.size + 2] ^= 0xFF
+    mail = box.read()
+    assert mail is not None
+    assert mail.data == b"two"
+
+
+def test_every_byte_of_a_message_counts() -> None:
+    memory = bytearray(size_of(4))
+    Mailbox(memory, 4).write(b"word", 1.0)
+    slot = HEAD.size + 4 + CRC.size
+    for place in range(slot, 2 * slot):
+        damaged = bytearray(memory)
+        damaged[place] ^= 0x01
+        assert Mailbox(damaged, 4).read() is None, place
+
+
+def test_a_counter_that_stands_still_is_silence() -> None:
+    box, fresh = Mailbox(bytearray(size_of(1)), 1), Freshness()
+    box.write(b"a", 0.0)
+    assert fresh.note(box.read(), 1.0)
+    assert not fresh.note(box.read(), 2.0)
+    assert fresh.since_s == 1.0
+
+
+def test_words_and_reports_come_out_as_they_went_in() -> None:
+    orders = GivenOrders(9.5, 0.5, 3, 70, 8, 0.25, 0.5, 1 << 40, 1.5, Flag.YELLOW, Trust.DOUBTFUL)
+    word = Word(orders, 12.5, Control(0.25, -0.5, 0.125, Button.USE_ITEM), 7)
+    assert Word.unpack(word.pack()) == word
+    assert Word.unpack(Word().pack()) == Word()
+    endless = replace(word, orders=replace(orders, speed_cap=math.inf))
+    assert Word.unpack(endless.pack()) == endless
+    pose = Pose(99, 1.5, -2.5, 0.5, 3.0, 0.25, -0.125, 0.0625, 0.5, 0.75, Source.BEACONS, 0)
+    danger = Danger(DangerStage.EASE, RayHit.PERSON, -0.25, 4.0, 0.5, 6.0, Advice.BRAKE)
+    report = Report(
+        pose,
+        Alert(98, danger, Cause.OBSTACLE | Cause.GAME),
+        Button.USE_ITEM,
+        np.array([1.0, 0.0, 2.5]),
+        is_through=True,
+    )
+    again = Report.unpack(report.pack())
+    assert (again.pose, again.alert, again.buttons) == (pose, report.alert, Button.USE_ITEM)
+    assert (again.is_through, again.is_cut) == (True, False)
+    assert again.ranges is not None
+    assert again.ranges.tolist() == [1.0, 0.0, 2.5]
+    assert Report.unpack(Report().pack()).pose is None
+
+
+def driven_side() -> tuple[SafetySide, Plant, float]:
+    """Return a side that drives 50 km/h after three seconds of words."""
+    around = Surroundings(np.zeros((0, 4)))
+    plant = Plant.of(KART_60, around, (0.0, 0.0, 0.0), Sensors(fix_delay_s=0.0), 1)
+    unit = ControlUnit.of(KART_60, OpenPlace())
+    side = SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size())))
+    plant.body.speed, plant.body.brake, now_s = 50.0 / 3.6, 0.0, 0.0
+    for turn in range(100):
+        now_s = 0.01 * turn
+        if turn % 2 == 0:  # the game's side turns half as often
+            missing = 50.0 / 3.6 - plant.body.speed
+            control = Control(0.0, max(0.0, min(0.3 + missing, 1.0)))
+            word = Word(FreeRun(), now_s, control, 1 + turn)
+            side.boxes.words.write(word.pack(), now_s)
+        side.turn(now_s)
+    return side, plant, now_s
+
+
+def test_without_words_the_motor_goes_off_and_the_brakes_begin_within_a_fifth_of_a_second() -> None:
+    side, plant, now_s = driven_side()
+    assert plant.command.throttle > 0.0
+    assert plant.command.cause is Cause.NONE
+    seen = {}
+    for turn in range(1, 40):
+        side.turn(now_s + 0.01 * turn)
+        if plant.command.throttle == 0.0:
+            seen.setdefault("coasts", turn)
+        if plant.command.brake > 0.0:
+            seen.setdefault("brakes", turn)
+    # The last word was heard one turn before the last of those that heard any.
+    assert seen["coasts"] == pytest.approx(10, abs=2)
+    assert seen["brakes"] == pytest.approx(15, abs=2)
+    assert Cause.GAME in side.unit.alert().cause
+
+
+def test_words_come_again_and_the_kart_drives_on() -> None:
+    side, plant, now_s = driven_side()
+    side.turn(now_s + 0.3)
+    assert plant.command.brake > 0.0
+    side.boxes.words.write(Word(FreeRun(), now_s + 0.31, Control(0.0, 0.5), 999).pack(), now_s)
+    side.turn(now_s + 0.31)
+    assert (plant.command.brake, plant.command.throttle) == (0.0, 0.5)
+
+
+def test_a_side_that_nobody_talks_to_for_long_ends() -> None:
+    side, _, now_s = driven_side()
+    assert not side.is_alone(now_s + 5.0)
+    assert side.is_alone(now_s + 11.0)
+
+
+def test_the_safety_process_of_a_plant_imports_no_network() -> None:
+    program = (
+        "import os, sys; os.environ['RACE_SERVER_INTERPRET'] = '1';"
+        "import race_agents.plant.safety_process;"
+        "print([name for name in ('zenoh', 'asyncio', 'numba', 'race_server.net')"
+        " if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"

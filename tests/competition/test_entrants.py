@@ -1,0 +1,60 @@
+"""Names and numbers that are kept over events."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from race_server.cli.main import app
+from race_server.competition.entrants import known_entrants, read_entrants, write_entrants
+from race_server.errors import ScenarioError
+
+
+def faults_of(path: Path, *rows: str) -> tuple[str, ...]:
+    path.write_text("\n".join(("number,name", *rows)))
+    return read_entrants(path, {"Anna": 7}).faults
+
+
+def test_a_name_keeps_its_number_and_a_new_one_gets_the_lowest_that_is_free(tmp_path: Path) -> None:
+    path = tmp_path / "new.csv"
+    path.write_text("\ufeffname,number,club\nAnna,,A\nBert,2,B\nCarl,,\n", encoding="utf-8")
+    found = read_entrants(path, {"Anna": 1})
+    assert found.entrants == {"Anna": 1, "Bert": 2, "Carl": 3}
+    assert (found.added, found.faults) == (2, ())
+    write_entrants(tmp_path / "kept.csv", found.entrants)
+    assert known_entrants(tmp_path / "kept.csv") == found.entrants
+
+
+def test_each_wrong_row_is_named_with_the_way_out(tmp_path: Path) -> None:
+    assert faults_of(
+        tmp_path / "new.csv", "8,Anna", "7,Bert", "x,Carl", "0,Dora", "3,", "4,Emil", "5,Emil"
+    ) == (
+        "row 2: Anna has number 7 already, not 8; leave its number out",
+        "row 3: number 7 of Bert is that of Anna; choose another, or leave it out",
+        "row 4: number 'x' of Carl: give a whole number from 1 to 9999",
+        "row 5: number '0' of Dora: give a whole number from 1 to 9999",
+        "row 6: name '': give 1 to 32 printable characters",
+        "row 8: name 'Emil' stands in row 7 already; take one of the two out",
+    )
+
+
+def test_a_table_without_the_columns_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "new.csv"
+    path.write_text("nr;name\n1;Anna\n")
+    with pytest.raises(ScenarioError, match="must name the columns number and name"):
+        read_entrants(path, {})
+
+
+def test_the_command_takes_over_all_rows_or_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, new = tmp_path / "kept.csv", tmp_path / "new.csv"
+    monkeypatch.setenv("RACE_SERVER_ENTRANTS", str(kept))
+    new.write_text("number,name\n1,Anna\nx,Bert\n")
+    refused = CliRunner().invoke(app, ["entrants", "import", str(new)])
+    assert refused.exit_code == 2
+    assert "row 3: number 'x' of Bert" in refused.output
+    assert not kept.exists()
+    new.write_text("number,name\n1,Anna\n2,Bert\n")
+    assert CliRunner().invoke(app, ["entrants", "import", str(new)]).exit_code == 0
+    assert known_entrants(kept) == {"Anna": 1, "Bert": 2}

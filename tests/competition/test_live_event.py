@@ -1,0 +1,323 @@
+"""Events on the network: the same lap times as a trial, results that survive any end, decisions."""
+
+import json
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from race_server.competition.event_spec import (
+    EventSpec,
+    begin_event,
+    unfinished_event,
+    waiting_scenario,
+)
+from race_server.competition.event_state import read_event
+from race_server.competition.launch import free_address
+from race_server.competition.live_event import LiveEvent
+from race_server.competition.race_day.day import Day
+from race_server.competition.race_day.formats import Format, Races, TimeTrial, format_named
+from race_server.competition.race_day.formats.reader import format_of, read_format, words_of
+from race_server.competition.race_day.plan import DayPlan, teams_of
+from race_server.competition.race_day.record import DeletedLap, RaceRecord, TeamResult
+from race_server.competition.time_trial.run import drive_run
+from race_server.competition.time_trial.run_spec import RunSpec
+from race_server.core.driver import driver_named
+from race_server.core.vehicle_presets import TT02
+from race_server.errors import ScenarioError, SeatError
+from race_server.live.client.driver import run_driver
+from race_server.live.server import LOCKSTEP, RaceServer
+from race_server.live.server.resume import restore_session
+from race_server.logs import Log
+from race_server.net.transport import ServerLink
+from race_server.scenario.race import Scenario
+from race_server.scenario.track.load import load_course
+from race_server.session import Session
+from race_server.storage.recording.logbook import Logbook
+from race_server.storage.results.keeper import Keeper
+from race_server.storage.results.queries import races
+from race_server.storage.results.writer import writer_for
+
+TRIAL = replace(
+    format_named("time-trial"),
+    stages=(replace(format_named("time-trial").stages[0], laps=1, attempts=2),),
+)
+EVENING = Format(
+    "evening",
+    "Evening",
+    (TimeTrial("Qualification", "A", laps=1, attempts=1), Races("Heat", "B", laps=1, most=2)),
+)
+
+
+class Killed(BaseException):
+    """The server was killed here."""
+
+
+def spec_of(folder: Path, form: Format = TRIAL) -> EventSpec:
+    tracks = dict.fromkeys(form.letters, "oval")
+    return EventSpec(form, tracks, "tt02", 1, folder, call_s=0.2, review_s=0.0, needs_line=True)
+
+
+class Served:
+    """An event server in lock-step, whose process may end at any moment."""
+
+    def __init__(self, spec: EventSpec, drivers: tuple[str, ...]) -> None:
+        self.spec, self.drivers = spec, drivers
+        self.said: list[str] = []
+
+    @staticmethod
+    def scenario_for(seats: int, form: Format = TRIAL) -> Scenario:
+        courses = {letter: load_course("oval") for letter in form.letters}
+        plan = DayPlan(form, teams_of(["driver"] * seats), courses, TT02, 1, needs_line=True)
+        return waiting_scenario(plan, seats)
+
+    def run(self, **what: float) -> Day:
+        """Serve until the event is over, or what is to happen; races are counted from 0."""
+        spec, said = self.spec, self.said
+        with (
+            writer_for(str(spec.folder / "results.sqlite"), said.append) as writer,
+            Logbook(spec.folder, "cup", said.append) as book,
+            ServerLink(free_address(), "cup", len(self.drivers) + 1) as link,
+        ):
+            assert writer is not None
+            keeper, recording = Keeper(writer), book.unfinished()
+            restored = restore_session(recording, keeper) if recording else None
+            seats = len(self.drivers) + 1  # one stays free
+            session = Session("cup", self.scenario_for(seats, spec.format))
+            server = RaceServer(
+                restored[0] if restored else session, link, LOCKSTEP, (), keeper, book
+            )
+            state = unfinished_event(spec, "cup", Log())
+            if state is None:
+                for seat, name in enumerate(self.drivers):
+                    server.local_drivers.admit(name, driver_named(name), seat)
+                state = begin_event(server, spec, 0)
+            assert state is not None
+            event = LiveEvent(server, spec, state, Log(), lambda *_: None)
+            self._arrange(server, event, **what)
+            resumed = (recording, restored[1]) if recording and restored else None
+            assert event.run(resumed)
+            return event.day
+
+    def _arrange(
+        self,
+        server: RaceServer,
+        event: LiveEvent,
+        *,
+        race: int = 0,
+        kill_at_tick: int = -1,
+        stop_at_tick: int = -1,
+        kill_after_race: bool = False,
+        gone: int = -1,
+        penalty_after: int = -1,
+        penalised: int = 0,
+        seconds: float = 0.0,
+    ) -> None:
+        advance, add = server.advance, event._add
+
+        def watched(ticks: int) -> None:
+            advance(ticks)
+            if server.session.epoch == race + 1:
+                if 0 <= kill_at_tick <= server.session.tick:
+                    raise Killed
+                if 0 <= stop_at_tick <= server.session.tick:
+                    server.stop()
+
+        def added(record: RaceRecord) -> None:
+            if kill_after_race and len(event.day.records) == race:
+                raise Killed
+            add(record)
+            if len(event.day.records) == penalty_after + 1:
+                server._penalise_late(penalised, seconds)
+
+        server.advance = watched  # type: ignore[method-assign]
+        event._add = added  # type: ignore[method-assign]
+        if gone >= 0:
+            server.session.keeps_seats = True
+            server.session.drop(gone)
+
+
+def files_of(folder: Path) -> list[Path]:
+    return sorted(folder.glob("cup-*.event.json"))
+
+
+def test_a_policy_laps_live_in_the_time_of_a_trial_to_the_microsecond(tmp_path: Path) -> None:
+    drivers = ("raceline", "follow_gap")
+    day = Served(spec_of(tmp_path), drivers).run()
+    for row in day.ledger.trials()[0].rows:
+        for number, attempt in enumerate(row.attempts, start=1):
+            run = drive_run(RunSpec(row.team, "oval", laps=1, seed=number))
+            assert attempt.lap_times_us[1:] == tuple(lap.time_us for lap in run.laps)
+            assert row.times_us[number - 1] == run.laps[0].time_us
+    assert [row.team for row in day.ledger.classification()] == ["raceline", "follow_gap"]
+    kept = races(tmp_path / "results.sqlite")
+    assert [race["format"] for race in kept] == ["time-trial"] * 4
+    assert kept[0]["title"] == "Time trial: follow_gap, attempt 2"
+    assert [entry["driver"] for entry in kept[0]["entries"]] == ["follow_gap"]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> list[RaceRecord]:
+    """The records of an evening that nothing interrupted: two attempts, two heats of one race."""
+    folder = tmp_path_factory.mktemp("whole")
+    return Served(spec_of(folder, EVENING), ("raceline", "follow_gap")).run().records
+
+
+@pytest.mark.parametrize("race", [0, 2], ids=["in an attempt", "in a race"])
+def test_a_server_that_is_killed_goes_on_where_it_was(
+    whole: list[RaceRecord], race: int, tmp_path: Path
+) -> None:
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=240, race=race)
+    assert len(read_event(tmp_path / "cup.event.json").records) == race
+    records = served.run().records
+    # A driver that is made again knows nothing of before: it may brake for a moment.
+    first, again = whole[race].drives[0], records[race].drives[0]
+    assert (again.team, again.place, again.laps) == (first.team, 1, 1)
+    assert abs(again.time_us - first.time_us) < 500_000
+    # Whatever was driven before and what does not depend on it after is the same.
+    assert records[:race] == whole[:race]
+    assert records[1] == whole[1]
+    assert len(records) == 3
+    (path,) = files_of(tmp_path)
+    assert read_event(path).records == tuple(records)
+    assert read_event(path).is_final
+    kept = races(tmp_path / "results.sqlite")
+    assert [row["ended"] for row in kept] == ["finished"] * 3
+    assert kept[2 - race]["entries"][0]["race_time_us"] == again.time_us
+    assert served.said == []
+
+
+def test_a_race_that_ended_right_before_the_kill_is_not_driven_again(
+    whole: list[RaceRecord], tmp_path: Path
+) -> None:
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kill_after_race=True, race=1)
+    assert len(read_event(tmp_path / "cup.event.json").records) == 1
+    assert served.run().records == whole
+    assert len(list(tmp_path.glob("cup-*.mcap"))) == 3
+
+
+def test_a_race_that_was_stopped_in_the_evening_is_driven_again_next_morning(
+    whole: list[RaceRecord], tmp_path: Path
+) -> None:
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    with pytest.raises(AssertionError):  # the event is not over
+        served.run(stop_at_tick=240, race=1)
+    assert len(read_event(tmp_path / "cup.event.json").records) == 1
+    assert served.run().records == whole
+    ended = [race["ended"] for race in races(tmp_path / "results.sqlite")]
+    assert sorted(ended) == ["finished", "finished", "finished", "stopped"]
+
+
+def test_a_driver_that_does_not_come_to_its_call_has_no_time(tmp_path: Path) -> None:
+    served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
+    day = served.run(gone=1)
+    rows = day.ledger.trials()[0].rows
+    assert [row.team for row in rows] == ["raceline", "follow_gap"]
+    assert [drive.remark for drive in rows[1].attempts] == [
+        "did not start: not there 0.2 s after the call"
+    ] * 2
+    assert [row.place for row in day.ledger.classification()] == [1, 0]
+
+
+def test_a_decision_of_stewards_changes_the_classification(tmp_path: Path) -> None:
+    served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
+    day = served.run(penalty_after=3, penalised=1, seconds=10.0)
+    row = day.ledger.trials()[0].rows[-1]
+    assert row.team == "follow_gap"
+    assert row.times_us[1] == row.attempts[1].lap_times_us[1] + 10_000_000
+    assert row.attempts[1].remark == "+10 s penalty"
+    (path,) = files_of(tmp_path)
+    assert read_event(path).records[3].drives[0].stewards_us == 10_000_000
+
+
+def test_a_program_that_is_started_again_has_its_seat_by_its_name() -> None:
+    session = Session("cup", Served.scenario_for(2))
+    session.join("Anna", "lidar", secret=5)
+    session.keeps_seats = True
+    session.drop(0)
+    assert session.seats[0].is_taken
+    with pytest.raises(SeatError, match="no 'Bert' of it is away"):
+        session.join("Bert", "lidar", secret=6)
+    assert session.join("Anna", "track", secret=7).number == 0
+    assert session.seats[0].is_present
+    with pytest.raises(SeatError, match="no 'Anna' of it is away"):
+        session.join("Anna", "track", secret=8)
+
+
+def test_a_deleted_lap_does_not_count_and_neither_does_that_before_a_flying_start() -> None:
+    drive = TeamResult(
+        *("Anna", 1, 4, 40_000_000, 7_000_000),
+        lap_times_us=(6_000_000, 9_000_000, 7_000_000, 8_000_000),
+        **dict.fromkeys(("penalty_us", "wall_contacts", "kart_contacts", "warnings"), 0),
+        remark="",
+        deleted=(DeletedLap(3, "left the course"),),
+    )
+    assert drive.clean_laps_us(first=2) == [9_000_000, 8_000_000]
+
+
+def test_a_format_is_the_same_after_a_round_trip_through_its_tables() -> None:
+    for name in ("2023", "2025", "time-trial"):
+        form = format_named(name)
+        assert format_of(name, json.loads(json.dumps(words_of(form))), "there") == form
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("title = ", "no TOML"),
+        ('[[stage]]\nkind = "parade"', "choose one of time trial, races"),
+        ('[[stage]]\nkind = "races"\nlaps = 1.5', "give a whole number from 1 to 1000"),
+        ('[[stage]]\nkind = "races"\nlap = 3', "no such key"),
+        ('title = "x"', "give [[stage]] tables, each with a name"),
+    ],
+)
+def test_a_file_that_is_no_format_is_refused(text: str, error: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError) as raised:
+        read_format(path)
+    assert error in str(raised.value)
+
+
+def test_an_event_of_another_format_is_not_gone_on_with(tmp_path: Path) -> None:
+    served = Served(spec_of(tmp_path), ("raceline",))
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=60)
+    with pytest.raises(ScenarioError, match="go on with --format time-trial"):
+        unfinished_event(spec_of(tmp_path, EVENING), "cup", Log())
+
+
+@pytest.mark.net
+def test_drivers_on_the_network_stay_to_the_end_and_begin_each_attempt_afresh(
+    tmp_path: Path,
+) -> None:
+    spec = replace(spec_of(tmp_path), call_s=20.0, numbers={"follow_gap": 7})
+    names, address = ("raceline", "follow_gap"), free_address()
+    ended: list[str] = []
+
+    def drive(name: str, seat: int) -> None:
+        run_driver(driver_named(name), name, address=address, session="cup", wanted=seat)
+        ended.append(name)
+
+    threads = [threading.Thread(target=drive, args=(n, seat)) for seat, n in enumerate(names)]
+    with ServerLink(address, "cup", 2) as link:
+        server = RaceServer(Session("cup", Served.scenario_for(2)), link, LOCKSTEP, ())
+        for thread in threads:
+            thread.start()
+        state = begin_event(server, spec, 2)
+        assert state is not None
+        event = LiveEvent(server, spec, state, Log(), lambda *_: None)
+        assert event.run()
+        server.see_off()
+        for thread in threads:
+            thread.join(20.0)
+    assert sorted(ended) == ["follow_gap", "raceline"]
+    rows = event.day.ledger.trials()[0].rows
+    assert [row.team for row in rows] == ["raceline", "7 follow_gap"]
+    runs = [drive_run(RunSpec("follow_gap", "oval", laps=1, seed=seed)) for seed in (1, 2)]
+    assert rows[1].times_us == tuple(run.laps[0].time_us for run in runs)
