@@ -11,7 +11,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
 from race_server.terminal import Console
 
-PARTS = ("place", "danger", "races")
+PARTS = ("place", "danger", "sides", "races")
 
 
 def drill_onboard(
@@ -47,7 +47,7 @@ def drill_onboard(
 
     if part and part not in PARTS:
         raise typer.BadParameter(f"part {part!r} is unknown; choose one of {', '.join(PARTS)}")
-    with progress("driving", seeds * 8 + 134) as tell:
+    with progress("driving", seeds * 8 + 137) as tell:
         document = measure(
             track, vehicle_named(vehicle), seeds, part or None, tell, races=races, most_km=most_km
         )

@@ -57,9 +57,22 @@ def plant(
     cut_link: Annotated[
         float | None, typer.Option(help="Time at which the radio link is lost [s]. Default: never.")
     ] = None,
+    kill_game: Annotated[
+        float | None,
+        typer.Option(
+            "--kill-game-at",
+            min=0.0,
+            help="Speed [km/h] at which the program beside the safety side is killed, by itself. "
+            "Default: never.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the kart as built and of its sensors.")] = 1,
     report: Annotated[
         Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
+    ] = None,
+    black_box: Annotated[
+        Path | None,
+        typer.Option("--black-box", help="Keep each turn of the safety side in this MCAP file."),
     ] = None,
 ) -> None:
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
@@ -90,6 +103,8 @@ def plant(
         seed=seed,
         pedestrian_s=pedestrian,
         cut_s=cut_link,
+        kill_at=None if kill_game is None else kill_game / 3.6,
         report=report,
+        black_box=black_box,
     )
     run_plant(setting)

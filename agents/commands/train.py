@@ -20,6 +20,7 @@ from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
     from race_agents.training.callback import TrainingProgress
+    from race_agents.training.far_ppo import Crew
     from race_agents.training.run import TrainingResult
     from race_agents.training.settings import Settings
 
@@ -78,6 +79,17 @@ class TrainOptions:
     threads: Annotated[
         int | None, typer.Option(help="Threads that step the worlds. Default: the preset's.")
     ] = None
+    ray: Annotated[
+        str,
+        typer.Option(
+            help="Address of a Ray cluster whose machines run the races, such as 10.0.0.5:6379; "
+            "local: a cluster of this machine's cores."
+        ),
+    ] = ""
+    runners: Annotated[
+        int,
+        typer.Option(min=0, help="With --ray: runners that share the worlds. 0: as many as fit."),
+    ] = 0
     out: Annotated[
         Path | None, typer.Option(help="New folder for the run. Default: one in the user's runs.")
     ] = None
@@ -123,13 +135,31 @@ def train(options: TrainOptions) -> None:
             "say": lambda text: console.print(text, soft_wrap=True),
             "tensorboard": options.tensorboard,
         }
-        if settings.policies:
+        if options.ray:
+            with _crew(options, settings) as crew:
+                outcomes = [train_one(settings, place, crew=crew, **options_of_run)]
+        elif settings.policies:
             outcomes = train_together(settings, place, **options_of_run)
         else:
             outcomes = [train_one(settings, place, **options_of_run)]
     _show(outcomes, settings, console, as_json=options.as_json)
     if any(outcome.stopped for outcome in outcomes):
         sys.exit(130)
+
+
+@contextmanager
+def _crew(options: TrainOptions, settings: "Settings") -> Iterator["Crew"]:
+    """Let runners of a cluster collect what is learned from."""
+    with brought_by("ray"):
+        from race_agents.training.ray_crew import RayCrew
+    from race_agents.training.far_ppo import check_far
+
+    check_far(settings)
+    crew = RayCrew(settings, options.ray, options.runners)
+    try:
+        yield crew
+    finally:
+        crew.close()
 
 
 def _settings(options: TrainOptions) -> tuple["Settings", Path]:

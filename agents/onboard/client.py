@@ -1,7 +1,7 @@
 """The program of a real kart: takes a seat, reports poses, applies controls, keeps the kart safe.
 
 This is the game's side: link, driver, report. `KartProgram` is the kart's end of the link. What
-moves and keeps safe is the other side, `race_agents.onboard.safety_side`, in a process of its own.
+moves and keeps safe is the other side, `race_agents.onboard.safety_side`, in a separate process.
 """
 
 import math

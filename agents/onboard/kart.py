@@ -61,7 +61,7 @@ class KartHere:
 
 
 class KartApart:
-    """The safety side in a process of its own, which outlives this one."""
+    """The safety side in a separate process, which outlives this one."""
 
     def __init__(self, module: str, setup: Any, memory_bytes: int = 0) -> None:
         """Start the process.

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from race_agents.onboard.black_box import BlackBox
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.mailbox import Freshness, Mailbox, Memory, size_of
 from race_agents.unit.readings import Readings
@@ -19,6 +20,8 @@ from race_server.core.messages import Control
 PERIOD_S = 0.01
 # Without the game's side for this long [s] it ends, its brakes on.
 ALONE_S = 10.0
+# … and once the kart has nothing more to do, this long.
+PATIENCE_S = 1.0
 
 
 class Hardware(Protocol):
@@ -65,6 +68,7 @@ class SafetySide:
     hardware: Hardware
     boxes: Mailboxes
     each_turn: Callable[["SafetySide", float], bool] = lambda _side, _now_s: True
+    box: BlackBox | None = None  # keeps each turn
     is_cut: bool = False  # a drill switches the radio off
     is_through: bool = False
     _heard: Freshness = field(default_factory=Freshness)
@@ -73,9 +77,12 @@ class SafetySide:
 
     def turn(self, now_s: float) -> None:
         """Sense, hear, decide, act, and tell."""
-        self.unit.sense(self.hardware.read(now_s))
+        readings = self.hardware.read(now_s)
+        self.unit.sense(readings)
         self._hear(now_s)
         self.hardware.act(self.unit.decide(now_s))
+        if self.box is not None:
+            self.box.note(readings, self.unit)
         self.is_through |= not self.each_turn(self, now_s)
         unit = self.unit
         report = Report(
@@ -103,9 +110,12 @@ class SafetySide:
             self.unit.drive(control, now_s)
 
     def is_alone(self, now_s: float) -> bool:
-        """Return whether the game's side has been silent for long."""
-        return self._heard.counter > 0 and now_s - self._heard.since_s > ALONE_S
+        """Return whether the game's side has been silent for long, or has nothing more to say."""
+        most_s = PATIENCE_S if self.is_through else ALONE_S
+        return self._heard.counter > 0 and now_s - self._heard.since_s > most_s
 
     def stop(self) -> None:
         """Leave the kart with its brakes on."""
         self.hardware.act(Command())
+        if self.box is not None:
+            self.box.close()

@@ -4,6 +4,8 @@ Each is measured, so that a drill can show how the control unit reacted.
 """
 
 import math
+import os
+import signal
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -196,12 +198,44 @@ class RadioLoss:
 
 
 @dataclass
+class GameLoss:
+    """The process of the game's side is killed, as by kill -9, once the kart is this fast."""
+
+    speed: float  # [m/s]
+    figures: dict[str, Any] = field(default_factory=dict)
+    _from: tuple[float, float] = (0.0, 0.0)
+
+    def turn(self, plant: Plant, side: SafetySide, now_s: float) -> bool:
+        """Kill it, and measure how the kart comes to a stop; False once it stands."""
+        body, figures = plant.body, self.figures
+        if not figures:
+            if body.speed >= self.speed and side.unit.command.cause is Cause.NONE:
+                os.kill(os.getppid(), signal.SIGKILL)
+                self._from = body.x, body.y
+                self.figures = {"at_s": now_s, "speed": body.speed}
+            return True
+        for name, has_begun in (
+            ("motor_off_after_s", side.unit.command.throttle <= 0.0),
+            ("braked_after_s", side.unit.command.brake > 0.0),
+            ("stood_after_s", abs(body.speed) < STANDS),
+        ):
+            if has_begun and name not in figures:
+                figures[name] = now_s - figures["at_s"]
+        if "stood_after_s" not in figures:
+            return True
+        figures["stopped_within_m"] = math.hypot(body.x - self._from[0], body.y - self._from[1])
+        figures["cause"] = [flag.name for flag in Cause if flag & side.unit.command.cause]
+        return False
+
+
+@dataclass
 class IncidentLog:
     """Runs the incidents and keeps the figures of one race."""
 
     plant: Plant
     person: PersonIncident | None = None
     radio_loss: RadioLoss | None = None
+    game_loss: GameLoss | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     alerts: list[dict[str, Any]] = field(default_factory=list)  # what the kart warned of, and did
     _stage: DangerStage = DangerStage.NONE
@@ -235,6 +269,8 @@ class IncidentLog:
             self.radio_loss.turn(self.plant, side, raced_s)
             if side.is_cut:
                 return not self.radio_loss.is_over
+        if self.game_loss is not None and raced_s > 0.0:
+            return self.game_loss.turn(self.plant, side, now_s)
         return raced_s < 1.0 or not unit.is_home
 
     def _note_place(self, unit: ControlUnit) -> None:
@@ -295,5 +331,6 @@ class IncidentLog:
             "alerts": self.alerts,
             "pedestrian": self.person.figures if self.person else None,
             "cut": self.radio_loss.figures if self.radio_loss else None,
+            "game_loss": self.game_loss.figures if self.game_loss else None,
             **self.figures,
         }

@@ -9,13 +9,18 @@ from race_agents.plant.matrices import rows as danger_rows
 from race_agents.plant.row import Row
 from race_agents.plant.shadow import rows as shadow_rows
 from race_agents.plant.shadow import shadow
+from race_agents.plant.sides import rows as sides_rows
 from race_agents.plant.trip import Course
 from race_agents.plant.whereabouts import Setting
 from race_agents.plant.whereabouts import rows as place_rows
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.load import load_course
 
-PARTS: dict[str, Callable[[Setting], list[Row]]] = {"place": place_rows, "danger": danger_rows}
+PARTS: dict[str, Callable[[Setting], list[Row]]] = {
+    "place": place_rows,
+    "danger": danger_rows,
+    "sides": sides_rows,
+}
 
 
 def measure(

@@ -45,7 +45,9 @@ class PlantSetting:
     caution: float = 0.6
     pedestrian_s: float | None = None
     cut_s: float | None = None
+    kill_at: float | None = None  # [m/s]
     report: Path | None = None
+    black_box: Path | None = None
 
 
 def run_plant(setting: PlantSetting) -> None:
@@ -55,6 +57,8 @@ def run_plant(setting: PlantSetting) -> None:
 
     def kart_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartApart:
         setup = _setup_of(setting, seat, sheet, offset_s)
+        if scenes and (box := setup.black_box):  # each round of an event has one
+            setup = replace(setup, black_box=box.with_stem(f"{box.stem}-{len(scenes) + 1}"))
         kart = KartApart(SAFETY, setup, SCENE_BYTES)
         scenes.append(_scene_of(seat, link, kart, is_lot=setup.is_lot))
         return kart
@@ -119,5 +123,6 @@ def _setup_of(
         place = x, y, heading
     return PlantSetup(
         *(vehicle, fence_of(sheet), sheet.borders, place, sensors, setting.seed, offset_s, is_lot),
-        *(setting.pedestrian_s, setting.cut_s, setting.report),
+        *(setting.pedestrian_s, setting.cut_s, setting.kill_at, setting.report),
+        black_box=setting.black_box,
     )

@@ -1,7 +1,7 @@
 """The safety side of a plant, as a process: ``python -m race_agents.plant.safety_process PATH``.
 
 PATH is the shared memory; the setup comes pickled over standard input from the program that started
-this one. It has no link to anybody: without words of the other side it brakes, stands, and ends.
+this one. It has no link: without words of the other side it brakes, stands, and ends.
 """
 
 import json
@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
+from race_agents.onboard.black_box import BlackBox
 from race_agents.onboard.safety_side import PERIOD_S, Mailboxes, SafetySide
-from race_agents.plant.incident import IncidentLog, PersonIncident, RadioLoss
+from race_agents.plant.incident import GameLoss, IncidentLog, PersonIncident, RadioLoss
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Floats, Surroundings
 from race_agents.plant.sensors import Sensors
@@ -41,7 +42,9 @@ class PlantSetup:
     is_lot: bool
     pedestrian_s: float | None = None
     cut_s: float | None = None
+    kill_at: float | None = None  # [m/s]
     report: Path | None = None
+    black_box: Path | None = None
 
 
 def side_of(setup: PlantSetup, memory: Memory) -> tuple[SafetySide, IncidentLog]:
@@ -56,9 +59,11 @@ def side_of(setup: PlantSetup, memory: Memory) -> tuple[SafetySide, IncidentLog]
         plant.find = sight.find
     person = PersonIncident(setup.pedestrian_s) if setup.pedestrian_s is not None else None
     radio_loss = RadioLoss(setup.cut_s) if setup.cut_s is not None else None
-    log = IncidentLog(plant, person, radio_loss)
+    game_loss = GameLoss(setup.kill_at) if setup.kill_at is not None else None
+    log = IncidentLog(plant, person, radio_loss, game_loss)
     unit = ControlUnit.of(setup.vehicle, setup.fence)
-    return SafetySide(unit, plant, Mailboxes.over(memory), log.turn), log
+    box = BlackBox(setup.black_box) if setup.black_box is not None else None
+    return SafetySide(unit, plant, Mailboxes.over(memory), log.turn, box), log
 
 
 def main(path: str) -> None:

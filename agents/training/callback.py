@@ -25,6 +25,7 @@ from race_server.storage.results.ratings import Rating
 
 CURVE, LATEST = "curve.csv", "latest.pt"
 TELL_S = 1.0  # between two progress reports
+SAVE_S = 10.0  # between two checkpoints, at least
 ROWS = 200  # of the curve besides those of evaluations, over a whole training, at most
 
 
@@ -78,7 +79,7 @@ class TrainingCallback(BaseCallback):
         self._world = world
         self._tell = tell
         self._log = configure(str(log), ["tensorboard"]) if log is not None else None
-        self._told = time.monotonic()
+        self._told = self._saved = time.monotonic()
         self._told_steps = budget.done
         self._rate = 0.0
         self._rows = int(budget.share * ROWS)
@@ -108,6 +109,8 @@ class TrainingCallback(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         # Between rollouts, so that no policy is evaluated between its gradient steps.
+        if time.monotonic() - self._saved > SAVE_S:
+            self._save()
         if self.self_play is not None and self.self_play.go_on(self.model, self.budget.done):
             self._look(rated=True)
         self._examine_in_time()
@@ -120,7 +123,7 @@ class TrainingCallback(BaseCallback):
         """Evaluate the policy, and save it if it is the best so far."""
         self._tries = int(self.budget.share * self.settings.evaluation.times)
         self._look()  # so that the time of the evaluation does not count in the rate of learning
-        save_checkpoint(self._folder / LATEST, self.model, self._world, self.budget)
+        self._save()
         self.last = self.examiner.examine(self.decide)
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
@@ -128,6 +131,11 @@ class TrainingCallback(BaseCallback):
             save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score)
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
+
+    def _save(self) -> None:
+        """Save what is learned, so that a training that is killed goes on from there."""
+        save_checkpoint(self._folder / LATEST, self.model, self._world, self.budget)
+        self._saved = time.monotonic()
 
     def _look(self, marks: Marks | None = None, *, rated: bool = False) -> None:
         now = time.monotonic()

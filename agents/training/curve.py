@@ -64,6 +64,16 @@ def append(path: Path, point: Point) -> None:
         table.writerow(row)
 
 
+def cut(path: Path, steps: int) -> None:
+    """Leave out the rows of decisions that a checkpoint does not know of: they are made again."""
+    if not path.is_file():
+        return
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    place = _head_of(path).index("steps")
+    kept = [line for line in lines[1:] if int(line.split(",")[place]) <= steps]
+    path.write_text("".join([*lines[:1], *kept]), encoding="utf-8")
+
+
 def _head_of(path: Path) -> list[str]:
     """Return the names of a table's columns; a run of an older version has fewer."""
     if not path.is_file():

@@ -1,7 +1,7 @@
 """The learner: Stable-Baselines3's algorithm on the training world, made from settings."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ def world_of(
     settings: Settings,
     budget: Budget,
     around: Callable[[KartVecEnv], VecEnv] | None = None,
-    karts: KartVecEnv | None = None,
+    karts: VecEnv | None = None,
 ) -> Normaliser:
     """Return the karts that learn, with running means of their observations.
 
@@ -71,7 +71,10 @@ def world_of(
             threads=settings.threads,
             curriculum=Curriculum(settings, budget) if settings.curriculum else None,
         )
-    shown = around(karts) if around is not None else _judged(settings, karts)
+    shown = _judged(settings, karts)
+    if around is not None:
+        assert isinstance(karts, KartVecEnv)
+        shown = around(karts)
     rewards, gamma = settings.algorithm.normalise_reward, settings.gamma
     return Normaliser(shown, ObservationView.of(settings), norm_reward=rewards, gamma=gamma)
 
@@ -91,8 +94,17 @@ def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
     return karts
 
 
-def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str | None) -> Any:
-    """Return an untrained learner. log: a folder for TensorBoard.
+def learner_of(
+    settings: Settings,
+    world: VecNormalize,
+    budget: Budget,
+    log: str | None,
+    more: Mapping[str, Any] | None = None,
+    kind: type[BaseAlgorithm] | None = None,
+) -> Any:
+    """Return an untrained learner.
+
+    log: a folder for TensorBoard; kind: instead of the algorithm's class, with more options.
 
     Raises:
         ScenarioError: an option of the algorithm does not exist, or its value is not valid.
@@ -100,8 +112,9 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
     # With two, `time-trial` made 3,800 decisions a second instead of 29,000: networks as small as
     # these lose more by threads that wait for one another than they gain.
     torch.set_num_threads(1)
-    name, kind = settings.algorithm.name, CLASSES[settings.algorithm.name]
-    options = _options(settings)
+    name = settings.algorithm.name
+    kind = kind or CLASSES[name]
+    options = _options(settings) | dict(more or {})
     if name == "td3":
         width = world.action_space.shape[0]  # type: ignore[index]  # settings keep it a box
         deviation = np.full(width, TD3_NOISE)
@@ -139,7 +152,6 @@ def learner_of(settings: Settings, world: VecNormalize, budget: Budget, log: str
         _explore_by(learner, budget)
     if isinstance(learner, PPO):
         _check_deviations(learner, settings)
-    if isinstance(learner, PPO) and settings.network.first_action:
         _answer_at_first(learner, settings.network.first_action)
     return learner
 
@@ -204,6 +216,8 @@ def _check_deviations(learner: PPO, settings: Settings) -> None:
 
 
 def _answer_at_first(learner: PPO, action: tuple[float, ...]) -> None:
+    if not action:
+        return
     network: Any = learner.policy.action_net
     bias = network.bias.data
     if len(action) != len(bias):

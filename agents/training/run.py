@@ -18,6 +18,7 @@ from race_agents.training.checkpoint import begin_with, load_checkpoint
 from race_agents.training.cloning import Cloning
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.export import difference, export_policy, metadata_from
+from race_agents.training.far_ppo import Crew, FarKarts, FarPpo
 from race_agents.training.film import record_laps, record_parking
 from race_agents.training.hurl import Mixing
 from race_agents.training.imitation import Imitation
@@ -64,10 +65,12 @@ def train(
     tensorboard: bool = False,
     karts: KartVecEnv | None = None,
     company: tuple[str, ...] = (),
+    crew: Crew | None = None,
 ) -> TrainingResult:
     """Train, and write a complete folder; Ctrl-C ends the learning early, not the run.
 
-    karts: that learn; default: a new batch's. company: policies that learn in the same races.
+    karts: that learn; default: a new batch's. company: policies that learn in the same races. crew:
+    runners that collect what is learned from.
 
     Raises:
         RaceError: the settings are not valid, or there is nothing to resume.
@@ -76,10 +79,8 @@ def train(
     for courses in (validation_courses(settings), final_courses(settings)):
         evaluation_tasks(settings, courses)  # a wrong name is refused now, not after hours
     warn_of_lidar(settings, say)
-    world = world_of(settings, budget, karts=karts)
-    learner = learner_of(
-        settings, world, budget, str(place / "tensorboard") if tensorboard else None
-    )
+    logs = str(place / "tensorboard") if tensorboard else None
+    world, learner = _begun(settings, budget, logs, karts, crew)
     best_score = -np.inf
     if settings.warm_start.run and not resume:
         begin_with(run_folder(settings.warm_start.run) / BEST, learner, world)
@@ -114,6 +115,21 @@ def train(
     return TrainingResult(place, marks, document, stopped)
 
 
+def _begun(
+    settings: Settings,
+    budget: Budget,
+    logs: str | None,
+    karts: KartVecEnv | None,
+    crew: Crew | None,
+) -> tuple[Normaliser, Any]:
+    """Return the world of a learner, and the learner; of a crew's they are far away."""
+    if crew is None:
+        world = world_of(settings, budget, karts=karts)
+        return world, learner_of(settings, world, budget, logs)
+    world = world_of(settings, budget, karts=FarKarts(settings))
+    return world, learner_of(settings, world, budget, logs, {"crew": crew}, FarPpo)
+
+
 def _restored(
     settings: Settings, place: Path, learner: Any, world: Normaliser, budget: Budget, say: Say
 ) -> float:
@@ -122,8 +138,11 @@ def _restored(
     Raises:
         ScenarioError: there is no run, or it has learned for all its time and is evaluated.
     """
-    best_score = load_checkpoint(place / BEST, learner, world, budget)
+    best_score = -np.inf
+    if (place / BEST).exists() or not (place / LATEST).exists():
+        best_score = load_checkpoint(place / BEST, learner, world, budget)
     load_checkpoint(place / LATEST, learner, world, budget)
+    curve.cut(place / CURVE, budget.done)  # what was learned after it is learned again
     if budget.is_over and (place / EVALUATION).exists():
         world.close()
         raise ScenarioError(f"{place} has learned for {budget}: give it more than that, in all")

@@ -37,7 +37,7 @@ OUTLINE = 0.5  # [m] by which the middle of the echoes of a kart moves about
 RESTLESS, DRIVEN = 0.7, 2.0
 FIRST_SPEED = 3.0  # [m/s] deviation of what a thing may do when it is first seen
 MOST_TRACKS = 24
-# Nobody runs faster than this [m/s] on a course: such an echo is of a kart.
+# What is faster than this [m/s] is no person, but a kart.
 RUNS = 5.0
 # What moves away more slowly than this [m/s] stands.
 STANDS = 1.0

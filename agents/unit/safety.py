@@ -25,7 +25,7 @@ GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
 CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
-# So many echoes of a border block a way: a single one may be off aside by its bearing.
+# This number of echoes of a border blocks a way: a single one may be off aside by its bearing.
 BLOCKS = 2
 STRAIGHT = 1e-4  # [1/m] bends flatter than this are driven as straight lines
 

@@ -18,6 +18,8 @@ from race_server.cli.outcome import show_result
 from race_server.competition.event_spec import (
     EventSpec,
     begin_event,
+    file_name,
+    is_part_of,
     put_away,
     unfinished_event,
 )
@@ -101,7 +103,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         with _survived(log, "races go on without recordings") if replaces else nullcontext():
             logbook = stack.enter_context(_logbook(service.record, service.session, log))
         keeper = Keeper(writer) if writer else None
-        race, resumed = _resumed(logbook, keeper, log, fresh=fresh) or (None, None)
+        race, resumed = _resumed(service, logbook, keeper, log, fresh=fresh) or (None, None)
         race = race or Session(service.session, service.scenario)
         karts, keys = len(race.seats), service.keys
         address, name = service.listen, service.session
@@ -138,7 +140,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
             _serve_single_races(server, service, log, resumed)
             return
         if fresh and not replaces:
-            put_away(service.event, service.session, log)
+            put_away(service.event, file_name(server), log)
         _serve_events(server, service, service.event, log, resumed)
 
 
@@ -183,7 +185,7 @@ def _serve_events(
 
     awaited = min(service.awaited, len(server.session.seats))
     while not server.is_stopped:
-        state = unfinished_event(spec, service.session, log) or begin_event(server, spec, awaited)
+        state = unfinished_event(spec, file_name(server), log) or begin_event(server, spec, awaited)
         if state is None or not LiveEvent(server, spec, state, log, publish).run(resumed):
             return
         resumed = None
@@ -244,7 +246,7 @@ def _logbook(words: str, session: str, log: Log) -> AbstractContextManager[Logbo
 
 
 def _resumed(
-    logbook: Logbook | None, keeper: Keeper | None, log: Log, *, fresh: bool
+    service: Service, logbook: Logbook | None, keeper: Keeper | None, log: Log, *, fresh: bool
 ) -> tuple[Session, tuple[Recording, list[Event]]] | None:
     """Return the session of an unfinished race, with its recording and its events."""
     recording = logbook.unfinished() if logbook else None
@@ -252,6 +254,9 @@ def _resumed(
         return None
     if fresh:
         logbook.put_aside("an unfinished race is not resumed")
+        return None
+    if service.event and not is_part_of(service.event, logbook.session, recording):
+        logbook.put_aside("an unfinished race is no part of the event")
         return None
     begun = time.perf_counter()
     try:

@@ -11,6 +11,8 @@ from race_server.errors import ScenarioError
 from race_server.live.server import RaceServer
 from race_server.logs import Log
 from race_server.scenario.race import ABSENT, Scenario
+from race_server.storage.recording.reader import Recording
+from race_server.storage.recording.scenario_codec import unpack_scenario
 from race_server.storage.results.keeper import utc_now
 
 
@@ -23,7 +25,7 @@ class EventSpec:
     vehicle: str
     seed: int
     folder: Path  # of its file, and of the recordings
-    call_s: float  # a driver that is not ready so long after its call does not start
+    call_s: float  # a driver that is not ready by then, after its call, does not start
     review_s: float  # after each stage, and each round, stewards may still decide
     needs_line: bool = False
     numbers: Mapping[str, int] = field(default_factory=dict)  # of drivers, by their names
@@ -84,13 +86,20 @@ def begin_event(server: RaceServer, spec: EventSpec, awaited: int) -> EventState
     return state
 
 
-def unfinished_event(spec: EventSpec, session: str, log: Log) -> EventState | None:
-    """Return the event of a session that has begun and is not over, None where there is none.
+def file_name(server: RaceServer) -> str:
+    """Return by what name a server keeps its events: that of its recordings, which is its alone."""
+    return server.logbook.session if server.logbook else server.session.name
+
+
+def unfinished_event(spec: EventSpec, name: str, log: Log) -> EventState | None:
+    """Return the event of a server that has begun and is not over, None where there is none.
+
+    name: of its file, see `file_name`.
 
     Raises:
         ScenarioError: it is of another format, or cannot be read.
     """
-    state = EventFile(spec.folder, session).read()
+    state = EventFile(spec.folder, name).read()
     if state is None:
         return None
     if state.format.name != spec.format.name:
@@ -103,9 +112,21 @@ def unfinished_event(spec: EventSpec, session: str, log: Log) -> EventState | No
     return state
 
 
-def put_away(spec: EventSpec, session: str, log: Log) -> None:
+def is_part_of(spec: EventSpec, name: str, recording: Recording) -> bool:
+    """Return whether a race that is not over is one of the event that is not over.
+
+    Raises:
+        RaceError: the event or the recording cannot be read.
+    """
+    state = EventFile(spec.folder, name).read()
+    scenario = unpack_scenario(recording.start.setting, recording.start.arrays)
+    occasion = scenario.occasion
+    return state is not None and occasion is not None and occasion.event == state.name
+
+
+def put_away(spec: EventSpec, name: str, log: Log) -> None:
     """Keep an event that has begun under another name, so that another one begins."""
-    file = EventFile(spec.folder, session)
+    file = EventFile(spec.folder, name)
     state = file.read()
     if state is not None:
         file.put_away(state)

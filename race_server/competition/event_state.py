@@ -74,11 +74,11 @@ class EventState:
 
 
 class EventFile:
-    """The file of the event of a session, beside its recordings."""
+    """The file of the event of a server, beside its recordings."""
 
-    def __init__(self, folder: Path, session: str) -> None:
+    def __init__(self, folder: Path, name: str) -> None:
         """Name the file; nothing is read or written."""
-        self.path = folder / f"{session}{SUFFIX}"
+        self.path = folder / f"{name}{SUFFIX}"
 
     def read(self) -> EventState | None:
         """Return the event that has begun and is not over, None where there is none.

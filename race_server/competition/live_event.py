@@ -1,4 +1,4 @@
-"""An event on the network: calls each attempt and race, drives it, and writes down what came of it.
+"""An event on the network: calls each attempt and race, drives it, and writes its results down.
 
 `Day` says what comes next and what counts; here are the drivers, the clock and the file. A drive
 whose server was killed goes on; one that was stopped is driven again.
@@ -7,14 +7,14 @@ whose server was killed goes on; one that was stopped is driven again.
 from collections.abc import Callable
 from dataclasses import replace
 
-from race_server.competition.event_spec import EventSpec
+from race_server.competition.event_spec import EventSpec, file_name
 from race_server.competition.event_state import EventFile, EventState
 from race_server.competition.race_day.day import Day, Drive
 from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, absent, record_of
 from race_server.core.messages import Event, Phase
 from race_server.errors import RecordingError, ScenarioError
-from race_server.live.server import RaceResult, RaceServer
+from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.logs import Log
 from race_server.scenario.race import ABSENT, Scenario
@@ -25,6 +25,8 @@ from race_server.storage.recording.scenario_codec import unpack_scenario
 
 # Drivers in processes that the server keeps apart have this long to come back [s].
 BACK_S = 8.0
+# When a race began, in the name of its recording.
+STAMP = "????????-??????-???"
 
 
 class LiveEvent:
@@ -41,7 +43,8 @@ class LiveEvent:
         """Go on with an event. changed: is called with each change of its results."""
         self._server, self._spec, self.state, self._log = server, spec, state, log
         self._changed = changed
-        self._file = EventFile(spec.folder, server.session.name)
+        self._name = file_name(server)
+        self._file = EventFile(spec.folder, self._name)
         self.day = Day(state.plan(), state.name, state.records)
         self._raced = -1  # record of the race whose result stewards may change
         self._teams = {one.seat: one.team for one in state.entrants}
@@ -88,6 +91,11 @@ class LiveEvent:
         seats = [session.seats[self._seats[team.name]] for team in drive.grid]
         names = ", ".join(team.name for team in drive.grid)
         self._log.say("called", drive=drive.title, drivers=names)
+        if server.pace == REAL:
+            for seat in seats:
+                seat.is_ready = (
+                    False  # a person may have been ready long ago; programs say it again
+                )
         server.lobby.wait_until(lambda: all(map(self._is_ready, seats)), self._spec.call_s)
         if server.is_stopped:
             return None
@@ -95,7 +103,7 @@ class LiveEvent:
         if not there:
             return self._with_missing(RaceRecord("", ()), drive)
         for number in there:
-            session.seats[number].is_ready = number in server.local_drivers
+            session.seats[number].is_ready = False
         server.watchdog.rest()  # a course may take its time
         result = server.drive(self._lined_up(drive, set(there)))
         record = self._recorded(drive, result)
@@ -177,6 +185,8 @@ class LiveEvent:
         keys = {seat.number: (seat.preset, seat.key.hex()) for seat in session.seats.taken()}
         entrants = tuple(
             replace(one, preset=keys[one.seat][0], key=keys[one.seat][1])
+            if one.seat in keys
+            else one
             for one in self.state.entrants
         )
         records = tuple(self.day.records)
@@ -231,8 +241,8 @@ class LiveEvent:
 
         A server may have been killed after the end of a race, and before it was written down here.
         """
-        drive, name = self.day.next, self._server.session.name
-        paths = sorted(self._spec.folder.glob(f"{name}-*.mcap"))
+        drive = self.day.next
+        paths = sorted(self._spec.folder.glob(f"{self._name}-{STAMP}.mcap"))
         if drive is None or not paths:
             return None
         try:

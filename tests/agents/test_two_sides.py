@@ -4,10 +4,12 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from race_agents.onboard.black_box import BlackBox, read_black_box
 from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.encounter import FreeRun, OpenPlace
 from race_agents.plant.kart import Plant
@@ -20,6 +22,7 @@ from race_agents.unit.records import Report, Word
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
 from race_server.core.vehicle_presets import KART_60
+from race_server.errors import RecordingError
 
 
 def test_the_newest_message_is_read_and_a_half_written_one_is_none() -> None:
@@ -143,3 +146,25 @@ def test_the_safety_process_of_a_plant_imports_no_network() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_a_black_box_holds_each_turn_and_survives_a_torn_end(tmp_path: Path) -> None:
+    side, _, now_s = driven_side()
+    path = tmp_path / "kart.mcap"
+    with BlackBox(path) as box:
+        side.box = box
+        for turn in range(1, 31):  # no word comes any more
+            side.turn(now_s + 0.01 * turn)
+        side.box = None
+    turns = list(read_black_box(path))
+    assert len(turns) == 30
+    assert turns[0]["time_s"] == pytest.approx(now_s + 0.01)
+    assert turns[0]["state"][3] == pytest.approx(50.0 / 3.6, abs=0.3)
+    assert turns[0]["cause"] == []
+    assert "game" in turns[-1]["cause"]
+    assert turns[-1]["command"][2] == 0.6
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(path.read_bytes()[:-200])
+    assert len(list(read_black_box(torn))) in {0, 30}
+    with pytest.raises(RecordingError, match="no black box"):
+        list(read_black_box(Path(__file__)))

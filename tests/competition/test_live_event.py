@@ -10,6 +10,8 @@ import pytest
 from race_server.competition.event_spec import (
     EventSpec,
     begin_event,
+    is_part_of,
+    put_away,
     unfinished_event,
     waiting_scenario,
 )
@@ -173,7 +175,7 @@ def test_a_server_that_is_killed_goes_on_where_it_was(
         served.run(kill_at_tick=240, race=race)
     assert len(read_event(tmp_path / "cup.event.json").records) == race
     records = served.run().records
-    # A driver that is made again knows nothing of before: it may brake for a moment.
+    # A driver that is made again has lost what it saw before: it may brake for a moment.
     first, again = whole[race].drives[0], records[race].drives[0]
     assert (again.team, again.place, again.laps) == (first.team, 1, 1)
     assert abs(again.time_us - first.time_us) < 500_000
@@ -290,6 +292,22 @@ def test_an_event_of_another_format_is_not_gone_on_with(tmp_path: Path) -> None:
         served.run(kill_at_tick=60)
     with pytest.raises(ScenarioError, match="go on with --format time-trial"):
         unfinished_event(spec_of(tmp_path, EVENING), "cup", Log())
+
+
+def test_a_race_that_is_not_over_is_part_of_the_event_until_that_is_put_away(
+    tmp_path: Path,
+) -> None:
+    served = Served(spec_of(tmp_path), ("raceline",))
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=60)
+    with Logbook(tmp_path, "cup", served.said.append) as book:
+        recording = book.unfinished()
+    assert recording is not None
+    assert is_part_of(served.spec, "cup", recording)
+    put_away(served.spec, "cup", Log())
+    assert not is_part_of(served.spec, "cup", recording)
+    (path,) = files_of(tmp_path)
+    assert not read_event(path).is_final
 
 
 @pytest.mark.net

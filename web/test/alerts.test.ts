@@ -5,7 +5,7 @@ import { expect, test } from 'vitest';
 import { placeOf } from '../src/draw/seen';
 import { en } from '../src/i18n/en';
 import { fr } from '../src/i18n/fr';
-import { isNews, ownText, reasonOf } from '../src/race/alerts';
+import { HeldAlert, isNews, ownText, reasonOf } from '../src/race/alerts';
 import { messageOfAlert } from '../src/race/control';
 import { decode } from '../src/wire/decode';
 import type { KartAlert } from '../src/wire/frames';
@@ -75,4 +75,16 @@ test('what a kart sees is drawn from its front bumper on', () => {
   const at = placeOf(kart({ heading: Math.PI / 2 }), alert({ bearing: 0, distance: 3 }), body);
   expect(at[0]).toBeCloseTo(0);
   expect(at[1]).toBeCloseTo(4);
+});
+
+test('a driver has time to read a warning, and sees a more urgent one at once', () => {
+  const held = new HeldAlert();
+  const warns = alert({ stage: DangerStage.WARN });
+  expect(held.take(alert({ stage: DangerStage.INFORM }), 0)).toBeNull();
+  expect(held.take(warns, 100)).toBe(warns);
+  expect(held.take(null, 800)).toBe(warns);
+  const brakes = alert();
+  expect(held.take(brakes, 850)).toBe(brakes);
+  expect(held.take(warns, 900)).toBe(brakes);
+  expect(held.take(null, 1700)).toBeNull();
 });

@@ -35,7 +35,7 @@ class Drive:
 
 
 class Day:
-    """An event: the drive that comes next, and what became of those before."""
+    """An event: the drive that comes next, and the results of those before."""
 
     def __init__(self, plan: DayPlan, event: str = "", records: Iterable[RaceRecord] = ()) -> None:
         """Begin, or go on after the drives with these records. event: its name, empty for none."""

@@ -56,3 +56,21 @@ export function ownText(alert: KartAlert, words: Words): string {
 export function toneOf({ stage }: KartAlert): Tone {
   return stage === DangerStage.FULL ? 'danger' : stage >= DangerStage.WARN ? 'warning' : 'plain';
 }
+
+// A warning that is over is shown this long, so that it can be read [ms].
+const HELD_MS = 800;
+
+/** What a driver is shown: a milder alert replaces a more urgent one only after a while. */
+export class HeldAlert {
+  private shown: KartAlert | null = null;
+  private shownMs = -Infinity;
+
+  take(alert: KartAlert | null, nowMs: number): KartAlert | null {
+    const warns = alert !== null && alert.stage >= DangerStage.WARN;
+    const isOver = nowMs - this.shownMs > HELD_MS;
+    if (warns && (isOver || !this.shown || alert.stage >= this.shown.stage)) {
+      [this.shown, this.shownMs] = [alert, nowMs];
+    } else if (isOver) this.shown = null;
+    return this.shown;
+  }
+}

@@ -1,0 +1,183 @@
+"""The black box of a kart: what it sensed, knew, decided and did, at every turn, as MCAP.
+
+The safety side hands each turn over and never waits for the disk: a thread writes. What was handed
+over reaches the operating system at least twice a second, so a program that is killed takes half a
+second with it, and a kart that loses its power what the system had not written yet. Messages are
+JSON, so that any reader of MCAP shows them.
+"""
+
+import contextlib
+import json
+import math
+import queue
+import struct
+import time
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path
+from typing import Any, Self
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
+
+from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.readings import Readings
+from race_server.core.alert import Cause
+from race_server.errors import RecordingError
+from race_server.storage.queue import TicketQueue
+from race_server.version import __version__
+
+FLUSH_S = 0.5
+CHUNK_BYTES = 64 * 1024
+# Turns that wait for a disk that has stopped; later ones are left out.
+MOST_WAITING = 6000
+NANOSECONDS = 1_000_000_000
+TOPIC, SCHEMA = "kart/turn", "kart.Turn"
+
+Turn = dict[str, Any]
+
+
+class BlackBox:
+    """The file of one drive, while it is written."""
+
+    def __init__(self, path: Path) -> None:
+        """Begin the file.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        try:
+            self._file = path.open("wb")
+        except OSError as error:
+            raise RecordingError(f"black box {path} cannot be written: {error.strerror}") from error
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start("race-kart", f"race-server {__version__}")
+        schema = json.dumps({"type": "object", "title": SCHEMA}).encode()
+        number = self._writer.register_schema(SCHEMA, "jsonschema", schema)
+        self._channel = self._writer.register_channel(TOPIC, "json", number)
+        self._queue: TicketQueue[tuple[int, Turn]] = TicketQueue("black box", self._work)
+        self._queue.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def note(self, readings: Readings, unit: ControlUnit) -> None:
+        """Hand a turn over; where the disk has stopped it is left out."""
+        if self._queue.backlog < MOST_WAITING:
+            at_ns = round(NANOSECONDS * readings.time_s)  # by the clock of the kart
+            self._queue.put((at_ns, turn_of(readings, unit)))
+
+    def close(self) -> None:
+        """Write what is left, and end the file."""
+        self._queue.close()
+
+    def _work(self) -> None:
+        """Write until the last turn; runs in the thread."""
+        flushed, is_open = time.monotonic(), True
+        with contextlib.suppress(OSError):
+            while is_open:
+                with contextlib.suppress(queue.Empty):
+                    item = self._queue.get(FLUSH_S)
+                    is_open = item is not None
+                    if item is not None:
+                        self._write(*item)
+                if time.monotonic() - flushed > FLUSH_S:
+                    self._writer.flush()
+                    self._file.flush()
+                    flushed = time.monotonic()
+            self._writer.finish()
+            self._file.close()
+
+    def _write(self, at_ns: int, turn: Turn) -> None:
+        data = json.dumps(turn, separators=(",", ":")).encode()
+        self._writer.add_message(self._channel, log_time=at_ns, publish_time=at_ns, data=data)
+        self._queue.settle(1)
+
+
+def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
+    """Return a turn as plain data; what is not known is left out, numbers are rounded."""
+    fix, filtered, command = readings.fix, unit.fusion, unit.command
+    turn: Turn = {
+        "time_s": round(readings.time_s, 4),
+        "wheel_speed": _rounded(readings.wheel_speed),
+        "yaw_rate": _rounded(readings.yaw_rate),
+        "steering": _rounded(readings.steering),
+        "acceleration": None if readings.acceleration is None else _all(readings.acceleration),
+        "fix": None if fix is None else _all((fix.x, fix.y, fix.deviation)),
+        "echoes": None
+        if readings.echoes is None
+        else [
+            _all(row)
+            for row in zip(
+                *(readings.echoes.x, readings.echoes.y, readings.echoes.closing),
+                readings.echoes.kinds,
+                strict=True,
+            )
+        ],
+        "command": _all((command.steering, command.throttle, command.brake)),
+        "cause": [each.name.lower() for each in Cause if each.name and each & command.cause],
+        "alert": {**unit.alert().as_json(), "cause": None},
+        "tracks": [
+            {"state": _all(track.state), "kind": int(track.kind), "scans": track.scans}
+            for track in unit.objects.tracks
+        ],
+    }
+    if filtered is not None:
+        turn["state"] = _all(filtered.state)
+        turn["variances"] = _all(filtered.filter.covariance.diagonal())
+        turn["deviation"] = _rounded(filtered.deviation)
+        turn["innovations"] = {
+            sensor: _rounded(value) for sensor, value in filtered.filter.squares.items()
+        }
+    orders = unit.hud
+    if orders is not None:
+        turn["orders"] = {
+            "sequence": orders.sequence,
+            "speed_cap": _rounded(orders.speed_cap),
+            "thrust_scale": _rounded(orders.thrust_scale),
+        }
+    return {name: value for name, value in turn.items() if value is not None}
+
+
+def _rounded(value: float) -> float | None:
+    return round(float(value), 5) if math.isfinite(value) else None
+
+
+def _all(values: Any) -> list[float | None]:
+    return [_rounded(value) for value in values]
+
+
+def read_black_box(path: Path) -> Iterator[Turn]:
+    """Yield the turns of a black box, up to where it is whole.
+
+    Raises:
+        RecordingError: it cannot be read, or is none.
+    """
+    try:
+        with path.open("rb") as file:
+            yield from _turns_in(file, path)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def _turns_in(file: BufferedReader, path: Path) -> Iterator[Turn]:
+    topics: dict[int, str] = {}
+    try:
+        for record in StreamReader(file).records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message) and topics.get(record.channel_id) == TOPIC:
+                turn: Turn = json.loads(record.data)
+                yield turn
+    # The end is torn where the kart's program was killed.
+    except (McapError, ValueError, struct.error, ZstdError) as error:
+        if TOPIC not in topics.values():
+            raise RecordingError(f"{path} is no black box of a kart: {error}") from error
+    if TOPIC not in topics.values():
+        raise RecordingError(f"{path} is no black box of a kart: no turn is in it")
