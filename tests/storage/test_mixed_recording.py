@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from race_server.core.messages import Event, EventKind, Flag, Phase, Trust
+from race_server.credentials import key_of
 from race_server.errors import RecordingError, SeatError, WireError
 from race_server.live.server.journal import Journal
 from race_server.live.server.publisher import snapshot_of
@@ -19,6 +20,7 @@ from race_server.net.wire.spectate import SnapshotWriter
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.session.interventions import InterventionKind
+from race_server.session.replay_guard import Granted
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording, read_recording
@@ -29,6 +31,13 @@ STARTED_AT = "2026-01-02T03:04:05.678+00:00"
 SECRETS = (11, 12, 13)
 
 
+def grant(session: Session, secret: int, serial: int) -> None:
+    """Record a request as granted, as the server does."""
+    key = key_of(secret)
+    session.replay_guard.record(key, serial)
+    session.journal.add(Granted(session.tick, key, serial))
+
+
 class Recorded:
     """A race on a ring of a real kart and two simulated ones, written down."""
 
@@ -37,7 +46,7 @@ class Recorded:
         self.session = Session("cup", Scenario(COURSE, karts=4, rules=rules))
         for number, secret in enumerate(SECRETS):
             self.session.join(f"d{number}", "track", secret=secret, tracked=number == 0)
-            self.session.grant(secret, 7)
+            grant(self.session, secret, 7)
         self.session.race_control.close_seat(3)
         self.session.start()
         self.book = book
@@ -185,7 +194,7 @@ def test_a_real_kart_that_was_home_is_not_missed_after_the_kill(raced: Recorded)
 
 def test_copies_of_what_was_taken_before_the_kill_are_refused_after_it(raced: Recorded) -> None:
     raced.run(150)
-    raced.session.grant(SECRETS[1], 9)
+    grant(raced.session, SECRETS[1], 9)
     raced.run(1)
     session, _ = restore_session(read_recording(raced.kill()), None)
     real = raced.real
