@@ -92,10 +92,9 @@ class LiveEvent:
         names = ", ".join(team.name for team in drive.grid)
         self._log.say("called", drive=drive.title, drivers=names)
         if server.pace == REAL:
+            # A person may have been ready long ago; drivers' programs say it again, karts' once.
             for seat in seats:
-                seat.is_ready = (
-                    False  # a person may have been ready long ago; programs say it again
-                )
+                seat.is_ready = seat.is_ready and seat.is_tracked
         server.lobby.wait_until(lambda: all(map(self._is_ready, seats)), self._spec.call_s)
         if server.is_stopped:
             return None
