@@ -12,6 +12,9 @@ import time
 from pathlib import Path
 
 import torch
+
+# Ray gives way to all other programs, so that on a busy machine nothing comes up.
+os.environ["RAY_worker_niceness"] = "0"  # noqa: SIM112  # Ray writes it so
 from ray.cluster_utils import Cluster
 
 STEPS, WORLDS, ROLLOUT = 120_000, 16, 64  # decisions of each world between lessons
