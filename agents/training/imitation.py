@@ -17,6 +17,7 @@ from stable_baselines3 import PPO
 
 from race_agents.training.budget import Budget
 from race_agents.training.demonstrations import pairs_for
+from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.lines import Say, find_lines
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.planning_teacher import PlanningTeacher
@@ -61,11 +62,13 @@ class School:
             after=after,
             threads=settings.threads,
         )
-        self.teacher: Teacher | PlanningTeacher
-        if wanted.teacher == PLANNER:
+        self.teacher: Teacher | PlanningTeacher | GreedyTeacher
+        if wanted.teacher != PLANNER:
+            self.teacher = Teacher(wanted, self.batch)
+        elif self.batch.scenarios[0].vehicle_of(0).trailers:
             self.teacher = PlanningTeacher(self.batch)
         else:
-            self.teacher = Teacher(wanted, self.batch)
+            self.teacher = GreedyTeacher(self.batch, say)
         self.karts = self.batch.worlds * self.batch.learners
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 

@@ -12,7 +12,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
-PLANNER = "planner"  # the teacher that plans ways in a lot
+PLANNER = "planner"  # the teacher in a lot
 DECISION_TICKS = 3  # in a live race
 FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
@@ -181,8 +181,8 @@ class Goal(Table):
 class WarmStart(Table):
     """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
 
-    # A scripted driver, which may see more than the learner; in a lot `planner`, see
-    # `agents/training/planning_teacher.py`.
+    # A scripted driver, which may see more than the learner; in a lot `planner`: with a trailer
+    # `agents/training/planning_teacher.py`, without `agents/training/greedy_teacher.py`.
     teacher: str = ""
     # To a teacher that takes it, as a residual action, see `race_server.envs.actions`.
     advice: tuple[float, ...] = ()

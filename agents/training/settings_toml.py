@@ -96,9 +96,7 @@ def _check_discipline(settings: Settings, source: str) -> None:
         "evaluation.score = 'success': choose speed or return": not parks and score == "success",
         "self_play.seats: name race.opponents instead": parks and bool(settings.self_play.seats),
         f"warm_start.teacher = {teacher!r}: a driver follows a track's line; "
-        f"choose {PLANNER}, for a vehicle with a trailer, or demonstrations": (
-            parks and teacher not in {"", PLANNER}
-        ),
+        f"choose {PLANNER} or demonstrations": (parks and teacher not in {"", PLANNER}),
         f"warm_start.teacher = {PLANNER!r}: choose a driver": not parks and teacher == PLANNER,
         "parking.shaping = 'hurl' and parking.heuristic = 'none': hurl needs a heuristic": (
             settings.mixes and settings.parking.heuristic == "none"

@@ -26,15 +26,12 @@ TINY = {
 def tiny(algorithm: str = "sac", *changes: str) -> Settings:
     """Settings of a second: one slot 5 m ahead, 2 s for each way."""
     return read_settings(
-        "park",
+        "parking-1",
         [
-            *("steps=120", "worlds=2", "curriculum=none", "network.layers=[8]"),
-            *("parking.lots=['face-to-face']", "parking.limit_s=2.0", "evaluation=none"),
-            "evaluation.score=success",
-            *(f"algorithm.name={algorithm}", f"algorithm.options={TINY[algorithm]}"),
-            *("network.last_log_std=none", "parking.shaping=hurl"),
-            *("vehicle=kart-13", "observation=park", "action=park", "lidar=none"),
-            *("parking.decision_ticks=6", "parking.heuristic=euclid", *changes),
+            *("steps=120", "worlds=2", "network.layers=[8]", "observation=park"),
+            *("parking.lots=['face-to-face']", "parking.limit_s=2.0", "parking.shaping=hurl"),
+            *("evaluation=none", "evaluation.score=success"),
+            *(f"algorithm.name={algorithm}", f"algorithm.options={TINY[algorithm]}", *changes),
         ],
     )
 

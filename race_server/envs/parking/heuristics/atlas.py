@@ -56,12 +56,7 @@ def make_atlas(lots: Lots, walls: Walls, vehicle: Vehicle, names: list[str]) -> 
         ScenarioError: a lot has no slots, or draws blocks.
     """
     for lot, name in zip(lots.lots, names, strict=True):
-        if lot["slot_count"] == 0 or lot["blocks_most"] > 0:
-            why = "draws blocks" if lot["slot_count"] else "has no slots"
-            raise ScenarioError(
-                f"lot {name!r} {why}: the heuristic 'cost-to-go' is for lots with slots whose "
-                "obstacles stay where they are; choose another lot or heuristic"
-            )
+        check_lot(lot, name, "the heuristic 'cost-to-go'")
     known = hashlib.sha256(source_digest().encode())
     for part in (lots.lots, lots.slots, walls.sites, walls.segments, vehicle_record(vehicle)):
         known.update(part.tobytes())
@@ -71,6 +66,20 @@ def make_atlas(lots: Lots, walls: Walls, vehicle: Vehicle, names: list[str]) -> 
         found = _made(lots, walls, vehicle)
         keep(path, lambda file: _write(file, found))
     return found
+
+
+def check_lot(lot: Record, name: str, asking: str) -> None:
+    """Check that costs to go to the slots of a lot hold whatever a round draws. asking: who asks.
+
+    Raises:
+        ScenarioError: it has no slots, or draws blocks.
+    """
+    if lot["slot_count"] == 0 or lot["blocks_most"] > 0:
+        why = "draws blocks" if lot["slot_count"] else "has no slots"
+        raise ScenarioError(
+            f"lot {name!r} {why}: {asking} is for lots with slots whose obstacles stay where they "
+            "are; choose another"
+        )
 
 
 def _read(path: Path) -> Atlas | None:
@@ -93,7 +102,7 @@ def _made(lots: Lots, walls: Walls, vehicle: Vehicle) -> Atlas:
         segments = walls.segments[first : first + int(site["wall_count"])]
         for number in range(int(lot["slot_count"])):
             boxes = standing_in(lots, lot, number)
-            goal = _goal_of(lots.slots[int(lot["slot_start"]) + number], vehicle)
+            goal = goal_in(lots.slots[int(lot["slot_start"]) + number], vehicle)
             every.append(_ways_to(goal, segments, boxes, rig, ground))
     rows, columns = (
         max(getattr(ways.grid, side) for ways in every) for side in ("rows", "columns")
@@ -124,7 +133,7 @@ def _ways_to(goal: Pose, walls: Floats, boxes: Floats, rig: Rig, ground: Ground)
     )
 
 
-def _goal_of(slot: Record, vehicle: Vehicle) -> Pose:
+def goal_in(slot: Record, vehicle: Vehicle) -> Pose:
     """Return where the last axle of a vehicle stands, straight in the middle of a slot."""
     parker, body = np.zeros(1, PARKER).view(np.recarray)[0], np.zeros(1, BODY).view(np.recarray)[0]
     parker.x, parker.y, parker.heading = slot["x"], slot["y"], slot["heading"]

@@ -1,0 +1,134 @@
+"""A teacher that knows the costs to go: its labels lead a car into its slot."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from race_agents.planning.greedy import choose
+from race_agents.training.greedy_teacher import GreedyTeacher, rows_of
+from race_agents.training.imitation import School
+from race_agents.training.settings_toml import read_settings
+from race_server.core.free_space.ground import NO_BOXES, Ground
+from race_server.core.free_space.rig import Rig, Towed, rig_of_car
+from race_server.core.free_space.state_costs import (
+    AHEAD,
+    BACK,
+    UNKNOWN,
+    StateCosts,
+    cost_to_go,
+    find_state_costs,
+)
+from race_server.core.kernels.geometry import Pose
+from race_server.core.vehicle_presets import vehicle_named
+from race_server.envs.batch import Batch
+from race_server.envs.buffers import STAY
+from race_server.envs.presets import parking_task
+from race_server.errors import ScenarioError
+from race_server.scenario.parking import parking_scenario
+from race_server.scenario.race import make_world
+
+CAR = vehicle_named("car")
+GOAL = Pose(0.0, 0.0, 0.0)
+# A bay between walls, its end 1.2 m behind the rear axle, and an aisle before it.
+WALLS = np.array(
+    [
+        [-1.2, -1.4, -1.2, 1.4],
+        [-1.2, -1.4, 3.6, -1.4],
+        [-1.2, 1.4, 3.6, 1.4],
+        [3.6, -5.0, 3.6, -1.4],
+        [3.6, 1.4, 3.6, 5.0],
+        [9.6, -5.0, 9.6, 5.0],
+    ]
+)
+
+
+@cache
+def bay() -> tuple[Rig, StateCosts]:
+    """Return a car, and what its states cost on the way to the bay."""
+    rig = rig_of_car(CAR, 0.08, 0.98)
+    corner, other = Pose(-1.2, -5.0, 0.0), Pose(9.6, 5.0, 0.0)
+    obstacles = Ground().obstacles(corner, other, WALLS, NO_BOXES, reach=0.5, near=2.0)
+    return rig, find_state_costs(obstacles, rig, GOAL, rate=1.0, cusp=2.0)
+
+
+def cost(x: float, y: float, degrees: float = 0.0, gear: int = BACK) -> float:
+    towed = Towed(x, y, np.radians(degrees), 0.0, 0.0)
+    return cost_to_go(bay()[1], GOAL, towed, gear)
+
+
+def test_straight_before_its_place_a_car_has_only_to_reverse() -> None:
+    assert cost(3.0, 0.0) == pytest.approx(3.0, abs=0.5)
+    rig, found = bay()
+    assert choose(found, rig, GOAL, Towed(3.0, 0.0, 0.0, 0.0, 0.0), BACK)[:2] == (BACK, 0.0)
+
+
+def test_to_turn_round_first_costs_a_change_of_direction() -> None:
+    assert cost(3.0, 0.0, gear=AHEAD) > cost(3.0, 0.0) + 2.0
+
+
+def test_a_centimetre_aside_costs_a_little_and_more_aside_costs_more() -> None:
+    assert cost(2.0, 0.0) < cost(2.0, 0.03) < cost(2.0, 0.1) < cost(2.0, 0.2)
+
+
+def test_left_costs_what_right_costs() -> None:
+    assert cost(6.0, 1.5, 30.0) == pytest.approx(cost(6.0, -1.5, -30.0), rel=1e-3)
+
+
+def test_where_there_is_a_wall_nothing_is_known() -> None:
+    assert cost(1.0, 1.4) >= UNKNOWN
+
+
+# The same bay in a lot: its slot is reversed into from an aisle.
+LOT = """
+area = [0, 15, 0, 11]
+vehicle = "car"
+level = "parked"
+limit_s = 60
+[[rows]]
+at = [7.5, 2.5]
+heading = 90
+length = 5.0
+width = 2.5
+[[zones]]
+role = "start"
+x = [3, 4]
+y = [8, 8]
+[taken]
+share = 1.0
+"""
+
+
+def aisle(folder: Path, action: str = "crawl") -> Batch:
+    """Return two cars before their bays."""
+    file = folder / "bay.toml"
+    file.write_text(LOT)
+    task = parking_task(str(file), observation="dock", action=action)
+    return Batch(task, worlds=2, seed=7, after=STAY)
+
+
+def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path) -> None:
+    batch = aisle(tmp_path)
+    teacher, begun = GreedyTeacher(batch), np.ones((2, 1), np.bool_)
+    for _ in range(600):
+        batch.step(teacher.labels(batch.observations, begun))
+        if batch.terminated.all():
+            break
+    assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["parked"] * 2
+
+
+def test_slots_side_by_side_have_costs_together() -> None:
+    lots = make_world(parking_scenario("aisle-90"), [1]).parking.lots
+    assert rows_of(lots, 0) == [list(range(16)), list(range(16, 32))]
+
+
+def test_it_refuses_what_it_cannot_answer_with(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"action = .park.: .*choose .dock. or .crawl."):
+        GreedyTeacher(aisle(tmp_path, action="park"))
+
+
+def test_it_refuses_a_lot_whose_obstacles_are_drawn() -> None:
+    settings = read_settings("park", ['parking.lots=["yard-70"]', "worlds=2"])
+    with pytest.raises(ScenarioError, match=r"lot 'yard-70' has no slots: a teacher"):
+        School(settings, lambda _: None)
