@@ -315,7 +315,7 @@ export const en = {
     // By bit of their number, from the second on: the first is what is in the way.
     causes: ['driver let go', 'no radio', 'too fast', 'outside the course', 'place not known', 'program silent'],
     doing: { stages: ['', 'sees', 'warns', 'slows down', 'brakes'], waits: 'waits' },
-    advices: ['', 'Brake', 'Steer left', 'Steer right', 'Wait'],
+    counsels: ['', 'Brake', 'Steer left', 'Steer right', 'Wait'],
     own: (doing: string, reason: string) => `Your kart ${doing}: ${reason}`,
     warns: (advice: string, reason: string) => `${advice}: ${reason}`,
     told: (who: string, doing: string, reason: string) => `${who}: kart ${doing}: ${reason}`,

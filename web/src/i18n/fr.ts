@@ -307,7 +307,7 @@ export const fr: Words = {
     seen: (what, metres, side) => `${what} à ${metres} m ${side}`,
     causes: ['pilote absent', 'plus de radio', 'trop vite', 'hors du tracé', 'position inconnue', 'programme muet'],
     doing: { stages: ['', 'voit', 'avertit', 'ralentit', 'freine'], waits: 'attend' },
-    advices: ['', 'Freine', 'Tourne à gauche', 'Tourne à droite', 'Attends'],
+    counsels: ['', 'Freine', 'Tourne à gauche', 'Tourne à droite', 'Attends'],
     own: (doing, reason) => `Ton kart ${doing} : ${reason}`,
     warns: (advice, reason) => `${advice} : ${reason}`,
     told: (who, doing, reason) => `${who} : le kart ${doing} : ${reason}`,

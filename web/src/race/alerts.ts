@@ -49,7 +49,7 @@ export function reasonOf({ hit, distance, bearing, cause }: KartAlert, words: Wo
 export function ownText(alert: KartAlert, words: Words): string {
   const say = words.kartAlerts;
   const reason = reasonOf(alert, words);
-  if (alert.stage === DangerStage.WARN) return say.warns(say.advices[alert.advice] ?? '', reason);
+  if (alert.stage === DangerStage.WARN) return say.warns(say.counsels[alert.advice] ?? '', reason);
   return say.own(doingOf(alert, words), reason);
 }
 
