@@ -52,9 +52,10 @@ def _bands(plot: Any, name: str, lines: Sequence[VariantSummary]) -> None:
             at, mean, least, greatest = zip(*line.bands[name], strict=True)
             plot.plot(at, mean, **style)
             plot.fill_between(at, least, greatest, color=style["color"], alpha=0.2, linewidth=0)
-    _frame(plot, name)
+    _frame(plot, name.removesuffix(OVER_TIME))
     if name.endswith(OVER_TIME):
         plot.set_xscale("log")
+        plot.xaxis.set_major_formatter("{x:g}")  # powers of ten would be formulas
         plot.set_xlabel("processor time of learning, s")
 
 
