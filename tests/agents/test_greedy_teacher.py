@@ -108,6 +108,7 @@ def aisle(folder: Path, action: str = "crawl") -> Batch:
     return Batch(task, worlds=2, seed=7, after=STAY)
 
 
+@pytest.mark.slow
 def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path) -> None:
     batch = aisle(tmp_path)
     teacher, begun = GreedyTeacher(batch), np.ones((2, 1), np.bool_)

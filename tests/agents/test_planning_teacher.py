@@ -20,6 +20,7 @@ def yard(worlds: int = 2, action: str = "dock", after: int = STAY) -> Batch:
     return Batch(task, worlds=worlds, seed=7, after=after)
 
 
+@pytest.mark.slow
 def test_who_does_what_the_teacher_says_stands_in_the_bay() -> None:
     batch = yard()
     teacher, begun = PlanningTeacher(batch), np.ones((2, 1), np.bool_)

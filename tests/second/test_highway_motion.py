@@ -153,6 +153,7 @@ def test_what_is_not_known_of_a_simulator_is_named(simulator: str, message: str)
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_car_parks_there_by_our_rules() -> None:
     task = parking_task("face-to-face", action="control", simulator=THERE)
     batch = Batch(task, seed=1)

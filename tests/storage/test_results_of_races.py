@@ -80,7 +80,7 @@ class SlowStore(Store):
 
 
 @pytest.mark.net
-@pytest.mark.parametrize("pace", [LOCKSTEP, REAL])
+@pytest.mark.parametrize("pace", [LOCKSTEP, pytest.param(REAL, marks=pytest.mark.slow)])
 def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
     path: Path, pace: str
 ) -> None:
