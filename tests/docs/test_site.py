@@ -177,12 +177,18 @@ def browser(site: Path) -> Iterator[tuple[Any, str, list[str]]]:
         play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as chromium,
     ):
         page = chromium.new_page(viewport={"width": 360, "height": 740})
-        page.on("console", lambda line: troubles.append(line.text) if line.type == "error" else 0)
+        page.on("console", lambda line: note_error(line, troubles))
         page.on("pageerror", lambda error: troubles.append(str(error)))
         page.on("request", lambda each: note_foreign(each.url, base, troubles))
         yield page, base, troubles
     server.shutdown()
     server.server_close()
+
+
+def note_error(line: Any, troubles: list[str]) -> None:
+    """Keep what a page says of an error, and where it happened."""
+    if line.type == "error":
+        troubles.append(f"{line.location['url']}: {line.text}")
 
 
 def note_foreign(url: str, base: str, troubles: list[str]) -> None:
