@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -82,7 +83,7 @@ def driven_races(vehicle: Vehicle, first_seed: int) -> Iterator[Raced]:
 
     Every other course is drawn for its seed.
     """
-    for place in range(1_000_000):
+    for place in count():
         seed, half = first_seed + place, place // 2
         names = DRAWN if place % 2 else COURSES
         yield driven_race(names[half % len(names)].format(seed), vehicle, seed)

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from race_agents.plant.row import Row
@@ -19,23 +20,28 @@ from race_server.competition.launch import free_address
 from race_server.errors import DriverError
 
 KMH = 50.0
+BAR_S = 0.2  # the brakes have to begin within this time
 BEGUN_S, DONE_S = 90.0, 90.0  # until the kart is that fast, and has written what it did
 COURSE, VEHICLE = "colline-1100", "kart-60"
 
 
 def rows(setting: Setting) -> list[Row]:
-    """Return the table of a lost side: the worst of some karts as built."""
+    """Return the table of a lost side: the worst of some karts as built, one for each seed."""
     found = []
-    for seed in range(min(setting.seeds, MOST)):
+    for seed in range(setting.seeds):
         found.append(lose_game(seed + 1))
         setting.tell()
-    note = f"{len(found)} times, at {min(each['speed'] for each in found) * 3.6:.0f} km/h or more"
+    begun = [each["braked_after_s"] for each in found]
+    note = (
+        f"{sum(each <= BAR_S for each in begun)} of {len(begun)} within that, median "
+        f"{median(begun):.3f} s, at {min(each['speed'] for each in found) * 3.6:.0f} km/h or more"
+    )
     return [
         Row(
             "brakes begin after the game's side was killed (kill -9) at 50 km/h",
             "s",
-            max(each["braked_after_s"] for each in found),
-            most=0.2,
+            max(begun),
+            most=BAR_S,
             note=note,
         ),
         Row(
@@ -47,10 +53,6 @@ def rows(setting: Setting) -> list[Row]:
             note=f"within {max(each['stopped_within_m'] for each in found):.0f} m",
         ),
     ]
-
-
-# More than this many karts say nothing new.
-MOST = 3
 
 
 def lose_game(seed: int) -> dict[str, Any]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import islice
 
 import numpy as np
 import pytest
 
 from race_agents.plant.hindsight import came_close, is_blocked
-from race_agents.plant.raced import Frame, Raced
+from race_agents.plant.raced import Frame, Raced, driven_races
 from race_agents.plant.shadow import shadow
 from race_agents.unit.ego import Ego
 from race_agents.unit.limits import Limits
@@ -118,3 +119,15 @@ def test_shadow_mode_finds_the_brake_for_a_kart_that_stands_and_calls_it_right()
     assert found.count(DangerStage.FULL) >= 1
     assert found.count_needless(DangerStage.FULL) == found.count_false(DangerStage.FULL) == 0
     assert found.metres == pytest.approx(38.0, abs=1.0)
+
+
+def test_races_are_driven_by_eight_karts_and_the_same_again_under_the_same_seed() -> None:
+    def last(seed: int) -> Frame:
+        race = next(driven_races(KART_60, seed))
+        return list(islice(race.frames, 60))[-1]
+
+    frame = last(3)
+    assert frame.tick == 180
+    assert (frame.karts["speed"] > 3.0).all()  # three seconds after the lights
+    assert np.array_equal(frame.karts, last(3).karts)
+    assert not np.array_equal(frame.karts, last(4).karts)
