@@ -81,6 +81,14 @@ def plant(
         Path | None,
         typer.Option("--black-box", help="Keep each turn of the safety side in this MCAP file."),
     ] = None,
+    only_incidents: Annotated[
+        bool,
+        typer.Option(
+            "--only-incidents",
+            help="With --black-box: keep only what was before and after the kart braked by itself "
+            "or felt a blow, 60 s and 10 s.",
+        ),
+    ] = False,
 ) -> None:
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
     # Set before any kernel is imported: one kart needs no compiler.
@@ -114,5 +122,6 @@ def plant(
         beside=beside,
         report=report,
         black_box=black_box,
+        only_incidents=only_incidents,
     )
     run_plant(setting)

@@ -49,6 +49,7 @@ class PlantSetting:
     beside: str = ""  # address of this machine, see `take_part`
     report: Path | None = None
     black_box: Path | None = None
+    only_incidents: bool = False  # what the black box keeps
 
 
 def run_plant(setting: PlantSetting) -> None:
@@ -127,4 +128,5 @@ def _setup_of(
         *(vehicle, fence_of(sheet), sheet.borders, place, sensors, setting.seed, offset_s, is_lot),
         *(setting.pedestrian_s, setting.cut_s, setting.kill_at, setting.report),
         black_box=setting.black_box,
+        only_incidents=setting.only_incidents,
     )
