@@ -7,12 +7,14 @@ whose server was killed goes on; one that was stopped is driven again.
 from collections.abc import Callable
 from dataclasses import replace
 
+from race_server.competition.event_board import EventBoard
+from race_server.competition.event_ghosts import EventGhosts
 from race_server.competition.event_spec import EventSpec, file_name
 from race_server.competition.event_state import EventFile, EventState
 from race_server.competition.race_day.day import Day, Drive
 from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, absent, record_of
-from race_server.core.messages import Event, Phase
+from race_server.core.messages import Event, EventPhase, Phase
 from race_server.errors import RecordingError, ScenarioError
 from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
@@ -49,6 +51,10 @@ class LiveEvent:
         self._raced = -1  # record of the race whose result stewards may change
         self._teams = {one.seat: one.team for one in state.entrants}
         self._seats = {one.team: one.seat for one in state.entrants}
+        ghosts = EventGhosts(spec.folder, f"{self._name}-{STAMP}.mcap", state.name, log)
+        self._board = EventBoard(server, self._seats, ghosts, self._record_now)
+        self._board.show(self.day, EventPhase.CALLED)
+        server.show(self._board)
         server.amended = self._amend
 
     # From the first call to the final classification
@@ -81,6 +87,7 @@ class LiveEvent:
             return False
         self.state = replace(self.state, is_final=True)
         self._save()
+        self._board.show(self.day, EventPhase.OVER)
         self._changed(self.day, self.state)
         server.session.is_event = server.session.keeps_seats = False
         return True
@@ -90,6 +97,7 @@ class LiveEvent:
         server, session = self._server, self._server.session
         seats = [session.seats[self._seats[team.name]] for team in drive.grid]
         names = ", ".join(team.name for team in drive.grid)
+        self._board.show(self.day, EventPhase.CALLED, waits_s=self._spec.call_s)
         self._log.say("called", drive=drive.title, drivers=names)
         if server.pace == REAL:
             # A person may have been ready long ago; drivers' programs say it again, karts' once.
@@ -103,9 +111,10 @@ class LiveEvent:
             return self._with_missing(RaceRecord("", ()), drive)
         for number in there:
             session.seats[number].is_ready = False
+        self._board.show(self.day, EventPhase.ON_TRACK)
         server.watchdog.rest()  # a course may take its time
-        result = server.drive(self._lined_up(drive, set(there)))
-        record = self._recorded(drive, result)
+        server.drive(self._lined_up(drive, set(there)))
+        record = self._recorded(drive)
         server.reopen()
         return record
 
@@ -122,12 +131,15 @@ class LiveEvent:
                 order[seat] = place
         return replace(drive.scenario, karts=karts, grid_order=tuple(order))
 
-    def _recorded(self, drive: Drive, result: RaceResult) -> RaceRecord | None:
+    def _recorded(self, drive: Drive) -> RaceRecord | None:
         """Return the record of the race that is over; None for one that was stopped."""
-        session = self._server.session
-        if session.phase is not Phase.FINISHED:
-            return None
-        return self._with_missing(self._record_of(session, result.events), drive)
+        is_over = self._server.session.phase is Phase.FINISHED
+        return self._record_now(drive) if is_over else None
+
+    def _record_now(self, drive: Drive) -> RaceRecord:
+        """Return the record of the race in the session, as far as it was driven."""
+        record = self._record_of(self._server.session, self._server.events)
+        return self._with_missing(record, drive)
 
     def _with_missing(self, record: RaceRecord, drive: Drive) -> RaceRecord:
         """Return a record with the teams that did not come to their drive."""
@@ -144,6 +156,7 @@ class LiveEvent:
     def _review(self, drive: Drive) -> None:
         """Leave the stewards their time after a stage, or a round of one."""
         if self._spec.review_s > 0.0:
+            self._board.show(self.day, EventPhase.REVIEWED, waits_s=self._spec.review_s)
             self._log.say("provisional", stage=drive.block, review_s=self._spec.review_s)
             self._server.lobby.wait_until(lambda: False, self._spec.review_s)
 
@@ -176,6 +189,7 @@ class LiveEvent:
             self._log.warn("a decision changes no classification", why=str(error))
             return
         self._save()
+        self._board.renew()
         self._changed(self.day, self.state)
 
     def _save(self) -> None:
@@ -225,10 +239,11 @@ class LiveEvent:
         server, drive = self._server, self.day.next
         for seat in server.session.seats:
             seat.is_ready = False
-        result = server.resume(recording, events)
+        self._board.show(self.day, EventPhase.ON_TRACK, resumes=True)
+        server.resume(recording, events)
         occasion = server.session.scenario.occasion
         if drive is not None and occasion == drive.scenario.occasion:
-            record = self._recorded(drive, result)
+            record = self._recorded(drive)
         else:
             record = None
         server.reopen()

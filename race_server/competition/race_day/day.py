@@ -4,7 +4,8 @@ The same for an event inside one process (`run_day`) and one on the network
 (`race_server.competition.live_event`).
 """
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 from race_server.competition.race_day.formats import Races, TimeTrial
@@ -21,6 +22,8 @@ from race_server.scenario.race import Occasion, Scenario
 from race_server.storage.results.keeper import Keeper
 
 Tell = Callable[[str], None]
+# The title of an attempt or a race, and its teams.
+Call = tuple[str, tuple[Team, ...]]
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,9 @@ class Drive:
     session: str  # name in the results of a day in one process
     grid: tuple[Team, ...]  # pole position first
     scenario: Scenario
+    stage: TimeTrial | Races
     block: str  # until the next block begins its results may change: they order no grid before
+    coming: tuple[Call, ...]  # after it in the same stage, or round; the grids are not known yet
 
 
 class Day:
@@ -75,6 +80,15 @@ class Day:
         for one in records:
             self.add(one)
 
+    def with_record(self, record: RaceRecord) -> "Day":
+        """Return the event as it would be after the drive that is next."""
+        other = copy(self)
+        records = (*self.records, record)
+        other._begin()
+        for one in records:
+            other.add(one)
+        return other
+
     def _run(self) -> Generator[Drive, RaceRecord, None]:
         for stage in self.plan.format.stages:
             if isinstance(stage, TimeTrial):
@@ -88,43 +102,46 @@ class Day:
         """Run the attempts of every team, all first ones before the second ones."""
         plan = self.plan
         attempts: dict[str, list[TeamResult]] = {team.name: [] for team in plan.teams}
-        for number in range(1, stage.attempts + 1):
-            for team in plan.teams:
-                common = self._scenario(stage, stage.track, 1)
-                title = f"{stage.name}: {team.name}, attempt {number}"
-                scenario = plan.attempt(stage, common, team.name, number)
-                session = f"{plan.session}-{_slug(stage.name)}"
-                record = yield self._drive(title, session, [team], scenario, stage.name)
-                attempts[team.name].append(record.drives[0])
-                done = trial_result(stage, common.course, attempts)
-                if number == 1 and team is plan.teams[0]:
-                    self.ledger.stages.append(done)
-                self.ledger.stages[-1] = done
+        turns = [(team, number) for number in range(1, stage.attempts + 1) for team in plan.teams]
+        calls = [(attempt_title(stage, *turn), turn[:1]) for turn in turns]
+        for place, (team, number) in enumerate(turns):
+            common = self._scenario(stage, stage.track, 1)
+            scenario = plan.attempt(stage, common, team.name, number)
+            session = f"{plan.session}-{_slug(stage.name)}"
+            record = yield self._drive(calls[place:], session, scenario, stage, stage.name)
+            attempts[team.name].append(record.drives[0])
+            done = trial_result(stage, common.course, attempts)
+            if place == 0:
+                self.ledger.stages.append(done)
+            self.ledger.stages[-1] = done
 
     def _run_round(self, stage: Races, turn: int) -> Generator[Drive, RaceRecord, None]:
         """Run the races of one round. The groups stay together; the grid follows the standings."""
         plan, ledger = self.plan, self.ledger
         groups = plan.groups(stage, ledger.order())
-        for letter in stage.tracks:
-            for number, group in enumerate(groups, start=1):
-                title = stage.name + (f" {number}" if len(groups) > 1 else "")
-                title += f", round {turn}" if stage.rounds > 1 else ""
-                grid = [team for team in ledger.order() if team in group]
-                common = self._scenario(stage, letter, len(grid))
-                scenario = replace(common, seed=plan.seed_of(title, letter))
-                session, block = f"{plan.session}-{_slug(title)}", f"{stage.name} {turn}"
-                said = f"{title}, track {letter}"
-                record = yield self._drive(said, session, grid, scenario, block)
-                points = {
-                    drive.team: place_points(drive.place, stage.points, stage.finishing)
-                    for drive in record.drives
-                }
-                label = Label(title, turn, number)
-                names = record.grid or tuple(team.name for team in grid)
-                heat = Heat(label, letter, common.course, names, record, points)
-                result = ledger.stages[-1]
-                assert isinstance(result, RacesResult)
-                ledger.stages[-1] = replace(result, heats=(*result.heats, heat))
+        turns = [
+            (letter, number, group, _race_title(stage, turn, number if len(groups) > 1 else 0))
+            for letter in stage.tracks
+            for number, group in enumerate(groups, start=1)
+        ]
+        calls = [(f"{title}, track {letter}", tuple(group)) for letter, _, group, title in turns]
+        for place, (letter, number, group, title) in enumerate(turns):
+            grid = tuple(team for team in ledger.order() if team in group)
+            calls[place] = (calls[place][0], grid)
+            common = self._scenario(stage, letter, len(grid))
+            scenario = replace(common, seed=plan.seed_of(title, letter))
+            session, block = f"{plan.session}-{_slug(title)}", f"{stage.name} {turn}"
+            record = yield self._drive(calls[place:], session, scenario, stage, block)
+            points = {
+                drive.team: place_points(drive.place, stage.points, stage.finishing)
+                for drive in record.drives
+            }
+            label = Label(title, turn, number)
+            names = record.grid or tuple(team.name for team in grid)
+            heat = Heat(label, letter, common.course, names, record, points)
+            result = ledger.stages[-1]
+            assert isinstance(result, RacesResult)
+            ledger.stages[-1] = replace(result, heats=(*result.heats, heat))
 
     def _scenario(self, stage: TimeTrial | Races, letter: str, karts: int) -> Scenario:
         """Return what all races of a stage on one track share; solved lines are kept."""
@@ -136,10 +153,28 @@ class Day:
         return self._scenarios[key]
 
     def _drive(
-        self, title: str, session: str, grid: list[Team], scenario: Scenario, block: str
+        self,
+        calls: Sequence[Call],
+        session: str,
+        scenario: Scenario,
+        stage: TimeTrial | Races,
+        block: str,
     ) -> Drive:
+        """Return the first of these calls as a drive."""
+        (title, grid), *coming = calls
         occasion = Occasion(self.event, self.plan.format.name, title)
-        return Drive(title, session, tuple(grid), replace(scenario, occasion=occasion), block)
+        timed = replace(scenario, occasion=occasion)
+        return Drive(title, session, grid, timed, stage, block, tuple(coming))
+
+
+def attempt_title(stage: TimeTrial, team: Team, number: int) -> str:
+    """Return the title of an attempt. number: from 1."""
+    return f"{stage.name}: {team.name}, attempt {number}"
+
+
+def _race_title(stage: Races, turn: int, number: int) -> str:
+    """Return the title of a race. number: of its group, from 1; 0 where there is one group."""
+    return stage.name + (f" {number}" * (number > 0)) + (f", round {turn}" * (stage.rounds > 1))
 
 
 def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:

@@ -71,6 +71,8 @@ STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, 
 LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
 ALERTS = Topic("out/alerts", "Alerts", b"RALS", "out", "as they change, 2 Hz", 4096, True, True)
 LOT = Topic("out/lot", "Lot", b"RLOT", "out", "2 Hz", 131072, True, True)
+PROGRAMME = Topic("out/programme", "Programme", b"RPRG", "out", "2 Hz", 131072, True, True)
+GHOSTS = Topic("out/ghosts", "Ghosts", b"RGHO", "out", "0.5 Hz", 1 << 20, True, True)
 
 # The seat is in the key, so that access rules distinguish seats; `any` for any free one.
 JOIN = Topic(
@@ -120,6 +122,8 @@ TOPICS = (
     LINKS,
     ALERTS,
     LOT,
+    PROGRAMME,
+    GHOSTS,
     JOIN,
     READY,
     LEAVE,
