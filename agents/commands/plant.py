@@ -67,6 +67,13 @@ def plant(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the kart as built and of its sensors.")] = 1,
+    beside: Annotated[
+        str,
+        typer.Option(
+            help="Tell programs on this machine what the kart knows, at this address, such as "
+            "tcp/127.0.0.1:7450, for `race gateway --kart`. Default: none."
+        ),
+    ] = "",
     report: Annotated[
         Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
     ] = None,
@@ -104,6 +111,7 @@ def plant(
         pedestrian_s=pedestrian,
         cut_s=cut_link,
         kill_at=None if kill_game is None else kill_game / 3.6,
+        beside=beside,
         report=report,
         black_box=black_box,
     )

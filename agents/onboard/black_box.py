@@ -25,7 +25,6 @@ from zstandard import ZstdError
 
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.readings import Readings
-from race_server.core.alert import Cause
 from race_server.errors import RecordingError
 from race_server.storage.queue import TicketQueue
 from race_server.version import __version__
@@ -121,7 +120,7 @@ def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
             )
         ],
         "command": _all((command.steering, command.throttle, command.brake)),
-        "cause": [each.name.lower() for each in Cause if each.name and each & command.cause],
+        "cause": command.cause.as_json(),
         "alert": {**unit.alert().as_json(), "cause": None},
         "tracks": [
             {"state": _all(track.state), "kind": int(track.kind), "scans": track.scans}

@@ -46,6 +46,7 @@ class PlantSetting:
     pedestrian_s: float | None = None
     cut_s: float | None = None
     kill_at: float | None = None  # [m/s]
+    beside: str = ""  # address of this machine, see `take_part`
     report: Path | None = None
     black_box: Path | None = None
 
@@ -80,6 +81,7 @@ def run_plant(setting: PlantSetting) -> None:
         caution=setting.caution,
         valet=setting.valet,
         on_request=setting.on_request,
+        beside=setting.beside,
         clock=lambda: time.monotonic() + offset_s,
         each_turn=each_turn,
     )

@@ -26,6 +26,7 @@ import { Ghost, type GhostChoice, chosenGhost } from './ghost';
 import { type ToldAlert, isNews } from './alerts';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
+import { OwnKart } from './ownkart';
 import { type Rig, rigOf } from './rig';
 import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
@@ -79,6 +80,7 @@ export class Race {
   ghostChoice = $state<GhostChoice>('best');
 
   readonly buffer: SnapshotBuffer;
+  readonly ownKart = new OwnKart();
   readonly trails = new Trails();
   readonly ways = new Ways(); // in a car park
   readonly clearances = new Map<number, Clearance>(); // of each seat
@@ -123,6 +125,9 @@ export class Race {
         return this.ages.take(frame);
       case 'alerts':
         return this.takeAlerts(frame);
+      case 'own pose':
+      case 'own alert':
+        return this.ownKart.take(frame, arrivedMs);
       case 'lot':
         this.lot = frame;
         return;
@@ -184,6 +189,11 @@ export class Race {
     const [ghost, pace, frame] = [this.ghost, this.paces.get(seat), this.buffer.newest];
     if (!ghost || !pace || !frame) return NaN;
     return ghost.deltaOf(pace, frame.tick, this.standings?.startTick ?? 0);
+  }
+
+  /** What the own kart says: by itself where it is heard, else as the server tells. */
+  alertOfOwn(seat: number, nowMs: number): KartAlert | null {
+    return this.ownKart.alert(nowMs) ?? this.alerts.get(seat) ?? null;
   }
 
   /** The flag for this page's driver: that of the race, or a more severe one for its kart. */
