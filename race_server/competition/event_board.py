@@ -178,7 +178,7 @@ def _row_of(
 
 
 def _last_remark(day: Day, team: str) -> str:
-    for record in reversed(day.records):
+    for record in reversed(day.results):
         for drive in record.drives:
             if drive.team == team:
                 return drive.remark

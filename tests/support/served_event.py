@@ -102,6 +102,7 @@ class Served:
         penalty_after: int = -1,
         penalised: int = 0,
         seconds: float = 0.0,
+        protest_after: int = -1,
     ) -> None:
         advance, add = server.advance, event._add
 
@@ -119,6 +120,9 @@ class Served:
             add(record)
             if len(event.day.records) == penalty_after + 1:
                 server._penalise_late(penalised, seconds)
+            if len(event.day.records) == protest_after + 1:
+                event._desk.lodge(1 - penalised, penalised, "cut the chicane")
+                event._desk.decide(1, seconds, "marshal")
 
         server.advance = watched  # type: ignore[method-assign]
         event._add = added  # type: ignore[method-assign]

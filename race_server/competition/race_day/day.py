@@ -12,6 +12,7 @@ from race_server.competition.race_day.formats import Races, TimeTrial
 from race_server.competition.race_day.ledger import Heat, Label, Ledger, RacesResult
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.points import place_points
+from race_server.competition.race_day.protest import UPHELD, Protest, result_of
 from race_server.competition.race_day.qualify import trial_result
 from race_server.competition.race_day.race import LocalRace, rehearse
 from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
@@ -42,28 +43,41 @@ class Drive:
 class Day:
     """An event: the drive that comes next, and the results of those before."""
 
-    def __init__(self, plan: DayPlan, event: str = "", records: Iterable[RaceRecord] = ()) -> None:
-        """Begin, or go on after the drives with these records. event: its name, empty for none."""
-        self.plan, self.event = plan, event or plan.session
+    def __init__(
+        self,
+        plan: DayPlan,
+        event: str = "",
+        records: Iterable[RaceRecord] = (),
+        protests: tuple[Protest, ...] = (),
+    ) -> None:
+        """Begin, or go on after the drives with these records.
+
+        event: its name, empty for none; protests: so far.
+        """
+        self.plan, self.event, self.protests = plan, event or plan.session, protests
         self._scenarios: dict[tuple[str, str, int], Scenario] = {}
         self._begin()
         for record in records:
             self.add(record)
 
     def _begin(self) -> None:
-        self.ledger = Ledger(self.plan.format, self.plan.teams)
-        self.records: list[RaceRecord] = []
-        self._blocks: list[str] = []  # of the drives so far
+        self.ledger = Ledger(self.plan.format, self.plan.teams, protests=self.protests)
+        self.records: list[RaceRecord] = []  # as they were driven
+        self.results: list[RaceRecord] = []  # with what protests changed
+        self.driven: list[Drive] = []
         self._drives = self._run()
         self.next: Drive | None = next(self._drives, None)
 
     def add(self, record: RaceRecord) -> None:
         """Record the drive that was next."""
         assert self.next is not None
-        self._blocks.append(self.next.block)
+        number = len(self.records)
+        upheld = [p for p in self.protests if p.drive == number and p.verdict == UPHELD]
+        self.driven.append(self.next)
         self.records.append(record)
+        self.results.append(result_of(record, upheld))
         try:
-            self.next = self._drives.send(record)
+            self.next = self._drives.send(self.results[-1])
         except StopIteration:
             self.next = None
 
@@ -73,20 +87,25 @@ class Day:
         Raises:
             ScenarioError: its stage, or its round of races, is over: others were grouped by it.
         """
-        if self._blocks[number] != self._blocks[-1]:
-            raise ScenarioError(f"{self._blocks[number]} is over, and {self._blocks[-1]} has begun")
-        records = [*self.records[:number], record, *self.records[number + 1 :]]
+        block, newest = self.driven[number].block, self.driven[-1].block
+        if block != newest:
+            raise ScenarioError(f"{block} is over, and {newest} has begun")
+        self._drive_again([*self.records[:number], record, *self.records[number + 1 :]])
+
+    def rule(self, protests: tuple[Protest, ...]) -> None:
+        """Replace the protests, and all that follows from them."""
+        self.protests = protests
+        self._drive_again(self.records)
+
+    def _drive_again(self, records: Sequence[RaceRecord]) -> None:
         self._begin()
-        for one in records:
-            self.add(one)
+        for record in records:
+            self.add(record)
 
     def with_record(self, record: RaceRecord) -> "Day":
         """Return the event as it would be after the drive that is next."""
         other = copy(self)
-        records = (*self.records, record)
-        other._begin()
-        for one in records:
-            other.add(one)
+        other._drive_again([*self.records, record])
         return other
 
     def _run(self) -> Generator[Drive, RaceRecord, None]:

@@ -17,7 +17,7 @@ from race_server.live.server.publisher import Board, Publisher
 from race_server.live.server.requests import RequestHandler
 from race_server.live.server.result import RaceResult
 from race_server.live.server.session_log import SessionLog
-from race_server.live.server.steward import Steward
+from race_server.live.server.steward import Court, Steward
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import no_garbage_collected
 from race_server.live.server.wheels import VALET, Wheels
@@ -111,9 +111,9 @@ class RaceServer:
             result = self.race()
         return result
 
-    def show(self, board: Board) -> None:
-        """Send spectators the event that the races are part of."""
-        self._publisher.board = board
+    def hold(self, board: Board, court: Court) -> None:
+        """Send spectators the event that the races are part of, and let it take protests."""
+        self._publisher.board, self._steward.court = board, court
 
     def stop(self) -> None:
         """End the race at the next tick; what was driven counts."""

@@ -105,7 +105,7 @@ LINE = Topic("q/line", "→ Line", b"RLIN", "query", "", 0, False, False, SHARED
 RECENT = Topic("q/events", "→ Events", b"REVT", "query", "", 0, False, False, SHARED_HZ)
 TABLE = Topic("q/standings", "→ Standings", b"RSTD", "query", "", 0, False, False, SHARED_HZ)
 
-ACT = Topic("admin/act", "AdminRequest → Reply", b"RADM", "admin", "", 512, False, True, QUERY_HZ)
+ACT = Topic("admin/act", "AdminRequest → Reply", b"RADM", "admin", "", 1024, False, True, QUERY_HZ)
 ACTS = Topic(
     "admin/log", "AdminRequest → AdminLog", b"RADM", "admin", "", 512, False, False, QUERY_HZ
 )
