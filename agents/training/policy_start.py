@@ -15,9 +15,11 @@ from race_agents.policies.verification import MOST_DIFFERENCE
 from race_agents.training.export import difference
 from race_agents.training.imitation import FIRM, show_the_critic
 from race_agents.training.normaliser import Normaliser
+from race_agents.training.policy_pair import DISTANCE, NEAR, places_of
 from race_server.errors import ScenarioError
 
 COMPARED = 64  # observations on which the file and the learner have to answer alike
+AWAY = 1000.0  # [m] from the slot in these, where there is one
 
 Constants = list[NDArray[Any]]
 
@@ -26,7 +28,7 @@ def begin_with_policy(path: Path, learner: Any, world: Normaliser) -> None:
     """Give a learner the actor and the normalisation of a policy file.
 
     What is normalised stays as it is in the file. The critic starts with the actor's layers and a
-    value of zero.
+    value of zero. Of two policies that are joined it takes the one that drives to the slot.
 
     Raises:
         DriverError: the file is damaged or no policy.
@@ -37,8 +39,9 @@ def begin_with_policy(path: Path, learner: Any, world: Normaliser) -> None:
     try:
         _take_layers(learner, found["Gemm"])
         _take_normalisation(world, found)
-        size = world.observation_space.shape[0]  # type: ignore[index]  # a box
+        size = policy.metadata.size
         seen = np.random.default_rng(0).normal(size=(COMPARED, size)).astype(np.float32)
+        seen[:, places_of(policy.metadata).get(DISTANCE, [])] = AWAY
         off = difference(policy, learner, world, seen)
     except Exception as error:
         raise ScenarioError(f"{path}: {_OTHER}") from error
@@ -60,7 +63,7 @@ def _constants_in(path: Path) -> dict[str, list[Constants]]:
     found: dict[str, list[Constants]] = {}
     for node in graph.node:
         constants = [known[name] for name in node.input if name in known]
-        if constants:
+        if constants and NEAR not in node.output[0]:
             found.setdefault(node.op_type, []).append(constants)
     return found
 
