@@ -86,7 +86,7 @@ def join(
     ],
     out: Annotated[Path, typer.Option(help="The .onnx file to write.")],
 ) -> None:
-    """Write two policies that park as one: NEAR drives within a distance of the slot, FAR before."""
+    """Write two policies that park as one: FAR drives to the slot, and NEAR into it."""
     try:
         from race_agents.training.policy_pair import join_policies
     except ImportError as error:
