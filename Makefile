@@ -11,6 +11,9 @@ PAGE   := race_server/live/gateway/page/index.html
 WEB    := $(shell find web -type f -not -path 'web/node_modules/*' 2>/dev/null)
 NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))' 2>/dev/null && command -v npm >/dev/null
 
+# Tests start hundreds of programs: each would compile its modules again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: race page check-page test test-slow test-space test-libraries check lint docs pictures hooks setup schemas limits dist lock sbom audit clean
 
 race: $(VENV)/.installed

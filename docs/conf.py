@@ -34,6 +34,7 @@ autodoc_class_signature = "separated"
 html_theme = "furo"
 html_title = f"race-server {release}"
 html_static_path = ["_static"]
+html_favicon = "_static/icon.svg"
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False

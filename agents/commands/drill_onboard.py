@@ -1,5 +1,6 @@
 """`race drill onboard`: what a real kart's program knows and does, against what is asked."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,8 +26,14 @@ def drill_onboard(
     ] = "",
     races: Annotated[
         Path | None,
-        typer.Option(help="Folder of recordings: ask the reflex what it would have done in them."),
+        typer.Option(
+            help="Folder of recordings: ask the reflex what it would have done in them. Without "
+            "it, --part races drives races of eight scripted karts, on other courses, too."
+        ),
     ] = None,
+    first_race: Annotated[
+        int, typer.Option(min=0, help="Seed of the first race that is driven; the next follow.")
+    ] = 1,
     most_km: Annotated[
         float,
         typer.Option(
@@ -41,15 +48,25 @@ def drill_onboard(
     """
     import os
 
-    os.environ["RACE_SERVER_INTERPRET"] = "1"  # one course needs no compiler
+    drives_races = part == "races" and races is None
+    if not drives_races:
+        os.environ["RACE_SERVER_INTERPRET"] = "1"  # one course needs no compiler
     from race_agents.plant.onboard_drill import measure
     from race_server.core.vehicle_presets import vehicle_named
 
     if part and part not in PARTS:
         raise typer.BadParameter(f"part {part!r} is unknown; choose one of {', '.join(PARTS)}")
-    with progress("driving", seeds * 8 + 137) as tell:
+    total = math.ceil(most_km) if part == "races" else seeds * 8 + 137
+    with progress("driving", total) as tell:
         document = measure(
-            track, vehicle_named(vehicle), seeds, part or None, tell, races=races, most_km=most_km
+            track,
+            vehicle_named(vehicle),
+            seeds,
+            part or None,
+            tell,
+            races=races,
+            first_race=first_race,
+            most_km=most_km,
         )
     if as_json:
         print_document(document)

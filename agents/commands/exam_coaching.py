@@ -1,13 +1,12 @@
 """`race exam coaching`: whether the coach names faults that are known."""
 
-import time
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
-from rich.text import Text
 
-from race_server.cli.document import AsJson, print_document
+from race_agents.commands.exam_watch import examined
+from race_server.cli.document import AsJson
 from race_server.cli.options import names_in
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
@@ -36,18 +35,18 @@ def coaching(
     names = names_in(tracks)
     if not names:
         raise ScenarioError("--tracks is empty; name one or more, separated by commas")
-    console, begun = Console(stderr=True), time.monotonic()
-    rows = []
-    with console.status("getting ready", spinner="dots") as status:
-        for name in names:
-            spec = CoachingExamSpec(name, vehicle, range(first_seed, first_seed + seeds))
-            rows.append(
-                document_of(spec, list(examine(spec, lambda words: status.update(Text(words)))))
-            )
-    if as_json:
-        print_document({"rows": rows, "wall_s": round(time.monotonic() - begun, 1)})
-        return
-    for row in rows:
+    specs = [
+        CoachingExamSpec(name, vehicle, range(first_seed, first_seed + seeds)) for name in names
+    ]
+    examined(
+        lambda watch: {"rows": [document_of(spec, list(examine(spec, watch))) for spec in specs]},
+        _show_all,
+        as_json=as_json,
+    )
+
+
+def _show_all(document: dict[str, Any]) -> None:
+    for row in document["rows"]:
         _show(row)
 
 

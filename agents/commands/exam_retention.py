@@ -1,13 +1,12 @@
 """`race exam retention`: what is left of help when it is gone."""
 
-import time
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
-from rich.text import Text
 
-from race_server.cli.document import AsJson, print_document
+from race_agents.commands.exam_watch import examined
+from race_server.cli.document import AsJson
 from race_server.core.seeds import HELD_OUT
 from race_server.terminal import Console
 
@@ -31,15 +30,7 @@ def retention(
     from race_agents.pupils.retention import RetentionSpec, document_of, school_all
 
     spec = RetentionSpec(track, vehicle, range(first_seed, first_seed + pupils))
-    console, begun = Console(stderr=True), time.monotonic()
-    with console.status("getting ready", spinner="dots") as status:
-        document = document_of(
-            spec, list(school_all(spec, lambda words: status.update(Text(words))))
-        )
-    if as_json:
-        print_document(document | {"wall_s": round(time.monotonic() - begun, 1)})
-        return
-    _show(document)
+    examined(lambda watch: document_of(spec, list(school_all(spec, watch))), _show, as_json=as_json)
 
 
 def _show(document: dict[str, Any]) -> None:

@@ -67,6 +67,13 @@ def plant(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the kart as built and of its sensors.")] = 1,
+    beside: Annotated[
+        str,
+        typer.Option(
+            help="Tell programs on this machine what the kart knows, at this address, such as "
+            "tcp/127.0.0.1:7450, for `race gateway --kart`. Default: none."
+        ),
+    ] = "",
     report: Annotated[
         Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
     ] = None,
@@ -74,6 +81,14 @@ def plant(
         Path | None,
         typer.Option("--black-box", help="Keep each turn of the safety side in this MCAP file."),
     ] = None,
+    only_incidents: Annotated[
+        bool,
+        typer.Option(
+            "--only-incidents",
+            help="With --black-box: keep only what was before and after the kart braked by itself "
+            "or felt a blow, 60 s and 10 s.",
+        ),
+    ] = False,
 ) -> None:
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
     # Set before any kernel is imported: one kart needs no compiler.
@@ -104,7 +119,9 @@ def plant(
         pedestrian_s=pedestrian,
         cut_s=cut_link,
         kill_at=None if kill_game is None else kill_game / 3.6,
+        beside=beside,
         report=report,
         black_box=black_box,
+        only_incidents=only_incidents,
     )
     run_plant(setting)

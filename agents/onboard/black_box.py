@@ -23,9 +23,9 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
+from race_agents.onboard.incident_ring import IncidentRing, Noted, is_incident
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.readings import Readings
-from race_server.core.alert import Cause
 from race_server.errors import RecordingError
 from race_server.storage.queue import TicketQueue
 from race_server.version import __version__
@@ -43,8 +43,8 @@ Turn = dict[str, Any]
 class BlackBox:
     """The file of one drive, while it is written."""
 
-    def __init__(self, path: Path) -> None:
-        """Begin the file.
+    def __init__(self, path: Path, ring: IncidentRing | None = None) -> None:
+        """Begin the file. ring: holds back what is not kept; without one every turn is.
 
         Raises:
             RecordingError: it cannot be written.
@@ -58,7 +58,8 @@ class BlackBox:
         schema = json.dumps({"type": "object", "title": SCHEMA}).encode()
         number = self._writer.register_schema(SCHEMA, "jsonschema", schema)
         self._channel = self._writer.register_channel(TOPIC, "json", number)
-        self._queue: TicketQueue[tuple[int, Turn]] = TicketQueue("black box", self._work)
+        self._ring = ring
+        self._queue: TicketQueue[list[Noted]] = TicketQueue("black box", self._work)
         self._queue.start()
 
     def __enter__(self) -> Self:
@@ -69,9 +70,15 @@ class BlackBox:
 
     def note(self, readings: Readings, unit: ControlUnit) -> None:
         """Hand a turn over; where the disk has stopped it is left out."""
-        if self._queue.backlog < MOST_WAITING:
-            at_ns = round(NANOSECONDS * readings.time_s)  # by the clock of the kart
-            self._queue.put((at_ns, turn_of(readings, unit)))
+        if self._queue.backlog >= MOST_WAITING:
+            return
+        at_ns = round(NANOSECONDS * readings.time_s)  # by the clock of the kart
+        noted = [(at_ns, turn_of(readings, unit))]
+        if self._ring is not None:
+            happens = is_incident(readings, unit)
+            noted = self._ring.pass_on(noted[0], readings.time_s, happens=happens)
+        if noted:
+            self._queue.put(noted)
 
     def close(self) -> None:
         """Write what is left, and end the file."""
@@ -83,10 +90,10 @@ class BlackBox:
         with contextlib.suppress(OSError):
             while is_open:
                 with contextlib.suppress(queue.Empty):
-                    item = self._queue.get(FLUSH_S)
-                    is_open = item is not None
-                    if item is not None:
-                        self._write(*item)
+                    noted = self._queue.get(FLUSH_S)
+                    is_open = noted is not None
+                    if noted is not None:
+                        self._write(noted)
                 if time.monotonic() - flushed > FLUSH_S:
                     self._writer.flush()
                     self._file.flush()
@@ -94,9 +101,10 @@ class BlackBox:
             self._writer.finish()
             self._file.close()
 
-    def _write(self, at_ns: int, turn: Turn) -> None:
-        data = json.dumps(turn, separators=(",", ":")).encode()
-        self._writer.add_message(self._channel, log_time=at_ns, publish_time=at_ns, data=data)
+    def _write(self, noted: list[Noted]) -> None:
+        for at_ns, turn in noted:
+            data = json.dumps(turn, separators=(",", ":")).encode()
+            self._writer.add_message(self._channel, log_time=at_ns, publish_time=at_ns, data=data)
         self._queue.settle(1)
 
 
@@ -121,7 +129,7 @@ def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
             )
         ],
         "command": _all((command.steering, command.throttle, command.brake)),
-        "cause": [each.name.lower() for each in Cause if each.name and each & command.cause],
+        "cause": command.cause.as_json(),
         "alert": {**unit.alert().as_json(), "cause": None},
         "tracks": [
             {"state": _all(track.state), "kind": int(track.kind), "scans": track.scans}

@@ -9,10 +9,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from race_agents.onboard.beside import Beside
 from race_agents.onboard.crew import Crew
 from race_agents.onboard.kart import Kart
 from race_agents.onboard.parker import PRESET, Parker
@@ -83,6 +84,7 @@ class KartProgram:
     is_cut: bool = False  # as if the radio were off
     sequence: int = 0
     alerts: int = 0  # sent so far
+    beside: Beside | None = None  # told what the kart knows, whether the radio works or not
     _up: deque[tuple[float, Send, bytes]] = field(default_factory=deque)
     _down: deque[tuple[float, bytes]] = field(default_factory=lambda: deque(maxlen=64))
     _asking: threading.Thread | None = None
@@ -124,6 +126,8 @@ class KartProgram:
     def tell(self, kart: KnownKart, now_s: float) -> None:
         """Send the pose, what the kart has to say, and what was sent before and is due."""
         pose, hud = kart.pose(), kart.hud
+        if self.beside is not None:
+            self.beside.tell(kart.report)
         if hud is not None:
             self._say(kart.report.alert, hud.epoch, now_s)
         if pose is not None and hud is not None and pose.stamp_us != self._stamp_us:
@@ -213,6 +217,7 @@ def take_part(
     caution: float = 1.0,
     valet: str = VALET,
     on_request: bool = False,
+    beside: str = "",
     each_turn: Callable[[KartProgram, Kart, float], bool] = lambda *_: True,
 ) -> None:
     """Drive one race with a real kart, all of an event, or park it.
@@ -221,7 +226,8 @@ def take_part(
     that parks goes to its slot in a car park; any other races, and hands the wheel to the one named
     by `valet` when the server orders the kart to park. caution: share of the tyres' grip that the
     driver's briefing states, because a real kart rarely has the grip of its data sheet. on_request:
-    a driver that parks waits for an order of the server, too. each_turn: is called after each turn
+    a driver that parks waits for an order of the server, too. beside: address of this machine at
+    which programs are told what the kart knows, "" for none. each_turn: is called after each turn
     of the game's side; the kart leaves once it returns False, or once its safety side has nothing
     more to do.
 
@@ -230,11 +236,14 @@ def take_part(
         SeatError: no seat.
         DriverError: the driver that is to park cannot.
     """
-    with ClientLink(address, session, keys=keys, timeout_s=timeout_s) as link:
+    with ExitStack() as left:
+        link = left.enter_context(ClientLink(address, session, keys=keys, timeout_s=timeout_s))
         persist = partial(insist, deadline=time.monotonic() + timeout_s)
         join = Join(name[:32], driver.preset, wanted, tracked=True)
         seat = persist(partial(take_seat, link, join))
         onboard = KartProgram(seat, clock, delay_s)
+        if beside:
+            onboard.beside = left.enter_context(closing(Beside(beside, session, seat.number)))
         link.listen(topics.HUD, onboard.store, seat.number)
         has_raced = False
         welcome: Welcome | None = seat.welcome

@@ -52,8 +52,7 @@ class KartHere:
 
     def report(self) -> Report | None:
         """Return the newest report."""
-        mail = self.side.boxes.reports.read()
-        return None if mail is None else Report.unpack(mail.data)
+        return self.side.boxes.report()
 
     def close(self) -> None:
         """Leave the kart with its brakes on."""
@@ -105,8 +104,7 @@ class KartApart:
 
     def report(self) -> Report | None:
         """Return the newest report."""
-        mail = self._boxes.reports.read()
-        return None if mail is None else Report.unpack(mail.data)
+        return self._boxes.report()
 
     def close(self) -> None:
         """Let the process end: what it hears no more from stands."""

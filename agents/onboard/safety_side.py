@@ -59,6 +59,11 @@ class Mailboxes:
             Mailbox(memory, WORD.size), Mailbox(memory, MOST_REPORT, offset=size_of(WORD.size))
         )
 
+    def report(self) -> Report | None:
+        """Return the newest report, None before the first one."""
+        mail = self.reports.read()
+        return None if mail is None else Report.unpack(mail.data)
+
 
 @dataclass
 class SafetySide:

@@ -1,11 +1,12 @@
 """The drill of a real kart's program: every part of its table, on one course."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from race_agents.plant.matrices import rows as danger_rows
+from race_agents.plant.raced import Raced, driven_races, recorded_race
 from race_agents.plant.row import Row
 from race_agents.plant.shadow import rows as shadow_rows
 from race_agents.plant.shadow import shadow
@@ -23,6 +24,9 @@ PARTS: dict[str, Callable[[Setting], list[Row]]] = {
 }
 
 
+RACES = "races"
+
+
 def measure(
     track: str,
     vehicle: Vehicle,
@@ -31,12 +35,15 @@ def measure(
     tell: Callable[[int], None],
     *,
     races: Path | None = None,
+    first_race: int = 1,
     most_km: float = math.inf,
 ) -> dict[str, Any]:
     """Return the document of the drill.
 
-    part: only this one of `PARTS`, or `races`; tell: called with the number of trips done; races:
-    a folder of recordings; most_km: kilometres to look at in them.
+    part: only this one of `PARTS`, or `races`; tell: called with the number of trips done, or with
+    the kilometres of races; races: a folder of recordings; without it, races are driven here if
+    only they are asked for, on other courses, too, the first one under the seed `first_race`;
+    most_km: of all karts together, to be looked at.
 
     Raises:
         TrackError: no such course.
@@ -51,8 +58,12 @@ def measure(
 
     setting = Setting(Course(loaded.line, loaded.borders), vehicle, seeds, tell=count)
     found = [row for name, of in PARTS.items() if part in (None, name) for row in of(setting)]
-    if races is not None and part in (None, "races"):
-        found += shadow_rows(shadow(sorted(races.glob("*.mcap")), most_km=most_km))
+    if part == RACES or (part is None and races is not None):
+        raced = _races_in(races) if races is not None else driven_races(vehicle, first_race)
+        count_km = tell if part == RACES else lambda _: None
+        found += shadow_rows(
+            shadow(raced, most_km=most_km, seed=first_race, tell=lambda km: count_km(int(km)))
+        )
     failed = [
         f"{row.measured}: {row.figure:.3g} {row.unit}, asked {row.bar}"
         for row in found
@@ -66,3 +77,7 @@ def measure(
         "seeds": seeds,
         "rows": [{**row.document(), "bar": row.bar} for row in found],
     }
+
+
+def _races_in(folder: Path) -> Iterator[Raced]:
+    return map(recorded_race, sorted(folder.glob("*.mcap")))

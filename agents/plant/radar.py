@@ -84,7 +84,9 @@ def scan(
     x, y = body.x + nose * cos, body.y + nose * sin
     reach = REACH_LENGTHS * vehicle.length
     walls = around.borders_near(x, y, reach)
-    karts = np.concatenate([_outline(row, vehicle) for row in around.others] or [np.zeros((0, 4))])
+    karts = np.concatenate(
+        [outline_of(row, vehicle) for row in around.others] or [np.zeros((0, 4))]
+    )
     segments = np.concatenate([walls, karts])
     kinds = np.array([codes.BORDER] * len(walls) + [codes.KART_HIT] * len(karts), np.uint8)
     drift = np.concatenate([np.zeros((len(walls), 2)), np.repeat(around.others[:, 3:], 4, axis=0)])
@@ -152,7 +154,7 @@ def scan_all_around(body: Body, around: Surroundings, angles: Floats, reach: flo
     angles: (R,) [rad] of its rays, from straight ahead.
     """
     walls = around.borders_near(body.x, body.y, reach)
-    karts = [_outline(row, body.vehicle) for row in around.others]
+    karts = [outline_of(row, body.vehicle) for row in around.others]
     segments, ways = np.concatenate([walls, *karts]), angles + body.heading
     ranges, _ = first_met(segments, body.x, body.y, ways, reach)
     for person in around.people:
@@ -170,8 +172,8 @@ def _range_of_disc(person: Person, x: float, y: float, angles: Floats) -> Floats
     return np.where(is_met, np.maximum(along - half, 0.0), np.inf)
 
 
-def _outline(row: Floats, vehicle: Vehicle) -> Floats:
-    """Return the four sides of a kart's body."""
+def outline_of(row: Floats, vehicle: Vehicle) -> Floats:
+    """Return the four sides of a kart's body, (4, 4). row: x, y, heading and more of the kart."""
     x, y, heading = row[:3]
     x, y = x + vehicle.box_offset * math.cos(heading), y + vehicle.box_offset * math.sin(heading)
     return segments_of(corners_of_box(x, y, heading, vehicle.length, vehicle.width))

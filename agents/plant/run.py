@@ -46,8 +46,10 @@ class PlantSetting:
     pedestrian_s: float | None = None
     cut_s: float | None = None
     kill_at: float | None = None  # [m/s]
+    beside: str = ""  # address of this machine, see `take_part`
     report: Path | None = None
     black_box: Path | None = None
+    only_incidents: bool = False  # what the black box keeps
 
 
 def run_plant(setting: PlantSetting) -> None:
@@ -80,6 +82,7 @@ def run_plant(setting: PlantSetting) -> None:
         caution=setting.caution,
         valet=setting.valet,
         on_request=setting.on_request,
+        beside=setting.beside,
         clock=lambda: time.monotonic() + offset_s,
         each_turn=each_turn,
     )
@@ -125,4 +128,5 @@ def _setup_of(
         *(vehicle, fence_of(sheet), sheet.borders, place, sensors, setting.seed, offset_s, is_lot),
         *(setting.pedestrian_s, setting.cut_s, setting.kill_at, setting.report),
         black_box=setting.black_box,
+        only_incidents=setting.only_incidents,
     )

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from race_agents.onboard.black_box import BlackBox
+from race_agents.onboard.incident_ring import IncidentRing
 from race_agents.onboard.safety_side import PERIOD_S, Mailboxes, SafetySide
 from race_agents.plant.incident import GameLoss, IncidentLog, PersonIncident, RadioLoss
 from race_agents.plant.kart import Plant
@@ -45,6 +46,7 @@ class PlantSetup:
     kill_at: float | None = None  # [m/s]
     report: Path | None = None
     black_box: Path | None = None
+    only_incidents: bool = False  # what the black box keeps
 
 
 def side_of(setup: PlantSetup, memory: Memory) -> tuple[SafetySide, IncidentLog]:
@@ -62,7 +64,8 @@ def side_of(setup: PlantSetup, memory: Memory) -> tuple[SafetySide, IncidentLog]
     game_loss = GameLoss(setup.kill_at) if setup.kill_at is not None else None
     log = IncidentLog(plant, person, radio_loss, game_loss)
     unit = ControlUnit.of(setup.vehicle, setup.fence)
-    box = BlackBox(setup.black_box) if setup.black_box is not None else None
+    ring = IncidentRing() if setup.only_incidents else None
+    box = BlackBox(setup.black_box, ring) if setup.black_box is not None else None
     return SafetySide(unit, plant, Mailboxes.over(memory), log.turn, box), log
 
 

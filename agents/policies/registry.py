@@ -1,9 +1,9 @@
 """Find policies: by path, by the folder of a training run, or among the bundled ones."""
 
-import os
 from pathlib import Path
 
 from race_server.errors import DriverError
+from race_server.user_data import user_data
 
 # In the folder of a run.
 POLICY, CONFIG, EVALUATION, BEST = "policy.onnx", "config.toml", "evaluation.json", "best.pt"
@@ -13,9 +13,7 @@ MOST_BYTES = 64 * 1024 * 1024
 
 def runs_folder() -> Path:
     """Return the user's folder of training runs."""
-    data = Path(os.environ.get("XDG_DATA_HOME", ""))
-    home = data if data.is_absolute() else Path.home() / ".local" / "share"
-    return home / "race-server" / "runs"
+    return user_data("runs")
 
 
 def run_folder(name: str) -> Path:

@@ -73,15 +73,19 @@ class School:
     """A course with its corners, and the lap that all are compared with."""
 
     def __init__(self, track: str, vehicle_name: str) -> None:
-        """Find the corners, and let the reference line be driven."""
+        """Find the corners, and let the line be raced: pupils have the speeds of that lap."""
         self.course, vehicle = load_course(track), vehicle_named(vehicle_name)
         self.vehicle, self.bounds = vehicle_name, bounds_of(vehicle)
         line = reference_line(self.course, vehicle)
         self.limit = reference_lap(self.course, line, self.bounds)
         self.corners = corners_of(self.limit)
-        self.road = road_of(self.course, line, self.bounds, self.limit)
-        lap = drive_lap(self.course, self.vehicle, line, 0)
-        assert lap is not None, "the reference line is not driven round"
+        road = road_of(self.course, line, self.bounds, self.limit)
+        raced = drive_lap(self.course, self.vehicle, line, 0, racer=True)
+        assert raced is not None, "the reference line is not driven round"
+        driven = np.interp(road.progress, raced.progress, raced.speed)
+        self.road = replace(road, line=replace(line, speed=np.minimum(line.speed, driven)))
+        lap = drive_lap(self.course, self.vehicle, self.road.line, 0)
+        assert lap is not None, "the line is not driven round at the speeds of the race"
         self.best = lap
 
     def pupil(self, seed: int) -> Road:

@@ -25,8 +25,6 @@ KEPT = (
     *("observations", "actions", "rewards", "episode_starts"),
     *("values", "log_probs", "advantages", "returns"),
 )
-
-
 SB3_STEPS = 2048  # of a rollout, by default
 
 
@@ -95,6 +93,7 @@ class Runner:
         own = settings.model_copy(update={"worlds": worlds, "seed": seed, "threads": 1})
         budget = Budget.of(own)
         self.world = world_of(own, budget)
+        self._seen: Any = self.world.obs_rms
         # One batch of all: it learns from none.
         rows = int(own.algorithm.options.get("n_steps", SB3_STEPS)) * self.world.num_envs
         self.learner = learner_of(own, self.world, budget, None, {"batch_size": rows})
@@ -105,7 +104,7 @@ class Runner:
 
     def collect(self, parameters: Parameters) -> Rollout:
         """Return a rollout of a learner with these parameters."""
-        learner, seen = self.learner, self._means()
+        learner, seen = self.learner, self._seen
         tensors = {name: torch.tensor(value) for name, value in parameters.policy.items()}
         learner.policy.load_state_dict(tensors)
         self._restore(parameters)
@@ -132,18 +131,15 @@ class Runner:
         self.learner._last_obs = self.world.normalize_obs(first)
         self._is_new = False
 
-    def _means(self) -> Any:
-        return self.world.obs_rms
-
     def _restore(self, parameters: Parameters) -> None:
         for means, numbers in (
-            (self._means(), parameters.seen),
+            (self._seen, parameters.seen),
             (self.world.ret_rms, parameters.returns),
         ):
             restore_means(means, {name: torch.tensor(value) for name, value in numbers.items()})
 
     def _moments(self) -> tuple[Moments, Moments]:
-        pair = (self._means(), self.world.ret_rms)
+        pair = (self._seen, self.world.ret_rms)
         first, second = (Moments(one.mean.copy(), np.copy(one.var), one.count) for one in pair)
         return first, second
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from race_agents.planning.greedy import lead_all
 from race_agents.training.lines import Say
+from race_agents.training.lot_teacher import Labels, LotTeacher
 from race_server.core.free_space.ground import Ground
 from race_server.core.free_space.obstacles import PASSING, cover_radius
 from race_server.core.free_space.rig import rig_of_car, scale_of
@@ -20,12 +21,9 @@ from race_server.core.kernels.geometry import Pose
 from race_server.core.lots import Lots
 from race_server.core.state import Walls
 from race_server.core.vehicles import Vehicle
-from race_server.envs.actions import CRAWLED, PACED, action_kind
+from race_server.envs.actions import CRAWLED, action_kind
 from race_server.envs.batch import Batch
 from race_server.envs.parking.heuristics.atlas import check_lot, goal_in, standing_in
-from race_server.errors import ScenarioError
-
-Labels = NDArray[np.float32]
 
 # Distance kept from obstacles [m], share of the greatest curvature, and what a change of direction
 # costs [m] for the usual bar.
@@ -65,7 +63,7 @@ def rows_of(lots: Lots, number: int) -> list[list[int]]:
     return list(rows.values())
 
 
-class GreedyTeacher:
+class GreedyTeacher(LotTeacher):
     """Knows what the car of every world of a batch is to do."""
 
     def __init__(self, batch: Batch, say: Say = lambda _: None) -> None:
@@ -75,18 +73,8 @@ class GreedyTeacher:
             ScenarioError: the cars do not learn alone, have other actions than a speed and
                 steering, or a lot has no slots, or draws blocks.
         """
+        super().__init__(batch, "dock", "crawl")
         self._kind = action_kind(batch.task.action)
-        if self._kind not in {PACED, CRAWLED}:
-            raise ScenarioError(
-                f"action = {batch.task.action!r}: a teacher in a lot answers with a speed and "
-                "steering; choose 'dock' or 'crawl'"
-            )
-        if batch.learners != 1:
-            raise ScenarioError(
-                f"race.learners = {batch.learners}: a teacher in a lot has one vehicle in each; "
-                "choose 1"
-            )
-        self._batch, self._vehicle = batch, batch.scenarios[0].vehicle_of(0)
         self._rig = rig_of_car(self._vehicle, MARGIN, LOCK)
         world = batch.world
         lots = world.parking.lots
@@ -103,10 +91,7 @@ class GreedyTeacher:
         self._controls = np.zeros((batch.worlds, 2))
 
     def labels(self, seen: NDArray[np.float32], begun: NDArray[np.bool_]) -> Labels:
-        """Return the actions that lead to where the costs to go are less, shape (W, 2).
-
-        seen, begun: what the learners see, and whether an episode has just begun: neither matters.
-        """
+        """Return the actions that lead to where the costs to go are less."""
         del seen, begun
         world, vehicle, controls = self._batch.world, self._vehicle, self._controls
         parkers = world.parking.parkers
@@ -129,6 +114,3 @@ class GreedyTeacher:
         if self._kind == CRAWLED:
             shares = np.copysign(np.sqrt(np.abs(shares)), shares)
         return np.stack([shares, controls[:, 1]], axis=1).astype(np.float32)
-
-    def record_driven(self, actions: NDArray[np.float32]) -> None:
-        """Do nothing: it looks where the vehicles are."""

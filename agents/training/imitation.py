@@ -19,6 +19,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.demonstrations import pairs_for
 from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.lines import Say, find_lines
+from race_agents.training.lot_teacher import LotTeacher
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.planning_teacher import PlanningTeacher
 from race_agents.training.schedule import deviations
@@ -62,7 +63,7 @@ class School:
             after=after,
             threads=settings.threads,
         )
-        self.teacher: Teacher | PlanningTeacher | GreedyTeacher
+        self.teacher: Teacher | LotTeacher
         if wanted.teacher != PLANNER:
             self.teacher = Teacher(wanted, self.batch)
         elif self.batch.scenarios[0].vehicle_of(0).trailers:

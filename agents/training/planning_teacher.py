@@ -11,22 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.planning.parking_plan import chart_of, parked_trailer_pose
-from race_agents.planning.path_follower import (
-    COLUMNS,
-)
+from race_agents.planning.path_follower import COLUMNS
 from race_agents.planning.towed_follower import label_all, make_towed_track
 from race_agents.planning.towed_planner import TowedPlanner
+from race_agents.training.lot_teacher import Labels, LotTeacher
 from race_server.core.free_space.rig import rig_of
 from race_server.core.kernels.geometry import Pose
 from race_server.core.kernels.trailers import axle_pose, hitch_angle
 from race_server.core.parking_order import order_of
 from race_server.envs.batch import Batch
 from race_server.envs.parking.heuristics.atlas import standing_in
-from race_server.errors import PlanError, ScenarioError
-
-Labels = NDArray[np.float32]
-
-ACTION = "dock"  # what it answers with
+from race_server.errors import PlanError
 
 # Distances kept from obstacles [m], and steps of the search for a way, see `TowedPlanner.allow`. A
 # learner needs more room than a planner; the next one is tried where no way keeps the one before.
@@ -37,7 +32,7 @@ MOST_POINTS = 2048
 PAUSE = 30
 
 
-class PlanningTeacher:
+class PlanningTeacher(LotTeacher):
     """Plans for the vehicle of every world of a batch."""
 
     def __init__(self, batch: Batch) -> None:
@@ -47,20 +42,9 @@ class PlanningTeacher:
             ScenarioError: the vehicles do not learn alone, or have other actions than `dock`.
             PlanError: they do not draw just one trailer.
         """
-        if batch.task.action != ACTION:
-            raise ScenarioError(
-                f"action = {batch.task.action!r}: a teacher that plans answers with a speed and "
-                f"steering; choose {ACTION!r}"
-            )
-        if batch.learners != 1:
-            raise ScenarioError(
-                f"race.learners = {batch.learners}: a teacher that plans has one vehicle in each "
-                "lot; choose 1"
-            )
-        vehicle = batch.scenarios[0].vehicle_of(0)
-        self._batch, self._vehicle = batch, vehicle
-        self._planners = [TowedPlanner(vehicle, margin=margin) for margin, _ in MARGINS]
-        self._rig = rig_of(vehicle, 0.0, 1.0)
+        super().__init__(batch, "dock")
+        self._planners = [TowedPlanner(self._vehicle, margin=margin) for margin, _ in MARGINS]
+        self._rig = rig_of(self._vehicle, 0.0, 1.0)
         self._tracks = np.zeros((batch.worlds, MOST_POINTS, COLUMNS))
         self._counts = np.zeros(batch.worlds, np.int64)  # points of each way; 0: there is none
         self._ages = np.zeros(batch.worlds, np.int64)  # decisions since each was planned
@@ -70,11 +54,7 @@ class PlanningTeacher:
         self.plans = 0
 
     def labels(self, seen: NDArray[np.float32], begun: NDArray[np.bool_]) -> Labels:
-        """Return the actions that lead along the ways, shape (W, 2); not a number without a way.
-
-        seen: what the learners see, which does not matter here; begun: (W, 1) true where an episode
-        has just begun.
-        """
+        """Return the actions that lead along the ways, none where there is no way."""
         del seen
         self._counts[begun[:, 0]] = 0
         self._waits[begun[:, 0]] = 0
@@ -85,9 +65,6 @@ class PlanningTeacher:
         self._waits = np.maximum(self._waits - 1, 0)
         self._ages += 1
         return self._controls.astype(np.float32)
-
-    def record_driven(self, actions: NDArray[np.float32]) -> None:
-        """Do nothing: it looks where the vehicles are."""
 
     def _label(self) -> None:
         label_all(

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from race_agents.unit.danger import (
     NO_DANGER,
     nearest_of,
-    pivot_of,
     watch_danger,
     worst_ahead,
 )
+from race_agents.unit.drift import STRAIGHT_ON, Drift
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
+from race_agents.unit.limits import Limits
 from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
 from race_agents.unit.objects import Objects
 from race_agents.unit.orders import Orders
@@ -29,7 +30,6 @@ from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     Command,
     Echoes,
-    Limits,
     Verdict,
     combine,
     watch_creeping,
@@ -189,8 +189,8 @@ class ControlUnit:
         drives on, the brakes are on only while it is in danger.
         """
         sensed = self.objects.tracks, self.loose
-        pivot = self._pivot(speed)
-        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits, pivot=pivot)
+        drift = self._drift(speed)
+        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits, drift=drift)
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
@@ -219,11 +219,11 @@ class ControlUnit:
             self.danger = self._what_is_waited_for()
         return verdict
 
-    def _pivot(self, speed: float) -> float:
+    def _drift(self, speed: float) -> Drift:
         if self.fusion is None or speed < ROLLS:
-            return 0.0
+            return STRAIGHT_ON
         slide, yaw_rate = (float(self.fusion.state[at]) for at in (SLIDE, YAW_RATE))
-        return pivot_of(slide, yaw_rate, self.limits)
+        return Drift.of(speed, slide, yaw_rate, self.limits)
 
     def _what_is_waited_for(self) -> Danger:
         """Return what a kart that stands waits for: the nearest thing, or what it braked for."""

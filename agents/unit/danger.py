@@ -16,12 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from race_agents.unit.drift import STRAIGHT_ON, Drift
+from race_agents.unit.limits import CERTAIN, Limits
 from race_agents.unit.objects import BORN, Track
 from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     STRAIGHT,
     Echoes,
-    Limits,
     Verdict,
     in_the_way,
     way_along,
@@ -45,8 +46,6 @@ EASING = Verdict(brake=0.3, motor=0.0, cause=Cause.OBSTACLE)
 # The future is looked at in these steps, this far [s].
 STEP_S, FORESEEN_S = 0.1, 4.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
-# Slower than this [rad/s] a kart drives straight on, whatever its axle does.
-TURNS = 0.15
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35
 # A person is known after this many scans, and until then may walk [m/s], but no farther than [m].
@@ -74,33 +73,22 @@ def worst_ahead(
     wanted: float,
     limits: Limits,
     *,
-    pivot: float = 0.0,
+    drift: Drift = STRAIGHT_ON,
 ) -> Danger:
     """Return the worst that is ahead: of the objects, or of the echoes that the reflex brakes for.
 
-    loose: echoes that are of no kart whose way is known; pivot: see `pivot_of`; the rest as of
-    `assess`.
+    loose: echoes that are of no kart whose way is known; the rest as of `assess`.
     """
-    if pivot:
-        limits = replace(limits, nose=limits.nose - pivot)
-        tracks = [replace(track, state=track.state - (pivot, 0.0, 0.0, 0.0)) for track in tracks]
-        loose = replace(loose, x=loose.x - pivot)
-    danger = assess(tracks, speed, now, wanted, limits)
-    if danger.stage is DangerStage.FULL:
-        return danger
-    met = in_the_way(loose, speed, now, wanted, limits)
-    return nearest_of(loose.kept(met), limits, Advice.BRAKE) if met.any() else danger
-
-
-def pivot_of(slide: float, yaw_rate: float, limits: Limits) -> float:
-    """Return how far ahead of the rear axle the body does not move aside [m].
-
-    There its arc begins: the axle itself slides out of a bend near the limit of the tyres.
-    slide: [m/s] of the rear axle to the left.
-    """
-    if abs(yaw_rate) < TURNS:
-        return 0.0
-    return max(-limits.nose, min(-slide / yaw_rate, limits.nose))
+    # No way is tighter than tyres hold: a kart that turns faster spins, and goes straight on.
+    most = limits.grip / (CERTAIN * max(speed * speed, 1e-6))
+    now, wanted = (max(-most, min(each, most)) for each in (now, wanted))
+    limits, loose = drift.limits(limits), drift.echoes(loose)
+    danger = assess(drift.tracks(tracks), speed, now, wanted, limits)
+    if danger.stage is not DangerStage.FULL:
+        met = in_the_way(loose, speed, now, wanted, limits)
+        if met.any():
+            danger = nearest_of(loose.kept(met), limits, Advice.BRAKE)
+    return replace(danger, bearing=danger.bearing + drift.course) if drift.course else danger
 
 
 def nearest_of(echoes: Echoes, limits: Limits, advice: Advice) -> Danger:
@@ -207,6 +195,8 @@ def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> 
     needed = _needed(pace, room, limits.reaction_s)
     soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= limits.braking
     stage = _stage(track, time_s, needed, soon=soon, limits=limits)
+    if track.kind == codes.KART_HIT and track.leaves < -speed:
+        stage = min(stage, DangerStage.EASE)  # it comes: brakes take off the smaller part
     bearing = math.atan2(y, x - limits.nose)
     return Danger(
         stage,

@@ -26,6 +26,9 @@ Floats = NDArray[np.float64]
 NEAR, ALIKE, SCANS = 0.7, 2.0, 3
 # Echoes beside it, of the same scan, that confirm one as well.
 BESIDE = 2
+# A place is seen through where an echo came from this much [m] behind it, at a bearing [rad] this
+# near. Where it was in this number of scans nothing stands yet: two scans have to say that it does.
+BEHIND, SAME, CLEAR = 1.0, 0.025, 2
 # Echoes of one thing lie within this of one another [m]; a track takes what lies this near.
 SPREAD, GATE = 1.2, 1.5
 # A track moves after this many scans, and is gone after that many without an echo.
@@ -75,11 +78,15 @@ class Track:
         return float(east), float(north)
 
     @property
+    def leaves(self) -> float:
+        """Speed over ground along the ray [m/s], negative where it comes."""
+        x, y, vx, vy = (float(value) for value in self.state)
+        return (x * vx + y * vy) / max(math.hypot(x, y), 1e-6)
+
+    @property
     def stands(self) -> bool:
         """Whether it does not move away."""
-        x, y = float(self.state[0]), float(self.state[1])
-        leaves = (x * self.state[2] + y * self.state[3]) / max(math.hypot(x, y), 1e-6)
-        return bool(leaves < STANDS)
+        return self.leaves < STANDS
 
     @property
     def unsure(self) -> float:
@@ -101,10 +108,10 @@ class Objects:
         """Take a scan, `dt` seconds after the one before."""
         echoes = taken_for_karts(echoes, ego)
         self._earlier = deque((moved(each, ego, dt) for each in self._earlier), maxlen=SCANS)
-        self.seen = confirmed(echoes, self._earlier)
-        self._earlier.append(echoes)
         for track in self.tracks:
             carry(track, ego, dt)
+        self.seen = confirmed(echoes, self._earlier, self.tracks)
+        self._earlier.append(echoes)
         things = self.seen.without_borders()
         for group in groups_of(things):
             self._take(things.kept(group), ego, dt)
@@ -173,8 +180,8 @@ def moved(echoes: Echoes, ego: Ego, dt: float) -> Echoes:
     )
 
 
-def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
-    """Return those echoes that others confirm.
+def confirmed(echoes: Echoes, earlier: deque[Echoes], tracks: Sequence[Track] = ()) -> Echoes:
+    """Return those echoes that others confirm. tracks: where something is known to be.
 
     One whose kind few others confirm is of the kind of those that lie around it.
     """
@@ -193,6 +200,12 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
         votes[0] += (near & ~thing).any(axis=1) & ~(near & thing).any(axis=1)
     around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
     kept = (times >= 1) | (around.sum(axis=0) >= BESIDE)
+    appears = (times <= 1) & (_seen_through(echoes, earlier) >= CLEAR)
+    for track in tracks:
+        is_like = (echoes.kinds == codes.KART_HIT) == (track.kind == codes.KART_HIT)
+        near = np.hypot(echoes.x - track.state[0], echoes.y - track.state[1]) < GATE
+        appears &= ~(is_like & near)
+    kept &= ~appears
     for_border, for_thing = votes + around
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to.
@@ -202,6 +215,20 @@ def confirmed(echoes: Echoes, earlier: deque[Echoes]) -> Echoes:
         np.uint8
     )
     return Echoes(echoes.x, echoes.y, echoes.closing, kinds).kept(kept)
+
+
+def _seen_through(echoes: Echoes, earlier: deque[Echoes]) -> NDArray[np.int64]:
+    """Return in how many earlier scans the radar saw something behind the places of echoes (n,).
+
+    No person appears where it just saw the ground behind; a mirrored or a stray echo does.
+    """
+    far, ways = np.hypot(echoes.x, echoes.y), np.arctan2(echoes.y, echoes.x)
+    through = np.zeros(len(far), np.int64)
+    for scan in earlier:
+        off = np.abs(np.arctan2(scan.y, scan.x) - ways[:, None])
+        behind = np.hypot(scan.x, scan.y) > far[:, None] + BEHIND
+        through += ((off < SAME) & behind).any(axis=1)
+    return through
 
 
 def _outvoted(
@@ -225,7 +252,8 @@ def _outvoted(
         karts = karts + (near & (scan.kinds == codes.KART_HIT)).sum(axis=1)
         before = before + (near & scan.may_be_people).sum(axis=1)
     others = others + before
-    is_alone = other & (karts > others + 1) & (before == 0)
+    # Without any other of its kind one among karts is enough: a stray echo is confirmed by those.
+    is_alone = other & (before == 0) & (karts > np.where(others == 0, 0, others + 1))
     kinds = np.where(is_alone, codes.KART_HIT, echoes.kinds)
     return np.where(kart & (others > karts + 1), codes.OBSTACLE, kinds).astype(np.uint8)
 
@@ -238,14 +266,18 @@ def _is_near(one: Echoes, other: Echoes) -> NDArray[np.bool_]:
 
 
 def groups_of(echoes: Echoes) -> list[NDArray[np.bool_]]:
-    """Return masks of echoes that are of one thing each: chains in the order of their bearing."""
+    """Return masks of echoes that are of one thing each: chains in the order of their bearing.
+
+    What closes at another speed is another thing: karts that touch each other are two.
+    """
     groups: list[NDArray[np.bool_]] = []
     last = -1
     for number in np.argsort(np.arctan2(echoes.y, echoes.x)).tolist():
         joined = last >= 0 and echoes.kinds[number] == echoes.kinds[last]
         if joined:
             dx, dy = echoes.x[number] - echoes.x[last], echoes.y[number] - echoes.y[last]
-            joined = math.hypot(dx, dy) < SPREAD
+            alike = abs(float(echoes.closing[number] - echoes.closing[last])) < ALIKE
+            joined = alike and math.hypot(dx, dy) < SPREAD
         if not joined:
             groups.append(np.zeros(len(echoes.x), np.bool_))
         groups[-1][number] = True

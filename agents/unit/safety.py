@@ -12,75 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from race_agents.unit.limits import CERTAIN, Limits
+from race_agents.unit.passage import BLOCKS, leads_past
 from race_server.core import codes
 from race_server.core.alert import Cause
 from race_server.core.messages import Control
-from race_server.core.vehicles import GRAVITY, Vehicle
 
 Floats = NDArray[np.float64]
-# Shares of what its figures promise that a kart does for certain, and as a rule.
-CERTAIN, RACED = 0.7, 0.85
 # Brakes where there is time: a kart behind is not surprised.
 GENTLE = 0.6
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
 CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
-# This number of echoes of a border blocks a way: a single one may be off aside by its bearing.
-BLOCKS = 2
 STRAIGHT = 1e-4  # [1/m] bends flatter than this are driven as straight lines
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the reflex may count on, and where it draws the line."""
-
-    braking: float  # [m/s²] that the kart reaches for certain
-    promised: float  # [m/s²] that it reaches as a rule
-    reaction_s: float  # until the brakes bite, with some to spare
-    half_width: float  # [m] of the corridor that the body needs, with some to spare
-    spare: float  # [m] of it that is no body
-    berth: float  # [m] beside it that people get: an echo is one point of a wider person
-    near: float  # [m] within which a person that comes into view has come from behind something
-    nose: float  # [m] from the rear axle to the front bumper
-    stand_off: float  # [m] that must be left
-    restart: float  # [m] that must be free before a kart that braked for something drives on
-    top_speed: float  # [m/s] never more, boost or not
-    reverse_speed: float  # [m/s]
-    sharpest: float  # [1/m] curvature at full lock
-    grip: float  # [m/s²] across that the tyres hold for certain
-    slow_speed: float  # [m/s] where something is wrong
-    fence: float  # [m] beyond the kerb that are no danger yet
-    coast_s: float = 0.3  # the driver's input is older: no motor
-    let_go_s: float = 0.8  # … and older than this: stop
-    game_coast_s: float = 0.1  # the program beside is silent: no motor
-    game_stop_s: float = 0.15  # … and longer than this: stop
-
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> "Limits":
-        """Return the limits for a vehicle: 70 % of the braking that its figures promise.
-
-        People and things count on that. Borders and other karts are raced close to: there the
-        reflex waits until 85 % are needed.
-        """
-        promised = min(vehicle.brake_force / vehicle.mass, vehicle.grip * GRAVITY)
-        return cls(
-            braking=CERTAIN * promised,
-            promised=RACED * promised,
-            reaction_s=0.2,
-            half_width=0.55 * vehicle.width,
-            spare=0.05 * vehicle.width,
-            berth=0.35 * vehicle.width,
-            near=15.0 * vehicle.length,
-            nose=vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length,
-            stand_off=0.25 * vehicle.length,
-            restart=1.5 * vehicle.length,
-            top_speed=1.25 * vehicle.top_speed,
-            reverse_speed=vehicle.reverse_speed,
-            sharpest=math.tan(vehicle.steering_limit) / vehicle.wheelbase,
-            grip=CERTAIN * vehicle.grip * GRAVITY,
-            slow_speed=0.15 * vehicle.top_speed,
-            fence=0.5 * vehicle.length,
-        )
 
 
 @dataclass(frozen=True)
@@ -212,10 +156,8 @@ def in_the_way(
     walls = (drives | will) & is_border
     if (drives & is_border).sum() < BLOCKS or (will & is_border).sum() < BLOCKS:
         return is_met
-    for curvature in ways_out(speed, limits):
-        if (is_in_danger(echoes, curvature, limits) & is_border).sum() < BLOCKS:
-            return is_met
-    return is_met | walls
+    is_free = leads_past(echoes.x[is_border], echoes.y[is_border], speed, limits)
+    return is_met if is_free else is_met | walls
 
 
 def ways_out(speed: float, limits: Limits) -> list[float]:

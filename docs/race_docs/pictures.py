@@ -5,7 +5,6 @@ slow machine gets the same pictures as a fast one.
 """
 
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,14 +17,13 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 
+from race_docs.browser import CHROMIUM, MISSING, WEBGL_IN_SOFTWARE
 from race_docs.pages import ROOT
 from race_server.competition.launch import free_address
 from race_server.terminal import Console
 
 RACE = Path(sys.executable).with_name("race")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-# WebGL by the processor, where there is no graphics card.
-ARGUMENTS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader"]
+ARGUMENTS = ["--no-sandbox", *WEBGL_IN_SOFTWARE]
 
 KARTS = 8
 WINDOW: ViewportSize = {"width": 1280, "height": 720}
@@ -78,13 +76,12 @@ def _gateway(folder: Path) -> Iterator[str]:
 @contextmanager
 def _page(base: str, folder: Path) -> Iterator[Page]:
     """Open the only recording of a folder, in three dimensions, standing at its beginning."""
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        raise SystemExit("no Chromium here: apt-get install chromium")
+    if not CHROMIUM:
+        raise SystemExit(MISSING)
     (recording,) = folder.glob("*.mcap")
     with (
         sync_playwright() as play,
-        play.chromium.launch(executable_path=browser, args=ARGUMENTS) as chromium,
+        play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS) as chromium,
     ):
         page = chromium.new_context(viewport=WINDOW, locale="en", color_scheme="dark").new_page()
         page.set_default_timeout(1e3 * PATIENCE_S)

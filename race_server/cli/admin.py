@@ -2,15 +2,17 @@
 
 import getpass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.errors import KeysError, SeatError
-from race_server.live.client.steward import StewardClient
-from race_server.net.transport import ClientLink
 from race_server.terminal import say
+
+if TYPE_CHECKING:
+    from race_server.live.client.steward import StewardClient
+    from race_server.net.transport import ClientLink
 
 app = typer.Typer(
     help="Steward a session: flags, penalties, seats, the clock. Requires the steward's keys; for "
@@ -131,8 +133,10 @@ def _decide(
         say(steward.decide(act, seat=seat, value=value))
 
 
-def _steward(keys: Path | None, connect: str, session: str) -> tuple[StewardClient, ClientLink]:
+def _steward(keys: Path | None, connect: str, session: str) -> "tuple[StewardClient, ClientLink]":
+    from race_server.live.client.steward import StewardClient
     from race_server.net.auth.token import read_token
+    from race_server.net.transport import ClientLink
 
     given = access(keys, connect, session)
     if given.keys is not None and not given.keys.token:

@@ -1,7 +1,7 @@
 """`race event show | list`: an event on the network, at any moment and from any program."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -9,6 +9,10 @@ from rich.table import Table
 from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
+
+if TYPE_CHECKING:
+    from race_server.competition.event_state import EventState
+    from race_server.competition.race_day.day import Day
 
 app = typer.Typer(
     help="Events that are served: the classification so far, and the sheet for the wall.",
@@ -37,20 +41,16 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show an event as it stands: all attempts and races so far, and the classification."""
-    from race_server.competition.event_state import read_event
-    from race_server.competition.race_day.day import Day
     from race_server.competition.race_day.picture import check_picture, draw_picture
     from race_server.competition.race_day.report import event_document
 
-    path = Path(event) if event else newest_event(record)
-    state = read_event(path)
+    day, state = _event_in(Path(event) if event else newest_event(record))
     if sheet is not None:
         check_picture(sheet)
-    day = Day(state.plan(), state.name, state.records)
     if as_json:
         print_document(event_document(day, state))
     else:
-        show_event(path, Console())
+        _print_event(day, state, Console())
     if sheet is not None:
         draw_picture(day.plan, day.ledger, sheet)
 
@@ -61,12 +61,20 @@ def show_event(path: Path, console: Console) -> None:
     Raises:
         ScenarioError: it cannot be read.
     """
+    _print_event(*_event_in(path), console)
+
+
+def _event_in(path: Path) -> "tuple[Day, EventState]":
     from race_server.competition.event_state import read_event
     from race_server.competition.race_day.day import Day
-    from race_server.competition.race_day.table import print_tables
 
     state = read_event(path)
-    day = Day(state.plan(), state.name, state.records)
+    return Day(state.plan(), state.name, state.records), state
+
+
+def _print_event(day: "Day", state: "EventState", console: Console) -> None:
+    from race_server.competition.race_day.table import print_tables
+
     print_tables(day.plan, day.ledger, console)
     if not state.is_final:
         following = f", next: {day.next.title}" if day.next else ""

@@ -1,16 +1,19 @@
 """What a check of a course or of a car park found, as lines or as a document."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import typer
 
 from race_server.cli.document import print_document
-from race_server.scenario.track.check import CourseIssue
 from race_server.terminal import say
+
+if TYPE_CHECKING:
+    from race_server.scenario.track.check import CourseIssue
 
 
 def print_findings(
-    kind: str, name: str, vehicle: str, findings: Sequence[CourseIssue], as_json: bool
+    kind: str, name: str, vehicle: str, findings: "Sequence[CourseIssue]", as_json: bool
 ) -> None:
     """Print errors and warnings, and whether a place is good for a vehicle.
 

@@ -65,6 +65,13 @@ class GatewayOptions:
             "what the driver must see; may be repeated.",
         ),
     ] = None
+    kart: Annotated[
+        str,
+        typer.Option(
+            help="Address at which a kart's program on this machine tells what it knows "
+            "(`race plant --beside`); browsers beside its driver see that without a server, too."
+        ),
+    ] = ""
     recordings: Annotated[
         str,
         typer.Option(
@@ -130,6 +137,8 @@ def _settings(options: GatewayOptions) -> "Settings":
 
     if options.spectators not in {"", OPEN, TOKEN}:
         raise KeysError(f"--spectators {options.spectators}: choose {OPEN} or {TOKEN}")
+    if options.kart and not options.companion:
+        raise KeysError(f"--kart {options.kart}: name the seat of the kart with --companion SEAT")
     ring = KeyRing(options.keys, options.session)
     held = ring.of_spectator()
     host, port = place_of(options.listen or DEFAULT_PLACE)
@@ -137,6 +146,7 @@ def _settings(options: GatewayOptions) -> "Settings":
         address=options.connect or (held.address if held else DEFAULT_ADDRESS),
         session=held.session if held else options.session or SESSION,
         ring=ring,
+        kart=options.kart,
         host=host,
         port=port if options.port is None else options.port,
         tokens=tokens_for(

@@ -3,6 +3,7 @@
 import sys
 import traceback
 from importlib.metadata import entry_points
+from typing import Annotated
 
 import typer
 
@@ -32,15 +33,34 @@ from race_server.cli import (
 )
 from race_server.errors import RaceError
 from race_server.terminal import say, take_any_letter
+from race_server.version import __version__
 
 app = typer.Typer(
     name="race",
-    help="Serve, drive, watch and train kart races.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def print_version(wanted: bool) -> None:
+    """Print the version and end, if that is wanted."""
+    if wanted:
+        say(f"race-server {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=print_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Serve, drive, watch and train kart races."""
+
+
 app.command()(start.start)
 app.command()(park.park)
 app.command()(serve.serve)

@@ -14,6 +14,7 @@ from race_server.errors import ScenarioError
 from race_server.net.wire.strict import MOST_NAME
 from race_server.scenario.text_files import read_text
 from race_server.storage.whole_file import write_whole
+from race_server.user_data import user_data
 
 VARIABLE = "RACE_SERVER_ENTRANTS"
 COLUMNS = ("number", "name")
@@ -33,9 +34,7 @@ def default_path() -> Path:
     """Return where the entrants of this user are kept."""
     if named := os.environ.get(VARIABLE):
         return Path(named).expanduser()
-    data = Path(os.environ.get("XDG_DATA_HOME", ""))
-    home = data if data.is_absolute() else Path.home() / ".local" / "share"
-    return home / "race-server" / "entrants.csv"
+    return user_data("entrants.csv")
 
 
 def known_entrants(path: Path) -> dict[str, int]:
@@ -62,8 +61,9 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
     """
     text = read_text(path, MOST_BYTES, ScenarioError).removeprefix("\N{ZERO WIDTH NO-BREAK SPACE}")
     try:
-        rows = list(csv.DictReader(io.StringIO(text), strict=True))
-        columns = set(csv.DictReader(io.StringIO(text)).fieldnames or ())
+        table = csv.DictReader(io.StringIO(text), strict=True)
+        columns = set(table.fieldnames or ())
+        rows = list(table)
     except csv.Error as error:
         raise ScenarioError(f"{path}: no CSV: {error}") from error
     if not set(COLUMNS) <= columns:

@@ -43,6 +43,10 @@ class Cause(IntFlag):
     LOST = 32  # the kart does not know where it is
     GAME = 64  # the program that brings orders and driver is silent
 
+    def as_json(self) -> list[str]:
+        """Return the names of all that apply."""
+        return [cause.name.lower() for cause in Cause if cause.name and cause & self]
+
 
 @dataclass(frozen=True, slots=True)
 class Danger:
@@ -75,7 +79,7 @@ class Alert:
         danger = self.danger
         return {
             "stage": danger.stage.name.lower(),
-            "cause": [cause.name.lower() for cause in Cause if cause.name and cause & self.cause],
+            "cause": self.cause.as_json(),
             "kind": danger.kind.name.lower(),
             "bearing": danger.bearing,
             "distance": danger.distance if danger.distance < math.inf else None,

@@ -14,11 +14,11 @@ from race_agents.unit import motion
 from race_agents.unit.control_unit import UNSEEN_S, ControlUnit
 from race_agents.unit.ekf import KartFilter
 from race_agents.unit.fence import CourseFence
+from race_agents.unit.limits import Limits
 from race_agents.unit.motion import antenna_at, antenna_jacobian, drive_on, jacobian_of
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import (
     Echoes,
-    Limits,
     Verdict,
     braking_time,
     combine,

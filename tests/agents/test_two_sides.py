@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from race_agents.onboard.black_box import BlackBox, read_black_box
+from race_agents.onboard.incident_ring import IncidentRing
 from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.encounter import FreeRun, OpenPlace
 from race_agents.plant.kart import Plant
@@ -146,6 +147,29 @@ def test_the_safety_process_of_a_plant_imports_no_network() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_a_ring_keeps_the_minute_before_a_kart_brakes_by_itself(tmp_path: Path) -> None:
+    ring = IncidentRing()
+    second = 1_000_000_000
+    quiet = [ring.pass_on((n * second, {}), float(n), happens=False) for n in range(100)]
+    assert not any(quiet)
+    kept = ring.pass_on((100 * second, {}), 100.0, happens=True)
+    assert [kept[0][0] // second, kept[-1][0] // second, len(kept)] == [39, 100, 62]
+    after = [len(ring.pass_on((n * second, {}), float(n), happens=False)) for n in range(101, 121)]
+    assert after == [1] * 10 + [0] * 10
+
+    side, _, now_s = driven_side()
+    path = tmp_path / "kart.mcap"
+    with BlackBox(path, IncidentRing()) as box:
+        side.box = box
+        for turn in range(1, 31):  # it brakes 0.15 s after the last word
+            side.turn(now_s + 0.01 * turn)
+        side.box = None
+    turns = list(read_black_box(path))
+    assert len(turns) == 30
+    assert turns[0]["cause"] == []
+    assert "game" in turns[-1]["cause"]
 
 
 def test_a_black_box_holds_each_turn_and_survives_a_torn_end(tmp_path: Path) -> None:

@@ -16,11 +16,9 @@ import pytest
 
 pytest.importorskip("sphinx", reason="sphinx is not installed: pip install -e '.[docs]'")
 
+from race_docs.browser import CHROMIUM, MISSING
 from race_docs.pages import ROOT
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
 FOLDERS = (
     "race_server",
     "agents",
@@ -168,7 +166,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 def browser(site: Path) -> Iterator[tuple[Any, str, list[str]]]:
     """A narrow page in Chromium, the site's address, and everything that goes wrong in it."""
     if not CHROMIUM:
-        pytest.skip("no Chromium here: apt-get install chromium")
+        pytest.skip(MISSING)
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -179,12 +177,18 @@ def browser(site: Path) -> Iterator[tuple[Any, str, list[str]]]:
         play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"]) as chromium,
     ):
         page = chromium.new_page(viewport={"width": 360, "height": 740})
-        page.on("console", lambda line: troubles.append(line.text) if line.type == "error" else 0)
+        page.on("console", lambda line: note_error(line, troubles))
         page.on("pageerror", lambda error: troubles.append(str(error)))
         page.on("request", lambda each: note_foreign(each.url, base, troubles))
         yield page, base, troubles
     server.shutdown()
     server.server_close()
+
+
+def note_error(line: Any, troubles: list[str]) -> None:
+    """Keep what a page says of an error, and where it happened."""
+    if line.type == "error":
+        troubles.append(f"{line.location['url']}: {line.text}")
 
 
 def note_foreign(url: str, base: str, troubles: list[str]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from race_docs.browser import WEBGL_IN_SOFTWARE
 from race_server.competition.launch import free_address
 from race_server.core.messages import Flag
 from support import servers
@@ -23,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 IWER = ROOT / "web/node_modules/iwer/build/iwer.min.js"
 # WebGL in software; all else of the page without it, which is many times faster.
 DRAWS_IN_SOFTWARE = [
-    *("--enable-unsafe-swiftshader", "--use-angle=swiftshader"),
+    *WEBGL_IN_SOFTWARE,
     *("--disable-gpu-rasterization", "--disable-gpu-compositing"),
 ]
 

@@ -1,6 +1,5 @@
 """Pages in a real browser: Debian's Chromium, which nothing here downloads."""
 
-import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,15 +11,13 @@ pytest.importorskip("playwright", reason="playwright is not installed: pip insta
 from playwright.sync_api import Browser, ConsoleMessage, Request, sync_playwright
 from playwright.sync_api import Page as Page
 
+from race_docs.browser import CHROMIUM, MISSING
 from race_server.live.gateway.page import is_built
 from support.served_race import ServedRace
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
 NEEDS_CHROMIUM = [
     pytest.mark.net,
-    pytest.mark.skipif(not CHROMIUM, reason="no Chromium here: apt-get install chromium"),
+    pytest.mark.skipif(not CHROMIUM, reason=MISSING),
     pytest.mark.skipif(not is_built(), reason="the page is not built: make page"),
 ]
 

@@ -7,6 +7,8 @@ import { en } from '../src/i18n/en';
 import { fr } from '../src/i18n/fr';
 import { HeldAlert, isNews, ownText, reasonOf } from '../src/race/alerts';
 import { messageOfAlert } from '../src/race/control';
+import { alertsAlone } from '../src/race/danger';
+import { Race } from '../src/race/race.svelte';
 import { decode } from '../src/wire/decode';
 import type { KartAlert } from '../src/wire/frames';
 import { Advice, Cause, DangerStage, RayHit } from '../src/wire/tables';
@@ -87,4 +89,20 @@ test('a driver has time to read a warning, and sees a more urgent one at once', 
   expect(held.take(brakes, 850)).toBe(brakes);
   expect(held.take(warns, 900)).toBe(brakes);
   expect(held.take(null, 1700)).toBeNull();
+});
+
+test('what the kart beside the page says counts while it is heard, then what the server told', () => {
+  const race = new Race();
+  race.take({ kind: 'alerts', tick: 60, karts: [alert({ stage: DangerStage.INFORM })] }, 0);
+  race.take({ kind: 'own pose', speed: 10, deviation: 0.1, quality: 1 }, 1000);
+  race.take({ kind: 'own alert', alert: alert({ seat: -1 }) }, 1000);
+  expect(race.alertOfOwn(3, 1400)?.stage).toBe(DangerStage.FULL);
+  expect(race.ownKart.pose(1400)?.speed).toBe(10);
+  expect(race.alertOfOwn(3, 1600)?.stage).toBe(DangerStage.INFORM);
+  expect(race.ownKart.pose(1600)).toBeNull();
+});
+
+test('without a race a driver is told what the kart does, and that nothing comes', () => {
+  expect(alertsAlone(DangerStage.FULL, NaN)).toEqual(['kartBrakes', 'link']);
+  expect(alertsAlone(DangerStage.NONE, 20)).toEqual([]);
 });

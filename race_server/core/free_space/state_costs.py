@@ -19,10 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.free_space.goal_cells import cell_pose, goal_cells
 from race_server.core.free_space.obstacles import Obstacles, is_free
 from race_server.core.free_space.rig import Rig, Towed, curvature_of_rate, moved, scale_of
 from race_server.core.kernels.distance_field import Grid
-from race_server.core.kernels.geometry import TURN, Pose, clip, cos_sin, seen_from
+from race_server.core.kernels.geometry import TURN, Pose, clip, seen_from
 from race_server.core.kernels.jit import cache_root, kernel, large_kernel
 from race_server.core.state import Floats
 from race_server.kept_file import keep
@@ -84,7 +85,7 @@ def find_state_costs(
     of direction [m].
     """
     scale = scale_of(rig.bar)
-    grid = _grid_around(obstacles.grid, goal, CELL * scale, REACH * scale)
+    grid = goal_cells(obstacles.grid, goal, CELL * scale, reach=REACH * scale)
     shape = (2, ANGLES, TURNS, grid.rows, grid.columns)
     found = StateCosts(grid, np.full(shape, BLOCKED, np.float32), rig.sharpest, rate, cusp)
     _survey(obstacles, rig, goal, found)
@@ -132,19 +133,6 @@ def _read(path: Path) -> StateCosts | None:
         return None
 
 
-def _grid_around(ground: Grid, goal: Pose, cell: float, reach: float) -> Grid:
-    """Return cells over the ground within a reach, in the frame of a goal in the middle of one."""
-    x = ground.x0 + np.array([0.0, ground.columns, 0.0, ground.columns]) * ground.cell
-    y = ground.y0 + np.array([0.0, 0.0, ground.rows, ground.rows]) * ground.cell
-    cos, sin = math.cos(goal.heading), math.sin(goal.heading)
-    along = np.clip((x - goal.x) * cos + (y - goal.y) * sin, -reach, reach)
-    across = np.clip((y - goal.y) * cos - (x - goal.x) * sin, -reach, reach)
-    before, beside = (math.ceil(-side.min() / cell) for side in (along, across))
-    columns = before + math.ceil(along.max() / cell) + 1
-    rows = beside + math.ceil(across.max() / cell) + 1
-    return Grid(-(before + 0.5) * cell, -(beside + 0.5) * cell, cell, columns, rows)
-
-
 @kernel
 def _angle_of(number: int, sharpest: float) -> float:
     """Return one of ANGLES [rad]."""
@@ -155,16 +143,11 @@ def _angle_of(number: int, sharpest: float) -> float:
 def _survey(obstacles: Obstacles, rig: Rig, goal: Pose, found: StateCosts) -> None:
     """Fill UNKNOWN into all costs where there is room."""
     grid, costs = found.grid, found.costs
-    cos, sin = cos_sin(goal.heading)
     for turn in range(TURNS):
-        heading = goal.heading + turn * TURN / TURNS
         for row in range(grid.rows):
-            across = grid.y0 + (row + 0.5) * grid.cell
             for column in range(grid.columns):
-                along = grid.x0 + (column + 0.5) * grid.cell
-                x = goal.x + along * cos - across * sin
-                y = goal.y + along * sin + across * cos
-                if not is_free(obstacles, rig.drawn, Pose(x, y, heading)):
+                pose = cell_pose(grid, goal, row, column, turn, TURNS)
+                if not is_free(obstacles, rig.drawn, pose):
                     continue
                 for number in range(ANGLES):
                     costs[AHEAD, number, turn, row, column] = UNKNOWN

@@ -17,11 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from race_server.core.free_space.goal_cells import cell_pose, goal_cells
 from race_server.core.free_space.obstacles import Obstacles, is_free
 from race_server.core.free_space.prices import Prices, cost_of_way
 from race_server.core.free_space.rig import ANGLES, Rig, Towed, pose_ahead, scale_of
 from race_server.core.kernels.distance_field import Grid, cell_at, distance_at
-from race_server.core.kernels.geometry import TURN, Pose, along_arc, cos_sin, seen_from
+from race_server.core.kernels.geometry import TURN, Pose, along_arc, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Ints
 
@@ -54,7 +55,7 @@ def find_towed_ways(
     distances: (rows, columns) [m] to the goal over cells of the obstacles' grid, infinite where
     they are cut off.
     """
-    grid = _grid_around(obstacles.grid, goal, CELL * scale_of(rig.bar))
+    grid = goal_cells(obstacles.grid, goal, CELL * scale_of(rig.bar), most=MOST_CELLS)
     shape = (TURNS, grid.rows, grid.columns)
     room = np.zeros(shape, np.int64)
     _survey(obstacles, distances, rig, goal, grid, room)
@@ -65,20 +66,6 @@ def find_towed_ways(
     costs = np.stack([[cost_of_way(way * step, prices) for step in steps] for way in (1.0, -1.0)])
     _spread(ways, room, moves, costs, queue, is_queued)
     return ways
-
-
-def _grid_around(ground: Grid, goal: Pose, cell: float) -> Grid:
-    """Return cells over the ground, in the frame of a goal, which is the middle of one."""
-    x = ground.x0 + np.array([0.0, ground.columns, 0.0, ground.columns]) * ground.cell
-    y = ground.y0 + np.array([0.0, 0.0, ground.rows, ground.rows]) * ground.cell
-    cos, sin = math.cos(goal.heading), math.sin(goal.heading)
-    along = (x - goal.x) * cos + (y - goal.y) * sin
-    across = (y - goal.y) * cos - (x - goal.x) * sin
-    cell = max(cell, 1.05 * math.sqrt(float(np.ptp(along) * np.ptp(across)) / MOST_CELLS))
-    before, beside = (math.ceil(-side.min() / cell) for side in (along, across))
-    columns = before + math.ceil(along.max() / cell) + 1
-    rows = beside + math.ceil(across.max() / cell) + 1
-    return Grid(-(before + 0.5) * cell, -(beside + 0.5) * cell, cell, columns, rows)
 
 
 def _moves(rig: Rig, cell: float) -> tuple[Ints, Floats]:
@@ -106,21 +93,17 @@ def _survey(
     obstacles: Obstacles, distances: Floats, rig: Rig, goal: Pose, grid: Grid, room: Ints
 ) -> None:
     """Note at which angles there is room: (TURNS, rows, columns), a bit for each of ANGLES."""
-    cos, sin = cos_sin(goal.heading)
     for turn in range(TURNS):
-        heading = goal.heading + turn * TURN / TURNS
         for row in range(grid.rows):
-            across = grid.y0 + (row + 0.5) * grid.cell
             for column in range(grid.columns):
-                along = grid.x0 + (column + 0.5) * grid.cell
-                x = goal.x + along * cos - across * sin
-                y = goal.y + along * sin + across * cos
-                if distance_at(obstacles.grid, distances, x, y) == math.inf:
+                pose = cell_pose(grid, goal, row, column, turn, TURNS)
+                if distance_at(obstacles.grid, distances, pose.x, pose.y) == math.inf:
                     continue
-                if not is_free(obstacles, rig.drawn, Pose(x, y, heading)):
+                if not is_free(obstacles, rig.drawn, pose):
                     continue
                 for number in range(len(ANGLES)):
-                    towed = Towed(x, y, heading, ANGLES[number] * rig.sharpest, 0.0)
+                    angle = ANGLES[number] * rig.sharpest
+                    towed = Towed(pose.x, pose.y, pose.heading, angle, 0.0)
                     if is_free(obstacles, rig.drawing, pose_ahead(rig, towed)):
                         room[turn, row, column] |= 1 << number
 

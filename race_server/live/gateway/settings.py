@@ -23,6 +23,7 @@ class Settings:
     address: str  # of the race
     session: str
     ring: KeyRing
+    kart: str = ""  # address of a kart's program on this machine, "" for none
     host: str = "127.0.0.1"
     port: int = 8080  # 0 for any that is free
     tokens: Tokens = field(default_factory=Tokens)

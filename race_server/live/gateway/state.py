@@ -61,7 +61,13 @@ class GatewayState:
             for number in range(len(settings.tokens.drive))
         ]
         self.companion_seats = {
-            seat: CompanionSeat(seat, self._connect_driver, self.pool)
+            seat: CompanionSeat(
+                seat,
+                partial(self._connect_driver, seat),
+                self._connect_kart if settings.kart else None,
+                self.pool,
+                timing.reconnect_s,
+            )
             for seat, _ in settings.tokens.companion
         }
         self.stewarding = Stewarding(self._connect_steward, self._token, self.pool)
@@ -81,6 +87,11 @@ class GatewayState:
 
     def _connect_steward(self) -> ClientLink:
         return self._connect(self.settings.ring.of_steward())
+
+    def _connect_kart(self) -> ClientLink:
+        """Return a link to the program of the kart on this machine."""
+        settings = self.settings
+        return ClientLink(settings.kart, settings.session, timeout_s=settings.timing.connect_s)
 
     def _connect(self, keys: ClientKeys | None) -> ClientLink:
         settings = self.settings

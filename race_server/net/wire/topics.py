@@ -62,6 +62,10 @@ ALERT = Topic(
     *("alert/{seat}", "AlertMessage", b"RALR", "up", "as it changes, 5 Hz while it lasts"),
     *(256, False, True, ALERT_HZ),
 )
+# What a real kart knows by itself: from its program to what is beside its driver, on the kart's own
+# machine, with a server or without.
+OWN_POSE = Topic("own/pose/{seat}", "PoseMessage", b"RPOS", "down", "50 Hz", 256, True, False)
+OWN_ALERT = Topic("own/alert/{seat}", "AlertMessage", b"RALR", "down", "50 Hz", 256, True, False)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 ORDER = Topic("order/{seat}", "ParkingOrder", b"RORD", "down", "2 Hz", 262144, True, False)
@@ -111,6 +115,8 @@ TOPICS = (
     CONTROL,
     POSE,
     ALERT,
+    OWN_POSE,
+    OWN_ALERT,
     OBSERVATION,
     HUD,
     ORDER,

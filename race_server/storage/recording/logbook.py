@@ -23,6 +23,7 @@ from race_server.storage.recording.reader import (
     read_recording,
 )
 from race_server.storage.recording.recorder import Recorder
+from race_server.user_data import user_data
 
 VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
@@ -37,9 +38,7 @@ def folder_of(words: str) -> Path | None:
     words = words or os.environ.get(VARIABLE, "")
     if words:
         return None if words == NOWHERE else Path(words).expanduser()
-    data = Path(os.environ.get("XDG_DATA_HOME", ""))
-    home = data if data.is_absolute() else Path.home() / ".local" / "share"
-    return home / "race-server" / "recordings"
+    return user_data("recordings")
 
 
 class Logbook:

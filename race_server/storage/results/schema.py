@@ -12,6 +12,7 @@ from itertools import chain
 from pathlib import Path
 
 from race_server.errors import ResultsError
+from race_server.user_data import user_data
 
 VARIABLE = "RACE_SERVER_RESULTS"
 NOWHERE = "none"
@@ -122,9 +123,7 @@ def default_path() -> Path | None:
     """Return where results go by default; None for nowhere."""
     if named := os.environ.get(VARIABLE):
         return path_of(named)
-    data = Path(os.environ.get("XDG_DATA_HOME", ""))
-    home = data if data.is_absolute() else Path.home() / ".local" / "share"
-    return home / "race-server" / "results.sqlite"
+    return user_data("results.sqlite")
 
 
 def path_of(words: str) -> Path | None:

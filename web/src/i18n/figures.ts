@@ -42,5 +42,5 @@ export function secondsText(us: number): string {
 
 /** Returns a speed in km/h. speed: [m/s]. */
 export function kmh(speed: number): string {
-  return Math.round(Math.abs(speed) * 3.6).toString();
+  return Number.isNaN(speed) ? '–' : Math.round(Math.abs(speed) * 3.6).toString();
 }

@@ -25,13 +25,19 @@ const SLOW_SHARE = 0.4;
 /** Beyond this age the picture is too old to drive by [ms]. */
 export const BAD_LINK_MS = 300;
 
-/** Returns the warnings to show, the most urgent first. */
-export function alertsFor(watch: Watch): Alert[] {
-  const { own, frame, flag, linkMs, stage } = watch;
+/** Returns the warnings that need no race: what the kart says itself, and that nothing comes. */
+export function alertsAlone(stage: DangerStage, linkMs: number): Alert[] {
   const alerts: Alert[] = [];
   if (stage >= DangerStage.EASE) alerts.push('kartBrakes');
   else if (stage === DangerStage.WARN) alerts.push('kartWarns');
-  if (linkMs > BAD_LINK_MS) alerts.push('link');
+  if (!(linkMs <= BAD_LINK_MS)) alerts.push('link');
+  return alerts;
+}
+
+/** Returns the warnings to show, the most urgent first. */
+export function alertsFor(watch: Watch): Alert[] {
+  const { own, frame, flag, linkMs, stage } = watch;
+  const alerts = alertsAlone(stage, linkMs);
   if (frame.phase !== Phase.RUNNING || own.status !== Status.RACING) return alerts;
   if (flag === Flag.RED) alerts.push('red');
   if (own.flags & KartFlag.WRONG_WAY) alerts.push('wrongWay');

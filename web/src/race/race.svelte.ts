@@ -24,6 +24,7 @@ import { InputAges } from './ages';
 import { type ToldAlert, isNews } from './alerts';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
+import { OwnKart } from './ownkart';
 import { type Rig, rigOf } from './rig';
 import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
@@ -74,6 +75,7 @@ export class Race {
   briefing = $state.raw<BriefingFrame | null>(null);
 
   readonly buffer: SnapshotBuffer;
+  readonly ownKart = new OwnKart();
   readonly trails = new Trails();
   readonly ways = new Ways(); // in a car park
   readonly clearances = new Map<number, Clearance>(); // of each seat
@@ -117,6 +119,9 @@ export class Race {
         return this.ages.take(frame);
       case 'alerts':
         return this.takeAlerts(frame);
+      case 'own pose':
+      case 'own alert':
+        return this.ownKart.take(frame, arrivedMs);
       case 'lot':
         this.lot = frame;
         return;
@@ -149,6 +154,11 @@ export class Race {
 
   kart(seat: number): KartFrame | null {
     return this.buffer.newest?.karts.find((kart) => kart.seat === seat) ?? null;
+  }
+
+  /** What the own kart says: by itself where it is heard, else as the server tells. */
+  alertOfOwn(seat: number, nowMs: number): KartAlert | null {
+    return this.ownKart.alert(nowMs) ?? this.alerts.get(seat) ?? null;
   }
 
   /** The flag for this page's driver: that of the race, or a more severe one for its kart. */

@@ -15,6 +15,7 @@ import type {
   TrailerFrame,
 } from './frames';
 import {
+  AlertMessage,
   Alerts,
   Briefing,
   Course,
@@ -23,6 +24,7 @@ import {
   Line,
   Links,
   Lot,
+  PoseMessage,
   Rays,
   Rules,
   Snapshot,
@@ -55,6 +57,8 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RALS: readAlerts,
   RLOT: readLot,
   RHUD: readHud,
+  RALR: readOwnAlert,
+  RPOS: readOwnPose,
   RBRF: readBriefing,
 };
 
@@ -332,22 +336,37 @@ function readLinks(buffer: ByteBuffer): Frame {
 
 function readAlerts(buffer: ByteBuffer): Frame {
   const table = Alerts.getRootAsAlerts(buffer);
-  const karts = rowsOf(table.kartsLength(), (row) => readAlert(table, row));
+  const karts = rowsOf(table.kartsLength(), (row) => {
+    const kart = table.karts(row)!;
+    return alertOf(kart.seat(), kart);
+  });
   return { kind: 'alerts', tick: table.tick(), karts };
 }
 
-function readAlert(table: Alerts, row: number): KartAlert {
-  const kart = table.karts(row)!;
+function readOwnAlert(buffer: ByteBuffer): Frame {
+  const said = AlertMessage.getRootAsAlertMessage(buffer).alert()!;
+  return { kind: 'own alert', alert: alertOf(-1, said) };
+}
+
+function readOwnPose(buffer: ByteBuffer): Frame {
+  const pose = PoseMessage.getRootAsPoseMessage(buffer).pose()!;
+  const [speed, deviation, quality] = [pose.speed(), pose.deviation(), pose.quality()];
+  return { kind: 'own pose', speed, deviation, quality };
+}
+
+type Said = NonNullable<ReturnType<AlertMessage['alert']> | ReturnType<Alerts['karts']>>;
+
+function alertOf(seat: number, said: Said): KartAlert {
   return {
-    seat: kart.seat(),
-    stage: kart.stage(),
-    cause: kart.cause(),
-    hit: kart.kind(),
-    advice: kart.advice(),
-    bearing: kart.bearing(),
-    distance: kart.distance(),
-    time: kart.time(),
-    needed: kart.needed(),
+    seat,
+    stage: said.stage(),
+    cause: said.cause(),
+    hit: said.kind(),
+    advice: said.advice(),
+    bearing: said.bearing(),
+    distance: said.distance(),
+    time: said.time(),
+    needed: said.needed(),
   };
 }
 

@@ -250,6 +250,20 @@ export interface AlertsFrame {
   karts: KartAlert[];
 }
 
+/** What the kart beside this page says itself, with a server or without. */
+export interface OwnAlertFrame {
+  kind: 'own alert';
+  alert: KartAlert; // its seat is -1
+}
+
+/** Where the kart beside this page says that it is. */
+export interface OwnPoseFrame {
+  kind: 'own pose';
+  speed: number; // [m/s]
+  deviation: number; // [m] of its place
+  quality: number; // of its sensors, 0 to 1
+}
+
 export interface EffectFrame {
   item: number;
   remaining: number; // [s]
@@ -288,6 +302,8 @@ export type Frame =
   | RaysFrame
   | LinksFrame
   | AlertsFrame
+  | OwnAlertFrame
+  | OwnPoseFrame
   | LotFrame
   | HudFrame
   | BriefingFrame;

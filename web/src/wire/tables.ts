@@ -13,9 +13,11 @@ export {
   RayHit,
   Status,
 } from './generated/codes.js';
+export { AlertMessage } from './generated/drive/alert-message.js';
 export { Control } from './generated/drive/control.js';
 export { ControlMessage } from './generated/drive/control-message.js';
 export { Hud } from './generated/drive/hud.js';
+export { PoseMessage } from './generated/drive/pose-message.js';
 export { Briefing } from './generated/session/briefing.js';
 export { Course } from './generated/session/course.js';
 export { Line } from './generated/session/line.js';

@@ -246,12 +246,17 @@ export class Headset {
   }
 
   private findDoubt(frame: SnapshotFrame, own: KartFrame | null): Doubt {
+    const { race } = this.visit;
+    const nowMs = performance.now();
+    const pose = race.ownKart.pose(nowMs);
     return doubtOf({
       kartFlags: own ? own.flags : KartFlag.DOUBTFUL,
-      ...{ deviation: 0, quality: 1 },
-      brakesItself: own !== null && this.visit.race.alerts.get(own.seat)?.stage === DangerStage.FULL,
+      deviation: pose?.deviation ?? 0,
+      quality: pose?.quality ?? 1,
+      brakesItself:
+        own !== null && race.alertOfOwn(own.seat, nowMs)?.stage === DangerStage.FULL,
       ageMs: this.ageMs(),
-      flag: this.visit.race.flagIn(frame),
+      flag: race.flagIn(frame),
     });
   }
 

@@ -1,0 +1,124 @@
+"""How a moment in a race ended, by the true places: was the way blocked, did it get close."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from race_agents.plant.raced import SCAN_S, Frame
+from race_agents.plant.radar import Floats, Surroundings, outline_of
+from race_agents.unit.limits import Limits
+from race_agents.unit.safety import way_along
+from race_server.core.vehicles import Vehicle
+from race_server.net.wire.spectate import Rows
+
+# The end of a danger is looked at until this time [s] after it would be met, and for some time
+# [s] at least and at most. A kart came close to another one nearer than `CLOSE`, to a
+# border nearer than `GRAZE` [m].
+AFTER_S, SOON_S, LATEST_S = 0.5, 1.5, 3.0
+CLOSE, GRAZE = 0.35, 0.1
+# A speed that changes by more than this between two snapshots is that of a collision [m/s].
+BLOW = 2.0
+# A kart that drives slower by this [m/s] is in the way of one that has to stop or wait for it,
+# within the way to stop and a warning before that [s], and this much room beside [m].
+# One slower than `STILL` [m/s] is in the way of any.
+SLOWER, STILL, BEFORE_S, ROOM = 3.0, 1.0, 1.0, 0.3
+FORESEEN_S = 2.0  # [s] for which karts are taken to go on as they do
+SLOW = 2.0  # [m/s] slower than this a kart is not raced
+
+
+def rows_of(karts: Rows) -> Floats:
+    """Return x, y, heading and velocity of karts, (n, 5)."""
+    cos, sin = np.cos(karts["heading"]), np.sin(karts["heading"])
+    vx = karts["speed"] * cos - karts["lateral_speed"] * sin
+    vy = karts["speed"] * sin + karts["lateral_speed"] * cos
+    return np.stack([karts["x"], karts["y"], karts["heading"], vx, vy], axis=1).astype(np.float64)
+
+
+def is_blocked(row: np.void, others: Floats, vehicle: Vehicle, limits: Limits) -> bool:
+    """Return whether another kart truly is in the way of this one, or gets there as it goes on.
+
+    If this one goes on along its arc and the other one straight on, they touch; or a slower one is
+    on that arc within the way to stop, now or in a moment. others: (n, 5) as of `rows_of`.
+    """
+    speed = float(row["speed"])
+    heading = float(row["heading"]) + math.atan2(float(row["lateral_speed"]), max(speed, SLOW))
+    cos, sin = math.cos(heading), math.sin(heading)
+    curvature = float(row["yaw_rate"]) / max(speed, SLOW)
+
+    def on_arc(seconds: float) -> tuple[Floats, Floats]:
+        dx = others[:, 0] + others[:, 3] * seconds - float(row["x"])
+        dy = others[:, 1] + others[:, 4] * seconds - float(row["y"])
+        return way_along(dx * cos + dy * sin, dy * cos - dx * sin, curvature)
+
+    along, _ = on_arc(0.0)
+    ways = heading + curvature * along
+    paces = others[:, 3] * np.cos(ways) + others[:, 4] * np.sin(ways)
+    is_ahead, is_slower = along > 0.0, paces < max(speed - SLOWER, STILL)
+    stop = speed * (limits.reaction_s + BEFORE_S) + speed**2 / (2.0 * limits.braking)
+    beside = 0.5 * (vehicle.length + vehicle.width) + ROOM
+    is_met = np.zeros(len(others), np.bool_)
+    for seconds in np.arange(0.0, FORESEEN_S, SCAN_S):
+        then, aside = on_arc(float(seconds))
+        gap = then - speed * seconds
+        reached = (gap > -vehicle.length) & (gap < stop + vehicle.length)
+        is_met |= is_slower & (np.abs(aside) < beside) & reached
+        is_met |= (np.abs(aside) < vehicle.width) & (np.abs(gap) < vehicle.length)
+    return bool((is_ahead & is_met).any())
+
+
+def came_close(frames: Sequence[Frame], seat: int, vehicle: Vehicle, borders: Floats) -> bool:
+    """Return whether a kart touched or nearly touched another one, or a border, in some frames."""
+    around, speed = Surroundings(borders), math.nan
+    for frame in frames:
+        karts = frame.karts
+        own = karts[karts["seat"] == seat]
+        if not len(own):
+            return False
+        before, speed = speed, float(own["speed"][0])
+        if abs(speed - before) > BLOW:
+            return True
+        x, y, heading = (float(own[name][0]) for name in ("x", "y", "heading"))
+        body, reach = outline_of(np.array([x, y, heading]), vehicle), 2.0 * vehicle.length
+        for row in rows_of(karts[karts["seat"] != seat]):
+            if math.hypot(row[0] - x, row[1] - y) < reach:
+                other = outline_of(row, vehicle)
+                if _gap(body, other) < CLOSE:
+                    return True
+        near = around.borders_near(x, y, reach)
+        if len(near) and _gap(body, near) < GRAZE:
+            return True
+    return False
+
+
+def _gap(body: Floats, other: Floats) -> float:
+    """Return the least distance [m] of a body's sides (4, 4) to other segments (n, 4).
+
+    It is 0 where two cross. Where they do not, an end of one is nearest to the other.
+    """
+    ends = [
+        _to_segments(one.reshape(-1, 2), two).min() for one, two in ((body, other), (other, body))
+    ]
+    return 0.0 if _cross(body, other) else float(min(ends))
+
+
+def _cross(one: Floats, two: Floats) -> bool:
+    """Return whether any segments of (n, 4) and (m, 4) cross."""
+
+    def sides(lines: Floats, points: Floats) -> Floats:
+        """Return on which side of lines (n, 4) points (m, 2) are, (n, m)."""
+        edge = lines[:, 2:] - lines[:, :2]
+        off = points - lines[:, None, :2]
+        return np.asarray(np.sign(edge[:, None, 0] * off[..., 1] - edge[:, None, 1] * off[..., 0]))
+
+    parted = sides(one, two[:, :2]) != sides(one, two[:, 2:])
+    divided = sides(two, one[:, :2]) != sides(two, one[:, 2:])
+    return bool((parted & divided.T).any())
+
+
+def _to_segments(points: Floats, segments: Floats) -> Floats:
+    """Return the distances of points (n, 2) to segments (m, 4), (n, m) [m]."""
+    start, edge = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    square = np.maximum((edge * edge).sum(axis=1), 1e-12)
+    share = np.clip((((points[:, None] - start) * edge).sum(axis=2) / square), 0.0, 1.0)
+    return np.hypot(*(points[:, None] - start - share[..., None] * edge).transpose(2, 0, 1))

@@ -1,0 +1,66 @@
+"""Where a body that slides goes: the arcs that a kart drives begin there, and in that direction.
+
+Near the limit of the tyres the rear axle slides out of a bend, so the body does not move along its
+nose. An arc begins where the body does not move aside. A kart that slides as a whole has no such
+place within its length: its arc begins at the nearest end, turned to where that end moves.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from race_agents.unit.limits import Limits
+from race_agents.unit.objects import Track
+from race_agents.unit.safety import Echoes
+
+# Slower than this [rad/s] a kart turns so little that its axle is as good a place as any.
+TURNS = 0.15
+# The most that a direction is turned [rad]: a kart that slides further spins.
+MOST = 0.8
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How a body moves besides along its nose."""
+
+    pivot: float = 0.0  # [m] ahead of the rear axle, where arcs begin
+    course: float = 0.0  # [rad] to the left of the nose, the direction in which they do
+
+    @classmethod
+    def of(cls, speed: float, slide: float, yaw_rate: float, limits: Limits) -> "Drift":
+        """Return the drift of a kart that drives ahead.
+
+        slide: [m/s] of its rear axle to the left.
+        """
+        pivot = -slide / yaw_rate if abs(yaw_rate) > TURNS else 0.0
+        pivot = max(-limits.nose, min(pivot, limits.nose))
+        course = math.atan2(slide + pivot * yaw_rate, speed)
+        return cls(pivot, max(-MOST, min(course, MOST)))
+
+    def limits(self, limits: Limits) -> Limits:
+        """Return the limits of a body that is measured from where its arcs begin."""
+        return replace(limits, nose=limits.nose - self.pivot)
+
+    def tracks(self, tracks: Sequence[Track]) -> list[Track]:
+        """Return tracks as they lie from there."""
+        cos, sin = math.cos(self.course), math.sin(self.course)
+        both = np.kron(np.eye(2), np.array([[cos, sin], [-sin, cos]]))
+        return [
+            replace(
+                track,
+                state=both @ (track.state - (self.pivot, 0.0, 0.0, 0.0)),
+                covariance=both @ track.covariance @ both.T,
+            )
+            for track in tracks
+        ]
+
+    def echoes(self, echoes: Echoes) -> Echoes:
+        """Return echoes as they lie from there."""
+        cos, sin = math.cos(self.course), math.sin(self.course)
+        x = echoes.x - self.pivot
+        return replace(echoes, x=cos * x + sin * echoes.y, y=cos * echoes.y - sin * x)
+
+
+STRAIGHT_ON = Drift()

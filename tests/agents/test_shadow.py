@@ -1,0 +1,120 @@
+"""False brakes: ways past borders, echoes out of nowhere, and how a moment in a race ended."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import pytest
+
+from race_agents.plant.hindsight import came_close, is_blocked
+from race_agents.plant.raced import Frame, Raced
+from race_agents.plant.shadow import shadow
+from race_agents.unit.ego import Ego
+from race_agents.unit.limits import Limits
+from race_agents.unit.objects import Objects, groups_of
+from race_agents.unit.passage import leads_past
+from race_agents.unit.safety import Echoes
+from race_server.core import codes
+from race_server.core.alert import DangerStage
+from race_server.core.messages import Status
+from race_server.core.vehicle_presets import KART_60
+from race_server.net.wire.spectate import KART
+
+LIMITS = Limits.of(KART_60)
+# Walls 40 m to the left and right.
+FAR = np.array([[-50.0, -40.0, 50.0, -40.0], [-50.0, 40.0, 50.0, 40.0]])
+
+
+def test_no_way_leads_past_a_wall_across_the_road_and_one_past_a_wall_beside_it() -> None:
+    y = np.arange(-10.0, 10.1, 0.5)
+    assert not leads_past(np.full(len(y), 6.0), y, 10.0, LIMITS)
+    assert leads_past(np.arange(0.0, 20.0, 0.5), np.full(40, 1.0), 10.0, LIMITS)
+
+
+def test_the_way_through_a_chicane_is_two_arcs() -> None:
+    # A kart 1.3 m wide passes to the right of the first wall, and to the left of the second.
+    first, second = np.arange(-0.5, 3.0, 0.25), np.arange(-3.0, -0.9, 0.25)
+    x = np.concatenate([np.full(len(first), 6.0), np.full(len(second), 9.0)])
+    y = np.concatenate([first, second])
+    assert leads_past(x, y, 9.0, LIMITS)
+    # The second wall beside the first leaves 0.5 m.
+    assert not leads_past(np.full(len(x), 6.0), y, 9.0, LIMITS)
+
+
+def test_no_person_appears_where_the_radar_just_saw_the_wall_behind() -> None:
+    def scan(*echoes: tuple[float, float, int]) -> Echoes:
+        x, y, kinds = (np.array(column) for column in zip(*echoes, strict=True))
+        return Echoes(x.astype(float), y.astype(float), np.zeros(len(x)), kinds.astype(np.uint8))
+
+    wall, person = (20.0, 0.0, codes.BORDER), (8.0, 0.0, codes.PERSON)
+    stands = Ego(0.0, 0.0, 0.0, 0.0)
+
+    def seen(*scans: Echoes) -> int:
+        objects = Objects()
+        for each in scans:
+            objects.look(each, stands, 0.05)
+        return int(objects.seen.may_be_people.sum())
+
+    open_view = [scan(wall)] * 3
+    assert seen(*open_view, scan(person), scan(person)) == 0  # a mirrored echo does that
+    assert seen(*open_view, scan(person), scan(person), scan(person)) == 1
+    beside = (20.0, 5.0, codes.BORDER)  # there was no view of the place: a person stepped out
+    assert seen(*[scan(beside)] * 3, scan(person), scan(person)) == 1
+
+
+def test_karts_that_touch_each_other_are_two() -> None:
+    x, y = np.array([8.0, 8.0, 8.3, 8.3]), np.array([-0.8, -0.2, 0.4, 1.0])
+    closing, kinds = np.array([6.0, 6.0, 1.0, 1.0]), np.full(4, codes.KART_HIT, np.uint8)
+    assert [group.sum() for group in groups_of(Echoes(x, y, closing, kinds))] == [2, 2]
+
+
+def karts(*rows: tuple[float, float, float, float]) -> np.ndarray:
+    """Return karts of x, y, heading, speed."""
+    found = np.zeros(len(rows), KART)
+    for seat, (kart, row) in enumerate(zip(found, rows, strict=True)):
+        kart["seat"], kart["status"] = seat, Status.RACING
+        kart["x"], kart["y"], kart["heading"], kart["speed"] = row
+    return found
+
+
+def test_a_corner_close_to_a_border_is_close_where_the_middle_is_not() -> None:
+    # Turned by 45° a corner reaches out further than the side.
+    reach = 0.5 * KART_60.width + 0.15
+    border = np.array([[-50.0, reach, 50.0, reach]])
+    near = partial(came_close, seat=0, vehicle=KART_60, borders=border)
+    assert not near([Frame(0, karts((0.0, 0.0, 0.0, 5.0)))])
+    assert near([Frame(0, karts((0.0, 0.0, 0.8, 5.0)))])
+
+
+@pytest.mark.parametrize(
+    ("other", "is_in_the_way"),
+    [
+        ((12.0, 0.0, 0.0, 2.0), True),  # slow, ahead
+        ((12.0, 0.0, 0.0, 9.0), False),  # as fast
+        ((12.0, 6.0, 0.0, 2.0), False),  # slow, on another lane
+        ((12.0, 6.0, -1.57, 6.0), True),  # comes across in a second
+    ],
+)
+def test_who_is_slower_and_gets_in_the_way_is_braked_for_rightly(
+    other: tuple[float, float, float, float], is_in_the_way: bool
+) -> None:
+    row = karts((0.0, 0.0, 0.0, 10.0))[0]
+    x, y, heading, speed = other
+    others = np.array([[x, y, heading, speed * np.cos(heading), speed * np.sin(heading)]])
+    assert is_blocked(row, others, KART_60, LIMITS) is is_in_the_way
+
+
+def drives_towards(place: float, stops_at: float) -> Iterator[Frame]:
+    """Yield a kart that drives 15 m/s up to a place, and another one that stands."""
+    for number in range(60):
+        x = min(0.75 * number, stops_at)
+        speed = 15.0 if x < stops_at else 0.0
+        yield Frame(3 * number, karts((x, 0.0, 0.0, speed), (place, 0.0, 0.0, 0.0)))
+
+
+def test_shadow_mode_finds_the_brake_for_a_kart_that_stands_and_calls_it_right() -> None:
+    race = Raced("one", FAR, (KART_60, KART_60), drives_towards(40.0, 38.0))
+    found = shadow([race])
+    assert found.count(DangerStage.FULL) >= 1
+    assert found.count_needless(DangerStage.FULL) == found.count_false(DangerStage.FULL) == 0
+    assert found.metres == pytest.approx(38.0, abs=1.0)
