@@ -19,7 +19,7 @@ SMALL = ("worlds=2", "algorithm.options.batch_size=64")
 
 
 def write_near(path: Path, observation: str) -> Path:
-    """Write a policy of the yard that knows nothing."""
+    """Write a policy of the yard before it has learned."""
     wanted = read_settings("parking-2", [*SMALL, f"observation={observation}"])
     _, world, learner = untrained(wanted)
     export_policy(path, learner, world, metadata_from(wanted, ("yard-70",)))
